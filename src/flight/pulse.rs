@@ -1,0 +1,48 @@
+//! What a step of the flight yields.
+
+use crate::geom::{DVec3, Rotation};
+
+/// One emitted pulse (spec pulse-physics §0.2).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulse {
+    /// Where the beam leaves, m, scene frame (world minus shift); platform noise included.
+    pub origin: DVec3,
+    /// Beam frame to scene; the beam leaves along the image of +Y. Errors and noise included.
+    pub attitude: Rotation,
+    /// The same without mechanical errors (and then without attitude noise): points are reported along it.
+    pub exact_attitude: Rotation,
+    /// Emission time, ns of the GPS week.
+    pub time_ns: f64,
+    /// Number of the pulse among those of its device, from 1, going on over legs.
+    pub number: u64,
+    /// Index of the device.
+    pub device: u32,
+    /// Deflection angle of the beam without errors, rad: the scan angle of LAS.
+    pub scan_angle: f64,
+    /// Metres that the range error expression adds to every range of this pulse.
+    pub range_error: f64,
+}
+
+/// A sample of the platform's trajectory (spec kinematics §9).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseSample {
+    /// ns of the GPS week.
+    pub time_ns: f64,
+    /// Platform position, m, scene frame.
+    pub position: DVec3,
+    /// rad.
+    pub roll: f64,
+    /// rad.
+    pub pitch: f64,
+    /// rad, 0 to 2π.
+    pub yaw: f64,
+}
+
+/// Takes what the steps of a flight yield. The values come as closures, because the producer of chunks only counts them
+/// and only the workers compute them.
+pub trait FlightSink {
+    /// A pulse leaves.
+    fn pulse(&mut self, pulse: impl FnOnce() -> Pulse);
+    /// The trajectory is sampled.
+    fn pose(&mut self, pose: impl FnOnce() -> PoseSample);
+}

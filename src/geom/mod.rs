@@ -1,0 +1,28 @@
+//! Geometry in double precision that every room shares: rotations, boxes, angles.
+//!
+//! Transcendental functions are taken from [`libm`] so that results do not depend on the machine's C library.
+
+mod aabb;
+mod rotation;
+
+pub use aabb::Aabb;
+pub use glam::DVec3;
+pub use rotation::Rotation;
+
+/// Speed of light in metres per nanosecond.
+pub const LIGHT_SPEED: f64 = 0.299_792_458;
+
+/// Degrees to radians: one multiplication by the constant π/180, so that every angle rounds alike.
+pub fn radians(degrees: f64) -> f64 {
+    degrees * (std::f64::consts::PI / 180.0)
+}
+
+/// Radians to degrees: one multiplication by the constant 180/π.
+pub fn degrees(radians: f64) -> f64 {
+    radians * (180.0 / std::f64::consts::PI)
+}
+
+/// `v / |v|` as a multiplication by `1 / sqrt(v·v)`; the zero vector gives NaN.
+pub fn unit(v: DVec3) -> DVec3 {
+    v * (1.0 / v.dot(v).sqrt())
+}

@@ -1,0 +1,59 @@
+//! Virtual laser scanning for Unix pipes.
+//!
+//! A survey, or a stream of poses, becomes the point cloud that the instrument would have measured. Data flows one way:
+//!
+//! ```text
+//! survey.xml / pipeline.toml            scene files
+//!        │ survey                            │ scene: load → place → shift → freeze
+//!        ▼                                   ▼
+//!   flight: clock, legs, steps          primitives ─► tree
+//!   (platform poses, scanner optics)         │
+//!        │ chunk descriptors                 │
+//!        ▼                                   ▼
+//!   schedule: warehouse ═════► workers: replay chunk → pulses → tree → pulse physics → encode
+//!                                            │ encoded batches, in chunk order
+//!                                            ▼
+//!                                       output: xyz, las, laz, ply, trajectory, waveforms, pulses
+//! ```
+//!
+//! | room | what it does | imports |
+//! |---|---|---|
+//! | [`geom`], [`rng`], [`diag`], [`error`] | rotations, boxes; counter-based random numbers; places and reports | nothing |
+//! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag |
+//! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom |
+//! | [`scene`] | loads, places and freezes what is scanned | survey, tree |
+//! | [`platform`] | the movers: position and attitude per step | survey, geom |
+//! | [`scanner`] | heads and deflectors per step | survey, geom |
+//! | [`flight`] | the clock: legs, steps, pulses; cheap to replay from a snapshot | platform, scanner |
+//! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes echoes | flight, scene, tree |
+//! | [`schedule`] | bounded queues, workers, order | nothing of lidar |
+//! | [`output`] | sinks, one file per format | pulse, flight |
+//! | [`pipeline`] | the wiring of all of them | all above |
+//! | [`cli`] | the command line | all above |
+//!
+//! The lower rooms never import the higher ones.
+//!
+//! What holds everywhere:
+//! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and tree: every
+//!   random draw is a function of what it is for ([`rng`]), and what a ray hits is decided by that ray and that primitive
+//!   alone ([`tree`]);
+//! * coordinates are `f64` in the scene frame, which is the world's minus the scene's centre;
+//! * points go to stdout and nothing else does.
+
+pub mod cli;
+pub mod diag;
+pub mod error;
+pub mod flight;
+pub mod geom;
+pub mod output;
+pub mod pipeline;
+pub mod platform;
+pub mod pulse;
+pub mod rng;
+pub mod scanner;
+pub mod scene;
+pub mod schedule;
+pub mod survey;
+pub mod tree;
+
+pub use error::{Error, Result};

@@ -1,0 +1,33 @@
+//! What one chunk of pulses yields.
+
+use crate::flight::PoseSample;
+use crate::pulse::{Echo, PulseRecord, WaveformRecord};
+
+/// Everything that a chunk measured, in the order of emission.
+#[derive(Clone, Debug, Default)]
+pub struct Batch {
+    /// Index of the leg among the survey's legs.
+    pub leg: u32,
+    /// Echoes, pulse by pulse, by return number within a pulse.
+    pub echoes: Vec<Echo>,
+    /// Waveforms, when they are recorded.
+    pub waveforms: Vec<WaveformRecord>,
+    /// Samples of all waveforms.
+    pub samples: Vec<f64>,
+    /// Pulses, when they are recorded.
+    pub pulses: Vec<PulseRecord>,
+    /// Samples of the platform's trajectory.
+    pub poses: Vec<PoseSample>,
+}
+
+impl Batch {
+    /// Empties the batch for the next chunk; memory is kept.
+    pub fn clear(&mut self, leg: u32) {
+        self.leg = leg;
+        self.echoes.clear();
+        self.waveforms.clear();
+        self.samples.clear();
+        self.pulses.clear();
+        self.poses.clear();
+    }
+}

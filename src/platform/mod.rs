@@ -1,0 +1,1 @@
+//! What carries the scanner: position and attitude per step.

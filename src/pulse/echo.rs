@@ -1,0 +1,78 @@
+//! What a pulse yields.
+
+use crate::geom::DVec3;
+
+/// One echo (spec pulse-physics §7.1). Positions are in the scene frame; sinks add the shift.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Echo {
+    /// Measured position, m, scene frame.
+    pub position: DVec3,
+    /// Beam origin, m, scene frame.
+    pub origin: DVec3,
+    /// Reported beam direction, unit.
+    pub direction: DVec3,
+    /// Measured range, m, noise and errors included.
+    pub range: f64,
+    /// Waveform amplitude at the peak.
+    pub intensity: f64,
+    /// Width of the fitted Gaussian, ns; 0 when not asked for.
+    pub echo_width: f64,
+    /// Number of the return, from 1.
+    pub return_number: u32,
+    /// Returns of the pulse.
+    pub number_of_returns: u32,
+    /// Number of the pulse among those of its device, from 1.
+    pub pulse_number: u64,
+    /// Index of the device.
+    pub device: u32,
+    /// Part that was hit: index into the scene's parts.
+    pub part: u32,
+    /// Primitive that was hit.
+    pub primitive: u32,
+    /// Class of the material.
+    pub classification: i32,
+    /// Cosine of the incidence angle at the attributed hit.
+    pub incidence_cosine: f64,
+    /// Deflection angle of the beam, rad.
+    pub scan_angle: f64,
+    /// Emission time, ns of the GPS week.
+    pub time_ns: f64,
+}
+
+/// One digitised waveform (spec pulse-physics §4.11); its samples lie in the batch's pool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaveformRecord {
+    /// Number of the pulse among those of its device.
+    pub pulse_number: u64,
+    /// Index of the device.
+    pub device: u32,
+    /// Beam origin, m, scene frame.
+    pub origin: DVec3,
+    /// Traced direction.
+    pub direction: DVec3,
+    /// One-way travel time of the first sample, ns.
+    pub start_ns: f64,
+    /// One-way travel time of the last sample, ns.
+    pub end_ns: f64,
+    /// Emission time, ns of the GPS week.
+    pub time_ns: f64,
+    /// First sample within [`crate::pipeline::Batch::samples`].
+    pub first_sample: usize,
+    /// Number of samples.
+    pub samples: usize,
+}
+
+/// One emitted pulse as a record (spec pulse-physics §7.3).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PulseRecord {
+    /// Beam origin, m, scene frame.
+    pub origin: DVec3,
+    /// Traced direction.
+    pub direction: DVec3,
+    /// ns of the GPS week.
+    pub time_ns: f64,
+    /// Number of the pulse among those of its device.
+    pub number: u64,
+    /// Index of the device.
+    pub device: u32,
+}

@@ -1,0 +1,1 @@
+//! The instrument's moving optics: heads and deflectors per step.

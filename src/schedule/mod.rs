@@ -1,0 +1,1 @@
+//! Chunks of pulses, the warehouse that holds them, and the threads that empty it.

@@ -1,0 +1,63 @@
+//! Primitives in one frame, and what a hit is.
+
+use crate::geom::{Aabb, DVec3};
+
+/// An axis-aligned cube.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cube {
+    /// Centre, m.
+    pub centre: DVec3,
+    /// Half edge length, m.
+    pub half: f64,
+}
+
+/// The primitives of a scene, numbered: triangles first, then cubes.
+#[derive(Clone, Debug, Default)]
+pub struct Geometry {
+    /// Vertices, m, in the frame that rays are given in.
+    pub vertices: Vec<DVec3>,
+    /// Vertex numbers of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// Cubes; primitive number `triangles.len() + i`.
+    pub cubes: Vec<Cube>,
+}
+
+impl Geometry {
+    /// Number of primitives.
+    pub fn len(&self) -> usize {
+        self.triangles.len() + self.cubes.len()
+    }
+
+    /// Whether there is nothing to hit.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The corners of triangle `i`.
+    pub fn triangle(&self, i: usize) -> [DVec3; 3] {
+        self.triangles[i].map(|v| self.vertices[v as usize])
+    }
+
+    /// The box around primitive `i`.
+    pub fn bounds_of(&self, i: usize) -> Aabb {
+        if i < self.triangles.len() {
+            return Aabb::around(self.triangle(i));
+        }
+        let c = self.cubes[i - self.triangles.len()];
+        Aabb { min: c.centre - DVec3::splat(c.half), max: c.centre + DVec3::splat(c.half) }
+    }
+
+    /// The box around all primitives.
+    pub fn bounds(&self) -> Aabb {
+        (0..self.len()).fold(Aabb::EMPTY, |b, i| b.union(self.bounds_of(i)))
+    }
+}
+
+/// A ray's first hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance along the (unit) direction, m, > 0.
+    pub t: f64,
+    /// Number of the primitive; the smaller number wins among equal distances.
+    pub primitive: u32,
+}
