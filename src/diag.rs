@@ -2,12 +2,13 @@
 //! before the run ends.
 
 use crate::error::{Error, Result};
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// How bad a problem is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Severity {
     /// The run cannot go on.
     Error,
@@ -30,6 +31,9 @@ pub struct Place {
     pub marked: Range<usize>,
 }
 
+/// Longest excerpt in bytes; longer lines (files without line breaks) are cut around the mark.
+const MAX_EXCERPT: usize = 400;
+
 impl Place {
     /// The place of byte range `at` of `text`. A range over several lines is cut at the end of its first line.
     pub fn in_text(path: &Path, text: &str, at: Range<usize>) -> Place {
@@ -39,26 +43,31 @@ impl Place {
         }
         let line_start = text[..start].rfind('\n').map_or(0, |i| i + 1);
         let line_end = text[start..].find('\n').map_or(text.len(), |i| start + i);
-        let excerpt = text[line_start..line_end].trim_end_matches('\r');
-        let mut end = (at.end.clamp(start, line_end) - line_start).min(excerpt.len());
-        while !excerpt.is_char_boundary(end) {
-            end += 1;
-        }
-        let begin = (start - line_start).min(excerpt.len());
-        Place {
-            path: path.to_path_buf(),
-            line: text[..line_start].matches('\n').count() + 1,
-            column: excerpt[..begin].chars().count() + 1,
-            excerpt: excerpt.to_owned(),
-            marked: begin..end.max(begin),
-        }
+        let line = text[..line_start].matches('\n').count() + 1;
+        let end = at.end.clamp(start, line_end);
+        Place::in_line(path, line, &text[line_start..line_end], start - line_start..end - line_start)
     }
 
-    /// The place of a line that is known by its number only; `excerpt` may be empty for binary files.
-    pub fn in_line(path: &Path, line: usize, excerpt: &str, marked: Range<usize>) -> Place {
-        let marked = marked.start.min(excerpt.len())..marked.end.min(excerpt.len());
-        let column = excerpt.get(..marked.start).map_or(1, |t| t.chars().count() + 1);
-        Place { path: path.to_path_buf(), line, column, excerpt: excerpt.to_owned(), marked }
+    /// The place of a line that is known by its number only; `text` is the line and may be empty for binary files.
+    pub fn in_line(path: &Path, line: usize, text: &str, marked: Range<usize>) -> Place {
+        let text = text.trim_end_matches(['\n', '\r']);
+        let start = text.floor_char_boundary(marked.start);
+        let end = text.ceil_char_boundary(marked.end.max(start));
+        let column = text[..start].chars().count() + 1;
+        let (from, to) = match text.len() <= MAX_EXCERPT {
+            true => (0, text.len()),
+            false => {
+                let from = text.floor_char_boundary(start.saturating_sub(MAX_EXCERPT / 4));
+                (from, text.floor_char_boundary(from + MAX_EXCERPT))
+            }
+        };
+        let marked = start - from..end.min(to).max(start) - from;
+        Place { path: path.to_path_buf(), line, column, excerpt: text[from..to].to_owned(), marked }
+    }
+
+    /// The place of a whole file, when no line can be named.
+    pub fn whole_file(path: &Path) -> Place {
+        Place { path: path.to_path_buf(), line: 0, column: 0, excerpt: String::new(), marked: 0..0 }
     }
 }
 
@@ -73,12 +82,21 @@ pub struct Diagnostic {
     pub place: Option<Place>,
     /// What the reader can do about it.
     pub help: Option<String>,
+    /// How many more times the same was found elsewhere in the same file.
+    pub repeats: usize,
+    /// Lines of the first few repeats.
+    pub also_in_lines: Vec<usize>,
 }
 
-/// The problems met so far.
+/// How many lines of repeats are kept.
+const MAX_LINES: usize = 5;
+
+/// The problems met so far. The same message about the same file is kept once, with a count.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnostics {
     items: Vec<Diagnostic>,
+    /// Where a message about a file stands in `items`.
+    index: HashMap<(Severity, Option<PathBuf>, String), usize>,
 }
 
 impl Diagnostics {
@@ -93,13 +111,38 @@ impl Diagnostics {
     }
 
     fn push(&mut self, severity: Severity, place: Option<Place>, message: String) -> &mut Diagnostic {
-        self.items.push(Diagnostic { severity, message, place, help: None });
-        self.items.last_mut().expect("an item was just pushed")
+        let key = (severity, place.as_ref().map(|p| p.path.clone()), message.clone());
+        let next = self.items.len();
+        let at = *self.index.entry(key).or_insert(next);
+        if at == next {
+            self.items.push(Diagnostic {
+                severity,
+                message,
+                place,
+                help: None,
+                repeats: 0,
+                also_in_lines: Vec::new(),
+            });
+        } else if self.items[at].place != place {
+            let lines = place.map_or(0, |p| p.line);
+            self.items[at].repeat(1, &[lines]);
+        }
+        &mut self.items[at]
     }
 
     /// Takes over all problems of `other`.
     pub fn extend(&mut self, other: Diagnostics) {
-        self.items.extend(other.items);
+        for item in other.items {
+            let Diagnostic { severity, message, place, help, repeats, also_in_lines } = item;
+            let mine = self.push(severity, place, message);
+            mine.repeat(repeats, &also_in_lines);
+            mine.help = help.or(mine.help.take());
+        }
+    }
+
+    /// Whether nothing was found.
+    pub fn is_empty(&self) -> bool {
+        self.items.is_empty()
     }
 
     /// All problems in the order in which they were met.
@@ -146,32 +189,103 @@ impl Diagnostic {
         self
     }
 
+    fn repeat(&mut self, times: usize, lines: &[usize]) {
+        self.repeats += times;
+        let free = MAX_LINES.saturating_sub(self.also_in_lines.len());
+        self.also_in_lines.extend(lines.iter().filter(|&&l| l > 0).take(free));
+    }
+
+    /// "the same stands in lines 4 and 5", when there are repeats.
+    fn repeated(&self) -> Option<String> {
+        if self.repeats == 0 {
+            return None;
+        }
+        let lines: Vec<String> = self.also_in_lines.iter().map(usize::to_string).collect();
+        let more = self.repeats - lines.len().min(self.repeats);
+        Some(match (lines.len(), more) {
+            (0, n) => format!("the same was found {n} more times"),
+            (_, 0) => format!("the same stands in line {}", lines.join(", ")),
+            (_, n) => format!("the same stands in line {} and {n} more", lines.join(", ")),
+        })
+    }
+
     /// This problem as a report of a few lines that ends in a line break.
     pub fn render(&self, coloured: bool) -> String {
-        use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+        use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
         let level = match self.severity {
             Severity::Error => Level::ERROR,
             Severity::Warning => Level::WARNING,
         };
         let title = level.primary_title(self.message.as_str());
         let path = self.place.as_ref().map(|p| p.path.display().to_string());
-        let mut group = match (&self.place, &path) {
-            (Some(place), Some(path)) => title.element(
-                Snippet::source(place.excerpt.as_str())
-                    .line_start(place.line)
-                    .path(path.as_str())
-                    .annotation(AnnotationKind::Primary.span(place.marked.clone())),
-            ),
+        let mut group = match (&self.place, path) {
+            (Some(place), Some(path)) if place.line == 0 => title.element(Origin::path(path)),
+            (Some(place), Some(path)) => {
+                let annotation = AnnotationKind::Primary.span(place.marked.clone());
+                let snippet =
+                    Snippet::source(place.excerpt.as_str()).line_start(place.line).annotation(annotation);
+                // the renderer counts columns within the excerpt, which is wrong when the excerpt was cut
+                if place.excerpt[..place.marked.start].chars().count() + 1 == place.column {
+                    title.element(snippet.path(path))
+                } else {
+                    let origin = Origin::path(path).line(place.line).char_column(place.column);
+                    title.element(origin).element(snippet)
+                }
+            }
             _ => Group::with_title(title),
         };
         if let Some(help) = &self.help {
             group = group.element(Level::HELP.message(help.as_str()));
+        }
+        if let Some(repeated) = self.repeated() {
+            group = group.element(Level::NOTE.message(repeated));
         }
         let renderer = if coloured { Renderer::styled() } else { Renderer::plain() };
         let mut text = renderer.render(&[group]).to_string();
         text.push('\n');
         text
     }
+}
+
+/// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted, missing,
+/// wrong or swapped letter counts once; case does not count). Among equally near ones the first wins.
+pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let letters = |w: &str| w.chars().flat_map(char::to_lowercase).collect::<Vec<char>>();
+    let word = letters(word);
+    if word.len() > 60 {
+        return None;
+    }
+    let allowed = (word.len() / 3).max(1);
+    let mut best: Option<(usize, &str)> = None;
+    for candidate in candidates {
+        let other = letters(candidate);
+        if other.len().abs_diff(word.len()) > allowed {
+            continue;
+        }
+        let distance = edit_distance(&word, &other);
+        if distance <= allowed && distance < other.len() && best.is_none_or(|b| distance < b.0) {
+            best = Some((distance, candidate));
+        }
+    }
+    best.map(|b| b.1)
+}
+
+/// Insertions, deletions, replacements and swaps of neighbours that turn `a` into `b`.
+fn edit_distance(a: &[char], b: &[char]) -> usize {
+    let mut before = vec![0; b.len() + 1];
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for i in 1..=a.len() {
+        let mut next = vec![i; b.len() + 1];
+        for j in 1..=b.len() {
+            let differs = usize::from(a[i - 1] != b[j - 1]);
+            next[j] = (row[j] + 1).min(next[j - 1] + 1).min(row[j - 1] + differs);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                next[j] = next[j].min(before[j - 2] + 1);
+            }
+        }
+        before = std::mem::replace(&mut row, next);
+    }
+    row[b.len()]
 }
 
 #[cfg(test)]
@@ -204,5 +318,39 @@ mod tests {
         d.warn(None, "unknown attribute");
         assert!(d.clone().finish(false).is_ok());
         assert!(matches!(d.finish(true), Err(Error::Input(_))));
+    }
+
+    #[test]
+    fn the_same_problem_is_kept_once() {
+        let text = "<a f='1'/>\n<a f='1'/>\n<a f='1'/>";
+        let mut d = Diagnostics::default();
+        for at in [3, 14, 25, 3] {
+            d.warn(Some(Place::in_text(Path::new("s.xml"), text, at..at + 1)), "unknown attribute `f`");
+        }
+        d.warn(Some(Place::in_text(Path::new("t.xml"), text, 3..4)), "unknown attribute `f`");
+        assert_eq!(d.items().len(), 2);
+        assert_eq!((d.items()[0].repeats, d.items()[0].also_in_lines.as_slice()), (2, &[2, 3][..]));
+        assert!(d.render(false).contains("the same stands in line 2, 3"), "{}", d.render(false));
+    }
+
+    #[test]
+    fn long_lines_are_cut_but_keep_their_column() {
+        let text = format!("{}X{}", "é".repeat(5000), "b".repeat(5000));
+        let p = Place::in_text(Path::new("s.xml"), &text, 10_000..10_001);
+        assert_eq!((p.column, &p.excerpt[p.marked.clone()]), (5001, "X"));
+        assert!(p.excerpt.len() <= MAX_EXCERPT);
+        let mut d = Diagnostics::default();
+        d.error(Some(p), "wrong");
+        assert!(d.render(false).contains("s.xml:1:5001"), "{}", d.render(false));
+    }
+
+    #[test]
+    fn misspelt_words_find_their_neighbour() {
+        let names = ["scanFreq_hz", "scanAngle_deg", "pulseFreq_hz", "id"];
+        assert_eq!(nearest("scanFreq_Hz", names), Some("scanFreq_hz"));
+        assert_eq!(nearest("pulsFreq_hz", names), Some("pulseFreq_hz"));
+        assert_eq!(nearest("dI", names), Some("id"));
+        assert_eq!(nearest("colour", names), None);
+        assert_eq!(edit_distance(&['a', 'b'], &['b', 'a']), 1);
     }
 }

@@ -1,7 +1,47 @@
 //! What is to be flown: surveys and scenes as their files describe them, with every template, default and unit
 //! resolved, and nothing loaded yet.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `model` | the plain values that everything below produces |
+//! | `text`, `xml` | bytes to text; XML as owned elements that know their places |
+//! | `assets`, `catalogue` | where files are looked for; the scanners and platforms that ship |
+//! | `context`, `fields` | problems met, documents opened, references; typed attributes of one element |
+//! | `survey_xml`, `settings`, `legs`, `trajectories` | the `<survey>` element, templates, merging, interpolated platforms |
+//! | `checks` | what can only be judged when all is read: limits, endless runs |
+//! | `scanner_xml`, `deflector_xml`, `platform_xml` | instruments and what carries them |
+//! | `scene_xml`, `filters`, `loaders`, `motions` | parts of a scene |
+//! | `pipeline_toml` | our own pipeline files |
+//! | `formula`, `seed` | formulas of calibration errors; the forms of a seed |
 
-pub mod formula;
+mod assets;
+mod catalogue;
+mod checks;
+mod context;
+mod deflector_xml;
+mod fields;
+mod formula;
+mod legs;
+mod loaders;
 mod model;
+mod motions;
+mod params;
+mod platform_xml;
+mod read;
+mod scanner_xml;
+mod scene_xml;
+mod seed;
+mod settings;
+mod survey_xml;
+mod templates;
+#[cfg(test)]
+mod tests;
+mod text;
+mod trajectories;
+mod xml;
 
+pub use context::ReadOptions;
+pub use formula::{Formula, FormulaError};
 pub use model::*;
+pub use read::{read_scene, read_survey};
+pub use seed::parse_seed;

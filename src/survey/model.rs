@@ -1,7 +1,7 @@
 //! What a survey says, after every template, default and unit has been resolved. Angles are radians, lengths metres,
 //! frequencies hertz, positions world coordinates.
 
-use super::formula::Formula;
+use super::Formula;
 use crate::diag::Place;
 use crate::geom::{DVec3, Rotation};
 use std::path::PathBuf;

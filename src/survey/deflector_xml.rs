@@ -1,0 +1,150 @@
+//! Deflector attributes of scanners and channels (spec input-formats §6.1, §6.4).
+
+use super::context::Context;
+use super::fields::Fields;
+use super::xml::Element;
+use super::{Deflector, Prism};
+use crate::geom::{DVec3, unit};
+
+/// The closed list of optics.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Optics {
+    Rotating,
+    Oscillating,
+    Conic,
+    Line,
+    Risley,
+}
+
+/// Everything that a deflector is built from, whatever its optics.
+#[derive(Clone, Debug)]
+pub(super) struct DeflectorSettings {
+    pub optics: Optics,
+    /// Mechanical half angle, rad.
+    pub angle_max: f64,
+    /// Usable half angle, rad.
+    effective_max: f64,
+    /// Limits of the scan frequency, Hz.
+    pub scan_freq: (f64, f64),
+    scan_product: f64,
+    fibres: u32,
+    prisms: [Prism; 3],
+    air: f64,
+    incident: DVec3,
+}
+
+/// Wedges flatter than this (degrees) are no prisms.
+const NO_WEDGE_DEG: f64 = 1e-6;
+
+const ROTOR_FREQ: [&str; 3] = ["rotorFreq1_Hz", "rotorFreq2_Hz", "rotorFreq3_Hz"];
+const WEDGE: [&str; 3] = ["angle1_deg", "angle2_deg", "angle3_deg"];
+const INDEX: [&str; 3] = ["refrIndex1", "refrIndex2", "refrIndex3"];
+
+impl DeflectorSettings {
+    /// What holds when nothing is said.
+    pub fn new(optics: Optics) -> DeflectorSettings {
+        DeflectorSettings {
+            optics,
+            angle_max: 0.0,
+            effective_max: 0.0,
+            scan_freq: (0.0, 0.0),
+            scan_product: 1_000_000.0,
+            fibres: 1,
+            prisms: [Prism { rotor_freq: 0.0, angle: 0.0, index: 1.0 }; 3],
+            air: 1.0,
+            incident: DVec3::Y,
+        }
+    }
+
+    /// These settings with what the element says on top.
+    pub fn with(&self, fields: &mut Fields) -> DeflectorSettings {
+        let mut prisms = self.prisms;
+        for (i, prism) in prisms.iter_mut().enumerate() {
+            prism.rotor_freq = fields.number(ROTOR_FREQ[i], prism.rotor_freq);
+            prism.angle = fields.angle(WEDGE[i], prism.angle);
+            prism.index = fields.positive(INDEX[i], prism.index);
+        }
+        DeflectorSettings {
+            optics: self.optics,
+            angle_max: fields.angle("scanAngleMax_deg", self.angle_max),
+            effective_max: fields.angle("scanAngleEffectiveMax_deg", self.effective_max),
+            scan_freq: (
+                fields.not_negative("scanFreqMin_Hz", self.scan_freq.0),
+                fields.not_negative("scanFreqMax_Hz", self.scan_freq.1),
+            ),
+            scan_product: f64::from(fields.whole_within(
+                "scanProduct",
+                self.scan_product as u32,
+                1..=u32::MAX,
+            )),
+            fibres: fields.whole_within("numFibers", self.fibres, 1..=u32::MAX),
+            prisms,
+            air: fields.positive("refrIndex_air", self.air),
+            incident: self.incident,
+        }
+    }
+
+    /// Takes over the `<incidentBeam>` of a channel.
+    pub fn read_incident_beam(&mut self, context: &Context, element: &Element) {
+        let Some(beam) = element.child("incidentBeam") else { return };
+        let mut fields = Fields::new(context, &beam);
+        let direction = fields.xyz();
+        fields.done(&[]);
+        if direction.length_squared() > 0.0 {
+            self.incident = unit(direction);
+        } else {
+            context.error(beam.place(), "the incident beam must have a direction");
+        }
+    }
+
+    /// The deflector.
+    pub fn build(&self) -> Deflector {
+        match self.optics {
+            Optics::Rotating => Deflector::Polygon { effective_max: self.effective_max },
+            Optics::Oscillating => Deflector::Oscillating { scan_product: self.scan_product },
+            Optics::Conic => Deflector::Conic,
+            Optics::Line => Deflector::Fibres { count: self.fibres },
+            Optics::Risley => {
+                let wedge = crate::geom::radians(NO_WEDGE_DEG);
+                let prisms = self.prisms.iter().filter(|p| p.angle.abs() > wedge).copied().collect();
+                Deflector::Risley { prisms, air: self.air, incident: self.incident }
+            }
+        }
+    }
+
+    /// Warns about a mirror that never lets a pulse out.
+    pub fn check(&self, context: &Context, element: &Element) {
+        if self.optics != Optics::Rotating {
+            return;
+        }
+        for (angle, name) in
+            [(self.angle_max, "scanAngleMax_deg"), (self.effective_max, "scanAngleEffectiveMax_deg")]
+        {
+            if angle == 0.0 {
+                let message = format!("rotating optics without `{name}` emit no pulse");
+                context.warn(element.value_place(name), message);
+            }
+        }
+    }
+}
+
+/// The optics of a scanner or channel, if the attribute is there.
+pub(super) fn read_optics(fields: &mut Fields, context: &Context) -> Option<Optics> {
+    Some(match fields.text("optics")? {
+        "rotating" => Optics::Rotating,
+        "oscillating" => Optics::Oscillating,
+        "conic" => Optics::Conic,
+        "line" => Optics::Line,
+        "risley" => Optics::Risley,
+        other => {
+            let known = ["rotating", "oscillating", "conic", "line", "risley"];
+            let help = match crate::diag::nearest(other, known) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("the optics are {}", known.join(", ")),
+            };
+            let place = fields.element.value_place("optics");
+            context.error_help(place, format!("unknown optics `{other}`"), help);
+            return None;
+        }
+    })
+}

@@ -1,0 +1,335 @@
+//! Typed attributes of one element (spec input-formats §1.3).
+//!
+//! Every attribute that is asked for is known; [`Fields::done`] reports the others. Strict values must parse completely
+//! and are replaced by their default with a warning; of lenient ones a numeric beginning is enough.
+
+use super::context::Context;
+use super::xml::Element;
+use super::{Formula, Mount};
+use crate::diag::nearest;
+use crate::geom::{DVec3, Rotation, degrees, radians};
+use std::fmt::Display;
+
+/// The attributes of an element while it is read.
+pub(super) struct Fields<'c> {
+    pub element: &'c Element,
+    context: &'c Context,
+    asked: Vec<&'static str>,
+}
+
+impl<'c> Fields<'c> {
+    pub fn new(context: &'c Context, element: &'c Element) -> Fields<'c> {
+        Fields { element, context, asked: Vec::new() }
+    }
+
+    /// Marks attributes as known that have no effect.
+    pub fn ignore(&mut self, names: &[&'static str]) {
+        self.asked.extend(names);
+    }
+
+    /// Warns about attributes that nobody asked for and about child elements other than `children`.
+    pub fn done(self, children: &[&'static str]) {
+        let tag = self.element.name();
+        for name in self.element.attribute_names().filter(|n| !self.asked.contains(n)) {
+            let message = format!("unknown attribute `{name}` of <{tag}> is ignored");
+            let help = meant(name, &self.asked);
+            self.context.warn_help(self.element.name_place(name), message, help);
+        }
+        for child in self.element.children().filter(|c| !children.contains(&c.name())) {
+            let message = format!("unknown element <{}> in <{tag}> is ignored", child.name());
+            self.context.warn_help(child.place(), message, meant(child.name(), children));
+        }
+    }
+
+    /// The text of an attribute.
+    pub fn text(&mut self, name: &'static str) -> Option<&'c str> {
+        self.asked.push(name);
+        self.element.value(name)
+    }
+
+    /// The text of an attribute that must be there.
+    pub fn required(&mut self, name: &'static str) -> Option<&'c str> {
+        let text = self.text(name);
+        if text.is_none() {
+            let message = format!("<{}> needs the attribute `{name}`", self.element.name());
+            self.context.error(self.element.place(), message);
+        }
+        text
+    }
+
+    /// Whether the attribute is present.
+    pub fn has(&self, name: &str) -> bool {
+        self.element.value(name).is_some()
+    }
+
+    /// Strict finite number.
+    pub fn number(&mut self, name: &'static str, default: f64) -> f64 {
+        let Some(text) = self.text(name) else { return default };
+        match text.parse::<f64>() {
+            Ok(value) if value.is_finite() => value,
+            Ok(_) => {
+                self.refuse(name, "a finite number");
+                default
+            }
+            Err(_) => self.replaced(name, "a number", default),
+        }
+    }
+
+    /// Strict number of which NaN means that it is not set.
+    pub fn optional_number(&mut self, name: &'static str) -> Option<f64> {
+        let text = self.text(name)?;
+        match text.parse::<f64>() {
+            Ok(value) if value.is_finite() => Some(value),
+            Ok(value) if value.is_nan() => None,
+            Ok(_) => {
+                self.refuse(name, "a finite number");
+                None
+            }
+            Err(_) => {
+                self.warn_replaced(name, "a number", "it counts as not given");
+                None
+            }
+        }
+    }
+
+    /// Strict number above 0.
+    pub fn positive(&mut self, name: &'static str, default: f64) -> f64 {
+        let value = self.number(name, default);
+        self.check(name, value > 0.0, "a number above 0", value, default)
+    }
+
+    /// Strict number of at least 0.
+    pub fn not_negative(&mut self, name: &'static str, default: f64) -> f64 {
+        let value = self.number(name, default);
+        self.check(name, value >= 0.0, "a number of at least 0", value, default)
+    }
+
+    /// Strict number of degrees as radians; the default is in radians.
+    pub fn angle(&mut self, name: &'static str, default: f64) -> f64 {
+        let Some(text) = self.text(name) else { return default };
+        match text.parse::<f64>() {
+            Ok(value) if value.is_finite() => radians(value),
+            Ok(_) => {
+                self.refuse(name, "a finite number");
+                default
+            }
+            Err(_) => {
+                // the exact default is kept: settings are merged by comparing values
+                self.replaced(name, "a number", degrees(default));
+                default
+            }
+        }
+    }
+
+    /// Strict angle of which NaN means that it is not set.
+    pub fn optional_angle(&mut self, name: &'static str) -> Option<f64> {
+        self.optional_number(name).map(radians)
+    }
+
+    /// Strict 32-bit whole number.
+    pub fn whole(&mut self, name: &'static str, default: i32) -> i32 {
+        match self.text(name) {
+            None => default,
+            Some(text) => match text.parse::<i32>() {
+                Ok(value) => value,
+                Err(_) => self.replaced(name, "a whole number without decimals or exponent", default),
+            },
+        }
+    }
+
+    /// Strict whole number within a range.
+    pub fn whole_within(
+        &mut self,
+        name: &'static str,
+        default: u32,
+        range: std::ops::RangeInclusive<u32>,
+    ) -> u32 {
+        let value = i64::from(self.whole(name, i32::try_from(default).unwrap_or(i32::MAX)));
+        match u32::try_from(value) {
+            Ok(value) if range.contains(&value) || !self.has(name) => value,
+            _ => {
+                let (low, high) = (range.start(), range.end());
+                match high {
+                    &u32::MAX => self.refuse(name, &format!("a whole number of at least {low}")),
+                    _ => self.refuse(name, &format!("a whole number from {low} to {high}")),
+                }
+                default
+            }
+        }
+    }
+
+    /// Strict truth value.
+    pub fn flag(&mut self, name: &'static str, default: bool) -> bool {
+        match self.text(name) {
+            None => default,
+            Some("true" | "1") => true,
+            Some("false" | "0") => false,
+            Some(_) => self.replaced(name, "true, false, 1 or 0", default),
+        }
+    }
+
+    /// Lenient finite number.
+    pub fn lenient_number(&mut self, name: &'static str, default: f64) -> f64 {
+        let Some(text) = self.text(name) else { return default };
+        if let Ok(value) = text.trim().parse::<f64>() {
+            if value.is_finite() {
+                return value;
+            }
+            self.refuse(name, "a finite number");
+            return default;
+        }
+        match numeric_beginning(text) {
+            Some(value) => self.replaced(name, "a number", value),
+            None => self.replaced(name, "a number", default),
+        }
+    }
+
+    /// Lenient number of degrees as radians; the default is in degrees.
+    pub fn lenient_angle(&mut self, name: &'static str, default_deg: f64) -> f64 {
+        radians(self.lenient_number(name, default_deg))
+    }
+
+    /// Lenient whole number of at least 0.
+    pub fn lenient_count(&mut self, name: &'static str, default: u32) -> u32 {
+        let Some(text) = self.text(name) else { return default };
+        let text = text.trim();
+        if let Ok(value) = text.parse::<u32>() {
+            return value;
+        }
+        let digits = text.bytes().take_while(u8::is_ascii_digit).count();
+        match text[..digits].parse::<u32>() {
+            Ok(value) => self.replaced(name, "a whole number", value),
+            Err(_) if text.starts_with('-') => {
+                self.refuse(name, "a whole number of at least 0");
+                default
+            }
+            Err(_) => self.replaced(name, "a whole number", default),
+        }
+    }
+
+    /// Lenient truth value.
+    pub fn lenient_flag(&mut self, name: &'static str, default: bool) -> bool {
+        match self.text(name).map(str::trim) {
+            None => default,
+            Some("true" | "True" | "TRUE") => true,
+            Some("false" | "False" | "FALSE") => false,
+            Some(text) => match text.parse::<i64>() {
+                Ok(number) => number != 0,
+                Err(_) => self.replaced(name, "true or false", default),
+            },
+        }
+    }
+
+    /// A vector `a;b;c`.
+    pub fn vector(&mut self, name: &'static str) -> Option<DVec3> {
+        let text = self.text(name)?;
+        let vector = parse_vector(text);
+        if vector.is_none() {
+            self.refuse(name, "three numbers with semicolons, such as 0;0;1");
+        }
+        vector
+    }
+
+    /// A formula that must be there.
+    pub fn formula(&mut self, name: &'static str) -> Option<Formula> {
+        let text = self.required(name)?;
+        match Formula::parse(text) {
+            Ok(formula) => Some(formula),
+            Err(e) => {
+                self.context.error(self.element.value_part_place(name, &e.at), e.message);
+                None
+            }
+        }
+    }
+
+    /// Attributes x, y, z; each 0 when missing.
+    pub fn xyz(&mut self) -> DVec3 {
+        DVec3::new(self.number("x", 0.0), self.number("y", 0.0), self.number("z", 0.0))
+    }
+
+    /// Records that the value cannot be used.
+    pub fn refuse(&self, name: &str, expected: &str) {
+        let found = self.element.value(name).unwrap_or_default();
+        let message = format!("`{name}` must be {expected}, found `{found}`");
+        self.context.error(self.element.value_place(name), message);
+    }
+
+    fn check(&self, name: &str, holds: bool, expected: &str, value: f64, default: f64) -> f64 {
+        if holds || !self.has(name) {
+            return value;
+        }
+        self.refuse(name, expected);
+        default
+    }
+
+    fn replaced<T: Display>(&self, name: &str, expected: &str, used: T) -> T {
+        self.warn_replaced(name, expected, &format!("{used} is used"));
+        used
+    }
+
+    fn warn_replaced(&self, name: &str, expected: &str, used: &str) {
+        let found = self.element.value(name).unwrap_or_default();
+        let message = format!("expected {expected} for `{name}`, found `{found}`; {used}");
+        self.context.warn(self.element.value_place(name), message);
+    }
+}
+
+/// "did you mean …" or nothing.
+pub(super) fn meant(word: &str, known: &[&'static str]) -> String {
+    nearest(word, known.iter().copied()).map_or(String::new(), |near| format!("did you mean `{near}`?"))
+}
+
+/// Three finite numbers with semicolons.
+pub(super) fn parse_vector(text: &str) -> Option<DVec3> {
+    let mut parts = text.split(';').map(|p| p.trim().parse::<f64>().ok().filter(|v| v.is_finite()));
+    let vector = DVec3::new(parts.next()??, parts.next()??, parts.next()??);
+    parts.next().is_none().then_some(vector)
+}
+
+/// The longest beginning that is a finite number.
+fn numeric_beginning(text: &str) -> Option<f64> {
+    let text = text.trim_start();
+    let end = text.bytes().take_while(|b| b.is_ascii_digit() || b"+-.eE".contains(b)).count().min(40);
+    (1..=end).rev().find_map(|n| text[..n].parse::<f64>().ok().filter(|v| v.is_finite()))
+}
+
+/// Offset and rotation group of an element with `x`, `y`, `z`, `rotations` and `<rot>` children (spec §1.4, §1.5).
+pub(super) fn read_mount(context: &Context, element: &Element) -> Mount {
+    let mut fields = Fields::new(context, element);
+    let offset = fields.xyz();
+    let local = fields.text("rotations") == Some("local");
+    fields.done(&["rot"]);
+    Mount { offset, rotation: read_rotations(context, element, local) }
+}
+
+/// The `<rot>` children of an element: about the fixed axes one after the other, or each in the frame turned by those
+/// before it (`local`).
+pub(super) fn read_rotations(context: &Context, element: &Element, local: bool) -> Rotation {
+    let turns = element.named("rot").filter_map(|rot| read_rotation(context, &rot));
+    turns.fold(Rotation::IDENTITY, |all, turn| if local { all.after(turn) } else { turn.after(all) })
+}
+
+fn read_rotation(context: &Context, rot: &Element) -> Option<Rotation> {
+    let mut fields = Fields::new(context, rot);
+    let (axis, angle) = (fields.required("axis"), fields.required("angle_deg"));
+    let angle = angle.and_then(|text| {
+        let angle = text.trim().parse::<f64>().ok().filter(|a| a.is_finite());
+        if angle.is_none() {
+            fields.refuse("angle_deg", "a number of degrees");
+        }
+        angle
+    });
+    let about: Option<fn(f64) -> Rotation> = match axis {
+        Some("x" | "X") => Some(Rotation::about_x),
+        Some("y" | "Y") => Some(Rotation::about_y),
+        Some("z" | "Z") => Some(Rotation::about_z),
+        Some(_) => {
+            fields.refuse("axis", "x, y or z");
+            None
+        }
+        None => None,
+    };
+    fields.done(&[]);
+    let (about, angle) = (about?, angle?);
+    (angle != 0.0).then(|| about(radians(angle)))
+}

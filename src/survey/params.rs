@@ -1,0 +1,165 @@
+//! Parameters of a filter: `<param type= key= value=>` (spec input-formats §3.3).
+
+use super::context::Context;
+use super::fields::{Fields, meant, parse_vector, read_rotations};
+use super::xml::Element;
+use crate::diag::nearest;
+use crate::geom::{DVec3, Rotation};
+
+/// The parameters of a filter while it is read. The declared type should be the expected one; others are read all the
+/// same, with a warning.
+pub(super) struct Params<'c> {
+    pub context: &'c Context,
+    pub filter: &'c Element,
+    params: Vec<Element>,
+    asked: Vec<&'static str>,
+}
+
+const TEXT: &[&str] = &["string", ""];
+const NUMBER: &[&str] = &["double"];
+const WHOLE: &[&str] = &["integer", "int"];
+const FLAG: &[&str] = &["boolean", "bool"];
+const VECTOR: &[&str] = &["vec3"];
+const ROTATION: &[&str] = &["rotation"];
+
+impl<'c> Params<'c> {
+    pub fn new(context: &'c Context, filter: &'c Element) -> Params<'c> {
+        let mut fields = Fields::new(context, filter);
+        fields.ignore(&["type"]);
+        fields.done(&["param"]);
+        let mut params: Vec<Element> = Vec::new();
+        for param in filter.named("param") {
+            let mut fields = Fields::new(context, &param);
+            let key = fields.required("key");
+            fields.ignore(&["type", "value", "rotations"]);
+            fields.done(&["rot"]);
+            if params.iter().any(|p| p.value("key") == key) {
+                let message = format!(
+                    "the parameter `{}` is given twice; the first one counts",
+                    key.unwrap_or_default()
+                );
+                context.warn(param.place(), message);
+            } else {
+                params.push(param);
+            }
+        }
+        Params { context, filter, params, asked: Vec::new() }
+    }
+
+    /// Warns about parameters that nobody asked for.
+    pub fn done(self) {
+        for param in &self.params {
+            let Some(key) = param.value("key").filter(|k| !self.asked.contains(k)) else { continue };
+            let kind = self.filter.value("type").unwrap_or_default();
+            let message = format!("unknown parameter `{key}` of `{kind}` is ignored");
+            self.context.warn_help(param.value_place("key"), message, meant(key, &self.asked));
+        }
+    }
+
+    /// Marks parameters as known that have no effect.
+    pub fn ignore(&mut self, keys: &[&'static str]) {
+        self.asked.extend(keys);
+    }
+
+    /// The parameter as it stands, if there is one; its declared type is compared with those expected.
+    fn find(&mut self, key: &'static str, types: &[&str]) -> Option<Element> {
+        self.asked.push(key);
+        let param = self.params.iter().find(|p| p.value("key") == Some(key))?.clone();
+        let declared = param.value("type").unwrap_or_default();
+        if !types.contains(&declared) {
+            let expected = types[0];
+            let message =
+                format!("the parameter `{key}` is declared as `{declared}`, it is read as `{expected}`");
+            let place = if param.value("type").is_some() { param.value_place("type") } else { param.place() };
+            let known = [TEXT, NUMBER, WHOLE, FLAG, VECTOR, ROTATION].concat();
+            let help = match known.contains(&declared) {
+                true => String::new(),
+                false => nearest(declared, known).map_or(String::new(), |n| format!("did you mean `{n}`?")),
+            };
+            self.context.warn_help(place, message, help);
+        }
+        Some(param)
+    }
+
+    /// Whether the parameter is there.
+    pub fn has(&self, key: &str) -> bool {
+        self.params.iter().any(|p| p.value("key") == Some(key))
+    }
+
+    /// A text and the element that holds it.
+    pub fn text(&mut self, key: &'static str) -> Option<(String, Element)> {
+        self.find(key, TEXT).map(|p| (p.value("value").unwrap_or_default().to_owned(), p))
+    }
+
+    /// A finite number.
+    pub fn number(&mut self, key: &'static str) -> Option<f64> {
+        self.parsed(key, NUMBER, "a number", |t| t.parse::<f64>().ok().filter(|v| v.is_finite()))
+    }
+
+    /// A whole number. Decimals such as 2.0 are accepted.
+    pub fn whole(&mut self, key: &'static str) -> Option<i64> {
+        let whole = |t: &str| {
+            let decimal =
+                || t.parse::<f64>().ok().filter(|v| v.fract() == 0.0 && v.abs() < 1e15).map(|v| v as i64);
+            t.parse::<i64>().ok().or_else(decimal)
+        };
+        self.parsed(key, WHOLE, "a whole number", whole)
+    }
+
+    /// A whole number of at least 0.
+    pub fn count(&mut self, key: &'static str, default: u32) -> u32 {
+        let value = self.parsed(key, WHOLE, "a whole number of at least 0", |t| t.parse::<u32>().ok());
+        value.unwrap_or(default)
+    }
+
+    /// A truth value; anything but a yes is a no.
+    pub fn flag(&mut self, key: &'static str) -> bool {
+        let flag = |t: &str| match t.to_ascii_lowercase().as_str() {
+            "true" | "1" => Some(true),
+            "false" | "0" => Some(false),
+            _ => None,
+        };
+        self.parsed(key, FLAG, "true or false", flag).unwrap_or(false)
+    }
+
+    /// A vector `x;y;z`.
+    pub fn vector(&mut self, key: &'static str) -> Option<DVec3> {
+        self.parsed(key, VECTOR, "three numbers with semicolons, such as 0;0;1", parse_vector)
+    }
+
+    /// A rotation group.
+    pub fn rotation(&mut self, key: &'static str) -> Option<Rotation> {
+        let param = self.find(key, ROTATION)?;
+        let local = param.value("rotations") == Some("local");
+        Some(read_rotations(self.context, &param, local))
+    }
+
+    /// Records that a parameter is missing.
+    pub fn missing(&self, key: &str) {
+        let kind = self.filter.value("type").unwrap_or_default();
+        self.context.error(self.filter.place(), format!("the filter `{kind}` needs the parameter `{key}`"));
+    }
+
+    /// Records that the value of a parameter cannot be used.
+    pub fn refuse(&self, key: &str, expected: &str) {
+        let Some(param) = self.params.iter().find(|p| p.value("key") == Some(key)) else { return };
+        let found = param.value("value").unwrap_or_default();
+        let message = format!("the parameter `{key}` must be {expected}, found `{found}`");
+        self.context.error(param.value_place("value"), message);
+    }
+
+    fn parsed<T>(
+        &mut self,
+        key: &'static str,
+        types: &[&str],
+        expected: &str,
+        parse: impl Fn(&str) -> Option<T>,
+    ) -> Option<T> {
+        let param = self.find(key, types)?;
+        let value = parse(param.value("value").unwrap_or_default().trim());
+        if value.is_none() {
+            self.refuse(key, expected);
+        }
+        value
+    }
+}

@@ -1,0 +1,103 @@
+//! Platforms (spec input-formats §7) and noise (§2.10).
+
+use super::context::Context;
+use super::fields::{Fields, read_mount};
+use super::xml::Element;
+use super::{Mount, Multicopter, Noise, NoiseKind, Platform, PlatformKind, PlatformNoise};
+
+/// Children of a platform that hold noise, in the order position x, y, z, attitude x, y, z.
+pub(super) const NOISE: [&str; 6] = [
+    "positionXNoise",
+    "positionYNoise",
+    "positionZNoise",
+    "attitudeXNoise",
+    "attitudeYNoise",
+    "attitudeZNoise",
+];
+
+/// Reads a `<platform>`.
+pub(super) fn read_platform(context: &Context, element: &Element) -> Option<Platform> {
+    let mut fields = Fields::new(context, element);
+    let id = fields.text("id").unwrap_or_default().to_owned();
+    fields.ignore(&["name"]);
+    let kind = fields.required("type").map(str::to_ascii_lowercase);
+    let kind = read_kind(&mut fields, kind.as_deref(), context);
+    let mut children = NOISE.to_vec();
+    children.push("scannerMount");
+    fields.done(&children);
+    let mount = element.child("scannerMount").map_or(Mount::IDENTITY, |m| read_mount(context, &m));
+    let mut noise = PlatformNoise::default();
+    replace_noise(context, element, &mut noise);
+    Some(Platform { id, kind: kind?, mount, noise })
+}
+
+fn read_kind(fields: &mut Fields, kind: Option<&str>, context: &Context) -> Option<PlatformKind> {
+    // all of them are asked for whatever the kind, because shipped platforms list more than they need
+    let drag = fields.lenient_number("drag", 1.0);
+    let multicopter = Multicopter {
+        drag,
+        engine_max_force: fields.lenient_number("engine_max_force", 0.1),
+        speedup: fields.lenient_number("speedup_magnitude", 2.0),
+        slowdown: fields.lenient_number("slowdown_magnitude", 2.0),
+        base_pitch: fields.lenient_angle("base_pitch_deg", -5.0),
+        pitch_speed: fields.lenient_angle("pitch_speed_deg", 85.94),
+        roll_speed: fields.lenient_angle("roll_speed_deg", 28.65),
+        yaw_speed: fields.lenient_angle("yaw_speed_deg", 85.94),
+        pitch_offset: fields.lenient_angle("pitch_offset_deg", 35.0),
+        roll_offset: fields.lenient_angle("roll_offset_deg", 25.0),
+    };
+    fields.ignore(&["slowdown_distance"]);
+    Some(match kind? {
+        "static" => PlatformKind::Static,
+        "linearpath" => PlatformKind::LinearPath,
+        "groundvehicle" => PlatformKind::GroundVehicle { drag },
+        "multicopter" => PlatformKind::Multicopter(multicopter),
+        other => {
+            let message = format!("unknown platform type `{other}`; a static platform is used");
+            let help = "the types are static, linearpath, groundvehicle and multicopter";
+            context.warn_help(fields.element.value_place("type"), message, help);
+            PlatformKind::Static
+        }
+    })
+}
+
+/// Replaces the sources of noise that `element` holds, one by one.
+pub(super) fn replace_noise(context: &Context, element: &Element, noise: &mut PlatformNoise) {
+    let sources = noise.position.iter_mut().chain(&mut noise.attitude);
+    for (name, source) in NOISE.iter().zip(sources) {
+        if let Some(child) = element.child(name) {
+            *source = Some(read_noise(context, &child));
+        }
+    }
+}
+
+fn read_noise(context: &Context, element: &Element) -> Noise {
+    let mut fields = Fields::new(context, element);
+    let uniform = match fields.text("type") {
+        Some("UNIFORM") => true,
+        None | Some("NORMAL") => false,
+        Some(other) => {
+            let message = format!("unknown noise type `{other}`; NORMAL is used");
+            context.warn_help(element.value_place("type"), message, "the types are NORMAL and UNIFORM");
+            false
+        }
+    };
+    let (mean, stdev) = (fields.lenient_number("mean", 0.0), fields.lenient_number("stdev", 1.0));
+    let (min, max) = (fields.lenient_number("min", 0.0), fields.lenient_number("max", 1.0));
+    let clipped = fields.lenient_flag("clipEnabled", false);
+    let clip = (fields.lenient_number("clipMin", 0.0), fields.lenient_number("clipMax", 1.0));
+    let lifespan = fields.lenient_count("fixedLifespan", 1);
+    if !uniform && stdev < 0.0 {
+        fields.refuse("stdev", "a number of at least 0");
+    }
+    if uniform && min > max {
+        fields.refuse(if fields.has("max") { "max" } else { "min" }, "such that min does not exceed max");
+    }
+    if clipped && clip.0 > clip.1 {
+        let name = if fields.has("clipMax") { "clipMax" } else { "clipMin" };
+        fields.refuse(name, "such that clipMin does not exceed clipMax");
+    }
+    fields.done(&[]);
+    let kind = if uniform { NoiseKind::Uniform { min, max } } else { NoiseKind::Normal { mean, stdev } };
+    Noise { kind, clip: clipped.then_some(clip), lifespan }
+}

@@ -1,0 +1,103 @@
+//! The entrances: a survey, a scene.
+
+use super::context::{Context, ReadOptions};
+use super::scene_xml::read_scene_element;
+use super::survey_xml::read_survey_document;
+use super::{Loader, MaterialChoice, MotionTiming, PartRecipe, SceneRecipe, Survey, Transform, UpAxis};
+use super::{VoxelLoader, VoxelMode};
+use crate::diag::{Diagnostics, Place};
+use crate::error::Result;
+use std::path::{Path, PathBuf};
+
+/// Reads the survey of an XML file with everything that it refers to, except the geometry. The second value holds
+/// warnings to be shown.
+///
+/// # Errors
+/// All problems of all files at once as [`crate::Error::Input`]; scan frequencies outside the scanner's limits and
+/// contradicting trajectory settings as [`crate::Error::Limits`].
+pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagnostics)> {
+    let context = Context::new(options);
+    let root = context.referred_document(&path.to_string_lossy(), Path::new(""), None);
+    let survey = root.and_then(|root| read_survey_document(&context, &root));
+    context.finish(survey)
+}
+
+/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, or a geometry file (.obj, .tif, .vox) as a scene of one
+/// part.
+///
+/// # Errors
+/// As [`read_survey`].
+pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe, Diagnostics)> {
+    let context = Context::new(options);
+    let scene = find_scene(&context, reference, Path::new(""), None);
+    context.finish(scene)
+}
+
+/// The scene of a reference that stands in a file in `folder` at `place`.
+pub(super) fn find_scene(
+    context: &Context,
+    reference: &str,
+    folder: &Path,
+    place: Option<Place>,
+) -> Option<SceneRecipe> {
+    if is_geometry(reference) {
+        return scene_of_file(context, reference, folder, place);
+    }
+    let (file, id) = match reference.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None => (reference, None),
+    };
+    let root = context.referred_document(file, folder, place.clone())?;
+    let element = context.pick(&root, "scene", id, place)?;
+    read_scene_element(context, &element)
+}
+
+fn extension(name: &str) -> String {
+    Path::new(name).extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
+fn is_geometry(reference: &str) -> bool {
+    matches!(extension(reference).as_str(), "obj" | "tif" | "tiff" | "vox")
+}
+
+fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Place>) -> Option<SceneRecipe> {
+    let Some(path) = context.assets.file(name, folder) else {
+        context.error_help(
+            place,
+            format!("cannot find the file `{name}`"),
+            context.assets.searched(name, folder),
+        );
+        return None;
+    };
+    let asset_folders = context.assets.folders(path.parent().unwrap_or(Path::new("")));
+    let part = PartRecipe {
+        id: None,
+        number: 0,
+        loader: loader_of_file(path.clone()),
+        transform: Transform::IDENTITY,
+        motions: Vec::new(),
+        timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
+        swaps: Vec::new(),
+        place: None,
+    };
+    let id = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    Some(SceneRecipe { id, path, parts: vec![part], dyn_step: 1, dyn_time_step: None, asset_folders })
+}
+
+fn loader_of_file(path: PathBuf) -> Loader {
+    match extension(&path.to_string_lossy()).as_str() {
+        "obj" => Loader::Obj { files: vec![path], up: UpAxis::Z },
+        "vox" => Loader::DetailedVoxels(Box::new(VoxelLoader {
+            files: vec![path],
+            mode: VoxelMode::Transmittive,
+            drop_empty: true,
+            random_shift: false,
+            lad_table: None,
+            material: MaterialChoice { random_range: 1.0, ..MaterialChoice::default() },
+        })),
+        _ => Loader::GeoTiff {
+            file: path,
+            material: MaterialChoice { random_range: 1.0, ..Default::default() },
+        },
+    }
+}

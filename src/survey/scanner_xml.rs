@@ -1,0 +1,289 @@
+//! Scanners and their channels (spec input-formats §6).
+
+use super::context::Context;
+use super::deflector_xml::{DeflectorSettings, read_optics};
+use super::fields::{Fields, read_mount};
+use super::xml::Element;
+use super::{Beam, Detector, Device, Head, MechanicalErrors, Mount, Scanner, WaveformSettings};
+use crate::geom::{DVec3, radians};
+
+/// Reads a `<scanner>`.
+pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scanner> {
+    let mut fields = Fields::new(context, element);
+    let id = fields.text("id").unwrap_or_default().to_owned();
+    let name = fields.text("name").unwrap_or(&id).to_owned();
+    let pulse_freqs = read_pulse_freqs(&mut fields);
+    if !fields.has("optics") {
+        fields.required("optics");
+    }
+    let deflector = read_optics(&mut fields, context).map(|o| DeflectorSettings::new(o).with(&mut fields));
+    let beam = read_beam(&mut fields);
+    let detector = read_detector(&mut fields, &DETECTOR);
+    let head =
+        Head { axis: read_head_axis(context, element, DVec3::Z), max_rate: read_head_rate(&mut fields, 0.0) };
+    fields.done(&[
+        "beamOrigin",
+        "headRotateAxis",
+        "FWFSettings",
+        "channels",
+        "rangeError",
+        "deflectionError",
+        "headError",
+    ]);
+    let deflector = deflector?;
+
+    let channels = element.child("channels");
+    let pulse_length = if channels.is_some() { MULTI_CHANNEL_PULSE_LENGTH } else { beam.pulse_length };
+    let base = Device {
+        id: id.clone(),
+        deflector: deflector.build(),
+        scan_angle_max: deflector.angle_max,
+        scan_freq: deflector.scan_freq,
+        head,
+        beam_origin: element.child("beamOrigin").map_or(Mount::IDENTITY, |o| read_mount(context, &o)),
+        beam,
+        detector,
+        waveform: read_waveform(context, element, &WAVEFORM, pulse_length),
+        errors: read_errors(context, element, &deflector),
+    };
+    let devices = match &channels {
+        None => {
+            deflector.check(context, element);
+            vec![base]
+        }
+        Some(channels) => read_channels(context, channels, &base, &deflector),
+    };
+    let pulse_freqs = pulse_freqs?;
+    (!devices.is_empty()).then_some(Scanner {
+        id,
+        name,
+        pulse_freqs,
+        devices,
+        multi_channel: channels.is_some(),
+    })
+}
+
+/// The pulse length that waveform settings of a multi-channel scanner believe in, ns (spec input-formats §2.11).
+pub(super) const MULTI_CHANNEL_PULSE_LENGTH: f64 = 4.0;
+
+/// Waveform settings when no element says otherwise.
+pub(super) const WAVEFORM: WaveformSettings =
+    WaveformSettings { bin: 0.25, window: 1.0, quality: 3, max_range: 0.0 };
+
+/// Most rings of subrays; a pulse of that many has about 3 million subrays.
+const MAX_QUALITY: u32 = 1000;
+
+/// Detector settings when nothing is said.
+const DETECTOR: Detector = Detector {
+    accuracy: 0.0,
+    range_min: 0.0,
+    range_max: f64::MAX,
+    max_returns: 0,
+    threshold: 0.0001,
+    distance_error: None,
+};
+
+fn read_pulse_freqs(fields: &mut Fields) -> Option<Vec<u32>> {
+    let text = fields.required("pulseFreqs_Hz")?;
+    let rates =
+        text.split(',').map(|t| t.trim().parse::<u32>().ok().filter(|&f| f > 0 && f <= i32::MAX as u32));
+    let rates: Option<Vec<u32>> = rates.collect();
+    if rates.is_none() {
+        fields.refuse("pulseFreqs_Hz", "whole numbers above 0 separated by commas");
+    }
+    rates
+}
+
+fn read_beam(fields: &mut Fields) -> Beam {
+    let wavelength = f64::from(fields.whole_within("wavelength_nm", 1064, 1..=u32::MAX));
+    Beam {
+        divergence: fields.positive("beamDivergence_rad", 0.0003),
+        pulse_length: fields.positive("pulseLength_ns", 4.0),
+        wavelength,
+        atmosphere_wavelength: wavelength,
+        average_power: fields.positive("averagePower_w", 4.0),
+        quality: fields.positive("beamQualityFactor", 1.0),
+        efficiency: fields.positive("opticalEfficiency", 0.99),
+        receiver_diameter: fields.positive("receiverDiameter_m", 0.15),
+        visibility: fields.positive("atmosphericVisibility_km", 23.0),
+    }
+}
+
+fn read_detector(fields: &mut Fields, base: &Detector) -> Detector {
+    let ranges = read_ranges(fields, base);
+    Detector {
+        max_returns: fields.whole_within("maxNOR", base.max_returns, 0..=u32::MAX),
+        threshold: fields.not_negative("receivedEnergyMin_W", base.threshold),
+        ..ranges
+    }
+}
+
+/// `base` with the accuracy and the range gate of the element.
+pub(super) fn read_ranges(fields: &mut Fields, base: &Detector) -> Detector {
+    let accuracy = fields.not_negative("accuracy_m", base.accuracy);
+    let range_min = fields.not_negative("rangeMin_m", base.range_min);
+    // "unlimited" may also be spelled out
+    let unlimited = matches!(fields.element.value("rangeMax_m"), Some("inf" | "Inf" | "INF" | "infinity"));
+    let range_max = match unlimited {
+        true => {
+            fields.ignore(&["rangeMax_m"]);
+            f64::MAX
+        }
+        false => fields.positive("rangeMax_m", base.range_max),
+    };
+    if range_max < range_min {
+        let name = if fields.has("rangeMax_m") { "rangeMax_m" } else { "rangeMin_m" };
+        fields.refuse(name, "such that rangeMin_m does not exceed rangeMax_m");
+    }
+    Detector { accuracy, range_min, range_max, ..base.clone() }
+}
+
+fn read_head_rate(fields: &mut Fields, base: f64) -> f64 {
+    fields.angle("headRotatePerSecMax_deg", base).abs()
+}
+
+/// The axis of the head; vectors shorter than 0.1 do not count.
+fn read_head_axis(context: &Context, element: &Element, base: DVec3) -> DVec3 {
+    let Some(child) = element.child("headRotateAxis") else { return base };
+    let mut fields = Fields::new(context, &child);
+    let axis = fields.xyz();
+    fields.done(&[]);
+    if axis.length() > 0.1 {
+        return axis;
+    }
+    context.warn(
+        child.place(),
+        format!("the head axis is shorter than 0.1; {} {} {} is used", base.x, base.y, base.z),
+    );
+    base
+}
+
+/// Waveform settings of the element's `<FWFSettings>`, starting from `base`. Whenever the element is there, the window
+/// restarts from a quarter of the pulse length (spec input-formats §2.11).
+pub(super) fn read_waveform(
+    context: &Context,
+    parent: &Element,
+    base: &WaveformSettings,
+    pulse_length: f64,
+) -> WaveformSettings {
+    let Some(element) = parent.child("FWFSettings") else { return *base };
+    let mut fields = Fields::new(context, &element);
+    let waveform = WaveformSettings {
+        bin: fields.positive("binSize_ns", base.bin),
+        window: fields.positive("winSize_ns", pulse_length / 4.0),
+        quality: fields.whole_within("beamSampleQuality", base.quality, 1..=MAX_QUALITY),
+        max_range: fields.not_negative("maxFullwaveRange_ns", base.max_range),
+    };
+    fields.ignore(&["apertureDiameter_m"]);
+    fields.done(&[]);
+    waveform
+}
+
+fn read_errors(context: &Context, element: &Element, deflector: &DeflectorSettings) -> MechanicalErrors {
+    let rotating = deflector.optics == super::deflector_xml::Optics::Rotating;
+    let formula = |name: &str, only_rotating: bool| {
+        let child = element.child(name)?;
+        if only_rotating && !rotating {
+            context.error(child.place(), format!("<{name}> needs rotating optics"));
+            return None;
+        }
+        let mut fields = Fields::new(context, &child);
+        let formula = fields.formula("expr");
+        let threshold = match name {
+            "headError" => radians(fields.not_negative("zeroSinThreshold_deg", 0.0)),
+            _ => 0.0,
+        };
+        fields.done(&[]);
+        Some((formula?, threshold))
+    };
+    MechanicalErrors {
+        range: formula("rangeError", false).map(|f| f.0),
+        deflection: formula("deflectionError", true).map(|f| f.0),
+        head: formula("headError", true),
+    }
+}
+
+fn read_channels(
+    context: &Context,
+    channels: &Element,
+    base: &Device,
+    deflector: &DeflectorSettings,
+) -> Vec<Device> {
+    Fields::new(context, channels).done(&["channel"]);
+    let elements = channels.named("channel").enumerate();
+    let devices: Vec<Device> =
+        elements.filter_map(|(i, e)| read_channel(context, &e, i, base, deflector)).collect();
+    if channels.named("channel").next().is_none() {
+        context.error(channels.place(), "<channels> needs at least one <channel>");
+    }
+    devices
+}
+
+fn read_channel(
+    context: &Context,
+    element: &Element,
+    index: usize,
+    base: &Device,
+    deflector: &DeflectorSettings,
+) -> Option<Device> {
+    let mut fields = Fields::new(context, element);
+    let id = fields.text("id").map_or_else(|| index.to_string(), str::to_owned);
+    // another kind of optics starts from nothing, the same kind from the scanner's
+    let start = match (fields.has("optics"), read_optics(&mut fields, context)) {
+        (true, None) => return None,
+        (_, Some(optics)) if optics != deflector.optics => DeflectorSettings::new(optics),
+        _ => deflector.clone(),
+    };
+    let mut deflector = start.with(&mut fields);
+    deflector.read_incident_beam(context, element);
+    let wavelength = fields.whole_within("wavelength_nm", base.beam.wavelength as u32, 1..=u32::MAX);
+    let beam = Beam {
+        divergence: fields.positive("beamDivergence_rad", base.beam.divergence),
+        pulse_length: fields.positive("pulseLength_ns", base.beam.pulse_length),
+        wavelength: f64::from(wavelength),
+        ..base.beam
+    };
+    let detector = read_detector(&mut fields, &base.detector);
+    let max_rate = read_head_rate(&mut fields, base.head.max_rate);
+    fields.ignore(&["name"]);
+    warn_without_effect(context, &mut fields);
+    fields.done(&["beamOrigin", "FWFSettings", "incidentBeam", "headRotateAxis"]);
+    deflector.check(context, element);
+    let rotating = deflector.optics == super::deflector_xml::Optics::Rotating;
+    let mut errors = base.errors.clone();
+    if !rotating {
+        (errors.deflection, errors.head) = (None, None);
+    }
+    Some(Device {
+        id,
+        deflector: deflector.build(),
+        scan_angle_max: deflector.angle_max,
+        scan_freq: deflector.scan_freq,
+        head: Head { axis: read_head_axis(context, element, base.head.axis), max_rate },
+        beam_origin: element.child("beamOrigin").map_or(base.beam_origin, |o| read_mount(context, &o)),
+        beam,
+        detector,
+        waveform: read_waveform(context, element, &base.waveform, MULTI_CHANNEL_PULSE_LENGTH),
+        errors,
+    })
+}
+
+/// Attributes that belong to the scanner as a whole.
+fn warn_without_effect(context: &Context, fields: &mut Fields) {
+    let names = [
+        "pulseFreqs_Hz",
+        "averagePower_w",
+        "beamQualityFactor",
+        "opticalEfficiency",
+        "receiverDiameter_m",
+        "atmosphericVisibility_km",
+    ];
+    for name in names {
+        if fields.has(name) {
+            let message =
+                format!("`{name}` of a <channel> has no effect; the scanner's holds for all channels");
+            context.warn(fields.element.name_place(name), message);
+        }
+    }
+    fields.ignore(&names);
+}

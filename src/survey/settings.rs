@@ -1,0 +1,355 @@
+//! Settings of a leg: what the scanner and the platform are told, with templates and the scanner's own values merged
+//! (spec input-formats §2.4–2.5, kinematics §1.7).
+
+use super::context::Context;
+use super::fields::Fields;
+use super::xml::Element;
+use super::{LegTrajectory, PlatformSettings, ScannerSettings};
+use crate::geom::DVec3;
+
+/// Scanner settings as written, before they are merged. Angles are radians; NaN vertical angles are not set.
+#[derive(Clone, Debug)]
+pub(super) struct ScannerLayer {
+    pub active: bool,
+    pub pulse_freq: i32,
+    pub scan_freq: f64,
+    scan_angle: f64,
+    vertical_min: f64,
+    vertical_max: f64,
+    pub head_rate: f64,
+    head_start: f64,
+    head_stop: f64,
+    pub beam_divergence: f64,
+    trajectory_interval: f64,
+    max_duration: f64,
+    warmup: f64,
+    pub vertical_resolution: f64,
+    pub horizontal_resolution: f64,
+}
+
+impl ScannerLayer {
+    /// What holds without a template: the values that count as "not given".
+    pub const DEFAULT: ScannerLayer = ScannerLayer {
+        active: true,
+        pulse_freq: 0,
+        scan_freq: 0.0,
+        scan_angle: 0.0,
+        vertical_min: f64::NAN,
+        vertical_max: f64::NAN,
+        head_rate: 0.0,
+        head_start: 0.0,
+        head_stop: 0.0,
+        beam_divergence: 0.003,
+        trajectory_interval: 0.0,
+        max_duration: -1.0,
+        warmup: 0.0,
+        vertical_resolution: 0.0,
+        horizontal_resolution: 0.0,
+    };
+
+    /// The scanner's own values.
+    pub fn of_scanner(pulse_freq: u32, beam_divergence: f64) -> ScannerLayer {
+        let pulse_freq = i32::try_from(pulse_freq).unwrap_or(i32::MAX);
+        ScannerLayer { pulse_freq, beam_divergence, ..ScannerLayer::DEFAULT }
+    }
+
+    /// Reads a `<scannerSettings>` on top of `base`.
+    pub fn read(context: &Context, element: &Element, base: &ScannerLayer) -> ScannerLayer {
+        let mut fields = Fields::new(context, element);
+        let mut angle_or_nan = |name: &'static str, base: f64| match fields.has(name) {
+            true => fields.optional_angle(name).unwrap_or(base),
+            false => {
+                fields.ignore(&[name]);
+                base
+            }
+        };
+        let vertical_min = angle_or_nan("verticalAngleMin_deg", base.vertical_min);
+        let vertical_max = angle_or_nan("verticalAngleMax_deg", base.vertical_max);
+        let layer = ScannerLayer {
+            active: fields.flag("active", base.active),
+            pulse_freq: fields.whole("pulseFreq_hz", base.pulse_freq),
+            scan_freq: fields.not_negative("scanFreq_hz", base.scan_freq),
+            scan_angle: fields.angle("scanAngle_deg", base.scan_angle),
+            vertical_min,
+            vertical_max,
+            head_rate: fields.angle("headRotatePerSec_deg", base.head_rate),
+            head_start: fields.angle("headRotateStart_deg", base.head_start),
+            head_stop: fields.angle("headRotateStop_deg", base.head_stop),
+            beam_divergence: fields.positive("beamDivergence_rad", base.beam_divergence),
+            trajectory_interval: fields.not_negative("trajectoryTimeInterval_s", base.trajectory_interval),
+            max_duration: read_duration(context, &mut fields, base.max_duration),
+            warmup: fields.not_negative("opticsWarmupPhase_s", base.warmup),
+            vertical_resolution: fields.angle("verticalResolution_deg", base.vertical_resolution),
+            horizontal_resolution: fields.angle("horizontalResolution_deg", base.horizontal_resolution),
+        };
+        if fields.has("pulseFreq_hz") && layer.pulse_freq < 0 {
+            fields.refuse("pulseFreq_hz", "a whole number above 0");
+        }
+        if layer.vertical_min > layer.vertical_max {
+            let name = if fields.has("verticalAngleMax_deg") {
+                "verticalAngleMax_deg"
+            } else {
+                "verticalAngleMin_deg"
+            };
+            fields.refuse(name, "such that the lower vertical angle does not exceed the upper one");
+        }
+        layer.check_head(&mut fields);
+        fields.ignore(&["id", "name", "template"]);
+        fields.done(&["maxDuration_s"]);
+        layer
+    }
+
+    /// A stop angle must lie where the head turns to.
+    fn check_head(&self, fields: &mut Fields) {
+        let way = self.head_stop - self.head_start;
+        if fields.has("headRotateStop_deg") && way * self.head_rate < 0.0 {
+            let direction = if self.head_rate > 0.0 { "at least" } else { "at most" };
+            let start = crate::geom::degrees(self.head_start);
+            fields.refuse(
+                "headRotateStop_deg",
+                &format!("{direction} the start angle {start:.6} for this head speed"),
+            );
+        }
+    }
+
+    /// Decides by value which of the leg (`self`), the template and the scanner wins (spec input-formats §2.5).
+    pub fn merged(&self, template: Option<&ScannerLayer>, scanner: &ScannerLayer) -> ScannerLayer {
+        let default = &ScannerLayer::DEFAULT;
+        let template = template.unwrap_or(default);
+        macro_rules! pick {
+            ($($field:ident),*) => {
+                ScannerLayer { $($field: {
+                    if self.$field != template.$field {
+                        self.$field
+                    } else if template.$field != default.$field {
+                        template.$field
+                    } else {
+                        scanner.$field
+                    }
+                }),* }
+            };
+        }
+        pick!(
+            active,
+            pulse_freq,
+            scan_freq,
+            scan_angle,
+            vertical_min,
+            vertical_max,
+            head_rate,
+            head_start,
+            head_stop,
+            beam_divergence,
+            trajectory_interval,
+            max_duration,
+            warmup,
+            vertical_resolution,
+            horizontal_resolution
+        )
+    }
+
+    /// The settings as the model holds them. A pulse rate below 1 has been reported.
+    pub fn resolved(&self) -> ScannerSettings {
+        let set = |angle: f64| (!angle.is_nan()).then_some(angle);
+        ScannerSettings {
+            active: self.active,
+            pulse_freq: u32::try_from(self.pulse_freq).unwrap_or(0),
+            scan_freq: self.scan_freq,
+            scan_angle: self.scan_angle,
+            vertical_min: set(self.vertical_min),
+            vertical_max: set(self.vertical_max),
+            head_rate: self.head_rate,
+            head_start: self.head_start,
+            head_stop: self.head_stop,
+            beam_divergence: self.beam_divergence,
+            trajectory_interval: self.trajectory_interval,
+            max_duration: (self.max_duration > 0.0).then_some(self.max_duration),
+            warmup: self.warmup,
+        }
+    }
+}
+
+/// The attribute, else the text of the child element.
+fn read_duration(context: &Context, fields: &mut Fields, base: f64) -> f64 {
+    let attribute = fields.number("maxDuration_s", base);
+    if fields.has("maxDuration_s") {
+        return attribute;
+    }
+    let Some(child) = fields.element.child("maxDuration_s") else { return base };
+    match child.content().trim().parse::<f64>() {
+        Ok(value) if value.is_finite() => value,
+        _ => {
+            let found = child.content().trim();
+            let message = format!("expected a number in <maxDuration_s>, found `{found}`; {base} is used");
+            context.warn(child.place(), message);
+            base
+        }
+    }
+}
+
+/// Platform settings as written.
+#[derive(Clone, Debug)]
+pub(super) struct PlatformLayer {
+    position: DVec3,
+    on_ground: bool,
+    speed: f64,
+    stop_and_turn: bool,
+    smooth_turn: bool,
+    slowdown: bool,
+    /// Counts only on the leg's own element.
+    yaw_at_departure: Option<f64>,
+    pub trajectory: TrajectoryLayer,
+}
+
+/// The attributes of interpolated platforms.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TrajectoryLayer {
+    pub file: Option<String>,
+    /// The element that names the file, for messages and the search.
+    pub file_at: Option<Element>,
+    pub columns: Option<[usize; 7]>,
+    pub separator: Option<char>,
+    pub start: Option<f64>,
+    pub end: Option<f64>,
+    pub teleport: bool,
+    pub position_only: Option<bool>,
+    pub degrees: Option<bool>,
+    pub sync_gps: bool,
+    pub slope_filter: f64,
+}
+
+impl PlatformLayer {
+    /// What holds without a template.
+    pub fn unset() -> PlatformLayer {
+        PlatformLayer {
+            position: DVec3::ZERO,
+            on_ground: false,
+            speed: 70.0,
+            stop_and_turn: true,
+            smooth_turn: false,
+            slowdown: true,
+            yaw_at_departure: None,
+            trajectory: TrajectoryLayer::default(),
+        }
+    }
+
+    /// Reads a `<platformSettings>` on top of `base`.
+    pub fn read(context: &Context, element: &Element, base: &PlatformLayer) -> PlatformLayer {
+        let mut fields = Fields::new(context, element);
+        let layer = PlatformLayer {
+            position: DVec3::new(
+                fields.number("x", base.position.x),
+                fields.number("y", base.position.y),
+                fields.number("z", base.position.z),
+            ),
+            on_ground: fields.flag("onGround", base.on_ground),
+            speed: fields.number("movePerSec_m", base.speed),
+            stop_and_turn: fields.flag("stopAndTurn", base.stop_and_turn),
+            smooth_turn: fields.flag("smoothTurn", base.smooth_turn),
+            slowdown: fields.flag("slowdownEnabled", base.slowdown),
+            yaw_at_departure: fields.optional_angle("yawAtDeparture_deg"),
+            trajectory: base.trajectory.with(&mut fields),
+        };
+        fields.ignore(&["id", "name", "template"]);
+        fields.done(&[]);
+        layer
+    }
+
+    /// The settings as the model holds them.
+    pub fn resolved(&self, trajectory: Option<LegTrajectory>) -> PlatformSettings {
+        PlatformSettings {
+            position: self.position,
+            on_ground: self.on_ground,
+            speed: self.speed,
+            stop_and_turn: self.stop_and_turn && !self.smooth_turn,
+            smooth_turn: self.smooth_turn,
+            slowdown: self.slowdown,
+            yaw_at_departure: self.yaw_at_departure,
+            trajectory,
+        }
+    }
+}
+
+/// Column attributes and their positions when only some are given.
+const COLUMNS: [&str; 7] = ["tIndex", "rollIndex", "pitchIndex", "yawIndex", "xIndex", "yIndex", "zIndex"];
+/// The separator; the first spelling is the one that the format started with.
+const SEPARATOR: [&str; 2] = ["trajectory_seperator", "trajectory_separator"];
+
+impl TrajectoryLayer {
+    fn with(&self, fields: &mut Fields) -> TrajectoryLayer {
+        let file = fields.text("trajectory").map(str::to_owned);
+        let own = file.is_some().then(|| fields.element.clone());
+        let optional = |fields: &mut Fields, name, base: Option<f64>| match fields.has(name) {
+            true => Some(fields.lenient_number(name, base.unwrap_or(0.0))),
+            false => {
+                fields.ignore(&[name]);
+                base
+            }
+        };
+        let flag = |fields: &mut Fields, name, base: Option<bool>| match fields.has(name) {
+            true => Some(fields.lenient_flag(name, base.unwrap_or(true))),
+            false => {
+                fields.ignore(&[name]);
+                base
+            }
+        };
+        let layer = TrajectoryLayer {
+            columns: read_columns(fields).or(self.columns),
+            separator: read_separator(fields).or(self.separator),
+            start: optional(fields, "tStart", self.start),
+            end: optional(fields, "tEnd", self.end),
+            teleport: fields.lenient_flag("teleportToStart", self.teleport),
+            position_only: read_domain(fields).or(self.position_only),
+            degrees: flag(fields, "toRadians", self.degrees),
+            sync_gps: fields.lenient_flag("syncGPSTime", self.sync_gps),
+            slope_filter: fields.lenient_number("slopeFilterThreshold", self.slope_filter),
+            file_at: own.or(self.file_at.clone()),
+            file: file.or(self.file.clone()),
+        };
+        if let (Some(start), Some(end)) = (layer.start, layer.end)
+            && start > end
+        {
+            fields.refuse(
+                if fields.has("tEnd") { "tEnd" } else { "tStart" },
+                "such that tStart does not exceed tEnd",
+            );
+        }
+        layer
+    }
+}
+
+/// All columns when any is given; the others keep their usual places.
+fn read_columns(fields: &mut Fields) -> Option<[usize; 7]> {
+    let given = COLUMNS.iter().any(|name| fields.has(name));
+    let mut columns = [0; 7];
+    for (i, name) in COLUMNS.iter().enumerate() {
+        columns[i] = fields.lenient_count(name, i as u32) as usize;
+    }
+    given.then_some(columns)
+}
+
+fn read_separator(fields: &mut Fields) -> Option<char> {
+    let found: Vec<(&str, &str)> =
+        SEPARATOR.iter().filter_map(|n| fields.text(n).map(|text| (*n, text))).collect();
+    let &(name, text) = found.first()?;
+    let mut letters = text.chars();
+    match (text, letters.next(), letters.next()) {
+        ("\\t", ..) => Some('\t'),
+        (_, Some(letter), None) => Some(letter),
+        _ => {
+            fields.refuse(name, "one character");
+            None
+        }
+    }
+}
+
+fn read_domain(fields: &mut Fields) -> Option<bool> {
+    match fields.text("interpolationDomain")? {
+        "position_and_attitude" => Some(false),
+        "position" => Some(true),
+        _ => {
+            fields.refuse("interpolationDomain", "position or position_and_attitude");
+            None
+        }
+    }
+}

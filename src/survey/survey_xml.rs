@@ -1,0 +1,161 @@
+//! The `<survey>` element (spec input-formats §2.2).
+
+use super::checks::check_legs;
+use super::context::Context;
+use super::fields::{Fields, read_mount};
+use super::legs::LegReader;
+use super::platform_xml::{NOISE, read_platform, replace_noise};
+use super::scanner_xml::{MULTI_CHANNEL_PULSE_LENGTH, read_ranges, read_scanner, read_waveform};
+use super::scene_xml::read_scene_element;
+use super::seed::parse_seed;
+use super::trajectories::{Trajectories, read_rotation_spec};
+use super::xml::Element;
+use super::{Mount, Platform, PlatformKind, PlatformNoise, Scanner, Survey};
+use std::path::Path;
+
+/// The survey of a document.
+pub(super) fn read_survey_document(context: &Context, root: &Element) -> Option<Survey> {
+    let surveys: Vec<Element> = root.named("survey").collect();
+    let Some(element) = surveys.first() else {
+        context.error(root.place(), "the document holds no <survey>");
+        return None;
+    };
+    if let Some(second) = surveys.get(1) {
+        context.warn(second.place(), "only the first <survey> of a document is used");
+    }
+    let survey = read_survey_element(context, element)?;
+    let legs: Vec<Element> = element.named("leg").collect();
+    check_legs(context, &survey, &legs);
+    Some(survey)
+}
+
+fn read_survey_element(context: &Context, element: &Element) -> Option<Survey> {
+    let mut fields = Fields::new(context, element);
+    let name = fields.text("name").map_or_else(|| file_name(element.path()), str::to_owned);
+    let seed = read_seed(context, &mut fields);
+    let leg_offset = read_leg_offset(&mut fields);
+    let platform_reference = fields.required("platform");
+    fields.required("scanner");
+    fields.required("scene");
+    fields.ignore(&["basePlatform", "rotationSpec", "numRuns", "simSpeed", "id"]);
+    let mut children = vec!["leg", "FWFSettings", "detectorSettings", "scannerMount"];
+    children.extend(NOISE);
+    fields.done(&children);
+
+    let scanner = context.asset("scanner", element, "scanner").and_then(|e| read_scanner(context, &e));
+    let scanner = scanner.map(|mut scanner| {
+        override_device_0(context, element, &mut scanner);
+        scanner
+    });
+    let interpolated = platform_reference == Some("interpolated");
+    let trajectories = interpolated.then(|| Trajectories::new(read_rotation_spec(context, element)));
+    let mut reader = LegReader::new(context, scanner.as_ref(), trajectories);
+    let legs: Vec<_> = element.named("leg").zip(0..).map(|(leg, number)| reader.read(&leg, number)).collect();
+    if legs.is_empty() {
+        context.error_help(
+            element.place(),
+            "the survey has no <leg>",
+            "a leg says where to scan from and how",
+        );
+    }
+    let trajectories = reader.trajectories.take();
+    let platform = match trajectories {
+        Some(trajectories) => Some(interpolated_platform(context, element, trajectories)),
+        None => ordinary_platform(context, element),
+    };
+    let scene = context.asset("scene", element, "scene").and_then(|e| read_scene_element(context, &e));
+    Some(Survey {
+        name,
+        path: element.path().to_path_buf(),
+        seed,
+        platform: platform?,
+        scanner: scanner?,
+        scene: scene?,
+        legs,
+        leg_offset,
+        crs_wkt: None,
+    })
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| "survey".to_owned(), |s| s.to_string_lossy().into_owned())
+}
+
+fn read_seed(context: &Context, fields: &mut Fields) -> Option<u64> {
+    let text = fields.text("seed").filter(|t| !t.eq_ignore_ascii_case("auto"))?;
+    match parse_seed(text) {
+        Ok(seed) => Some(seed),
+        Err(message) => {
+            context.error(fields.element.value_place("seed"), message);
+            None
+        }
+    }
+}
+
+fn read_leg_offset(fields: &mut Fields) -> Option<(f64, f64)> {
+    let wanted = fields.lenient_flag("legRandomOffset", false);
+    let mean = fields.lenient_number("legRandomOffsetMean", 0.0);
+    let stdev = fields.lenient_number("legRandomOffsetStdev", 0.1);
+    if stdev < 0.0 {
+        fields.refuse("legRandomOffsetStdev", "a number of at least 0");
+    }
+    wanted.then_some((mean, stdev))
+}
+
+/// Applies the survey's waveform and detector settings, which reach the first device only. The range noise of every
+/// device is that of the first (spec input-formats §2.11–2.12, trap 17).
+fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner) {
+    let multi_channel = scanner.multi_channel;
+    let device = &mut scanner.devices[0];
+    let pulse_length = if multi_channel { MULTI_CHANNEL_PULSE_LENGTH } else { device.beam.pulse_length };
+    device.waveform = read_waveform(context, survey, &device.waveform, pulse_length);
+    if let Some(element) = survey.child("detectorSettings") {
+        let mut fields = Fields::new(context, &element);
+        device.detector = read_ranges(&mut fields, &device.detector);
+        if fields.has("distanceMeasurementError") {
+            device.detector.distance_error = fields.formula("distanceMeasurementError");
+        }
+        fields.done(&[]);
+    }
+    let (accuracy, distance_error) = (device.detector.accuracy, device.detector.distance_error.clone());
+    for device in &mut scanner.devices[1..] {
+        device.detector.accuracy = accuracy;
+        device.detector.distance_error.clone_from(&distance_error);
+    }
+}
+
+fn ordinary_platform(context: &Context, survey: &Element) -> Option<Platform> {
+    for name in ["basePlatform", "rotationSpec"] {
+        if survey.value(name).is_some() {
+            let message = format!("`{name}` has an effect only with platform=\"interpolated\"");
+            context.warn(survey.name_place(name), message);
+        }
+    }
+    if let Some(mount) = survey.child("scannerMount") {
+        context.warn(
+            mount.place(),
+            "<scannerMount> of a survey has an effect only with platform=\"interpolated\"",
+        );
+    }
+    let element = context.asset("platform", survey, "platform")?;
+    let mut platform = read_platform(context, &element)?;
+    replace_noise(context, survey, &mut platform.noise);
+    Some(platform)
+}
+
+/// An interpolated platform borrows mount and noise from the base platform; the survey's own replace them.
+fn interpolated_platform(context: &Context, survey: &Element, trajectories: Trajectories) -> Platform {
+    let base = context.asset("platform", survey, "basePlatform").and_then(|e| read_platform(context, &e));
+    let (mut mount, mut noise) =
+        base.map_or((Mount::IDENTITY, PlatformNoise::default()), |b| (b.mount, b.noise));
+    if let Some(element) = survey.child("scannerMount") {
+        mount = read_mount(context, &element);
+    }
+    replace_noise(context, survey, &mut noise);
+    Platform {
+        id: "interpolated".to_owned(),
+        kind: PlatformKind::Interpolated(trajectories.finish()),
+        mount,
+        noise,
+    }
+}
