@@ -1,7 +1,29 @@
 //! What is scanned: parts with geometry and materials in one frozen frame.
+//!
+//! ```text
+//! SceneRecipe ─ load ─► loaders: obj │ geotiff │ xyz │ vox ─► assembly ─ place ─ ground ─ shift ─► Scene
+//!                          └ mtl, spectra ─► library (materials at the scanner's wavelength)
+//! ```
 
+mod assembly;
+#[cfg(test)]
+mod fixture;
+mod ground;
+mod library;
+mod load;
 mod material;
 mod model;
+mod mtl;
+mod number;
+mod obj;
+mod plane;
+mod spectra;
+#[cfg(test)]
+mod tests;
+mod text;
+mod voxel;
 
+pub use load::{LoadOptions, load};
 pub use material::{Material, Reflection};
 pub use model::{Part, Scene, Surface};
+pub use voxel::{Voxel, VoxelKind};

@@ -1,8 +1,8 @@
 //! The frozen scene that workers share.
 
-use super::Material;
+use super::{Material, Voxel};
 use crate::geom::{Aabb, DVec3};
-use crate::tree::Geometry;
+use crate::tree::{Cube, Geometry};
 
 /// A loaded scene. Its frame is the world's minus [`Scene::shift`], the centre of the box around all primitives, so that
 /// world coordinates of any size lose no digits. Immutable once built.
@@ -22,6 +22,8 @@ pub struct Scene {
     pub parts: Vec<Part>,
     /// Materials of all parts.
     pub materials: Vec<Material>,
+    /// Attributes of the cubes, parallel to `geometry.cubes`.
+    pub voxels: Vec<Voxel>,
 }
 
 /// What a primitive belongs to and is made of.
@@ -44,5 +46,124 @@ impl Scene {
     /// The material of primitive `i`.
     pub fn material_of(&self, i: u32) -> &Material {
         &self.materials[self.surfaces[self.surface_of[i as usize] as usize].material as usize]
+    }
+
+    /// The part of primitive `i`.
+    pub fn part_of(&self, i: u32) -> u32 {
+        self.surfaces[self.surface_of[i as usize] as usize].part
+    }
+
+    /// The attributes of primitive `i` if it is a cube.
+    pub fn voxel(&self, i: u32) -> Option<&Voxel> {
+        self.voxels.get((i as usize).checked_sub(self.geometry.triangles.len())?)
+    }
+
+    /// World coordinates of a point of the scene's frame.
+    pub fn to_world(&self, p: DVec3) -> DVec3 {
+        p + self.shift
+    }
+
+    /// A point of the world in the scene's frame.
+    pub fn to_local(&self, p: DVec3) -> DVec3 {
+        p - self.shift
+    }
+
+    /// Bytes that the scene holds, without the tree over it.
+    pub fn memory(&self) -> usize {
+        let names = self.materials.iter().map(|m| m.name.capacity()).sum::<usize>()
+            + self.parts.iter().map(|p| p.id.capacity()).sum::<usize>();
+        size_of::<Scene>()
+            + names
+            + self.geometry.vertices.capacity() * size_of::<DVec3>()
+            + self.geometry.triangles.capacity() * size_of::<[u32; 3]>()
+            + self.geometry.cubes.capacity() * size_of::<Cube>()
+            + self.voxels.capacity() * size_of::<Voxel>()
+            + self.surface_of.capacity() * size_of::<u32>()
+            + self.surfaces.capacity() * size_of::<Surface>()
+            + self.parts.capacity() * size_of::<Part>()
+            + self.materials.capacity() * size_of::<Material>()
+    }
+
+    /// Height of the ground at (x, y), all in the scene's frame: the lowest surface whose material is ground; of a cube
+    /// its upper face (spec kinematics §2.7). `None` where there is no ground. Looks at every primitive once.
+    pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
+        let is_ground: Vec<bool> =
+            self.surfaces.iter().map(|s| self.materials[s.material as usize].is_ground).collect();
+        let ground = |i: usize| is_ground[self.surface_of[i] as usize];
+        let count = self.geometry.triangles.len();
+        // What is hit from below, and the height that counts then.
+        let triangles = (0..count).filter(|&i| ground(i)).filter_map(|i| {
+            let z = height_in_triangle(self.geometry.triangle(i), x, y)?;
+            Some((z, z))
+        });
+        let cubes =
+            self.geometry.cubes.iter().enumerate().filter(|(i, _)| ground(count + i)).filter_map(|(_, c)| {
+                let within = (c.centre.x - x).abs() <= c.half && (c.centre.y - y).abs() <= c.half;
+                within.then_some((c.centre.z - c.half, c.centre.z + c.half))
+            });
+        triangles
+            .chain(cubes)
+            .reduce(|best, next| if next.0 < best.0 { next } else { best })
+            .map(|(_, height)| height)
+    }
+}
+
+/// Height of a triangle over (x, y); its edges belong to it, so that no point falls between two neighbours.
+fn height_in_triangle(corners: [DVec3; 3], x: f64, y: f64) -> Option<f64> {
+    let [a, b, c] = corners.map(|p| (p.x - x, p.y - y));
+    // Swapping the two points only changes the sign, so neighbours agree about their common edge.
+    let side = |p: (f64, f64), q: (f64, f64)| p.0 * q.1 - p.1 * q.0;
+    let (wa, wb, wc) = (side(b, c), side(c, a), side(a, b));
+    let inside = (wa >= 0.0 && wb >= 0.0 && wc >= 0.0) || (wa <= 0.0 && wb <= 0.0 && wc <= 0.0);
+    let area = wa + wb + wc;
+    (inside && area != 0.0).then(|| (wa * corners[0].z + wb * corners[1].z + wc * corners[2].z) / area)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tree::Geometry;
+
+    fn scene() -> Scene {
+        let vertices =
+            [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [4.0, 4.0, 5.0], [0.0, 4.0, 5.0]].map(DVec3::from).to_vec();
+        let lifted: Vec<DVec3> = vertices.iter().map(|v| *v + DVec3::Z * 10.0).collect();
+        let roof: Vec<DVec3> = vertices.iter().map(|v| *v - DVec3::Z * 10.0).collect();
+        Scene {
+            geometry: Geometry {
+                vertices: [vertices, lifted, roof].concat(),
+                triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [8, 9, 10]],
+                cubes: vec![Cube { centre: DVec3::new(6.0, 1.0, 0.0), half: 0.5 }],
+            },
+            surface_of: vec![0, 0, 0, 1, 0],
+            surfaces: vec![Surface { part: 0, material: 0 }, Surface { part: 0, material: 1 }],
+            materials: vec![
+                Material { is_ground: true, ..Material::unnamed("soil") },
+                Material::unnamed("tile"),
+            ],
+            voxels: vec![Voxel::default()],
+            shift: DVec3::new(1000.0, 2000.0, 3.0),
+            ..Scene::default()
+        }
+    }
+
+    #[test]
+    fn the_lowest_ground_counts_and_only_ground() {
+        let s = scene();
+        assert_eq!(s.ground_height(3.0, 1.0), Some(2.0));
+        assert_eq!(s.ground_height(2.0, 2.0), Some(3.0), "on the common edge of two triangles");
+        assert_eq!(s.ground_height(4.0, 4.0), Some(5.0), "on a corner");
+        assert_eq!(s.ground_height(6.2, 1.2), Some(0.5), "the upper face of a cube");
+        assert_eq!(s.ground_height(-1.0, 1.0), None);
+    }
+
+    #[test]
+    fn frames_and_primitives() {
+        let s = scene();
+        assert_eq!(s.to_world(DVec3::ONE), DVec3::new(1001.0, 2001.0, 4.0));
+        assert_eq!(s.to_local(s.to_world(DVec3::ONE)), DVec3::ONE);
+        assert!(s.voxel(3).is_none() && s.voxel(4).is_some() && s.voxel(5).is_none());
+        assert_eq!((s.part_of(4), s.material_of(3).name.as_str()), (0, "tile"));
+        assert!(s.memory() > 12 * 24 + 4 * 12 + 32 + 24 + 20);
     }
 }

@@ -1,0 +1,180 @@
+//! A scene while it is being loaded: what the loaders append to.
+
+use super::library::Library;
+use super::load::LoadOptions;
+use super::voxel::Voxel;
+use super::{Part, Surface};
+use crate::diag::{Diagnostics, Place};
+use crate::error::{Error, Result};
+use crate::geom::DVec3;
+use crate::tree::{Cube, Geometry};
+use std::collections::HashMap;
+use std::mem::size_of;
+use std::ops::Range;
+use std::path::Path;
+
+/// Largest coordinate that is taken for a position, m. Beyond it double precision no longer resolves millimetres.
+pub(super) const FARTHEST: f64 = 1e12;
+
+/// Most vertices and most primitives of a scene: their numbers have 32 bits and the last one means "none".
+const MOST_NUMBERS: usize = u32::MAX as usize - 1;
+
+/// Geometry and materials as far as they are loaded.
+pub(super) struct Assembly<'a> {
+    /// Settings of the run.
+    pub options: &'a LoadOptions,
+    /// Primitives, world frame.
+    pub geometry: Geometry,
+    /// Attributes of the cubes.
+    pub voxels: Vec<Voxel>,
+    /// Surface of each triangle.
+    pub triangle_surfaces: Vec<u32>,
+    /// Surface of each cube.
+    pub cube_surfaces: Vec<u32>,
+    /// Distinct surfaces.
+    pub surfaces: Vec<Surface>,
+    /// Parts that hold at least one primitive.
+    pub parts: Vec<Part>,
+    /// Materials.
+    pub library: Library,
+    /// Problems met so far.
+    pub diagnostics: Diagnostics,
+    surface_numbers: HashMap<Surface, u32>,
+}
+
+/// The part that a loader works for.
+pub(super) struct PartSource<'a> {
+    /// Its index among the scene's parts.
+    pub index: u32,
+    /// Where it stands in the scene's file.
+    pub place: Option<&'a Place>,
+}
+
+/// The primitives of one part.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Extent {
+    /// Its vertices.
+    pub vertices: Range<usize>,
+    /// Its triangles.
+    pub triangles: Range<usize>,
+    /// Its cubes.
+    pub cubes: Range<usize>,
+}
+
+impl Extent {
+    /// Whether the part holds nothing.
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty() && self.cubes.is_empty()
+    }
+}
+
+impl<'a> Assembly<'a> {
+    /// Nothing yet.
+    pub fn new(options: &'a LoadOptions, library: Library) -> Assembly<'a> {
+        Assembly {
+            options,
+            geometry: Geometry::default(),
+            voxels: Vec::new(),
+            triangle_surfaces: Vec::new(),
+            cube_surfaces: Vec::new(),
+            surfaces: Vec::new(),
+            parts: Vec::new(),
+            library,
+            diagnostics: Diagnostics::default(),
+            surface_numbers: HashMap::new(),
+        }
+    }
+
+    /// The number of a (part, material) pair.
+    pub fn surface(&mut self, part: u32, material: u32) -> u32 {
+        let surface = Surface { part, material };
+        *self.surface_numbers.entry(surface).or_insert_with(|| {
+            self.surfaces.push(surface);
+            self.surfaces.len() as u32 - 1
+        })
+    }
+
+    /// Everything from here to the end of what is loaded, once more is loaded.
+    pub fn end(&self) -> Extent {
+        let (v, t, c) =
+            (self.geometry.vertices.len(), self.geometry.triangles.len(), self.geometry.cubes.len());
+        Extent { vertices: v..v, triangles: t..t, cubes: c..c }
+    }
+
+    /// What was appended since `start` was the end.
+    pub fn since(&self, start: &Extent) -> Extent {
+        let end = self.end();
+        Extent {
+            vertices: start.vertices.start..end.vertices.end,
+            triangles: start.triangles.start..end.triangles.end,
+            cubes: start.cubes.start..end.cubes.end,
+        }
+    }
+
+    /// Whether vertices and primitives can be numbered.
+    pub fn check_numbers(&self) -> Result<()> {
+        if self.geometry.vertices.len() > MOST_NUMBERS || self.geometry.len() > MOST_NUMBERS {
+            let message = format!(
+                "the scene has {} vertices and {} primitives; at most {MOST_NUMBERS} of each can be numbered",
+                self.geometry.vertices.len(),
+                self.geometry.len()
+            );
+            return Err(Error::input(message));
+        }
+        Ok(())
+    }
+
+    /// Refuses when what is loaded and `more` bytes for `file` exceed the limit.
+    pub fn check_memory(&self, more: u64, file: &Path) -> Result<()> {
+        let Some(limit) = self.options.max_memory else { return Ok(()) };
+        let need = self.memory() + more;
+        if need <= limit {
+            return Ok(());
+        }
+        Err(Error::input(format!(
+            "the scene needs at least {} with {}, without the tree over it; the limit is {}",
+            as_size(need),
+            file.display(),
+            as_size(limit)
+        )))
+    }
+
+    fn memory(&self) -> u64 {
+        memory_of(self.geometry.vertices.len(), self.geometry.triangles.len(), self.geometry.cubes.len())
+    }
+}
+
+/// Bytes that a frozen scene holds for so many vertices, triangles and cubes: 24 per vertex, 16 per triangle, 60 per cube.
+pub(super) fn memory_of(vertices: usize, triangles: usize, cubes: usize) -> u64 {
+    let per_triangle = size_of::<[u32; 3]>() + size_of::<u32>();
+    let per_cube = size_of::<Cube>() + size_of::<Voxel>() + size_of::<u32>();
+    let bytes = |count: usize, each: usize| (count as u64).saturating_mul(each as u64);
+    bytes(vertices, size_of::<DVec3>())
+        .saturating_add(bytes(triangles, per_triangle))
+        .saturating_add(bytes(cubes, per_cube))
+}
+
+/// A number of bytes for people.
+pub(super) fn as_size(bytes: u64) -> String {
+    const UNITS: [&str; 5] = ["B", "kB", "MB", "GB", "TB"];
+    let mut value = bytes as f64;
+    let mut unit = 0;
+    while value >= 1000.0 && unit + 1 < UNITS.len() {
+        value /= 1000.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{bytes} B") } else { format!("{value:.1} {}", UNITS[unit]) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_stated_per_primitive_and_readably() {
+        assert_eq!(memory_of(1, 0, 0), 24);
+        assert_eq!(memory_of(0, 1, 0), 16);
+        assert_eq!(memory_of(0, 0, 1), 60);
+        assert_eq!((as_size(999), as_size(5_600_000_000)), ("999 B".to_owned(), "5.6 GB".to_owned()));
+    }
+}

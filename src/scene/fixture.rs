@@ -1,0 +1,88 @@
+//! Scenes for tests: files in a temporary folder and recipes for them.
+
+use super::{LoadOptions, Scene, load};
+use crate::diag::{Diagnostics, Place};
+use crate::error::{Error, Result};
+use crate::survey::{Loader, MotionTiming, PartRecipe, SceneRecipe, Transform, UpAxis};
+use std::path::{Path, PathBuf};
+
+/// A folder with scene files and the parts made of them.
+pub(super) struct Fixture {
+    folder: tempfile::TempDir,
+    /// The recipe's parts.
+    pub parts: Vec<PartRecipe>,
+    /// How the scene is loaded; two threads.
+    pub options: LoadOptions,
+}
+
+impl Fixture {
+    pub fn new() -> Fixture {
+        let options = LoadOptions { jobs: 2, ..LoadOptions::default() };
+        Fixture { folder: tempfile::tempdir().unwrap(), parts: Vec::new(), options }
+    }
+
+    /// Writes a file and returns its path.
+    pub fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, content).unwrap();
+        path
+    }
+
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Adds a part that stands in line 10 + its number of the scene's file.
+    pub fn part(&mut self, loader: Loader) -> &mut PartRecipe {
+        let number = self.parts.len() as u32;
+        self.parts.push(PartRecipe {
+            id: None,
+            number,
+            loader,
+            transform: Transform::IDENTITY,
+            motions: Vec::new(),
+            timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
+            swaps: Vec::new(),
+            place: Some(Place::in_line(Path::new("scene.xml"), 10 + number as usize, "<part>", 0..6)),
+        });
+        self.parts.last_mut().unwrap()
+    }
+
+    /// Writes an OBJ file and adds it as a part.
+    pub fn obj(&mut self, name: &str, content: impl AsRef<[u8]>) -> &mut PartRecipe {
+        let files = vec![self.file(name, content)];
+        self.part(Loader::Obj { files, up: UpAxis::Z })
+    }
+
+    pub fn load(&self) -> Result<(Scene, Diagnostics)> {
+        let recipe = SceneRecipe {
+            id: "s".to_owned(),
+            path: PathBuf::from("scene.xml"),
+            parts: self.parts.clone(),
+            dyn_step: 1,
+            dyn_time_step: None,
+            asset_folders: vec![self.path().to_path_buf()],
+        };
+        load(&recipe, &self.options)
+    }
+
+    /// The scene, which must load without a warning.
+    pub fn scene(&self) -> Scene {
+        let (scene, diagnostics) = self.load().unwrap_or_else(|e| panic!("{}", report(&e)));
+        assert!(diagnostics.items().is_empty(), "{}", diagnostics.render(false));
+        scene
+    }
+
+    /// The report that loading ends with.
+    pub fn error(&self) -> String {
+        report(&self.load().expect_err("the scene must not load"))
+    }
+}
+
+fn report(e: &Error) -> String {
+    match e {
+        Error::Input(d) => d.render(false),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,374 @@
+//! From material definitions to the scene's materials (spec pulse-physics §3.2, input-formats §3.5 and §5).
+
+use super::mtl::{self, Definition};
+use super::spectra::Spectra;
+use super::text::Source;
+use super::{Material, Reflection};
+use crate::diag::{Diagnostics, Place};
+use crate::rng::{Purpose, Stream};
+use crate::survey::MaterialChoice;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::path::{Path, PathBuf};
+
+/// The name of the material of faces that name none; no file can redefine it.
+pub(super) const DEFAULT: &str = "default";
+
+/// Most randomised variants of one material.
+const MOST_VARIANTS: u32 = 10_000;
+
+/// All materials of a scene and the files that they come from. Materials are resolved when a primitive first uses them.
+pub(super) struct Library {
+    spectra: Spectra,
+    helios_specularity: bool,
+    seed: u64,
+    files: Vec<MtlFile>,
+    file_of: HashMap<PathBuf, Option<usize>>,
+    index_of: HashMap<Key, u32>,
+    /// The materials in the order of first use.
+    pub materials: Vec<Material>,
+}
+
+struct MtlFile {
+    source: Source,
+    definitions: Vec<Definition>,
+}
+
+#[derive(PartialEq, Eq, Hash)]
+enum Key {
+    Defined(Known),
+    Named(String),
+}
+
+/// A definition: its file and its position therein.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct Known {
+    file: usize,
+    index: usize,
+}
+
+/// The names that the files of one part may use; the first definition of a name counts.
+#[derive(Default)]
+pub(super) struct Names(HashMap<String, Known>);
+
+impl Library {
+    /// An empty library.
+    pub fn new(spectra: Spectra, helios_specularity: bool, seed: u64) -> Library {
+        Library {
+            spectra,
+            helios_specularity,
+            seed,
+            files: Vec::new(),
+            file_of: HashMap::new(),
+            index_of: HashMap::new(),
+            materials: Vec::new(),
+        }
+    }
+
+    /// Adds the definitions of an MTL file to `names`. Says whether the file could be read.
+    pub fn add_file(&mut self, path: &Path, names: &mut Names, diagnostics: &mut Diagnostics) -> bool {
+        let Some(file) = self.open(path, diagnostics) else { return false };
+        for (index, definition) in self.files[file].definitions.iter().enumerate() {
+            if let Entry::Vacant(free) = names.0.entry(definition.name.clone())
+                && definition.name != DEFAULT
+            {
+                free.insert(Known { file, index });
+            }
+        }
+        true
+    }
+
+    fn open(&mut self, path: &Path, diagnostics: &mut Diagnostics) -> Option<usize> {
+        if let Some(&file) = self.file_of.get(path) {
+            return file;
+        }
+        let file = Source::open(path).ok().map(|source| {
+            let definitions = mtl::read(&source, diagnostics);
+            self.files.push(MtlFile { source, definitions });
+            self.files.len() - 1
+        });
+        self.file_of.insert(path.to_path_buf(), file);
+        file
+    }
+
+    /// The material that `name` means; the flag says whether a file defines it.
+    pub fn named(&mut self, name: &str, names: &Names, diagnostics: &mut Diagnostics) -> (u32, bool) {
+        match names.0.get(name) {
+            Some(&known) => (self.defined(known, diagnostics), true),
+            None => (self.undefined(name), name == DEFAULT),
+        }
+    }
+
+    fn undefined(&mut self, name: &str) -> u32 {
+        let materials = &mut self.materials;
+        *self.index_of.entry(Key::Named(name.to_owned())).or_insert_with(|| {
+            materials.push(Material::unnamed(name));
+            materials.len() as u32 - 1
+        })
+    }
+
+    fn defined(&mut self, known: Known, diagnostics: &mut Diagnostics) -> u32 {
+        if let Some(&index) = self.index_of.get(&Key::Defined(known)) {
+            return index;
+        }
+        let is_last = known.index + 1 == self.files[known.file].definitions.len();
+        let definition = self.files[known.file].definitions[known.index].clone();
+        let material = self.resolve(&definition, is_last, known.file, diagnostics);
+        self.materials.push(material);
+        let index = self.materials.len() as u32 - 1;
+        self.index_of.insert(Key::Defined(known), index);
+        index
+    }
+
+    fn resolve(
+        &mut self,
+        d: &Definition,
+        is_last: bool,
+        file: usize,
+        diagnostics: &mut Diagnostics,
+    ) -> Material {
+        let source = &self.files[file].source;
+        let place = || Some(source.place(d.line, line_start(source.bytes(), d.line)));
+        let mut from_spectrum = None;
+        if let (None, Some(name)) = (d.reflectance, &d.spectrum) {
+            from_spectrum = self.spectra.reflectance(name, diagnostics);
+            if from_spectrum.is_none() {
+                let message =
+                    format!("no spectrum \"{name}\" for material \"{}\"; it reflects 50 per cent", d.name);
+                diagnostics.warn(place(), message).help(self.spectra.described());
+            }
+        }
+        if is_specular_only(d) {
+            let message =
+                format!("material \"{}\" has Ks but no Kd; it reflects by its specular share alone", d.name);
+            diagnostics.warn(place(), message);
+        }
+        let has_share = !self.helios_specularity || is_last || from_spectrum.is_some();
+        Material {
+            name: d.name.clone(),
+            reflectance: d.reflectance.or(from_spectrum).unwrap_or(50.0),
+            reflection: reflection(d, has_share),
+            classification: d.classification,
+            is_ground: d.is_ground,
+        }
+    }
+
+    /// The materials of a part whose loader has none of its own: the chosen one and its randomised variants. Primitive i
+    /// of the part uses material i modulo their number. `None` after an error.
+    pub fn chosen(
+        &mut self,
+        choice: &MaterialChoice,
+        part: u32,
+        place: Option<&Place>,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<Vec<u32>> {
+        let Some(path) = &choice.file else { return Some(vec![self.undefined(DEFAULT)]) };
+        let Some(file) = self.open(path, diagnostics) else {
+            diagnostics.error(place.cloned(), format!("cannot read the material file {}", path.display()));
+            return None;
+        };
+        let definitions = &self.files[file].definitions;
+        let index = match &choice.name {
+            Some(name) => definitions.iter().position(|d| d.name == *name),
+            None => (0..definitions.len()).min_by(|&a, &b| definitions[a].name.cmp(&definitions[b].name)),
+        };
+        let Some(index) = index else {
+            let known: Vec<&str> = definitions.iter().map(|d| d.name.as_str()).collect();
+            let wanted = choice.name.as_ref().map_or("material".to_owned(), |n| format!("material \"{n}\""));
+            let message = format!("{} defines no {wanted}", path.display());
+            diagnostics.error(place.cloned(), message).help(format!("it defines: {}", known.join(", ")));
+            return None;
+        };
+        if choice.random_variants > MOST_VARIANTS || !choice.random_range.is_finite() {
+            let message = format!(
+                "expected at most {MOST_VARIANTS} randomised materials with a finite range, found {} with {}",
+                choice.random_variants, choice.random_range
+            );
+            diagnostics.error(place.cloned(), message);
+            return None;
+        }
+        let definition = definitions[index].clone();
+        let mut all = vec![self.defined(Known { file, index }, diagnostics)];
+        for variant in 0..choice.random_variants {
+            let base = self.materials[all[0] as usize].clone();
+            all.push(self.materials.len() as u32);
+            self.materials.push(self.varied(base, &definition, choice.random_range, part, variant));
+        }
+        Some(all)
+    }
+
+    fn varied(
+        &self,
+        base: Material,
+        definition: &Definition,
+        range: f64,
+        part: u32,
+        variant: u32,
+    ) -> Material {
+        let stream = Stream::new(self.seed, Purpose::Material);
+        let change = |value: f64, component: u32| {
+            let u = 2.0 * stream.uniform(part, u64::from(variant), component) - 1.0;
+            (value + range * u).clamp(0.0, 1.0)
+        };
+        let mut varied = definition.clone();
+        for axis in 0..3u32 {
+            let i = axis as usize;
+            varied.kd[i] = change(varied.kd[i], axis);
+            varied.ks[i] = change(varied.ks[i], 3 + axis);
+        }
+        Material { reflection: reflection(&varied, true), ..base }
+    }
+}
+
+fn is_specular_only(d: &Definition) -> bool {
+    d.kd == [0.0; 3] && d.ks != [0.0; 3]
+}
+
+/// The angular law; without `has_share` the specular share stays 0, as the reference leaves it for most materials.
+fn reflection(d: &Definition, has_share: bool) -> Reflection {
+    let (kd, ks): (f64, f64) = (d.kd.iter().sum(), d.ks.iter().sum());
+    match (d.kd != [0.0; 3], d.ks != [0.0; 3]) {
+        (false, false) => Reflection::Uniform,
+        (true, false) => Reflection::Lambert,
+        (false, true) => Reflection::Phong { specularity: 1.0, exponent: d.ns },
+        (true, true) if has_share => Reflection::Phong { specularity: ks / (ks + kd), exponent: d.ns },
+        (true, true) => Reflection::Phong { specularity: 0.0, exponent: d.ns },
+    }
+}
+
+fn line_start(bytes: &[u8], line: usize) -> std::ops::Range<usize> {
+    let mut start = 0;
+    for _ in 1..line {
+        start = memchr::memchr(b'\n', &bytes[start..]).map_or(bytes.len(), |n| start + n + 1);
+    }
+    let end = memchr::memchr(b'\n', &bytes[start..]).map_or(bytes.len(), |n| start + n);
+    start..end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MTL: &str = "newmtl matte\nKd .6 .6 .6\nhelios_reflectance 50\nnewmtl glossy\nKd .4 .4 .4\nKs .4 .4 .4\nNs 20\n\
+        helios_reflectance 12.5\nnewmtl slate\nKd .3 .3 .3\nKs .1 .1 .1\nhelios_spectra slate\nnewmtl lost\nKd .1 .1 .1\n\
+        Ks .1 .1 .1\nhelios_spectra lost\nnewmtl mirror\nKs 1 1 1\nnewmtl plain\nnewmtl last\nKd .2 .2 .2\nKs .6 .6 .6\n\
+        helios_reflectance 0.3\nhelios_classification 7\nhelios_isGround true\n";
+
+    struct Fixture {
+        folder: tempfile::TempDir,
+        diagnostics: Diagnostics,
+    }
+
+    impl Fixture {
+        fn new() -> Fixture {
+            let folder = tempfile::tempdir().unwrap();
+            std::fs::create_dir(folder.path().join("spectra")).unwrap();
+            let rows = format!("{}1.0\t30\n1.1\t40\n", "\n".repeat(26));
+            std::fs::write(folder.path().join("spectra/slate.txt"), rows).unwrap();
+            std::fs::write(folder.path().join("m.mtl"), MTL).unwrap();
+            Fixture { folder, diagnostics: Diagnostics::default() }
+        }
+
+        fn library(&self, helios_specularity: bool) -> Library {
+            Library::new(Spectra::new(&[self.folder.path().to_path_buf()], 1064.0), helios_specularity, 1)
+        }
+
+        fn material(&mut self, library: &mut Library, name: &str) -> Material {
+            let mut names = Names::default();
+            assert!(library.add_file(&self.folder.path().join("m.mtl"), &mut names, &mut self.diagnostics));
+            let (index, _) = library.named(name, &names, &mut self.diagnostics);
+            library.materials[index as usize].clone()
+        }
+    }
+
+    #[test]
+    fn reflectance_is_verbatim_then_spectral_then_fifty() {
+        let mut f = Fixture::new();
+        let mut library = f.library(true);
+        assert_eq!(f.material(&mut library, "glossy").reflectance, 12.5);
+        assert!((f.material(&mut library, "slate").reflectance - 36.4).abs() < 1e-4);
+        assert_eq!(f.material(&mut library, "plain").reflectance, 50.0);
+        assert!(f.diagnostics.items().is_empty());
+        assert_eq!(f.material(&mut library, "lost").reflectance, 50.0);
+        let warning = &f.diagnostics.items()[0];
+        assert_eq!((warning.place.as_ref().unwrap().line, f.diagnostics.items().len()), (13, 1));
+        let last = f.material(&mut library, "last");
+        assert_eq!((last.classification, last.is_ground, last.reflectance), (7, true, 0.3));
+    }
+
+    #[test]
+    fn the_specular_share_of_most_materials_is_zero_unless_asked_for() {
+        let mut f = Fixture::new();
+        let phong = |specularity, exponent| Reflection::Phong { specularity, exponent };
+        let (mut helios, mut refined) = (f.library(true), f.library(false));
+        assert_eq!(f.material(&mut helios, "glossy").reflection, phong(0.0, 20.0));
+        assert_eq!(f.material(&mut helios, "lost").reflection, phong(0.0, 10.0));
+        assert_eq!(f.material(&mut refined, "glossy").reflection, phong(0.5, 20.0));
+        for library in [&mut helios, &mut refined] {
+            assert_eq!(f.material(library, "matte").reflection, Reflection::Lambert);
+            assert_eq!(f.material(library, "plain").reflection, Reflection::Uniform);
+            assert_eq!(f.material(library, "mirror").reflection, phong(1.0, 10.0));
+            for (name, share) in [("slate", 0.25), ("last", 0.75)] {
+                let Reflection::Phong { specularity, .. } = f.material(library, name).reflection else {
+                    panic!()
+                };
+                assert!((specularity - share).abs() < 1e-12, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_choice_without_a_name_is_the_alphabetically_first() {
+        let mut f = Fixture::new();
+        let mut library = f.library(true);
+        let file = Some(f.folder.path().join("m.mtl"));
+        let mut choice = MaterialChoice { file, ..MaterialChoice::default() };
+        let first = library.chosen(&choice, 0, None, &mut f.diagnostics).unwrap();
+        assert_eq!(library.materials[first[0] as usize].name, "glossy");
+        choice.name = Some("none".to_owned());
+        assert!(library.chosen(&choice, 0, None, &mut f.diagnostics).is_none());
+        assert!(f.diagnostics.is_fatal(false));
+        let none = library.chosen(&MaterialChoice::default(), 0, None, &mut f.diagnostics).unwrap();
+        assert_eq!(library.materials[none[0] as usize], Material::unnamed("default"));
+    }
+
+    #[test]
+    fn variants_differ_by_seed_and_stay_within_bounds() {
+        let mut f = Fixture::new();
+        let mut library = f.library(true);
+        let file = Some(f.folder.path().join("m.mtl"));
+        let name = Some("last".to_owned());
+        let choice = MaterialChoice { file, name, random_variants: 50, random_range: 1.0 };
+        let all = library.chosen(&choice, 3, None, &mut f.diagnostics).unwrap();
+        assert_eq!(all.len(), 51);
+        let shares: Vec<f64> = all[1..]
+            .iter()
+            .filter_map(|&i| match library.materials[i as usize].reflection {
+                Reflection::Phong { specularity, .. } => Some(specularity),
+                _ => None,
+            })
+            .collect();
+        assert!(shares.iter().all(|s| (0.0..=1.0).contains(s)) && shares.len() > 10);
+        assert!(shares.windows(2).any(|w| w[0] != w[1]));
+    }
+
+    #[test]
+    fn no_file_redefines_default_and_the_first_definition_counts() {
+        let mut f = Fixture::new();
+        std::fs::write(
+            f.folder.path().join("n.mtl"),
+            "newmtl default\nhelios_reflectance 9\nnewmtl matte\nKs 1 1 1\n",
+        )
+        .unwrap();
+        let mut library = f.library(true);
+        let mut names = Names::default();
+        for file in ["m.mtl", "n.mtl"] {
+            library.add_file(&f.folder.path().join(file), &mut names, &mut f.diagnostics);
+        }
+        let (d, _) = library.named(DEFAULT, &names, &mut f.diagnostics);
+        let (m, known) = library.named("matte", &names, &mut f.diagnostics);
+        assert_eq!(library.materials[d as usize], Material::unnamed("default"));
+        assert!(known && library.materials[m as usize].reflection == Reflection::Lambert);
+        assert!(!library.add_file(Path::new("/does/not/exist.mtl"), &mut names, &mut f.diagnostics));
+    }
+}

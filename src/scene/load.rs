@@ -1,0 +1,234 @@
+//! From a scene's description to the frozen scene (spec input-formats §3.6): load all parts, place each, settle those that
+//! stand on the ground, move the whole to its centre.
+
+use super::assembly::{Assembly, Extent, FARTHEST, PartSource};
+use super::ground::{self, PlacedPart};
+use super::library::{Library, Names};
+use super::obj;
+use super::spectra::Spectra;
+use super::text::Source;
+use super::{Part, Scene};
+use crate::diag::{Diagnostics, Place};
+use crate::error::{Error, Result};
+use crate::survey::{Loader, PartRecipe, SceneRecipe, Transform, UpAxis};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// Settings of [`load`].
+#[derive(Clone, Debug)]
+pub struct LoadOptions {
+    /// Wavelength of the first device, nm; spectra are evaluated there.
+    pub wavelength_nm: f64,
+    /// Seed of random materials and random voxel shifts.
+    pub seed: u64,
+    /// As the reference does, leave the specular share 0 except for the last material of an MTL file and materials with a
+    /// spectrum (spec input-formats §10, trap 56).
+    pub helios_specularity: bool,
+    /// As the reference does, leave out OBJ faces with more than four vertices (trap 51).
+    pub drop_polygons: bool,
+    /// Most bytes that the scene may need, without the tree over it.
+    pub max_memory: Option<u64>,
+    /// Threads; 0 means all.
+    pub jobs: usize,
+}
+
+impl Default for LoadOptions {
+    /// 1064 nm, seed 0, the reference's specularity, all polygons, no limit, all threads.
+    fn default() -> LoadOptions {
+        LoadOptions {
+            wavelength_nm: 1064.0,
+            seed: 0,
+            helios_specularity: true,
+            drop_polygons: false,
+            max_memory: None,
+            jobs: 0,
+        }
+    }
+}
+
+/// Loads, places, shifts and freezes a scene. The warnings come with it; all problems of all files are collected before
+/// an error ends the run. The result does not depend on the number of threads.
+pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
+    refuse_moving_parts(recipe)?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.jobs)
+        .build()
+        .map_err(|e| Error::Internal(format!("cannot start the threads that load the scene: {e}")))?;
+    pool.install(|| load_still(recipe, options))
+}
+
+fn refuse_moving_parts(recipe: &SceneRecipe) -> Result<()> {
+    let mut diagnostics = Diagnostics::default();
+    for part in &recipe.parts {
+        let what = match (part.motions.is_empty(), part.swaps.is_empty()) {
+            (true, true) => continue,
+            (false, _) => "moves (<dmotion>)",
+            (true, false) => "changes its geometry between plays (<swap>)",
+        };
+        let message = format!("part {} {what}, which a frozen scene cannot", described(part));
+        diagnostics.error(part.place.clone(), message);
+    }
+    diagnostics.finish(false).map(|_| ())
+}
+
+fn load_still(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
+    let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
+    let library = Library::new(spectra, options.helios_specularity, options.seed);
+    let mut scene = Assembly::new(options, library);
+    let mut placed = Vec::new();
+    let mut ids = Ids::default();
+    for part in &recipe.parts {
+        load_part(&mut scene, part, &mut ids, &mut placed)?;
+    }
+    if placed.is_empty() && !scene.diagnostics.is_fatal(false) {
+        scene
+            .diagnostics
+            .error(None, format!("scene \"{}\" of {} is empty", recipe.id, recipe.path.display()));
+    }
+    let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
+    scene.diagnostics = warnings;
+    ground::settle(&mut scene, &placed);
+    Ok(freeze(scene))
+}
+
+/// Hands out ids: a part without one is numbered, and each of its files is a part of its own.
+#[derive(Default)]
+struct Ids {
+    additional: u64,
+}
+
+impl Ids {
+    /// The ids of the parts that a recipe makes, each with its files.
+    fn of<'a>(&mut self, part: &PartRecipe, files: &'a [PathBuf]) -> Vec<(String, &'a [PathBuf])> {
+        if let Some(id) = part.id.as_ref().filter(|id| !id.is_empty()) {
+            return vec![(id.clone(), files)];
+        }
+        let first = u64::from(part.number) + self.additional;
+        self.additional += files.len().saturating_sub(1) as u64;
+        (first..).map(|n| n.to_string()).zip(files.chunks(1)).collect()
+    }
+}
+
+fn load_part(
+    scene: &mut Assembly,
+    part: &PartRecipe,
+    ids: &mut Ids,
+    placed: &mut Vec<PlacedPart>,
+) -> Result<()> {
+    let files = files_of(&part.loader);
+    if files.is_empty() {
+        scene
+            .diagnostics
+            .warn(part.place.clone(), format!("part {} names no file and is left out", described(part)));
+    }
+    let mut names = Names::default();
+    for (id, files) in ids.of(part, files) {
+        let start = scene.end();
+        for file in files {
+            load_file(scene, part, file, &mut names)?;
+        }
+        let extent = scene.since(&start);
+        if extent.is_empty() {
+            let message = format!("part \"{id}\" holds no primitives and is left out");
+            scene.diagnostics.warn(part.place.clone(), message);
+            continue;
+        }
+        place_triangles(scene, &part.transform, &extent);
+        check_coordinates(scene, &id, &extent, part.place.as_ref());
+        scene.parts.push(Part { id: id.clone() });
+        placed.push(PlacedPart {
+            id,
+            extent,
+            on_ground: part.transform.on_ground,
+            place: part.place.clone(),
+        });
+    }
+    Ok(())
+}
+
+fn load_file(scene: &mut Assembly, part: &PartRecipe, file: &Path, names: &mut Names) -> Result<()> {
+    let source = match Source::open(file) {
+        Ok(source) => source,
+        Err(e) if is_about_the_name(&e) => {
+            scene.diagnostics.error(part.place.clone(), format!("cannot read {}: {e}", file.display()));
+            return Ok(());
+        }
+        Err(e) => return Err(Error::io("read", file, e)),
+    };
+    let target = PartSource { index: scene.parts.len() as u32, place: part.place.as_ref() };
+    match &part.loader {
+        Loader::Obj { up, .. } => {
+            let reading = obj::Reading { y_up: *up == UpAxis::Y, drop_polygons: scene.options.drop_polygons };
+            obj::load(scene, &target, &source, reading, names)
+        }
+        _ => Err(Error::input("only OBJ parts")),
+    }
+}
+
+fn is_about_the_name(e: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
+    matches!(e.kind(), NotFound | PermissionDenied | IsADirectory | NotADirectory | InvalidInput)
+}
+
+fn files_of(loader: &Loader) -> &[PathBuf] {
+    match loader {
+        Loader::Obj { files, .. } => files,
+        Loader::GeoTiff { file, .. } => std::slice::from_ref(file),
+        Loader::Xyz(xyz) => &xyz.files,
+        Loader::DetailedVoxels(voxels) => &voxels.files,
+    }
+}
+
+fn described(part: &PartRecipe) -> String {
+    part.id.as_ref().map_or_else(|| format!("number {}", part.number), |id| format!("\"{id}\""))
+}
+
+fn place_triangles(scene: &mut Assembly, transform: &Transform, extent: &Extent) {
+    if (Transform { on_ground: 0, ..*transform }) != Transform::IDENTITY {
+        scene.geometry.vertices[extent.vertices.clone()]
+            .par_iter_mut()
+            .for_each(|v| *v = transform.apply(*v));
+    }
+}
+
+fn check_coordinates(scene: &mut Assembly, id: &str, extent: &Extent, place: Option<&Place>) {
+    let bounds = ground::bounds(&scene.geometry, extent);
+    let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+    // A comparison with NaN is false.
+    if !(farthest <= FARTHEST) {
+        let message = format!(
+            "part \"{id}\" reaches {farthest:e} m after its transforms; at most {:e} m can be computed",
+            FARTHEST
+        );
+        scene.diagnostics.error(place.cloned(), message);
+    }
+}
+
+fn freeze(scene: Assembly) -> (Scene, Diagnostics) {
+    let Assembly {
+        mut geometry,
+        mut voxels,
+        triangle_surfaces,
+        cube_surfaces,
+        surfaces,
+        parts,
+        library,
+        diagnostics,
+        ..
+    } = scene;
+    let all =
+        Extent { vertices: 0..geometry.vertices.len(), triangles: 0..0, cubes: 0..geometry.cubes.len() };
+    let shift = ground::bounds(&geometry, &all).centre();
+    geometry.vertices.par_iter_mut().for_each(|v| *v -= shift);
+    geometry.cubes.par_iter_mut().for_each(|c| c.centre -= shift);
+    geometry.vertices.shrink_to_fit();
+    geometry.triangles.shrink_to_fit();
+    geometry.cubes.shrink_to_fit();
+    voxels.shrink_to_fit();
+    let mut surface_of = triangle_surfaces;
+    surface_of.extend(cube_surfaces);
+    surface_of.shrink_to_fit();
+    let bounds = ground::bounds(&geometry, &all);
+    let materials = library.materials;
+    (Scene { shift, bounds, geometry, surface_of, surfaces, parts, materials, voxels }, diagnostics)
+}

@@ -1,0 +1,203 @@
+//! Material libraries (spec input-formats §4.2).
+
+use super::number::{float, skip_blanks};
+use super::text::{Line, Lines, Problems, Source, Words, shown};
+use crate::diag::Diagnostics;
+use std::ops::Range;
+
+/// A material as its file defines it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Definition {
+    /// Name, the first word after `newmtl`.
+    pub name: String,
+    /// Diffuse colour.
+    pub kd: [f64; 3],
+    /// Specular colour.
+    pub ks: [f64; 3],
+    /// Specular exponent.
+    pub ns: f64,
+    /// `helios_reflectance`.
+    pub reflectance: Option<f64>,
+    /// `helios_spectra`.
+    pub spectrum: Option<String>,
+    /// `helios_classification`.
+    pub classification: i32,
+    /// `helios_isGround`.
+    pub is_ground: bool,
+    /// Line of its `newmtl`.
+    pub line: usize,
+}
+
+impl Definition {
+    fn new(name: String, line: usize) -> Definition {
+        Definition {
+            name,
+            kd: [0.0; 3],
+            ks: [0.0; 3],
+            ns: 10.0,
+            reflectance: None,
+            spectrum: None,
+            classification: 0,
+            is_ground: false,
+            line,
+        }
+    }
+}
+
+/// Reads all definitions in the order of the file. A value that cannot be read is a warning and leaves the default.
+pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Definition> {
+    let mut problems = Problems::default();
+    let mut definitions: Vec<Definition> = Vec::new();
+    for line in Lines::new(source.bytes(), true) {
+        statement(&line, &mut definitions, &mut problems);
+    }
+    problems.report(source, diagnostics);
+    definitions
+}
+
+fn statement(line: &Line, definitions: &mut Vec<Definition>, problems: &mut Problems) {
+    let mut words = Words::new(&line.text, skip_blanks(&line.text, 0));
+    let Some((keyword, at)) = words.next() else { return };
+    let in_file = |at: Range<usize>| line.start + at.start..line.start + at.end;
+    let values: Vec<(&[u8], Range<usize>)> = words.collect();
+    if keyword == b"newmtl" {
+        let Some((name, name_at)) = values.first() else {
+            return problems.push(line.number, in_file(at), || "newmtl without a name".to_owned());
+        };
+        let name = name_of(name);
+        if let Some(first) = definitions.iter().find(|d| d.name == name) {
+            let message =
+                format!("material \"{name}\" is already defined in line {}, which counts", first.line);
+            problems.push(line.number, in_file(name_at.clone()), || message);
+        }
+        return definitions.push(Definition::new(name, line.number));
+    }
+    if !is_known(keyword) {
+        return;
+    }
+    let Some(material) = definitions.last_mut() else {
+        return problems.push(line.number, in_file(at), || {
+            format!("{} before the first newmtl is ignored", shown(keyword))
+        });
+    };
+    if let Err(expected) = set(material, keyword, &values) {
+        let found = values.first().map_or("nothing".to_owned(), |(w, _)| format!("\"{}\"", shown(w)));
+        let marked = values.first().map_or(at, |(_, at)| at.clone());
+        problems.push(line.number, in_file(marked), || {
+            format!("expected {expected} after {}, found {found}; the line is ignored", shown(keyword))
+        });
+    }
+}
+
+fn is_known(keyword: &[u8]) -> bool {
+    matches!(
+        keyword,
+        b"Kd"
+            | b"Ks"
+            | b"Ns"
+            | b"helios_reflectance"
+            | b"helios_spectra"
+            | b"helios_classification"
+            | b"helios_isGround"
+    )
+}
+
+fn set(
+    material: &mut Definition,
+    keyword: &[u8],
+    values: &[(&[u8], Range<usize>)],
+) -> Result<(), &'static str> {
+    let first = values.first().map(|(word, _)| *word);
+    let number = || first.and_then(float).filter(|v| v.is_finite());
+    match keyword {
+        b"Kd" => material.kd = colour(values).ok_or("one or three numbers, 0 or greater,")?,
+        b"Ks" => material.ks = colour(values).ok_or("one or three numbers, 0 or greater,")?,
+        b"Ns" => material.ns = number().filter(|n| *n >= 0.0).ok_or("an exponent, 0 or greater,")?,
+        b"helios_reflectance" if first.and_then(float).is_some_and(f64::is_nan) => {
+            material.reflectance = None
+        }
+        b"helios_reflectance" => {
+            material.reflectance =
+                Some(number().filter(|r| *r >= 0.0).ok_or("a reflectance, 0 or greater,")?);
+        }
+        b"helios_spectra" => material.spectrum = Some(name_of(first.ok_or("the name of a spectrum")?)),
+        b"helios_classification" => {
+            material.classification = first.and_then(integer).ok_or("a whole number")?
+        }
+        _ => material.is_ground = first.and_then(boolean).ok_or("true or false")?,
+    }
+    Ok(())
+}
+
+/// Three components; a single one stands for all three, as the format's own description has it.
+fn colour(values: &[(&[u8], Range<usize>)]) -> Option<[f64; 3]> {
+    let component = |i: usize| float(values.get(i)?.0).filter(|c| (0.0..=1e9).contains(c));
+    let red = component(0)?;
+    if values.len() == 1 { Some([red; 3]) } else { Some([red, component(1)?, component(2)?]) }
+}
+
+fn integer(word: &[u8]) -> Option<i32> {
+    let value = float(word).filter(|v| v.fract() == 0.0)?;
+    (value >= f64::from(i32::MIN) && value <= f64::from(i32::MAX)).then_some(value as i32)
+}
+
+fn boolean(word: &[u8]) -> Option<bool> {
+    match word.to_ascii_lowercase().as_slice() {
+        b"true" | b"1" => Some(true),
+        b"false" | b"0" => Some(false),
+        _ => None,
+    }
+}
+
+/// A name in a file: UTF-8, otherwise Latin-1.
+pub(super) fn name_of(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &[u8]) -> (Vec<Definition>, Diagnostics) {
+        let mut d = Diagnostics::default();
+        (read(&Source::of("m.mtl", text), &mut d), d)
+    }
+
+    #[test]
+    fn the_example_of_the_dialect() {
+        let (m, d) = read_text(
+            b"# fields\r\nnewmtl meadow wide\r\n\tKd 0.2 0.6 0.2\r\nhelios_spectra grass\r\nhelios_classification 2\r\n\
+              helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nhelios_reflectance 0.4\n",
+        );
+        assert!(d.items().is_empty(), "{}", d.render(false));
+        assert_eq!(
+            (m[0].name.as_str(), m[0].kd, m[0].spectrum.as_deref()),
+            ("meadow", [0.2, 0.6, 0.2], Some("grass"))
+        );
+        assert_eq!((m[0].classification, m[0].is_ground, m[0].reflectance), (2, true, None));
+        assert_eq!((m[1].name.as_str(), m[1].ks, m[1].ns), ("bär", [0.5; 3], 20.0));
+        assert_eq!((m[1].reflectance, m[1].is_ground), (Some(0.4), false));
+    }
+
+    #[test]
+    fn a_bad_value_costs_its_line_and_not_the_file() {
+        let (m, d) = read_text(
+            b"Kd 1 1 1\nnewmtl a\nKd spectral f.rfl\nhelios_useVertexColors true\nhelios_reflectance much\n\
+              helios_classification 2.5\nhelios_isGround perhaps\nNs -1\nKs 1 nan 1\nnewmtl\nnewmtl a\nnewmtl b\nKd 1 1 1\n",
+        );
+        assert_eq!(d.items().len(), 9, "{}", d.render(false));
+        assert_eq!(m.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["a", "a", "b"]);
+        assert_eq!((m[0].kd, m[0].ns, m[2].kd), ([0.0; 3], 10.0, [1.0; 3]));
+        let place = d.items()[2].place.as_ref().unwrap();
+        assert_eq!((place.line, &place.excerpt[place.marked.clone()]), (5, "much"));
+    }
+
+    #[test]
+    fn noise_is_survived() {
+        let noise: Vec<u8> = (0..20_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+        assert!(read_text(&noise).0.is_empty());
+    }
+}

@@ -1,0 +1,283 @@
+//! Wavefront OBJ (spec input-formats §4.1): the file is mapped, cut at line ends and read by all threads at once; the
+//! pieces are appended in the order of the file, so the result does not depend on their number.
+
+mod slice;
+#[cfg(test)]
+mod tests;
+
+use super::assembly::{Assembly, PartSource};
+use super::library::{DEFAULT, Names};
+use super::mtl::name_of;
+use super::text::{Problems, Source, cut_into_pieces};
+use crate::error::Result;
+use crate::geom::DVec3;
+use rayon::prelude::*;
+pub(super) use slice::Reading;
+use slice::{NO_VERTEX, Slice, Statement, Switch};
+use std::collections::HashSet;
+use std::ops::Range;
+use std::path::PathBuf;
+
+/// Bytes that one task reads. Small enough to keep all threads busy, large enough to make the tasks' overhead invisible.
+const PIECE: usize = 1 << 20;
+
+/// Pieces per thread that are read before they are appended: bounds the memory held twice.
+const PIECES_PER_THREAD: usize = 4;
+
+/// Appends the triangles of an OBJ file to the scene. `names` holds the materials that the part's files know.
+pub(super) fn load(
+    scene: &mut Assembly,
+    part: &PartSource,
+    source: &Source,
+    reading: Reading,
+    names: &mut Names,
+) -> Result<()> {
+    let (mesh, problems) = read_pieces(scene, source, reading)?;
+    problems.report(source, &mut scene.diagnostics);
+    if mesh.polygons > 0 && reading.drop_polygons {
+        let message = format!("{} faces with more than four vertices are left out", mesh.polygons);
+        scene.diagnostics.warn(None, format!("{message} of {}", source.path().display()));
+    }
+    assign_materials(scene, part, source, &mesh, names)?;
+    let faults = leave_out_faults(scene, source, reading, &mesh);
+    faults.report(source, &mut scene.diagnostics);
+    leave_out_unused_vertices(scene, &mesh);
+    scene.check_numbers()?;
+    number_vertices_in_scene(scene, &mesh);
+    Ok(())
+}
+
+/// Where a file's triangles and vertices begin in the scene, and what is needed besides them.
+struct Mesh {
+    first_vertex: usize,
+    first_triangle: usize,
+    pieces: Vec<Piece>,
+    switches: Vec<Switch>,
+    polygons: usize,
+}
+
+/// Which triangles (counted within the file) came from which bytes.
+struct Piece {
+    first_triangle: usize,
+    first_line: usize,
+    bytes: Range<usize>,
+}
+
+fn read_pieces(scene: &mut Assembly, source: &Source, reading: Reading) -> Result<(Mesh, Problems)> {
+    let bytes = source.bytes();
+    let mut mesh = Mesh {
+        first_vertex: scene.geometry.vertices.len(),
+        first_triangle: scene.geometry.triangles.len(),
+        pieces: Vec::new(),
+        switches: Vec::new(),
+        polygons: 0,
+    };
+    let (mut problems, mut lines) = (Problems::default(), 0);
+    for wave in cut_into_pieces(bytes, PIECE).chunks(PIECES_PER_THREAD * rayon::current_num_threads()) {
+        let read: Vec<Slice> =
+            wave.par_iter().map(|piece| slice::read(&bytes[piece.clone()], reading)).collect();
+        for (slice, piece) in read.into_iter().zip(wave) {
+            let passed = slice.lines;
+            append(scene, &mut mesh, &mut problems, slice, lines, piece.clone());
+            lines += passed;
+        }
+        scene.check_memory(0, source.path())?;
+    }
+    Ok((mesh, problems))
+}
+
+fn append(
+    scene: &mut Assembly,
+    mesh: &mut Mesh,
+    problems: &mut Problems,
+    mut slice: Slice,
+    lines: usize,
+    bytes: Range<usize>,
+) {
+    let vertices_before = (scene.geometry.vertices.len() - mesh.first_vertex) as i64;
+    for &corner in &slice.relative {
+        let number = &mut slice.triangles[corner as usize / 3][corner as usize % 3];
+        *number = u32::try_from(vertices_before + i64::from(*number as i32)).unwrap_or(NO_VERTEX);
+    }
+    let first_triangle = scene.geometry.triangles.len() - mesh.first_triangle;
+    mesh.switches.extend(slice.switches.into_iter().map(|s| Switch {
+        triangle: s.triangle + first_triangle,
+        line: s.line + lines,
+        at: s.at.start + bytes.start..s.at.end + bytes.start,
+        ..s
+    }));
+    problems.append(slice.problems, lines, bytes.start);
+    mesh.polygons += slice.polygons;
+    mesh.pieces.push(Piece { first_triangle, first_line: lines, bytes });
+    scene.geometry.vertices.append(&mut slice.vertices);
+    scene.geometry.triangles.append(&mut slice.triangles);
+}
+
+/// Gives every triangle the material that is in force where its face stands. Materials are looked up at the faces, so a
+/// library must be named before them.
+fn assign_materials(
+    scene: &mut Assembly,
+    part: &PartSource,
+    source: &Source,
+    mesh: &Mesh,
+    names: &mut Names,
+) -> Result<()> {
+    let count = scene.geometry.triangles.len() - mesh.first_triangle;
+    let mut current: (String, Option<&Switch>) = (DEFAULT.to_owned(), None);
+    let mut reported = HashSet::new();
+    let ends = mesh.switches.iter().map(|s| s.triangle).chain([count]);
+    let switches = mesh.switches.iter().map(Some).chain([None]);
+    let mut start = 0;
+    for (end, switch) in ends.zip(switches) {
+        if end > start {
+            let (material, known) = scene.library.named(&current.0, names, &mut scene.diagnostics);
+            if !known && reported.insert(current.0.clone()) {
+                let place = current.1.map(|s| source.place(s.line, s.at.clone()));
+                let message = format!("no material file defines \"{}\"; it reflects 50 per cent", current.0);
+                scene.diagnostics.warn(place, message);
+            }
+            let surface = scene.surface(part.index, material);
+            scene.triangle_surfaces.resize(mesh.first_triangle + end, surface);
+            start = end;
+        }
+        match switch.map(|s| (&s.statement, s)) {
+            Some((Statement::Use(name), s)) => current = (name_of(name), Some(s)),
+            Some((Statement::Library(file), s)) => add_library(scene, source, names, file, s),
+            None => {}
+        }
+    }
+    Ok(())
+}
+
+/// Reads a material library that stands beside the OBJ file. The words after `mtllib` are one file name; where no such
+/// file exists each word is tried, and `\` as a folder separator.
+fn add_library(scene: &mut Assembly, source: &Source, names: &mut Names, operand: &[u8], switch: &Switch) {
+    let folder = source.path().parent().map_or_else(PathBuf::new, PathBuf::from);
+    let whole = name_of(operand);
+    let mut candidates = vec![vec![whole.clone()], vec![whole.replace('\\', "/")]];
+    candidates.push(whole.split(' ').map(str::to_owned).collect());
+    for files in candidates {
+        let paths: Vec<PathBuf> = files.iter().map(|f| folder.join(f)).collect();
+        if paths.iter().all(|p| p.is_file()) {
+            for path in paths {
+                scene.library.add_file(&path, names, &mut scene.diagnostics);
+            }
+            return;
+        }
+    }
+    let place = source.place(switch.line, switch.at.clone());
+    scene
+        .diagnostics
+        .warn(Some(place), format!("there is no material file \"{whole}\" in {}", shown_folder(&folder)))
+        .help("materials that it should define reflect 50 per cent whatever the angle");
+}
+
+fn shown_folder(folder: &std::path::Path) -> String {
+    if folder.as_os_str().is_empty() {
+        "the working directory".to_owned()
+    } else {
+        folder.display().to_string()
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Fault {
+    MissingVertex,
+    UnusableVertex,
+    NoArea,
+}
+
+fn fault(triangle: [u32; 3], vertices: &[DVec3]) -> Option<Fault> {
+    if triangle.iter().any(|&v| v as usize >= vertices.len()) {
+        return Some(Fault::MissingVertex);
+    }
+    let [a, b, c] = triangle.map(|v| vertices[v as usize]);
+    if a.is_nan() || b.is_nan() || c.is_nan() {
+        return Some(Fault::UnusableVertex);
+    }
+    ((b - a).cross(c - a) == DVec3::ZERO).then_some(Fault::NoArea)
+}
+
+/// Removes triangles that cannot be hit, and says which.
+fn leave_out_faults(scene: &mut Assembly, source: &Source, reading: Reading, mesh: &Mesh) -> Problems {
+    let mut problems = Problems::default();
+    let (vertices, first) = (&scene.geometry.vertices[mesh.first_vertex..], mesh.first_triangle);
+    let triangles = &scene.geometry.triangles[first..];
+    if triangles.par_iter().all(|&t| fault(t, vertices).is_none()) {
+        return problems;
+    }
+    let faults: Vec<Option<Fault>> = triangles.par_iter().map(|&t| fault(t, vertices)).collect();
+    let mut without_area = Vec::new();
+    for (i, fault) in faults.iter().enumerate() {
+        match fault {
+            Some(Fault::MissingVertex) => {
+                let (line, at) = if problems.is_full() { (0, 0..0) } else { mesh.locate(source, reading, i) };
+                let message = || {
+                    format!("a face names a vertex that the file's {} lack; it is left out", vertices.len())
+                };
+                problems.push(line, at, message);
+            }
+            Some(Fault::NoArea) => without_area.push(i),
+            Some(Fault::UnusableVertex) | None => {}
+        }
+    }
+    if let Some(&i) = without_area.first() {
+        let (line, at) = mesh.locate(source, reading, i);
+        let message =
+            format!("{} triangles without area are left out; this is the first", without_area.len());
+        scene.diagnostics.warn(Some(source.place(line, at)), message);
+    }
+    let mut kept = first;
+    for (i, fault) in faults.iter().enumerate() {
+        if fault.is_none() {
+            scene.geometry.triangles[kept] = scene.geometry.triangles[first + i];
+            scene.triangle_surfaces[kept] = scene.triangle_surfaces[first + i];
+            kept += 1;
+        }
+    }
+    scene.geometry.triangles.truncate(kept);
+    scene.triangle_surfaces.truncate(kept);
+    problems
+}
+
+impl Mesh {
+    /// Line and bytes of the face that became triangle `i` of the file.
+    fn locate(&self, source: &Source, reading: Reading, i: usize) -> (usize, Range<usize>) {
+        let piece = &self.pieces[self.pieces.partition_point(|p| p.first_triangle <= i) - 1];
+        let (line, at) =
+            slice::locate(&source.bytes()[piece.bytes.clone()], reading, i - piece.first_triangle)
+                .unwrap_or((1, 0..0));
+        (line + piece.first_line, at.start + piece.bytes.start..at.end + piece.bytes.start)
+    }
+}
+
+/// Vertices that no triangle uses would widen nothing but the memory.
+fn leave_out_unused_vertices(scene: &mut Assembly, mesh: &Mesh) {
+    let vertices = &mut scene.geometry.vertices;
+    let triangles = &mut scene.geometry.triangles[mesh.first_triangle..];
+    let mut used = vec![false; vertices.len() - mesh.first_vertex];
+    triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
+    if used.iter().all(|&u| u) {
+        return;
+    }
+    let mut number = Vec::with_capacity(used.len());
+    let mut kept = 0u32;
+    for (i, used) in used.into_iter().enumerate() {
+        number.push(kept);
+        if used {
+            vertices[mesh.first_vertex + kept as usize] = vertices[mesh.first_vertex + i];
+            kept += 1;
+        }
+    }
+    vertices.truncate(mesh.first_vertex + kept as usize);
+    triangles.par_iter_mut().for_each(|t| *t = t.map(|v| number[v as usize]));
+}
+
+fn number_vertices_in_scene(scene: &mut Assembly, mesh: &Mesh) {
+    let first = mesh.first_vertex as u32;
+    if first > 0 {
+        scene.geometry.triangles[mesh.first_triangle..]
+            .par_iter_mut()
+            .for_each(|t| *t = t.map(|v| v + first));
+    }
+}

@@ -1,0 +1,350 @@
+//! One piece of an OBJ file, read independently of all others (spec input-formats §4.1).
+
+use crate::geom::DVec3;
+use crate::scene::assembly::FARTHEST;
+use crate::scene::number::{float_at, is_blank, skip_blanks};
+use crate::scene::text::{Line, Lines, Problems, Words, is_empty_line, shown};
+use std::ops::Range;
+
+/// A vertex number that no file reaches; faces with it are left out.
+pub(super) const NO_VERTEX: u32 = u32::MAX;
+
+/// What a piece holds. Vertex numbers of faces are absolute except for those listed in `relative`.
+#[derive(Default)]
+pub(super) struct Slice {
+    /// Vertices; one that could not be read is NaN, so that the numbers of later ones stay right.
+    pub vertices: Vec<DVec3>,
+    /// Faces as triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// Corners (3·triangle + corner) whose number counts from the first vertex of this piece, as a wrapped `i32`.
+    pub relative: Vec<u32>,
+    /// Changes of material.
+    pub switches: Vec<Switch>,
+    /// Problems, with lines and bytes counted from the piece's begin.
+    pub problems: Problems,
+    /// Number of physical lines.
+    pub lines: usize,
+    /// Faces with more than four corners.
+    pub polygons: usize,
+}
+
+/// A statement between the faces that changes their material.
+pub(super) struct Switch {
+    /// First triangle of the piece that it applies to.
+    pub triangle: usize,
+    /// Its line, from 1.
+    pub line: usize,
+    /// What it does.
+    pub statement: Statement,
+    /// Where its operand stands within the piece.
+    pub at: Range<usize>,
+}
+
+/// See [`Switch`].
+pub(super) enum Statement {
+    /// `usemtl` with its name.
+    Use(Vec<u8>),
+    /// `mtllib` with the rest of its line.
+    Library(Vec<u8>),
+}
+
+/// How a file is read.
+#[derive(Clone, Copy)]
+pub(in crate::scene) struct Reading {
+    /// (x, y, z) means (x, −z, y).
+    pub y_up: bool,
+    /// Leave out faces with more than four corners.
+    pub drop_polygons: bool,
+}
+
+/// Reads a piece that consists of whole logical lines.
+pub(super) fn read(bytes: &[u8], reading: Reading) -> Slice {
+    let mut slice = Slice::default();
+    let mut corners = Vec::new();
+    let mut lines = Lines::new(bytes, true);
+    while let Some(line) = lines.next() {
+        slice.statement(&line, reading, &mut corners);
+    }
+    slice.lines = lines.passed;
+    slice
+}
+
+/// The line (from 1) and the bytes of the face that became triangle `wanted` of a piece.
+pub(super) fn locate(bytes: &[u8], reading: Reading, wanted: usize) -> Option<(usize, Range<usize>)> {
+    let mut slice = Slice::default();
+    let mut corners = Vec::new();
+    Lines::new(bytes, true).find_map(|line| {
+        slice.statement(&line, reading, &mut corners);
+        let at = line.start..line.start + line.text.trim_ascii_end().len();
+        (slice.triangles.len() > wanted).then_some((line.number, at))
+    })
+}
+
+impl Slice {
+    #[inline]
+    fn statement(&mut self, line: &Line, reading: Reading, corners: &mut Vec<(u32, bool)>) {
+        let text: &[u8] = &line.text;
+        let start = skip_blanks(text, 0);
+        match text.get(start..) {
+            Some([b'v', b, ..]) if is_blank(*b) => self.vertex(line, start + 1, reading),
+            Some([b'f', b, ..]) if is_blank(*b) => self.face(line, start + 1, reading, corners),
+            None | Some([] | [b'#', ..] | [b'v', b'n' | b't' | b'p', ..]) => {}
+            Some(_) => self.other(line, start),
+        }
+    }
+
+    #[inline]
+    fn vertex(&mut self, line: &Line, at: usize, reading: Reading) {
+        let text: &[u8] = &line.text;
+        let mut position = [f64::NAN; 3];
+        let mut at = at;
+        for coordinate in &mut position {
+            at = skip_blanks(text, at);
+            let (value, end) = float_at(text, at);
+            match value.filter(|v| v.abs() <= FARTHEST) {
+                Some(value) => *coordinate = value,
+                None => {
+                    self.vertices.push(DVec3::NAN);
+                    return self.bad_vertex(line, at..end);
+                }
+            }
+            at = end;
+        }
+        let [x, y, z] = position;
+        self.vertices.push(if reading.y_up { DVec3::new(x, -z, y) } else { DVec3::new(x, y, z) });
+    }
+
+    #[cold]
+    fn bad_vertex(&mut self, line: &Line, at: Range<usize>) {
+        let found = shown(&line.text[at.clone()]);
+        self.problems.push(line.number, line.start + at.start..line.start + at.end, || {
+            let found = if found.is_empty() { "the end of the line".to_owned() } else { format!("\"{found}\"") };
+            format!("expected a coordinate within ±{FARTHEST:e}, found {found}; faces with this vertex are left out")
+        });
+    }
+
+    #[inline]
+    fn face(&mut self, line: &Line, at: usize, reading: Reading, corners: &mut Vec<(u32, bool)>) {
+        let text: &[u8] = &line.text;
+        corners.clear();
+        let mut at = skip_blanks(text, at);
+        while at < text.len() && text[at] != b'#' {
+            let Some((number, end)) = vertex_number(text, at) else {
+                return self.bad_corner(line, at);
+            };
+            corners.push(match number {
+                1.. => (u32::try_from(number - 1).unwrap_or(NO_VERTEX), false),
+                _ => ((self.vertices.len() as i64 + number) as i32 as u32, true),
+            });
+            at = skip_blanks(text, end);
+        }
+        if corners.len() < 3 {
+            return self.problems.push(line.number, whole(line), || {
+                format!("expected a face of three or more vertices, found {}; it is left out", corners.len())
+            });
+        }
+        if corners.len() > 4 {
+            self.polygons += 1;
+            if reading.drop_polygons {
+                return;
+            }
+        }
+        for i in 2..corners.len() {
+            let fan = [corners[0], corners[i - 1], corners[i]];
+            for (corner, (_, relative)) in fan.iter().enumerate() {
+                if *relative {
+                    self.relative.push((3 * self.triangles.len() + corner) as u32);
+                }
+            }
+            self.triangles.push(fan.map(|(number, _)| number));
+        }
+    }
+
+    #[cold]
+    fn bad_corner(&mut self, line: &Line, at: usize) {
+        let end = crate::scene::number::word_end(&line.text, at);
+        let found = shown(&line.text[at..end]);
+        self.problems.push(line.number, line.start + at..line.start + end, || {
+            format!(
+                "expected a vertex number, 1 or greater or negative, found \"{found}\"; the face is left out"
+            )
+        });
+    }
+
+    fn other(&mut self, line: &Line, start: usize) {
+        let mut words = Words::new(&line.text, start);
+        let Some((keyword, keyword_at)) = words.next() else { return };
+        let in_slice = |at: Range<usize>| line.start + at.start..line.start + at.end;
+        match keyword {
+            b"usemtl" => match words.next() {
+                Some((name, at)) => self.switch(line, Statement::Use(name.to_vec()), in_slice(at)),
+                None => self
+                    .problems
+                    .push(line.number, whole(line), || "usemtl without a name is ignored".to_owned()),
+            },
+            b"mtllib" => {
+                let names: Vec<_> = words.collect();
+                match (names.first(), names.last()) {
+                    (Some((_, first)), Some((_, last))) => {
+                        let joined = names.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(&b' ');
+                        self.switch(line, Statement::Library(joined), in_slice(first.start..last.end));
+                    }
+                    _ => self.problems.push(line.number, whole(line), || {
+                        "mtllib without a file name is ignored".to_owned()
+                    }),
+                }
+            }
+            keyword if is_ignored(keyword) => {}
+            b"v" => {
+                self.vertices.push(DVec3::NAN);
+                self.bad_vertex(line, keyword_at.end..keyword_at.end);
+            }
+            b"f" => {
+                self.problems
+                    .push(line.number, whole(line), || "a face without vertices is left out".to_owned());
+            }
+            _ => self.problems.push(line.number, in_slice(keyword_at), || {
+                format!("unknown statement \"{}\" is ignored", shown(keyword))
+            }),
+        }
+    }
+
+    fn switch(&mut self, line: &Line, statement: Statement, at: Range<usize>) {
+        self.switches.push(Switch { triangle: self.triangles.len(), line: line.number, statement, at });
+    }
+}
+
+/// The vertex number that begins at `at`, and the end of its word; texture and normal numbers are not looked at.
+#[inline]
+fn vertex_number(text: &[u8], at: usize) -> Option<(i64, usize)> {
+    let negative = text[at] == b'-';
+    let first = at + usize::from(negative);
+    let mut i = first;
+    let mut value = 0i64;
+    while let Some(d) = text.get(i).map(|b| b.wrapping_sub(b'0')).filter(|&d| d < 10) {
+        value = value.saturating_mul(10).saturating_add(i64::from(d)).min(1 << 40);
+        i += 1;
+    }
+    if i == first || value == 0 {
+        return None;
+    }
+    match text.get(i) {
+        Some(b'/') => i = crate::scene::number::word_end(text, i),
+        Some(b) if !is_blank(*b) => return None,
+        _ => {}
+    }
+    // A number below −2³¹ cannot be told from a positive one after wrapping; no file has that many vertices.
+    let value = if negative { -value } else { value };
+    (value > -(1 << 31)).then_some((value, i))
+}
+
+fn whole(line: &Line) -> Range<usize> {
+    if is_empty_line(&line.text) { line.start..line.start } else { line.start..line.start + line.text.len() }
+}
+
+/// Statements of the format that say nothing about triangles or their material.
+fn is_ignored(keyword: &[u8]) -> bool {
+    const IGNORED: [&[u8]; 34] = [
+        b"o",
+        b"g",
+        b"s",
+        b"l",
+        b"p",
+        b"mg",
+        b"cstype",
+        b"deg",
+        b"bmat",
+        b"step",
+        b"curv",
+        b"curv2",
+        b"surf",
+        b"parm",
+        b"trim",
+        b"hole",
+        b"scrv",
+        b"sp",
+        b"end",
+        b"con",
+        b"bevel",
+        b"c_interp",
+        b"d_interp",
+        b"lod",
+        b"maplib",
+        b"usemap",
+        b"shadow_obj",
+        b"trace_obj",
+        b"ctech",
+        b"stech",
+        b"call",
+        b"csh",
+        b"bsp",
+        b"bzp",
+    ];
+    IGNORED.contains(&keyword)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLAIN: Reading = Reading { y_up: false, drop_polygons: false };
+
+    #[test]
+    fn every_form_of_a_face() {
+        let s = read(
+            b"f 1 2 3\nf 1/1 2/2 3/3\nf 1//4 2//4 3//4\n  f\t1/1/1 2/2/2 3/3/3 4/4/4 # quad\nf 1 2 3 4 5\r\n",
+            PLAIN,
+        );
+        let fan = [[0, 1, 2], [0, 2, 3], [0, 3, 4]];
+        assert_eq!(s.triangles[..3], [[0, 1, 2]; 3]);
+        assert_eq!(s.triangles[3..5], fan[..2]);
+        assert_eq!(s.triangles[5..], fan);
+        assert_eq!((s.polygons, s.lines), (1, 5));
+        let dropped = read(b"f 1 2 3 4 5\n", Reading { drop_polygons: true, ..PLAIN });
+        assert!(dropped.triangles.is_empty() && dropped.polygons == 1);
+    }
+
+    #[test]
+    fn every_form_of_a_vertex() {
+        let s = read(
+            b"v 1 2 3\nv -1.5e1 2.25 +3 0.5 0.5 0.5\n v 1 2 3 1.0 # w\nv 4321000.125 5 6\\\n.5\n",
+            PLAIN,
+        );
+        assert_eq!(s.vertices[1], DVec3::new(-15.0, 2.25, 3.0));
+        assert_eq!(s.vertices.len(), 4);
+        let up = read(b"v 1 2 3\n", Reading { y_up: true, ..PLAIN });
+        assert_eq!(up.vertices, [DVec3::new(1.0, -3.0, 2.0)]);
+    }
+
+    #[test]
+    fn negative_numbers_count_back_from_the_face() {
+        let s = read(b"v 0 0 0\nv 1 0 0\nf -1 -2 5\nv 1 1 0\nf -1 -3 -4\n", PLAIN);
+        assert_eq!(s.triangles, [[1, 0, 4], [2, 0, u32::MAX]]);
+        assert_eq!(s.relative, [0, 1, 3, 4, 5]);
+    }
+
+    #[test]
+    fn bad_lines_are_named_and_cost_nothing_else() {
+        let s = read(
+            b"v 1 2\nv a 0 0\nv nan 0 0\nv 1e300 0 0\nv\nf 1 0 2\nf 1 2\nf 1 x 2\nf 1.5 2 3\nf\nusemtl\nmtllib\nbinary?\nf 1 2 3\n",
+            PLAIN,
+        );
+        assert_eq!((s.vertices.len(), s.triangles.len()), (5, 1));
+        assert!(s.vertices.iter().all(|v| v.is_nan()));
+        let source = crate::scene::text::Source::of("x.obj", b"");
+        let mut d = crate::diag::Diagnostics::default();
+        s.problems.report(&source, &mut d);
+        let lines: Vec<usize> = d.items().iter().map(|i| i.place.as_ref().unwrap().line).collect();
+        assert_eq!(lines, (1..=13).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_triangle_is_found_again() {
+        let text = b"v 0 0 0\n\nf 1 2 \\\n3\nf 4 5 6 7\nf 8 9 10\n";
+        let at = |n| locate(text, PLAIN, n).map(|(line, at)| (line, &text[at]));
+        assert_eq!(at(0).unwrap().0, 3);
+        assert_eq!(at(2), Some((5, &b"f 4 5 6 7"[..])));
+        assert_eq!(at(3), Some((6, &b"f 8 9 10"[..])));
+        assert_eq!(at(4), None);
+    }
+}

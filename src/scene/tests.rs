@@ -1,0 +1,141 @@
+//! Whole scenes: parts, ids, ground, shift, limits.
+
+use super::fixture::Fixture;
+use crate::geom::{Aabb, DVec3};
+use crate::survey::{Loader, Motion, MotionKind, MotionSequence, Swap, UpAxis};
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+fn offset(x: f64, y: f64, z: f64) -> DVec3 {
+    DVec3::new(x, y, z)
+}
+
+#[test]
+fn the_shift_is_the_centre_of_the_box_and_keeps_utm_coordinates_exact() {
+    let mut f = Fixture::new();
+    f.obj("a.obj", "v 477000.125 5474500.0625 100\nv 477010.125 5474500.0625 100\nv 477000.125 5474530.0625 140.5\nv 9 9 9\nf 1 2 3\n");
+    let scene = f.scene();
+    assert_eq!(scene.shift, offset(477005.125, 5474515.0625, 120.25));
+    let half = offset(5.0, 15.0, 20.25);
+    assert_eq!(scene.bounds, Aabb { min: -half, max: half });
+    assert_eq!(scene.geometry.vertices, [-half, offset(5.0, -15.0, -20.25), offset(-5.0, 15.0, 20.25)]);
+}
+
+#[test]
+fn parts_without_id_are_numbered_and_each_of_their_files_is_a_part() {
+    let mut f = Fixture::new();
+    f.obj("a.obj", TRIANGLE);
+    let files =
+        vec![f.file("b.obj", TRIANGLE), f.file("empty.obj", "# nothing\n"), f.file("c.obj", TRIANGLE)];
+    f.part(Loader::Obj { files: files.clone(), up: UpAxis::Z });
+    f.obj("none.obj", "v 1 1 1\n");
+    f.part(Loader::Obj { files, up: UpAxis::Z }).id = Some("hedge".to_owned());
+    f.obj("d.obj", TRIANGLE).id = Some(String::new());
+    f.obj("e.obj", TRIANGLE).id = Some("7".to_owned());
+    f.obj("g.obj", TRIANGLE);
+    let (scene, d) = f.load().unwrap();
+    let ids: Vec<&str> = scene.parts.iter().map(|p| p.id.as_str()).collect();
+    assert_eq!(ids, ["0", "1", "3", "hedge", "6", "7", "8"]);
+    let parts: Vec<u32> = (0..scene.geometry.len() as u32).map(|i| scene.part_of(i)).collect();
+    assert_eq!(parts, [0, 1, 2, 3, 3, 4, 5, 6]);
+    let lines: Vec<usize> = d.items().iter().map(|i| i.place.as_ref().unwrap().line).collect();
+    assert_eq!(lines, [11, 12], "an empty file and an empty part");
+}
+
+#[test]
+fn vertex_numbers_of_later_parts_are_moved_up() {
+    let mut f = Fixture::new();
+    f.obj("a.obj", TRIANGLE);
+    f.obj("b.obj", "v 5 5 5\nv 8 8 8\nv 6 5 5\nv 5 6 5\nf 1 3 4\n");
+    let scene = f.scene();
+    assert_eq!(scene.geometry.triangles, [[0, 1, 2], [3, 4, 5]]);
+    assert_eq!(scene.to_world(scene.geometry.triangle(1)[1]), offset(6.0, 5.0, 5.0));
+}
+
+#[test]
+fn missing_files_and_an_empty_scene_are_input_errors_with_the_part_s_place() {
+    let mut f = Fixture::new();
+    let files = vec![f.path().join("gone.obj"), f.path().to_path_buf()];
+    f.part(Loader::Obj { files, up: UpAxis::Z });
+    let report = f.error();
+    assert!(report.contains("gone.obj") && report.matches("scene.xml:10").count() >= 2, "{report}");
+    let mut empty = Fixture::new();
+    empty.obj("a.obj", "# nothing\n");
+    assert!(empty.error().contains("is empty"));
+}
+
+#[test]
+fn a_part_that_moves_is_refused_by_name() {
+    let mut f = Fixture::new();
+    f.obj("a.obj", TRIANGLE);
+    let motion = Motion { kind: MotionKind::Identity, about_self: false, auto_crs: 0.0 };
+    f.obj("b.obj", TRIANGLE).motions =
+        vec![MotionSequence { id: "m".to_owned(), loops: 0, next: None, motions: vec![motion] }];
+    let swapped = f.obj("c.obj", TRIANGLE);
+    swapped.id = Some("gate".to_owned());
+    swapped.swaps =
+        vec![Swap { plays: 1, keep_crs: true, vanish: true, loader: None, scale: None, offset: None }];
+    let report = f.error();
+    for part in ["number 1 moves", "scene.xml:11", "\"gate\" changes", "scene.xml:12"] {
+        assert!(report.contains(part), "{part} is missing from {report}");
+    }
+}
+
+#[test]
+fn coordinates_that_cannot_be_computed_are_refused() {
+    let mut f = Fixture::new();
+    f.obj("a.obj", TRIANGLE).transform.scale = 1e200;
+    f.obj("b.obj", TRIANGLE).transform.offset = DVec3::NAN;
+    let report = f.error();
+    assert!(report.contains("scene.xml:10") && report.contains("scene.xml:11"), "{report}");
+}
+
+#[test]
+fn a_scene_over_the_limit_is_refused_with_its_need() {
+    let mut f = Fixture::new();
+    f.obj("a.obj", TRIANGLE);
+    f.options.max_memory = Some(3 * 24 + 16);
+    assert_eq!(f.scene().geometry.len(), 1);
+    f.options.max_memory = Some(80);
+    let report = f.error();
+    assert!(report.contains("88 B") && report.contains("80 B"), "{report}");
+}
+
+const SLOPE: &str = "mtllib g.mtl\nusemtl g\nv 0 0 10\nv 10 0 20\nv 10 10 20\nv 0 10 10\nf 1 2 3 4\n";
+
+fn on_slope(mode: i64, at: DVec3) -> (Fixture, f64) {
+    let mut f = Fixture::new();
+    f.file("g.mtl", "newmtl g\nhelios_isGround true\n");
+    f.obj("slope.obj", SLOPE);
+    // The lowest corner is the last one; the one closest above the slope is the first.
+    let thing = f.obj("thing.obj", "v 4 0 3\nv 1 0 1\nv 0 0 0\nf 1 2 3\nv 0 1 2\nf 1 2 4\n");
+    thing.transform.offset = at;
+    thing.transform.on_ground = mode;
+    let (scene, _) = f.load().unwrap();
+    let z = scene.to_world(scene.geometry.triangle(3)[2]).z;
+    (f, z)
+}
+
+#[test]
+fn on_ground_moves_a_part_onto_the_plane_below_it() {
+    // The plane is z = 10 + x. Lowest corner at (2, 5): height 12. Corner (6, 5): 3 above the lowest, ground 4 higher.
+    let at = offset(2.0, 5.0, 50.0);
+    let close = |mode, expected: f64| {
+        let (_, z) = on_slope(mode, at);
+        assert!((z - expected).abs() < 1e-9, "mode {mode}: {z} is not {expected}");
+    };
+    close(0, 52.0);
+    close(1, 14.0);
+    close(-5, 14.0);
+    close(-1, 15.0);
+    close(1000, 15.0);
+}
+
+#[test]
+fn a_part_without_ground_below_stays_and_says_so() {
+    let (f, z) = on_slope(1, offset(200.0, 5.0, 50.0));
+    assert_eq!(z, 52.0);
+    let (_, d) = f.load().unwrap();
+    let warning = d.items().last().unwrap();
+    assert!(warning.message.contains("\"1\" stays") && warning.place.as_ref().unwrap().line == 11);
+}

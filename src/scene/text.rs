@@ -1,0 +1,309 @@
+//! Scene files as bytes: mapped, split into lines, and pointed at in messages.
+
+use super::number::{is_blank, skip_blanks, word_end};
+use crate::diag::{Diagnostics, Place};
+use memchr::{memchr, memrchr};
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::Read;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// How many problems of one file are reported one by one.
+pub(super) const SHOWN_PROBLEMS: usize = 20;
+
+/// Longest part of a line that a message shows, bytes.
+const SHOWN_LINE: usize = 160;
+
+/// A file's bytes.
+pub(super) struct Source {
+    path: PathBuf,
+    data: Data,
+}
+
+enum Data {
+    Mapped(memmap2::Mmap),
+    Held(Vec<u8>),
+}
+
+impl Source {
+    /// Maps `path`, or reads it if it is no plain file.
+    pub fn open(path: &Path) -> std::io::Result<Source> {
+        let mut file = File::open(path)?;
+        let about = file.metadata()?;
+        let data = if about.is_file() && about.len() > 0 {
+            // SAFETY: the mapping is read-only and private to this value. A scene file that another program shortens
+            // during loading is outside of what any reader of mapped files can guard against.
+            Data::Mapped(unsafe { memmap2::Mmap::map(&file)? })
+        } else {
+            let mut held = Vec::new();
+            file.read_to_end(&mut held)?;
+            Data::Held(held)
+        };
+        Ok(Source { path: path.to_path_buf(), data })
+    }
+
+    /// A source without a file.
+    #[cfg(test)]
+    pub fn of(path: &str, text: &[u8]) -> Source {
+        Source { path: PathBuf::from(path), data: Data::Held(text.to_vec()) }
+    }
+
+    /// The file's name.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The whole content.
+    pub fn bytes(&self) -> &[u8] {
+        match &self.data {
+            Data::Mapped(map) => map,
+            Data::Held(held) => held,
+        }
+    }
+
+    /// The place of the bytes `at`, which stand in line `number` (from 1). Bytes that are no text are shown as `�`.
+    pub fn place(&self, number: usize, at: Range<usize>) -> Place {
+        let bytes = self.bytes();
+        let start = memrchr(b'\n', &bytes[..at.start.min(bytes.len())]).map_or(0, |i| i + 1);
+        let end = memchr(b'\n', &bytes[start..]).map_or(bytes.len(), |n| start + n);
+        let from = if at.start - start > SHOWN_LINE { at.start - SHOWN_LINE / 2 } else { start };
+        let to = end.min(from + SHOWN_LINE);
+        let before = shown(&bytes[from..at.start.clamp(from, to)]);
+        let marked = shown(&bytes[at.start.clamp(from, to)..at.end.clamp(at.start.min(to), to)]);
+        let after = shown(&bytes[at.end.clamp(from, to)..to]);
+        let range = before.len()..before.len() + marked.len();
+        Place::in_line(&self.path, number, format!("{before}{marked}{after}").trim_end(), range)
+    }
+}
+
+/// Bytes as they may be shown in a terminal.
+pub(super) fn shown(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes)
+        .chars()
+        .map(|c| if c.is_control() && c != '\t' { '\u{fffd}' } else { c })
+        .collect()
+}
+
+/// A logical line: its physical lines joined where a `\` stands before their end.
+pub(super) struct Line<'a> {
+    /// Number of its first physical line, from 1.
+    pub number: usize,
+    /// Offset of its first byte.
+    pub start: usize,
+    /// Text without the line's end.
+    pub text: Cow<'a, [u8]>,
+}
+
+/// The lines of a piece of text.
+pub(super) struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    /// Physical lines passed so far.
+    pub passed: usize,
+    continued: bool,
+}
+
+impl<'a> Lines<'a> {
+    /// The lines of `bytes`; with `continued` a `\` at the end of a line joins it with the next one.
+    pub fn new(bytes: &'a [u8], continued: bool) -> Lines<'a> {
+        Lines { bytes, at: 0, passed: 0, continued }
+    }
+
+    fn physical(&mut self) -> Option<&'a [u8]> {
+        if self.at >= self.bytes.len() {
+            return None;
+        }
+        let rest = &self.bytes[self.at..];
+        let length = memchr(b'\n', rest);
+        self.at += length.map_or(rest.len(), |n| n + 1);
+        self.passed += 1;
+        Some(&rest[..length.unwrap_or(rest.len())])
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = Line<'a>;
+
+    #[inline]
+    fn next(&mut self) -> Option<Line<'a>> {
+        let start = self.at;
+        let text = self.physical()?;
+        let number = self.passed;
+        if !(self.continued && is_continued(text)) {
+            return Some(Line { number, start, text: Cow::Borrowed(text) });
+        }
+        // The `\` and what ends the line become blanks, so that offsets within the joined text stay offsets in the file.
+        let mut joined = text.to_vec();
+        while is_continued(&joined) {
+            blank_continuation(&mut joined);
+            let Some(next) = self.physical() else { break };
+            joined.push(b' ');
+            joined.extend_from_slice(next);
+        }
+        Some(Line { number, start, text: Cow::Owned(joined) })
+    }
+}
+
+/// Whether a line without its end goes on in the next one.
+pub(super) fn is_continued(line: &[u8]) -> bool {
+    match line {
+        [.., b'\\'] | [.., b'\\', b'\r'] => true,
+        _ => false,
+    }
+}
+
+fn blank_continuation(line: &mut [u8]) {
+    let n = line.len();
+    for b in &mut line[n.saturating_sub(2)..] {
+        if matches!(b, b'\\' | b'\r') {
+            *b = b' ';
+        }
+    }
+}
+
+/// The words of a line with their positions; a word that begins with `#` and everything after it is a comment.
+pub(super) struct Words<'a> {
+    line: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Words<'a> {
+    /// The words from byte `at` of `line` on.
+    pub fn new(line: &'a [u8], at: usize) -> Words<'a> {
+        Words { line, at }
+    }
+}
+
+impl<'a> Iterator for Words<'a> {
+    type Item = (&'a [u8], Range<usize>);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let start = skip_blanks(self.line, self.at);
+        if start >= self.line.len() || self.line[start] == b'#' {
+            return None;
+        }
+        self.at = word_end(self.line, start);
+        Some((&self.line[start..self.at], start..self.at))
+    }
+}
+
+/// Problems of one file, collected anywhere and reported in the order of the file.
+#[derive(Default)]
+pub(super) struct Problems {
+    shown: Vec<Problem>,
+    count: usize,
+}
+
+struct Problem {
+    line: usize,
+    at: Range<usize>,
+    message: String,
+}
+
+impl Problems {
+    /// Records a problem in line `line` (from 1) at the bytes `at`.
+    pub fn push(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
+        self.count += 1;
+        if self.shown.len() < SHOWN_PROBLEMS {
+            self.shown.push(Problem { line, at, message: message() });
+        }
+    }
+
+    /// Whether further problems are only counted.
+    pub fn is_full(&self) -> bool {
+        self.shown.len() >= SHOWN_PROBLEMS
+    }
+
+    /// Takes over the problems of a later piece of the file that begins `lines` lines and `bytes` bytes into it.
+    pub fn append(&mut self, later: Problems, lines: usize, bytes: usize) {
+        self.count += later.count;
+        let room = SHOWN_PROBLEMS - self.shown.len();
+        self.shown.extend(later.shown.into_iter().take(room).map(|p| Problem {
+            line: p.line + lines,
+            at: p.at.start + bytes..p.at.end + bytes,
+            message: p.message,
+        }));
+    }
+
+    /// Hands all of them over as warnings.
+    pub fn report(self, source: &Source, diagnostics: &mut Diagnostics) {
+        let more = self.count - self.shown.len();
+        for p in self.shown {
+            diagnostics.warn(Some(source.place(p.line, p.at)), p.message);
+        }
+        if more > 0 {
+            diagnostics.warn(None, format!("{more} more problems in {}", source.path().display()));
+        }
+    }
+}
+
+/// Cuts `bytes` into pieces of about `length` bytes that end with a complete logical line.
+pub(super) fn cut_into_pieces(bytes: &[u8], length: usize) -> Vec<Range<usize>> {
+    let mut pieces = Vec::new();
+    let mut start = 0;
+    while start < bytes.len() {
+        let mut end = (start + length).min(bytes.len());
+        while end < bytes.len() {
+            end = memchr(b'\n', &bytes[end..]).map_or(bytes.len(), |n| end + n + 1);
+            if !is_continued(&bytes[start..end - 1]) {
+                break;
+            }
+        }
+        pieces.push(start..end);
+        start = end;
+    }
+    pieces
+}
+
+/// Whether a line holds nothing but blanks.
+pub(super) fn is_empty_line(line: &[u8]) -> bool {
+    line.iter().all(|&b| is_blank(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn continued_lines_are_one_line_whose_offsets_are_those_of_the_file() {
+        let text = b"a\nf 1 2 \\\r\n 3\\\n4\nend";
+        let lines: Vec<_> =
+            Lines::new(text, true).map(|l| (l.number, l.start, l.text.into_owned())).collect();
+        assert_eq!(lines.len(), 3);
+        assert_eq!(lines[1].0, 2);
+        let at = lines[1].2.iter().position(|&b| b == b'4').unwrap();
+        assert_eq!(text[lines[1].1 + at], b'4');
+        assert_eq!((lines[2].0, &lines[2].2[..]), (5, &b"end"[..]));
+    }
+
+    #[test]
+    fn a_continuation_at_the_end_of_the_file_ends_with_it() {
+        for text in [&b"f 1 2 \\"[..], b"\\", b"\\\r", b"\\\n\\\n\\"] {
+            assert_eq!(Lines::new(text, true).count(), 1, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn pieces_end_with_complete_lines() {
+        let text = b"v 1 2 3\nf 1 2 \\\n3 4\\\r\n5\nend without line break";
+        for length in 1..text.len() + 2 {
+            let pieces = cut_into_pieces(text, length);
+            let joined: Vec<u8> = pieces.iter().flat_map(|p| text[p.clone()].to_vec()).collect();
+            assert_eq!(joined, text);
+            let lines: usize = pieces.iter().map(|p| Lines::new(&text[p.clone()], true).count()).sum();
+            assert_eq!(lines, 3, "pieces of {length}");
+        }
+    }
+
+    #[test]
+    fn a_place_in_noise_can_be_shown() {
+        let source = Source::of("n.obj", b"ok\n\xff\xfe\x1b[31m bad \x00\r\nok");
+        let place = source.place(2, 3..5);
+        assert_eq!(place.line, 2);
+        assert_eq!(&place.excerpt[place.marked.clone()], "\u{fffd}\u{fffd}");
+        assert!(!place.excerpt.contains('\x1b'));
+        let long = Source::of("l.obj", &[b'x'; 5000]);
+        assert!(long.place(1, 4000..4003).excerpt.len() <= SHOWN_LINE);
+    }
+}

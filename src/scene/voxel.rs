@@ -1,0 +1,61 @@
+//! What a cube of the scene is to a ray (spec pulse-physics §2.3–2.5).
+
+/// How a ray meets a cube.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[repr(u8)]
+pub enum VoxelKind {
+    /// The ray stops where it enters.
+    #[default]
+    Opaque,
+    /// The ray stops after an exponential free path or goes on (`transmittive`).
+    Transmittive,
+    /// The ray goes on (`fixed` and `scaled` voxels whose transmittance is 1 or NaN).
+    Transparent,
+}
+
+/// Attributes of a cube; 24 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Voxel {
+    /// Plant area density `PadBVTotal`, 1/m; 0 for cubes of point clouds.
+    pub density: f64,
+    normal: [f32; 3],
+    /// What happens to a ray.
+    pub kind: VoxelKind,
+}
+
+use crate::geom::DVec3;
+
+impl Voxel {
+    /// A cube of a point cloud: opaque, with the normal of its points if they have one.
+    pub fn of_points(normal: Option<DVec3>) -> Voxel {
+        Voxel {
+            density: 0.0,
+            normal: normal.unwrap_or(DVec3::ZERO).to_array().map(|c| c as f32),
+            kind: VoxelKind::Opaque,
+        }
+    }
+
+    /// A cube of vegetation with its density.
+    pub fn of_plants(density: f64, kind: VoxelKind) -> Voxel {
+        Voxel { density, normal: [0.0; 3], kind }
+    }
+
+    /// The surface normal that the cube stands for; without one the nearest face of the cube supplies it
+    /// (spec pulse-physics §2.4).
+    pub fn normal(&self) -> Option<DVec3> {
+        (self.normal != [0.0; 3]).then(|| DVec3::from(self.normal.map(f64::from)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_voxel_is_small_and_keeps_its_normal() {
+        assert_eq!(size_of::<Voxel>(), 24);
+        assert_eq!(Voxel::of_points(Some(DVec3::Z)).normal(), Some(DVec3::Z));
+        assert_eq!(Voxel::of_points(None).normal(), None);
+        assert_eq!(Voxel::of_plants(1.3, VoxelKind::Transmittive).density, 1.3);
+    }
+}
