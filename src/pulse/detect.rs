@@ -1,0 +1,290 @@
+//! From reflections to returns: the receiver (spec pulse-physics §4).
+
+use super::fit;
+use super::instrument::Instrument;
+use super::peaks::Peaks;
+use super::reflect::Reflection;
+use super::shape::parabola_top;
+use super::waveform::Waveform;
+
+/// Echoes with a narrower fit are dropped, ns.
+const NARROWEST_ECHO: f64 = 0.1;
+
+/// A peak that counts as an echo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Return {
+    /// Range that the waveform says, m: no errors, no noise.
+    pub range: f64,
+    /// Amplitude of the peak.
+    pub amplitude: f64,
+    /// Width of the fit, ns, or 0.
+    pub width: f64,
+}
+
+/// Reflections of a pulse by ascending range, as (range, intensity) in `out`. Of those at bit for bit the same range only
+/// the first counts, or their sum if `sum` is set (§4.2, trap 2).
+pub(super) fn order(
+    reflections: &[Reflection],
+    sum: bool,
+    keys: &mut Vec<(u64, u32)>,
+    out: &mut Vec<(f64, f64)>,
+) {
+    keys.clear();
+    // The bits of floats that are not negative are ordered like the floats.
+    keys.extend(reflections.iter().zip(0..).map(|(r, i)| (r.range.to_bits(), i)));
+    keys.sort_unstable();
+    out.clear();
+    let mut last = None;
+    for (bits, i) in keys.iter() {
+        let intensity = reflections[*i as usize].intensity;
+        if last != Some(*bits) {
+            out.push((f64::from_bits(*bits), intensity));
+            last = Some(*bits);
+        } else if sum && let Some(same) = out.last_mut() {
+            same.1 += intensity;
+        }
+    }
+}
+
+/// Appends what the detector reports of `waveform`, nearest first, at most as many as it can. `kept` says of a range
+/// whether it counts.
+pub(super) fn detect(
+    waveform: &Waveform,
+    instrument: &Instrument,
+    echo_width: bool,
+    kept: impl Fn(f64) -> bool,
+    out: &mut Vec<Return>,
+) {
+    let corrections = &instrument.corrections;
+    let (shape, most) = (&instrument.shape, instrument.max_returns as usize);
+    for (bin, amplitude) in Peaks::of(waveform, instrument.rule) {
+        let width = if echo_width {
+            let reach = corrections.local_fit.then_some(shape.samples.len() as u64);
+            let width = fit::width(waveform, bin, amplitude, reach) * shape.bin;
+            if width < NARROWEST_ECHO && !corrections.keep_narrow_echoes {
+                continue;
+            }
+            width
+        } else {
+            0.0
+        };
+        let mut position = bin as f64;
+        if corrections.fractional_bins && bin > 0 {
+            let top = parabola_top(waveform.at(bin - 1), amplitude, waveform.at(bin + 1));
+            position += top - shape.peak_offset;
+        }
+        let range = instrument.light_speed * (position * shape.bin + waveform.start);
+        if !kept(range) {
+            continue;
+        }
+        out.push(Return { range, amplitude, width });
+        if most > 0 && out.len() >= most {
+            return;
+        }
+    }
+}
+
+/// The reflection that a return at `range` is attributed to: the nearest by entry point, the first of equally near ones
+/// (§4.7). A range that is no number belongs to the first.
+pub(super) fn attribute(reflections: &[Reflection], range: f64) -> Option<&Reflection> {
+    let mut best: Option<(&Reflection, f64)> = None;
+    for r in reflections {
+        let off = (r.entry - range).abs();
+        if best.is_none_or(|b| off < b.1) {
+            best = Some((r, off));
+        }
+    }
+    best.map(|b| b.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pulse::testkit::{received, tls_instrument};
+    use crate::survey::WaveformSettings;
+    use proptest::prelude::*;
+
+    fn returns(of: &[(f64, f64)], instrument: &Instrument) -> Vec<Return> {
+        let mut out = Vec::new();
+        detect(&received(of, instrument), instrument, false, |_| true, &mut out);
+        out
+    }
+
+    fn at(range: f64, intensity: f64) -> Reflection {
+        Reflection { range, entry: range, intensity, cosine: 1.0, primitive: 0 }
+    }
+
+    #[test]
+    fn two_reflections_merge_or_part_as_in_the_worked_example() {
+        // spec pulse-physics §4.12 (d): (distance between them, bins, echoes as (bin, range, amplitude))
+        type Echoes = &'static [(u64, f64, f64)];
+        let table: [(f64, u64, Echoes); 7] = [
+            (0.1, 18, &[(5, 100.0, 1.069062)]),
+            (0.3, 21, &[(7, 100.149896, 0.902304)]),
+            (0.5, 23, &[(10, 100.374741, 0.773128)]),
+            (0.6, 25, &[(5, 100.0, 0.536880), (12, 100.524637, 0.676817)]),
+            (0.8, 27, &[(5, 100.0, 0.536880), (14, 100.674533, 0.614248)]),
+            (1.0, 30, &[(5, 100.0, 0.536880), (18, 100.974325, 0.536880)]),
+            (2.0, 43, &[(5, 100.0, 0.536880), (31, 101.948651, 0.536880)]),
+        ];
+        let instrument = tls_instrument(4.0);
+        for (s, bins, expected) in table {
+            let waveform = received(&[(100.0, 1.0), (100.0 + s, 1.0)], &instrument);
+            assert_eq!(waveform.bins, bins, "s = {s}");
+            let found: Vec<_> = Peaks::of(&waveform, instrument.rule).map(|p| p.0).collect();
+            assert_eq!(found, expected.iter().map(|e| e.0).collect::<Vec<_>>(), "s = {s}");
+            for (r, e) in returns(&[(100.0, 1.0), (100.0 + s, 1.0)], &instrument).iter().zip(expected) {
+                assert!(
+                    (r.range - e.1).abs() < 1e-6 && (r.amplitude - e.2).abs() < 1e-6,
+                    "s = {s}: {r:?} is not {e:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_merged_echo_belongs_to_the_surface_nearest_to_its_peak() {
+        let both = [at(100.0, 1.0), at(100.5, 1.0)];
+        assert_eq!(attribute(&both, 100.374741), Some(&both[1]));
+        assert_eq!(attribute(&both, 100.25), Some(&both[0]));
+        assert_eq!(attribute(&both, f64::NAN), Some(&both[0]));
+        assert_eq!(attribute(&[], 1.0), None);
+    }
+
+    #[test]
+    fn a_map_of_three_reflections() {
+        // spec pulse-physics §4.12 (e)
+        let instrument = tls_instrument(4.0);
+        let map = [(50.0, 2.0), (50.1, 1.0), (53.0, 0.5)];
+        let waveform = received(&map, &instrument);
+        assert_eq!(waveform.bins, 57);
+        assert!((waveform.start - 165.532047599).abs() < 1e-9);
+        let found = returns(&map, &instrument);
+        assert_eq!(found.len(), 2);
+        assert!((found[0].range - 50.0).abs() < 1e-9 && (found[0].amplitude - 1.605942006).abs() < 1e-9);
+        assert!(
+            (found[1].range - 52.997924580).abs() < 1e-9 && (found[1].amplitude - 0.268439826).abs() < 1e-9
+        );
+    }
+
+    #[test]
+    fn the_weakest_bin_of_the_window_must_reach_the_threshold() {
+        // spec pulse-physics §4.12 (g)
+        for (length, weakest) in [(5.0, 4.10970e-4), (4.0, 3.13322e-4)] {
+            let mut instrument = tls_instrument(length);
+            assert_eq!(returns(&[(100.0, weakest * 0.9999)], &instrument).len(), 0);
+            assert_eq!(returns(&[(100.0, weakest * 1.0001)], &instrument).len(), 1);
+            instrument.rule.weak_neighbours = true;
+            assert_eq!(returns(&[(100.0, weakest * 0.9)], &instrument).len(), 1, "with the correction");
+        }
+    }
+
+    #[test]
+    fn a_window_of_one_bin_makes_every_bin_an_echo() {
+        // spec pulse-physics §4.12 (j)
+        let mut instrument = tls_instrument(4.0);
+        let settings = WaveformSettings { bin: 1.0, window: 1.0, quality: 1, max_range: 0.0 };
+        instrument.shape = crate::pulse::shape::PulseShape::new(4.0, &settings);
+        instrument.rule.window = 1;
+        let found = returns(&[(50.0, 1.0)], &instrument);
+        let expected = [(50.0, 0.5322), (50.2998, 0.3699), (50.5996, 0.1446)];
+        assert_eq!(found.len(), expected.len());
+        for (r, e) in found.iter().zip(expected) {
+            assert!((r.range - e.0).abs() < 5e-5 && (r.amplitude - e.1).abs() < 5e-5, "{r:?} is not {e:?}");
+        }
+    }
+
+    #[test]
+    fn equal_ranges_keep_the_first_or_add() {
+        let map = |sum| {
+            let (mut keys, mut out) = (Vec::new(), Vec::new());
+            order(&[at(3.0, 5.0), at(1.0, 1.0), at(3.0, 7.0), at(3.0, 9.0)], sum, &mut keys, &mut out);
+            out
+        };
+        assert_eq!(map(false), [(1.0, 1.0), (3.0, 5.0)]);
+        assert_eq!(map(true), [(1.0, 1.0), (3.0, 21.0)]);
+    }
+
+    #[test]
+    fn ranges_between_bins_are_right_to_millimetres_when_asked_for() {
+        let mut instrument = tls_instrument(4.0);
+        instrument.corrections.fractional_bins = true;
+        for i in 0..200 {
+            let second = 103.0 + f64::from(i) * 1.7e-3;
+            let found = returns(&[(100.0, 1.0), (second, 1.0)], &instrument);
+            assert_eq!(found.len(), 2);
+            assert!((found[0].range - 100.0).abs() < 1e-9, "{}", found[0].range);
+            assert!((found[1].range - second).abs() < 5e-3, "{} is not {second}", found[1].range);
+        }
+    }
+
+    /// The spec's procedure word by word, on an array of all bins.
+    fn plain(map: &[(f64, f64)], instrument: &Instrument) -> (Vec<f64>, Vec<usize>) {
+        let (shape, c, bin) = (&instrument.shape, instrument.light_speed, instrument.shape.bin);
+        let lead = shape.peak as f64 * bin;
+        let (t0, t1) = (map[0].0 / c - lead, map[map.len() - 1].0 / c + shape.length - lead + bin);
+        let n = ((t1 / bin).ceil() - (t0 / bin).ceil()) as usize;
+        let mut f = vec![0.0; n];
+        let mut i = 0;
+        while i < map.len() {
+            let start = |d: f64| (((d / c - t0) / bin) as i64 - shape.peak as i64).max(0) as usize;
+            let (b, mut sum) = (start(map[i].0), 0.0);
+            while i < map.len() && start(map[i].0) == b {
+                sum += map[i].1;
+                i += 1;
+            }
+            for (k, w) in shape.samples.iter().enumerate() {
+                if b + k < n {
+                    f[b + k] += w * sum;
+                }
+            }
+        }
+        let (w, least) = (instrument.rule.window as i64, instrument.rule.threshold);
+        let peaks = (0..n as i64).filter(|&i| {
+            let top = f[i as usize];
+            let good = |j: i64| f[j as usize] >= least && f[j as usize] < top;
+            top >= least && ((i - w).max(0) + 1..i).all(good) && (i + 1..(i + w).min(n as i64)).all(good)
+        });
+        let peaks = peaks.map(|i| i as usize).collect();
+        (f, peaks)
+    }
+
+    proptest! {
+        #[test]
+        fn sparse_waveforms_are_the_plain_ones_bit_for_bit(
+            mut map in prop::collection::vec((2.0..60.0f64, 1e-4..2.0f64), 1..24),
+            far in prop::collection::vec((60.0..900.0f64, 1e-4..2.0f64), 0..4),
+            window in 0u64..400,
+            threshold in prop::sample::select(vec![1e-4, 1e-3, 1e-2]),
+        ) {
+            map.extend(far);
+            map.sort_by(|a, b| a.0.total_cmp(&b.0));
+            map.dedup_by(|a, b| a.0 == b.0);
+            let mut instrument = tls_instrument(4.0);
+            (instrument.rule.window, instrument.rule.threshold) = (window, threshold);
+            let waveform = received(&map, &instrument);
+            let (f, peaks) = plain(&map, &instrument);
+            let mut all = Vec::new();
+            waveform.append_to(&mut all);
+            prop_assert_eq!(all.len(), f.len());
+            for (a, b) in all.iter().zip(&f) {
+                prop_assert_eq!(a.to_bits(), b.to_bits());
+            }
+            let found: Vec<usize> = Peaks::of(&waveform, instrument.rule).map(|p| p.0 as usize).collect();
+            prop_assert_eq!(found, peaks);
+        }
+    }
+
+    #[test]
+    fn a_leaf_and_a_mountain_need_no_memory_for_the_air_between() {
+        let instrument = tls_instrument(4.0);
+        let map = [(5.0, 1.0), (5e9, 1.0)];
+        let waveform = received(&map, &instrument);
+        assert!(waveform.bins > 60_000_000_000);
+        let stored: usize = waveform.segments().map(|s| s.1.len()).sum();
+        assert!(stored < 100, "{stored} bins are stored");
+        let found = returns(&map, &instrument);
+        assert_eq!(found.len(), 2);
+        assert!((found[0].range - 5.0).abs() < 1e-9 && (found[1].range - 5e9).abs() < 0.1);
+    }
+}

@@ -1,0 +1,231 @@
+//! What the pulse physics needs to know of a device, computed once.
+
+use super::energy::{BeamState, Energy, half_angle};
+use super::options::{Corrections, PhysicsOptions};
+use super::peaks::PeakRule;
+use super::shape::{PulseShape, sample_count};
+use super::subray::Subrays;
+use crate::geom::LIGHT_SPEED;
+use crate::survey::formula::Formula;
+use crate::survey::{Device, Survey};
+use crate::{Error, Result};
+use std::collections::HashMap;
+
+/// Most rings of subrays: 512 rings are 822,000 rays per pulse.
+const MOST_RINGS: u32 = 512;
+/// Most bins of an outgoing pulse.
+const MOST_PULSE_BINS: f64 = (1u32 << 20) as f64;
+
+/// A device with one divergence.
+#[derive(Clone, Debug)]
+pub(super) struct Instrument {
+    /// Beam geometry.
+    pub subrays: Subrays,
+    /// Radar equation.
+    pub energy: Energy,
+    /// Outgoing pulse.
+    pub shape: PulseShape,
+    /// Detection rule.
+    pub rule: PeakRule,
+    /// Most returns per pulse, 0 = unlimited.
+    pub max_returns: u32,
+    /// Nearest range R0, m.
+    pub range_min: f64,
+    /// Farthest range, m.
+    pub range_max: f64,
+    /// Longest waveform, ns; 0 = unlimited.
+    pub longest: f64,
+    /// Metres of range per nanosecond of travel time.
+    pub light_speed: f64,
+    /// 1σ range noise, m.
+    pub range_accuracy: f64,
+    /// Factor on the range noise.
+    pub distance_error: Option<Formula>,
+    /// Noise of recorded waveforms.
+    pub waveform_noise: f64,
+    /// Corrections that hold.
+    pub corrections: Corrections,
+}
+
+impl Instrument {
+    fn new(device: &Device, divergence: Divergence, context: &Context) -> Instrument {
+        let (o, c) = (context.options, context.options.corrections);
+        let state = BeamState {
+            beam: &device.beam,
+            rings: device.waveform.quality,
+            range_min: device.detector.range_min,
+            start_divergence: divergence.start,
+            leg_divergence: divergence.leg,
+        };
+        Instrument {
+            subrays: Subrays::new(half_angle(divergence.start, &c), device.waveform.quality),
+            energy: Energy::new(state, context.multi_channel, o),
+            shape: PulseShape::new(device.beam.pulse_length, &device.waveform),
+            rule: peak_rule(device, &c),
+            max_returns: device.detector.max_returns,
+            range_min: device.detector.range_min,
+            range_max: device.detector.range_max,
+            longest: device.waveform.max_range,
+            light_speed: if c.two_way_time { LIGHT_SPEED * 0.5 } else { LIGHT_SPEED },
+            range_accuracy: if c.own_accuracy { device.detector.accuracy } else { context.first_accuracy },
+            distance_error: device.detector.distance_error.clone(),
+            waveform_noise: if o.waveform_noise { device.detector.accuracy * 0.5 } else { 0.0 },
+            corrections: c,
+        }
+    }
+}
+
+fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
+    let bins = device.waveform.window / device.waveform.bin;
+    PeakRule {
+        threshold: device.detector.threshold,
+        // The allowance lifts quotients that rounding left just below a whole number.
+        window: if c.peak_neighbours { ((bins + 1e-9) as u64).max(2) } else { bins as u64 },
+        weak_neighbours: c.weak_neighbours,
+    }
+}
+
+/// Beam divergence, rad.
+#[derive(Clone, Copy, Debug)]
+struct Divergence {
+    /// When the simulation starts.
+    start: f64,
+    /// In the current leg.
+    leg: f64,
+}
+
+/// What all devices of a survey share.
+struct Context<'a> {
+    options: &'a PhysicsOptions,
+    multi_channel: bool,
+    first_accuracy: f64,
+}
+
+/// The instruments of a survey by leg and device.
+#[derive(Clone, Debug)]
+pub(super) struct Fleet {
+    instruments: Vec<Instrument>,
+    devices: usize,
+    /// For each leg and device an index into `instruments`.
+    used: Vec<u32>,
+}
+
+impl Fleet {
+    /// Computes all that `survey` uses. Errors name settings that no instrument can have or no memory hold.
+    pub fn new(survey: &Survey, options: &PhysicsOptions) -> Result<Fleet> {
+        let devices = &survey.scanner.devices;
+        devices.iter().try_for_each(check)?;
+        let context = Context {
+            options,
+            multi_channel: survey.scanner.multi_channel,
+            first_accuracy: devices.first().map_or(0.0, |d| d.detector.accuracy),
+        };
+        let mut fleet = Fleet { instruments: Vec::new(), devices: devices.len(), used: Vec::new() };
+        let mut known: HashMap<(usize, u64), u32> = HashMap::new();
+        for leg in &survey.legs {
+            for (i, device) in devices.iter().enumerate() {
+                let divergence = divergence(survey, leg.scanner.beam_divergence, i, device, options);
+                let index = known.entry((i, divergence.leg.to_bits())).or_insert_with(|| {
+                    fleet.instruments.push(Instrument::new(device, divergence, &context));
+                    fleet.instruments.len() as u32 - 1
+                });
+                fleet.used.push(*index);
+            }
+        }
+        Ok(fleet)
+    }
+
+    /// The instrument that fires as `device` in `leg` (position among the survey's legs).
+    pub fn instrument(&self, leg: u32, device: u32) -> Result<&Instrument> {
+        let known = (device as usize) < self.devices;
+        let at = (leg as usize).checked_mul(self.devices).and_then(|l| l.checked_add(device as usize));
+        at.filter(|_| known)
+            .and_then(|at| self.used.get(at))
+            .map(|i| &self.instruments[*i as usize])
+            .ok_or_else(|| {
+                Error::Internal(format!(
+                    "a pulse of device {device} in leg {leg}, which the survey does not have"
+                ))
+            })
+    }
+}
+
+/// Leg settings reach device 0 only, and the rays only before the first leg (spec pulse-physics §5.3, trap 8).
+fn divergence(
+    survey: &Survey,
+    of_leg: f64,
+    i: usize,
+    device: &Device,
+    options: &PhysicsOptions,
+) -> Divergence {
+    if i > 0 {
+        return Divergence { start: device.beam.divergence, leg: device.beam.divergence };
+    }
+    let first = survey.legs.first().map_or(device.beam.divergence, |l| l.scanner.beam_divergence);
+    Divergence { start: if options.corrections.divergence_per_leg { of_leg } else { first }, leg: of_leg }
+}
+
+fn check(device: &Device) -> Result<()> {
+    let (w, length) = (&device.waveform, device.beam.pulse_length);
+    let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
+        format!("binSize_ns is {}, expected a positive number", w.bin)
+    } else if !(length.is_finite() && length / w.bin <= MOST_PULSE_BINS) {
+        format!(
+            "a pulse of {length} ns has more than a million bins of {} ns; choose a larger binSize_ns",
+            w.bin
+        )
+    } else if w.quality > MOST_RINGS {
+        format!("beamSampleQuality is {}, expected at most {MOST_RINGS}", w.quality)
+    } else {
+        debug_assert!(sample_count(length, w.bin) <= MOST_PULSE_BINS as usize);
+        return Ok(());
+    };
+    Err(Error::input(format!("device {}: {problem}", device.id)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pulse::testkit::{survey, tls_device};
+
+    #[test]
+    fn impossible_settings_are_named() {
+        let cases: [(&str, fn(&mut Device)); 4] = [
+            ("binSize_ns", |d| d.waveform.bin = 0.0),
+            ("binSize_ns", |d| d.waveform.bin = f64::NAN),
+            ("million bins", |d| d.waveform.bin = 1e-9),
+            ("beamSampleQuality", |d| d.waveform.quality = u32::MAX),
+        ];
+        for (word, spoil) in cases {
+            let mut device = tls_device(5.0);
+            spoil(&mut device);
+            let error = Fleet::new(&survey(vec![device]), &PhysicsOptions::helios()).unwrap_err();
+            assert!(error.to_string().contains(word), "{error} does not name {word}");
+        }
+    }
+
+    #[test]
+    fn legs_with_the_same_divergence_share_an_instrument() {
+        let mut s = survey(vec![tls_device(5.0), tls_device(4.0)]);
+        s.legs.push(s.legs[0].clone());
+        s.legs.push(s.legs[0].clone());
+        s.legs[1].scanner.beam_divergence = 2e-3;
+        let fleet = Fleet::new(&s, &PhysicsOptions::helios()).unwrap();
+        assert_eq!((fleet.used.as_slice(), fleet.instruments.len()), ([0, 1, 2, 1, 0, 1].as_slice(), 3));
+        assert!(fleet.instrument(2, 1).is_ok());
+        assert!(fleet.instrument(3, 0).is_err() && fleet.instrument(0, 2).is_err());
+        assert!(fleet.instrument(u32::MAX, u32::MAX).is_err());
+    }
+
+    #[test]
+    fn windows_are_truncated_as_the_reference_does_it_unless_corrected() {
+        let mut device = tls_device(5.0);
+        (device.waveform.window, device.waveform.bin) = (0.3, 0.1);
+        let mut c = Corrections::NONE;
+        assert_eq!(peak_rule(&device, &c).window, 2);
+        c.peak_neighbours = true;
+        assert_eq!(peak_rule(&device, &c).window, 3);
+        device.waveform.window = 0.05;
+        assert_eq!(peak_rule(&device, &c).window, 2);
+    }
+}

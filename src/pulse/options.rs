@@ -1,0 +1,163 @@
+//! What of the pulse physics a run can choose.
+
+/// Choices of the pulse physics. [`PhysicsOptions::helios`] reproduces the reference's numbers; single fields may then be
+/// changed at will.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PhysicsOptions {
+    /// Seed of every random draw.
+    pub seed: u64,
+    /// Use the older energy model (spec pulse-physics §3.3). Scanners with channels ignore it (§0.4).
+    pub legacy_energy: bool,
+    /// Treat every surface as if it faced the beam (§2.4).
+    pub fixed_incidence: bool,
+    /// Fit a Gaussian to every echo (§4.5); echoes narrower than 0.1 ns are dropped then.
+    pub echo_width: bool,
+    /// Add noise to the recorded waveforms; points never see it (§4.11).
+    pub waveform_noise: bool,
+    /// Append a record to the batch for the waveform of every pulse with an echo.
+    pub record_waveforms: bool,
+    /// Append a record to the batch for every pulse, with or without echoes.
+    pub record_pulses: bool,
+    /// Where the physics departs from the reference's.
+    pub corrections: Corrections,
+}
+
+impl PhysicsOptions {
+    /// The reference's physics: no corrections, improved energy model, seed 0, nothing recorded but points.
+    pub fn helios() -> PhysicsOptions {
+        PhysicsOptions {
+            seed: 0,
+            legacy_energy: false,
+            fixed_incidence: false,
+            echo_width: false,
+            waveform_noise: false,
+            record_waveforms: false,
+            record_pulses: false,
+            corrections: Corrections::NONE,
+        }
+    }
+
+    /// The corrected physics: [`Corrections::REFINED`], otherwise as [`PhysicsOptions::helios`].
+    pub fn refined() -> PhysicsOptions {
+        PhysicsOptions { corrections: Corrections::REFINED, ..PhysicsOptions::helios() }
+    }
+}
+
+impl Default for PhysicsOptions {
+    fn default() -> PhysicsOptions {
+        PhysicsOptions::helios()
+    }
+}
+
+macro_rules! corrections {
+    ($($(#[$doc:meta])* $name:ident: $refined:literal,)*) => {
+        /// Departures from the reference's physics (spec pulse-physics §9, §10), each of which can be chosen by itself.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Corrections {
+            $($(#[$doc])* pub $name: bool,)*
+        }
+
+        impl Corrections {
+            /// Names of all corrections, in the order of the fields.
+            pub const NAMES: &[&str] = &[$(stringify!($name)),*];
+
+            /// None of them: the reference's physics.
+            pub const NONE: Corrections = Corrections { $($name: false),* };
+
+            /// Those that make up the refined physics.
+            pub const REFINED: Corrections = Corrections { $($name: $refined),* };
+
+            /// The correction of that name, to be read or changed; `None` for an unknown name.
+            pub fn by_name(&mut self, name: &str) -> Option<&mut bool> {
+                match name {
+                    $(stringify!($name) => Some(&mut self.$name),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+corrections! {
+    /// Reflections at exactly the same range add up; the reference keeps the first and drops the others, so that most
+    /// subrays vanish on surfaces that are hit symmetrically (trap 2).
+    sum_equal_ranges: true,
+    /// A ray that passed one voxel meets the next even if it touches, and a voxel around the origin is met; in the
+    /// reference both are invisible (trap 3).
+    adjacent_voxels: true,
+    /// The beam is narrowest where it leaves the instrument; the reference's improved model focuses it at the minimum
+    /// range, and at a minimum range of 0 receives nothing at all (trap 4).
+    waist_at_exit: true,
+    /// The improved model compares radii and beam width both in metres, which makes extended targets fade with R⁻²; the
+    /// reference compares radians with metres, hence R⁻⁴ (§10).
+    ring_radii_in_metres: true,
+    /// The divergence is the beam's full angle, as in data sheets, for the traced cone and the waist too, where the
+    /// reference takes it as the half angle (§10).
+    full_angle_divergence: true,
+    /// The legacy model divides by the number of subrays that exist; the reference's divisor is wrong from 5 rings on
+    /// (§1.3).
+    true_subray_count: true,
+    /// A beam without divergence keeps its energy on its axis instead of yielding NaN echoes (trap 21).
+    collimated_energy: true,
+    /// A later leg's divergence holds for the whole of that leg's physics; in the reference only for a part of the
+    /// legacy model (trap 8).
+    divergence_per_leg: true,
+    /// Extinction by haze per kilometre and wavelength in micrometres, as the formula is meant: about 8 times the
+    /// reference's at 1064 nm; a visibility of 50 km belongs to the clear branch (trap 15).
+    atmosphere_units: true,
+    /// The recorded waveform begins at the minimum range at the earliest, and nothing else happens; in the reference one
+    /// reflection shortly behind the minimum range discards the whole pulse (trap 5).
+    clip_dead_zone: true,
+    /// The longest waveform counts from the first reflection, not from the instrument (trap 6).
+    limit_from_first: true,
+    /// At least one neighbour on each side is compared with a peak, and quotients like 0.3/0.1 count as 3; otherwise a
+    /// window of less than two bins makes every bin an echo (trap 7).
+    peak_neighbours: true,
+    /// Neighbours of a peak may lie below the threshold (trap 17).
+    weak_neighbours: true,
+    /// A bin is worth cΔ/2 of range as in an instrument, which times the way there and back; the reference counts one
+    /// way and resolves half as well. Recorded waveform times are two-way then (§10).
+    two_way_time: true,
+    /// A reflection may start between two bins and the range is read between bins; the reference rounds ranges down to
+    /// whole bins behind the first reflection (§10).
+    fractional_bins: true,
+    /// Fit an echo's width near its peak, where the reference fits the whole waveform and gets absurd widths for second
+    /// echoes (trap 18).
+    local_fit: true,
+    /// Echoes whose fitted width is below 0.1 ns stay (trap 18).
+    keep_narrow_echoes: true,
+    /// Range noise of each device has its own accuracy, not that of device 0 (trap 9).
+    own_accuracy: true,
+    /// Returns are numbered and counted after the near-range filter (trap 20).
+    count_kept_returns: true,
+    /// Subrays may hit though the axis misses the scene's box (trap 11).
+    no_axis_gate: true,
+    /// Moving parts stay visible outside the scene's first box (trap 12).
+    unbounded_scene: true,
+    /// Rays go on through what lies nearer than the minimum range, for instruments inside a modelled hull (trap 10). Not
+    /// part of the refined physics, since a near object really is in the way.
+    see_through_near: false,
+    /// Voxels without a leaf angle table have spherically distributed leaves, half the reference's extinction (trap 14).
+    spherical_leaves: true,
+    /// Intensity and attribution of a voxel's echo belong to where the ray stopped, not to where it entered (trap 22).
+    voxel_stop_point: true,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reference_has_no_corrections_and_each_is_found_by_name() {
+        let mut c = PhysicsOptions::helios().corrections;
+        assert_eq!(c, Corrections::NONE);
+        for name in Corrections::NAMES {
+            let one = c.by_name(name).expect("a listed name");
+            assert!(!*one, "{name} is on in the reference's physics");
+            *one = true;
+        }
+        assert!(c.by_name("helios").is_none());
+        c.see_through_near = false;
+        assert_eq!(c, Corrections::REFINED);
+    }
+}

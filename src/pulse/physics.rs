@@ -1,0 +1,277 @@
+//! The whole way of a pulse: expand → trace → reflect → receive → detect → emit.
+
+use super::detect::{Return, attribute, detect, order};
+use super::instrument::{Fleet, Instrument};
+use super::reflect::{Probe, Reflection, View};
+use super::waveform::Waveform;
+use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
+use crate::flight::Pulse;
+use crate::geom::{Aabb, DVec3};
+use crate::pipeline::Batch;
+use crate::rng::{Purpose, Stream};
+use crate::scene::Scene;
+use crate::survey::Survey;
+use crate::tree::{Hits, RayBundle, Tree};
+use crate::{Error, Result};
+use std::sync::Arc;
+
+/// Longest waveform that is recorded, samples (1,250 km of 0.25 ns bins).
+const LONGEST_RECORD: u64 = 1 << 24;
+
+/// The pulse physics of a survey over a scene: immutable, shared by all workers.
+#[derive(Clone, Debug)]
+pub struct Physics<'a> {
+    view: View<'a>,
+    /// Box that the beam's axis must meet for the pulse to count.
+    gate: Option<Aabb>,
+    fleet: Arc<Fleet>,
+    options: PhysicsOptions,
+    range_noise: Stream,
+    waveform_noise: Stream,
+}
+
+impl<'a> Physics<'a> {
+    /// Computes the constants of all devices and legs of `survey`. Fails on settings that no instrument can have (bins
+    /// without width) or no memory hold (millions of subrays or of pulse samples).
+    pub fn new(scene: &'a Scene, tree: &'a Tree, survey: &Survey, o: PhysicsOptions) -> Result<Physics<'a>> {
+        Ok(Physics {
+            view: View {
+                scene,
+                tree,
+                limits: (!o.corrections.unbounded_scene).then_some(scene.bounds),
+                fixed_incidence: o.fixed_incidence,
+            },
+            gate: gate(scene, &o),
+            fleet: Arc::new(Fleet::new(survey, &o)?),
+            options: o,
+            range_noise: Stream::new(o.seed, Purpose::Range),
+            waveform_noise: Stream::new(o.seed, Purpose::Waveform),
+        })
+    }
+
+    /// The same physics over another version of the scene: costs nothing.
+    pub fn over<'b>(&self, scene: &'b Scene, tree: &'b Tree) -> Physics<'b> {
+        let limits = (!self.options.corrections.unbounded_scene).then_some(scene.bounds);
+        Physics {
+            view: View { scene, tree, limits, fixed_incidence: self.options.fixed_incidence },
+            gate: gate(scene, &self.options),
+            fleet: Arc::clone(&self.fleet),
+            options: self.options,
+            range_noise: self.range_noise,
+            waveform_noise: self.waveform_noise,
+        }
+    }
+
+    /// A shooter for one worker.
+    pub fn shooter(&self) -> Shooter<'_> {
+        Shooter {
+            physics: self,
+            rays: RayBundle::default(),
+            hits: Hits::default(),
+            receiver: Receiver::default(),
+        }
+    }
+}
+
+/// The box of spec pulse-physics §2.1, unless rays beside the axis count as well.
+fn gate(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
+    match (o.corrections.no_axis_gate, o.corrections.unbounded_scene) {
+        (true, _) => None,
+        (false, false) => Some(scene.bounds),
+        (false, true) => Some(scene.geometry.bounds()),
+    }
+}
+
+/// Fires pulses one after the other. One per worker: it owns the memory, which stays from pulse to pulse.
+#[derive(Clone, Debug)]
+pub struct Shooter<'p> {
+    physics: &'p Physics<'p>,
+    rays: RayBundle,
+    hits: Hits,
+    receiver: Receiver,
+}
+
+/// Memory of everything behind the tracing.
+#[derive(Clone, Debug, Default)]
+struct Receiver {
+    probe: Probe,
+    reflections: Vec<Reflection>,
+    keys: Vec<(u64, u32)>,
+    light: Vec<(f64, f64)>,
+    waveform: Waveform,
+    returns: Vec<Return>,
+}
+
+impl Shooter<'_> {
+    /// Fires `pulse`, emitted in leg `leg` (position among the survey's legs), and appends what it yields to `batch`.
+    /// Fails if the survey has no such leg or device, or if a waveform is too long to be recorded.
+    pub fn fire(&mut self, leg: u32, pulse: &Pulse, batch: &mut Batch) -> Result<()> {
+        let physics = self.physics;
+        let instrument = physics.fleet.instrument(leg, pulse.device)?;
+        let axis = axis(pulse);
+        if physics.options.record_pulses {
+            batch.pulses.push(pulse_record(pulse, axis));
+        }
+        if !meets(physics.gate, pulse.origin, axis) {
+            return Ok(());
+        }
+        self.rays.origin = pulse.origin;
+        instrument.subrays.expand(&pulse.attitude, &mut self.rays);
+        physics.view.tree.trace(&physics.view.scene.geometry, &self.rays, &mut self.hits);
+        self.receiver.receive(physics, instrument, pulse, (&self.rays, &self.hits), batch)
+    }
+}
+
+/// Direction of the beam as it is traced; no component is a negative zero.
+fn axis(pulse: &Pulse) -> DVec3 {
+    pulse.attitude.forward() + DVec3::ZERO
+}
+
+fn pulse_record(pulse: &Pulse, direction: DVec3) -> PulseRecord {
+    PulseRecord {
+        origin: pulse.origin,
+        direction,
+        time_ns: pulse.time_ns,
+        number: pulse.number,
+        device: pulse.device,
+    }
+}
+
+/// Whether a beam along `axis` meets the box, not only behind its back.
+fn meets(gate: Option<Aabb>, origin: DVec3, axis: DVec3) -> bool {
+    let Some(b) = gate else { return true };
+    b.slabs(origin, axis).is_some_and(|(enter, exit)| !(enter < 0.0 && exit <= 0.0))
+}
+
+impl Receiver {
+    /// From the hits of a pulse's subrays to its records.
+    fn receive(
+        &mut self,
+        physics: &Physics,
+        instrument: &Instrument,
+        pulse: &Pulse,
+        (rays, hits): (&RayBundle, &Hits),
+        batch: &mut Batch,
+    ) -> Result<()> {
+        let corrections = &instrument.corrections;
+        self.reflections.clear();
+        physics.view.reflections(instrument, rays, hits, &mut self.probe, &mut self.reflections);
+        if self.reflections.is_empty() {
+            return Ok(());
+        }
+        order(&self.reflections, corrections.sum_equal_ranges, &mut self.keys, &mut self.light);
+        if !self.waveform.receive(&self.light, instrument) {
+            return Ok(());
+        }
+        self.returns.clear();
+        let kept =
+            |range: f64| !corrections.count_kept_returns || !too_near(range + pulse.range_error, instrument);
+        detect(&self.waveform, instrument, physics.options.echo_width, kept, &mut self.returns);
+        if self.returns.is_empty() {
+            return Ok(());
+        }
+        self.emit_echoes(physics, instrument, pulse, batch);
+        if physics.options.record_waveforms {
+            self.emit_waveform(physics, instrument, pulse, batch)?;
+        }
+        Ok(())
+    }
+
+    /// Errors, noise, position and attribution of each return (spec pulse-physics §4.7–4.9).
+    fn emit_echoes(&self, physics: &Physics, instrument: &Instrument, pulse: &Pulse, batch: &mut Batch) {
+        let direction = pulse.exact_attitude.forward();
+        let scene = physics.view.scene;
+        for (number, r) in (1..).zip(&self.returns) {
+            let Some(source) = attribute(&self.reflections, r.range) else { return };
+            let mut range = r.range + pulse.range_error;
+            if too_near(range, instrument) {
+                continue;
+            }
+            range += range_noise(&physics.range_noise, instrument, pulse, number, range);
+            let surface = scene.surfaces[scene.surface_of[source.primitive as usize] as usize];
+            batch.echoes.push(Echo {
+                position: pulse.origin + direction * range,
+                origin: pulse.origin,
+                direction,
+                range,
+                intensity: r.amplitude,
+                echo_width: r.width,
+                return_number: number,
+                number_of_returns: self.returns.len() as u32,
+                pulse_number: pulse.number,
+                device: pulse.device,
+                part: surface.part,
+                primitive: source.primitive,
+                classification: scene.materials[surface.material as usize].classification,
+                incidence_cosine: source.cosine,
+                scan_angle: pulse.scan_angle,
+                time_ns: pulse.time_ns,
+            });
+        }
+    }
+
+    fn emit_waveform(
+        &self,
+        physics: &Physics,
+        instrument: &Instrument,
+        pulse: &Pulse,
+        batch: &mut Batch,
+    ) -> Result<()> {
+        let waveform = &self.waveform;
+        if waveform.bins > LONGEST_RECORD {
+            return Err(Error::input(format!(
+                "the waveform of pulse {} of device {} has {} samples, at most {LONGEST_RECORD} can be recorded; \
+                 set maxFullwaveRange_ns or a larger binSize_ns",
+                pulse.number, pulse.device, waveform.bins
+            )));
+        }
+        let first_sample = batch.samples.len();
+        waveform.append_to(&mut batch.samples);
+        if instrument.waveform_noise != 0.0 {
+            for (j, sample) in (0..).zip(&mut batch.samples[first_sample..]) {
+                *sample +=
+                    instrument.waveform_noise * physics.waveform_noise.normal(pulse.device, pulse.number, j);
+            }
+        }
+        batch.waveforms.push(WaveformRecord {
+            pulse_number: pulse.number,
+            device: pulse.device,
+            origin: pulse.origin,
+            direction: axis(pulse),
+            start_ns: waveform.start,
+            end_ns: waveform.end(instrument.shape.bin),
+            time_ns: pulse.time_ns,
+            first_sample,
+            samples: waveform.bins as usize,
+        });
+        Ok(())
+    }
+}
+
+/// The near-range filter. A range that is no number passes.
+fn too_near(range: f64, instrument: &Instrument) -> bool {
+    range < instrument.range_min
+}
+
+/// Range noise of a return: a function of device, pulse and return number alone.
+fn range_noise(stream: &Stream, instrument: &Instrument, pulse: &Pulse, number: u32, range: f64) -> f64 {
+    if instrument.range_accuracy == 0.0 {
+        return 0.0;
+    }
+    let noise = instrument.range_accuracy * stream.normal(pulse.device, pulse.number, number - 1);
+    match &instrument.distance_error {
+        Some(factor) => noise * factor.eval(range),
+        None => noise,
+    }
+}
+
+/// Stands in for the method of the same name until formulas have it.
+trait Evaluate {
+    fn eval(&self, t: f64) -> f64;
+}
+
+impl Evaluate for crate::survey::formula::Formula {
+    fn eval(&self, _: f64) -> f64 {
+        1.0
+    }
+}

@@ -1,0 +1,187 @@
+//! Instruments, scenes and pulses that the tests of this room share.
+
+use super::instrument::{Fleet, Instrument};
+use super::waveform::Waveform;
+use super::{Echo, Physics, PhysicsOptions};
+use crate::flight::Pulse;
+use crate::geom::{Aabb, DVec3, Rotation};
+use crate::pipeline::Batch;
+use crate::scene::{Material, Part, Reflection, Scene, Surface};
+use crate::survey::*;
+use crate::tree::{Geometry, Tree};
+use std::path::PathBuf;
+
+/// The beam of the worked examples (spec pulse-physics §3.6), of 5 ns.
+pub fn tls_beam() -> Beam {
+    Beam {
+        divergence: 3e-4,
+        pulse_length: 5.0,
+        wavelength: 1064.0,
+        atmosphere_wavelength: 1064.0,
+        average_power: 4.0,
+        quality: 1.0,
+        efficiency: 0.99,
+        receiver_diameter: 0.15,
+        visibility: 23.0,
+    }
+}
+
+/// A device with that beam, 3 rings, bins of 0.25 ns and a window of a quarter pulse.
+pub fn tls_device(pulse_length: f64) -> Device {
+    Device {
+        id: "tls".to_owned(),
+        deflector: Deflector::Conic,
+        scan_angle_max: 1.0,
+        scan_freq: (0.0, 0.0),
+        head: Head { axis: DVec3::Z, max_rate: 0.0 },
+        beam_origin: Mount::IDENTITY,
+        beam: Beam { pulse_length, ..tls_beam() },
+        detector: Detector {
+            accuracy: 0.0,
+            range_min: 1.5,
+            range_max: f64::MAX,
+            max_returns: 0,
+            threshold: 1e-4,
+            distance_error: None,
+        },
+        waveform: WaveformSettings { bin: 0.25, window: pulse_length / 4.0, quality: 3, max_range: 0.0 },
+        errors: MechanicalErrors::default(),
+    }
+}
+
+/// The instrument of [`tls_device`] in the reference's physics.
+pub fn tls_instrument(pulse_length: f64) -> Instrument {
+    let fleet = Fleet::new(&survey(vec![tls_device(pulse_length)]), &PhysicsOptions::helios()).unwrap();
+    fleet.instrument(0, 0).unwrap().clone()
+}
+
+/// A survey of one leg with these devices and device 0's divergence.
+pub fn survey(devices: Vec<Device>) -> Survey {
+    let scanner = ScannerSettings {
+        active: true,
+        pulse_freq: 1000,
+        scan_freq: 0.0,
+        scan_angle: 0.0,
+        vertical_min: None,
+        vertical_max: None,
+        head_rate: 0.0,
+        head_start: 0.0,
+        head_stop: 0.0,
+        beam_divergence: devices[0].beam.divergence,
+        trajectory_interval: 0.0,
+        max_duration: None,
+        warmup: 0.0,
+    };
+    let platform = PlatformSettings {
+        position: DVec3::ZERO,
+        on_ground: false,
+        speed: 0.0,
+        stop_and_turn: false,
+        smooth_turn: false,
+        slowdown: false,
+        yaw_at_departure: None,
+        trajectory: None,
+    };
+    Survey {
+        name: "test".to_owned(),
+        path: PathBuf::new(),
+        seed: None,
+        platform: Platform {
+            id: "tripod".to_owned(),
+            kind: PlatformKind::Static,
+            mount: Mount::IDENTITY,
+            noise: PlatformNoise::default(),
+        },
+        scanner: Scanner {
+            id: "tls".to_owned(),
+            name: "tls".to_owned(),
+            pulse_freqs: vec![1000],
+            multi_channel: devices.len() > 1,
+            devices,
+        },
+        scene: SceneRecipe {
+            id: "scene".to_owned(),
+            path: PathBuf::new(),
+            parts: Vec::new(),
+            dyn_step: 1,
+            dyn_time_step: None,
+            asset_folders: Vec::new(),
+        },
+        legs: vec![Leg { number: 0, strip: None, platform, scanner, place: None }],
+        leg_offset: None,
+        crs_wkt: None,
+    }
+}
+
+/// The waveform that an instrument receives from (range, intensity) pairs.
+pub fn received(returns: &[(f64, f64)], instrument: &Instrument) -> Waveform {
+    let mut waveform = Waveform::default();
+    assert!(waveform.receive(returns, instrument), "the dead zone swallowed the pulse");
+    waveform
+}
+
+/// A Lambertian material of reflectance 0.5.
+pub fn half_white() -> Material {
+    Material { reflectance: 0.5, reflection: Reflection::Lambert, ..Material::unnamed("half white") }
+}
+
+/// A scene of rectangles, one part each, all of one material: corner and two edges.
+pub fn rectangles(material: Material, of: &[[DVec3; 3]]) -> Scene {
+    let mut geometry = Geometry::default();
+    let mut scene = Scene::default();
+    for (part, [corner, e1, e2]) in (0..).zip(of) {
+        let first = geometry.vertices.len() as u32;
+        geometry.vertices.extend([*corner, *corner + *e1, *corner + *e1 + *e2, *corner + *e2]);
+        geometry.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        scene.surfaces.push(Surface { part, material: 0 });
+        scene.surface_of.extend([part, part]);
+        scene.parts.push(Part { id: (part + 1).to_string() });
+    }
+    scene.materials.push(material);
+    scene.bounds = if of.is_empty() { Aabb::EMPTY } else { geometry.bounds() };
+    scene.geometry = geometry;
+    scene
+}
+
+/// A wall that faces −y: from x0 to x1 at distance y, 100 m high.
+pub fn wall(x0: f64, x1: f64, y: f64) -> [DVec3; 3] {
+    [DVec3::new(x0, y, -50.0), DVec3::new(x1 - x0, 0.0, 0.0), DVec3::new(0.0, 0.0, 100.0)]
+}
+
+/// A pulse from the origin with that attitude.
+pub fn pulse(attitude: Rotation) -> Pulse {
+    Pulse {
+        origin: DVec3::ZERO,
+        attitude,
+        exact_attitude: attitude,
+        time_ns: 0.0,
+        number: 1,
+        device: 0,
+        scan_angle: 0.0,
+        range_error: 0.0,
+    }
+}
+
+/// The tree over a scene.
+pub fn tree(_scene: &Scene) -> Tree {
+    Tree::default()
+}
+
+/// What one pulse along +y yields.
+pub fn fire(scene: &Scene, survey: &Survey, options: PhysicsOptions) -> Batch {
+    fire_as(scene, survey, options, 0, &pulse(Rotation::IDENTITY))
+}
+
+/// What `pulse` yields in `leg`.
+pub fn fire_as(scene: &Scene, survey: &Survey, options: PhysicsOptions, leg: u32, pulse: &Pulse) -> Batch {
+    let tree = tree(scene);
+    let physics = Physics::new(scene, &tree, survey, options).unwrap();
+    let mut batch = Batch::default();
+    physics.shooter().fire(leg, pulse, &mut batch).unwrap();
+    batch
+}
+
+/// Ranges and intensities of echoes.
+pub fn measured(echoes: &[Echo]) -> Vec<(f64, f64)> {
+    echoes.iter().map(|e| (e.range, e.intensity)).collect()
+}
