@@ -1,1 +1,45 @@
 //! Where the points go: one file per format, all of them taking batches in chunk order.
+//!
+//! ```text
+//! OutputRequest ─► OutputPlan   what goes where; checked before the run, shared by the workers
+//!                    │   │
+//!       workers: encode  open: every output, before the first pulse
+//!                    │   │
+//!                Encoded ─► Writer::append, in chunk order ─► finish ─► Summary
+//! ```
+//!
+//! | file | what it does |
+//! |---|---|
+//! | [`request`](OutputRequest), `layout`, `plan` | what is asked for, which files that makes, what is wrong with it |
+//! | `encode`, `text`, `number` | batches as bytes |
+//! | `writer`, `file`, `medium` | bytes into files and streams |
+//! | `offload`, `summary` | work given away, what was written |
+//!
+//! A named file is `NAME.part` until it is complete. Formats with counts in their header are spooled to an unnamed file
+//! when the stream cannot seek.
+
+mod encode;
+mod file;
+mod layout;
+mod medium;
+mod number;
+mod offload;
+mod plan;
+mod request;
+mod summary;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+mod text;
+mod writer;
+
+pub use encode::Encoded;
+pub use offload::{Job, NoOffload, Offload};
+pub use plan::{OutputContext, OutputPlan};
+pub use request::{
+    ExtraDimensions, IntensityMapping, LasSettings, LasVersion, OutputRequest, PointFormat, Target,
+    TrajectoryFormat,
+};
+pub use summary::{FileKind, FileSummary, Summary};
+pub use writer::Writer;

@@ -1,0 +1,163 @@
+//! The workers' share of the output: a batch becomes the bytes of every file that it goes to.
+
+use super::layout::{Route, Slots};
+use super::plan::{LegFacts, OutputPlan};
+use super::request::{PointFormat, TrajectoryFormat};
+use super::summary::Tally;
+use super::text;
+use crate::geom::DVec3;
+use crate::pipeline::Batch;
+use crate::pulse::Echo;
+
+/// A batch as bytes for every file that it goes to; [`Writer::append`](super::Writer::append) takes it.
+#[derive(Debug)]
+pub struct Encoded {
+    /// Index of the leg.
+    pub(super) leg: u32,
+    pub(super) pieces: Vec<Piece>,
+}
+
+/// What one file gets from a batch.
+#[derive(Debug)]
+pub(super) struct Piece {
+    pub slot: u32,
+    pub bytes: Vec<u8>,
+    pub tally: Tally,
+}
+
+impl Piece {
+    fn new(slot: u32, capacity: usize) -> Piece {
+        Piece { slot, bytes: Vec::with_capacity(capacity), tally: Tally::EMPTY }
+    }
+
+    /// Records without coordinates, one after the other.
+    fn of<T>(slot: u32, records: &[T], capacity: usize, mut push: impl FnMut(&mut Vec<u8>, &T)) -> Piece {
+        let mut piece = Piece::new(slot, records.len() * capacity);
+        records.iter().for_each(|r| push(&mut piece.bytes, r));
+        piece.tally.records = records.len() as u64;
+        piece
+    }
+}
+
+impl Encoded {
+    /// Index of the leg that was encoded.
+    pub fn leg(&self) -> u32 {
+        self.leg
+    }
+
+    /// Bytes in all pieces.
+    pub fn bytes(&self) -> usize {
+        self.pieces.iter().map(|p| p.bytes.len()).sum()
+    }
+}
+
+/// How an echo becomes a record of one format.
+pub(super) trait PointCodec {
+    /// Usual bytes per record.
+    const SIZE: usize;
+
+    /// Appends the record; returns its coordinates as stored, or `None` when the format cannot hold them and nothing
+    /// was appended.
+    fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echo: &Echo) -> Option<DVec3>;
+}
+
+/// The text format.
+pub(super) struct XyzCodec<'a> {
+    pub shift: DVec3,
+    pub labels: &'a [Box<[u8]>],
+}
+
+impl PointCodec for XyzCodec<'_> {
+    const SIZE: usize = 96;
+
+    fn push(&self, out: &mut Vec<u8>, _: &LegFacts, echo: &Echo) -> Option<DVec3> {
+        let position = echo.position + self.shift;
+        let label = self.labels.get(echo.part as usize).map_or(&b"-"[..], |l| l);
+        text::push_point(out, position, echo, label);
+        Some(position)
+    }
+}
+
+impl OutputPlan {
+    /// Turns a batch into the bytes of every file. Called by the workers.
+    pub fn encode(&self, batch: &Batch) -> Encoded {
+        let routes = self.layout.routes.get(batch.leg as usize).map_or(&[][..], |r| r);
+        let mut pieces = Vec::with_capacity(routes.len());
+        for route in routes {
+            match route {
+                Route::Points(format, slots) => self.points(*format, slots, batch, &mut pieces),
+                Route::Trajectory(format, slot) => pieces.push(self.trajectory(*format, *slot, batch)),
+                Route::Waveforms(slot) => pieces.push(self.waveforms(*slot, batch)),
+                Route::Pulses(slot) => pieces.push(self.pulses(*slot, batch)),
+            }
+        }
+        Encoded { leg: batch.leg, pieces }
+    }
+
+    fn points(&self, format: PointFormat, slots: &Slots, batch: &Batch, pieces: &mut Vec<Piece>) {
+        let leg = self.legs[batch.leg as usize];
+        match format {
+            PointFormat::Xyz => {
+                encode_points(
+                    &XyzCodec { shift: self.shift, labels: &self.labels },
+                    leg,
+                    slots,
+                    batch,
+                    pieces,
+                );
+            }
+            _ => {}
+        }
+    }
+
+    fn trajectory(&self, format: TrajectoryFormat, slot: u32, batch: &Batch) -> Piece {
+        let push = match format {
+            TrajectoryFormat::Helios => text::push_pose,
+            TrajectoryFormat::Csv => text::push_pose_csv,
+        };
+        Piece::of(slot, &batch.poses, 80, |out, pose| push(out, pose.position + self.shift, pose))
+    }
+
+    fn waveforms(&self, slot: u32, batch: &Batch) -> Piece {
+        Piece::of(slot, &batch.waveforms, 512, |out, wave| {
+            let samples = batch.samples.get(wave.first_sample..).unwrap_or_default();
+            let samples = &samples[..wave.samples.min(samples.len())];
+            text::push_waveform(out, wave.origin + self.shift, wave, samples);
+        })
+    }
+
+    fn pulses(&self, slot: u32, batch: &Batch) -> Piece {
+        Piece::of(slot, &batch.pulses, 96, |out, pulse| {
+            text::push_pulse(out, pulse.origin + self.shift, pulse)
+        })
+    }
+}
+
+fn encode_points<C: PointCodec>(
+    codec: &C,
+    leg: LegFacts,
+    slots: &Slots,
+    batch: &Batch,
+    pieces: &mut Vec<Piece>,
+) {
+    let first = pieces.len();
+    let push = |piece: &mut Piece, echo: &Echo| match codec.push(&mut piece.bytes, &leg, echo) {
+        Some(stored) => piece.tally.point(stored, echo.return_number),
+        None => piece.tally.left_out += 1,
+    };
+    match slots {
+        Slots::One(slot) => {
+            let mut piece = Piece::new(*slot, batch.echoes.len() * C::SIZE);
+            batch.echoes.iter().for_each(|echo| push(&mut piece, echo));
+            pieces.push(piece);
+        }
+        Slots::PerDevice(slots) => {
+            pieces.extend(slots.iter().map(|&slot| Piece::new(slot, 0)));
+            for echo in &batch.echoes {
+                if let Some(piece) = pieces.get_mut(first + echo.device as usize) {
+                    push(piece, echo);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,268 @@
+//! Where the bytes of one file go. A named file is written as `NAME.part` and gets its name when it is complete; streams
+//! are written as they come, or spooled to an unnamed file when the format has a header that is known only at the end.
+
+use crate::error::{Error, Result};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// What bytes can be appended to and patched in.
+pub(super) trait Storage: Write + Seek + Send {}
+impl<T: Write + Seek + Send> Storage for T {}
+
+/// Where one file goes.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Place {
+    /// Standard output.
+    Stdout,
+    /// A name.
+    Path(PathBuf),
+}
+
+/// One output being written.
+pub(super) struct Medium {
+    /// For messages: the final name.
+    name: PathBuf,
+    kind: Kind,
+    /// `None` while parked.
+    storage: Option<Box<dyn Storage>>,
+    buffer: Vec<u8>,
+    /// Bytes appended so far, those in the buffer included.
+    len: u64,
+}
+
+enum Kind {
+    /// Bytes go straight to where they belong.
+    Direct,
+    /// Bytes are collected in an unnamed file and copied at the end.
+    Spool { spool: File, stream: File },
+    /// `part` gets the file's name at the end; `settled` when it has, or when it must stay under its own.
+    Part { part: PathBuf, force: bool, settled: bool },
+}
+
+/// Appends are collected up to this size.
+const BUFFER: usize = 64 * 1024;
+
+/// The name of a file until it is complete.
+pub(super) fn part_name(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_os_string();
+    name.push(".part");
+    PathBuf::from(name)
+}
+
+/// Whether the name stands for a pipe, a terminal or a device, which is written as it is.
+pub(super) fn is_special(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
+}
+
+impl Medium {
+    /// Opens a place for writing. With `patched`, bytes at the beginning will be replaced at the end.
+    pub fn open(place: &Place, force: bool, patched: bool) -> Result<Medium> {
+        match place {
+            Place::Stdout => {
+                let name = PathBuf::from("standard output");
+                let file = stdout_file().map_err(|e| Error::io("open", &name, e))?;
+                Medium::stream(name, file, patched)
+            }
+            Place::Path(path) if is_special(path) => {
+                let file =
+                    OpenOptions::new().write(true).open(path).map_err(|e| Error::io("open", path, e))?;
+                Medium::stream(path.clone(), file, patched)
+            }
+            Place::Path(path) => Medium::part(path, force),
+        }
+    }
+
+    fn stream(name: PathBuf, mut file: File, patched: bool) -> Result<Medium> {
+        if !patched || is_seekable(&mut file) {
+            return Ok(Medium::new(name, Kind::Direct, Box::new(file)));
+        }
+        let no_spool = |e| Error::io("create a file in", std::env::temp_dir(), e);
+        let spool = tempfile::tempfile().map_err(no_spool)?;
+        let storage = Box::new(spool.try_clone().map_err(no_spool)?);
+        Ok(Medium::new(name, Kind::Spool { spool, stream: file }, storage))
+    }
+
+    fn part(path: &Path, force: bool) -> Result<Medium> {
+        // A link is followed, so that it stays and what it points to is replaced.
+        let path = match fs::canonicalize(path) {
+            Ok(real) if path.is_symlink() => real,
+            _ => path.to_path_buf(),
+        };
+        let part = part_name(&path);
+        if force {
+            match fs::remove_file(&part) {
+                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(Error::io("replace", &part, e)),
+                _ => {}
+            }
+        }
+        let options = OpenOptions::new().read(true).write(true).create_new(true).open(&part);
+        let file = options.map_err(|e| Error::io("create", &part, e))?;
+        let kind = Kind::Part { part, force, settled: false };
+        Ok(Medium::new(path, kind, Box::new(file)))
+    }
+
+    fn new(name: PathBuf, kind: Kind, storage: Box<dyn Storage>) -> Medium {
+        Medium { name, kind, storage: Some(storage), buffer: Vec::new(), len: 0 }
+    }
+
+    /// A named file whose bytes go through `storage`.
+    #[cfg(test)]
+    pub fn part_through(path: &Path, storage: impl FnOnce(File) -> Box<dyn Storage>) -> Medium {
+        let mut medium = Medium::part(path, false).unwrap();
+        medium.storage = Some(storage(File::options().write(true).open(part_name(path)).unwrap()));
+        medium
+    }
+
+    /// Bytes appended so far.
+    pub fn len(&self) -> u64 {
+        self.len
+    }
+
+    /// Appends bytes.
+    pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        self.len += bytes.len() as u64;
+        if matches!(self.kind, Kind::Direct) || self.buffer.len() + bytes.len() > BUFFER {
+            self.flush()?;
+        }
+        if matches!(self.kind, Kind::Direct) || bytes.len() >= BUFFER {
+            return self.write(bytes);
+        }
+        self.buffer.extend_from_slice(bytes);
+        Ok(())
+    }
+
+    /// Hands everything to the operating system.
+    pub fn flush(&mut self) -> Result<()> {
+        if self.buffer.is_empty() {
+            return Ok(());
+        }
+        let buffer = std::mem::take(&mut self.buffer);
+        let written = self.write(&buffer);
+        self.buffer = buffer;
+        self.buffer.clear();
+        written
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        let written = self.storage()?.write_all(bytes);
+        written.map_err(|e| Error::io("write", &self.name, e))
+    }
+
+    /// Replaces bytes that were appended at `offset`.
+    pub fn patch(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+        self.flush()?;
+        let end = self.len;
+        let storage = self.storage()?;
+        let patched = storage
+            .seek(SeekFrom::Start(offset))
+            .and_then(|_| storage.write_all(bytes))
+            .and_then(|_| storage.seek(SeekFrom::Start(end)));
+        patched.map(drop).map_err(|e| Error::io("write", &self.name, e))
+    }
+
+    /// Gives the file handle back until the next append, so that thousands of legs need no thousands of handles.
+    pub fn park(&mut self) -> Result<()> {
+        if matches!(self.kind, Kind::Part { .. }) {
+            self.flush()?;
+            self.storage = None;
+            self.buffer = Vec::new();
+        }
+        Ok(())
+    }
+
+    fn storage(&mut self) -> Result<&mut Box<dyn Storage>> {
+        if self.storage.is_none() {
+            let Kind::Part { part, .. } = &self.kind else {
+                return Err(Error::Internal(format!("{} was parked", self.name.display())));
+            };
+            let file = OpenOptions::new().read(true).write(true).open(part);
+            let mut file = file.map_err(|e| Error::io("open", part, e))?;
+            file.seek(SeekFrom::End(0)).map_err(|e| Error::io("write", part, e))?;
+            self.storage = Some(Box::new(file));
+        }
+        self.storage.as_mut().ok_or_else(|| Error::Internal("a file without a handle".to_owned()))
+    }
+
+    /// Completes the file: it gets its name, or a spooled stream is copied.
+    pub fn finish(mut self) -> Result<()> {
+        self.flush()?;
+        if let Some(mut storage) = self.storage.take() {
+            storage.flush().map_err(|e| Error::io("write", &self.name, e))?;
+        }
+        match &mut self.kind {
+            Kind::Direct => Ok(()),
+            Kind::Spool { spool, stream } => spool
+                .seek(SeekFrom::Start(0))
+                .and_then(|_| io::copy(spool, stream))
+                .map(drop)
+                .map_err(|e| Error::io("write", &self.name, e)),
+            Kind::Part { part, force, settled } => {
+                let named = settle(part, &self.name, *force);
+                // What came in between is not overwritten, and what was computed is not thrown away.
+                *settled = !matches!(&named, Err(e) if e.kind() != io::ErrorKind::AlreadyExists);
+                named.map_err(|e| Error::io("give its name to", &*part, e))
+            }
+        }
+    }
+}
+
+impl Drop for Medium {
+    fn drop(&mut self) {
+        if let Kind::Part { part, settled: false, .. } = &self.kind {
+            // The run has failed already; there is nothing better to report than its error.
+            let _ = fs::remove_file(part);
+        }
+    }
+}
+
+/// Renames `part`; without `force` never over another file.
+fn settle(part: &Path, name: &Path, force: bool) -> io::Result<()> {
+    if force {
+        return fs::rename(part, name);
+    }
+    match fs::hard_link(part, name) {
+        Ok(()) => fs::remove_file(part),
+        Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Err(e),
+        // Some file systems have no hard links.
+        Err(_) if name.exists() => Err(io::ErrorKind::AlreadyExists.into()),
+        Err(_) => fs::rename(part, name),
+    }
+}
+
+/// Whether bytes at the beginning can be replaced later. The name does not tell (`/dev/stdout`, `<(…)`), and a file
+/// that the shell opened for appending, or that holds something already, moves but does not keep its place.
+fn is_seekable(file: &mut File) -> bool {
+    matches!(file.stream_position(), Ok(0)) && !appends(file)
+}
+
+/// Whether every write goes to the end of the file (`>>`): a byte would have to be written to find out, so the
+/// operating system is asked.
+#[cfg(target_os = "linux")]
+fn appends(file: &File) -> bool {
+    use std::os::fd::AsRawFd;
+    let flags = fs::read_to_string(format!("/proc/self/fdinfo/{}", file.as_raw_fd())).unwrap_or_default();
+    let octal = flags.lines().find_map(|l| l.strip_prefix("flags:")).map(str::trim);
+    let flags = octal.and_then(|o| i32::from_str_radix(o, 8).ok());
+    flags.is_none_or(|f| f & libc::O_APPEND != 0)
+}
+
+/// Without a way to ask, standard output that already holds something has been recognised by its position.
+#[cfg(not(target_os = "linux"))]
+fn appends(_: &File) -> bool {
+    false
+}
+
+/// Standard output without the line buffer of the standard library.
+#[cfg(unix)]
+fn stdout_file() -> io::Result<File> {
+    use std::os::fd::AsFd;
+    io::stdout().as_fd().try_clone_to_owned().map(File::from)
+}
+
+/// Standard output without the line buffer of the standard library.
+#[cfg(windows)]
+fn stdout_file() -> io::Result<File> {
+    use std::os::windows::io::AsHandle;
+    io::stdout().as_handle().try_clone_to_owned().map(File::from)
+}

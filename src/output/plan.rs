@@ -1,0 +1,177 @@
+//! What will be written, decided and checked before anything is.
+
+use super::layout::{Content, FilePlan, Home, Layout};
+use super::medium::{Place, is_special, part_name};
+use super::request::{OutputRequest, Target};
+use super::text;
+use crate::diag::Diagnostics;
+use crate::error::{Error, Result};
+use crate::geom::DVec3;
+use crate::scene::Scene;
+use crate::survey::Survey;
+use std::io::IsTerminal as _;
+use std::path::Path;
+
+/// What the outputs need to know of the run.
+#[derive(Clone, Copy, Debug)]
+pub struct OutputContext<'a> {
+    /// Names, legs, strips, devices.
+    pub survey: &'a Survey,
+    /// Shift, bounds, part ids.
+    pub scene: &'a Scene,
+}
+
+/// All outputs of a run: which files there are, what goes into them and how. Immutable and shared by the workers.
+#[derive(Debug)]
+pub struct OutputPlan {
+    pub(super) layout: Layout,
+    pub(super) legs: Vec<LegFacts>,
+    pub(super) shift: DVec3,
+    /// Ids of the scene's parts as fields of text.
+    pub(super) labels: Vec<Box<[u8]>>,
+    pub(super) force: bool,
+    pub(super) run_stamp: Option<String>,
+    pub(super) plays: u32,
+}
+
+/// What records say of their leg.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LegFacts {
+    /// The leg's number plus one, as far as 16 bits go: 0 means "unknown" to readers of LAS.
+    pub source_id: u16,
+}
+
+impl OutputPlan {
+    /// Decides on every file and checks what can be checked before the run: files that exist already, names used twice,
+    /// folders that are missing, formats that a terminal cannot show. All problems are reported at once, and nothing is
+    /// written.
+    ///
+    /// # Errors
+    /// [`Error::Input`].
+    pub fn new(request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
+        let mut problems = Diagnostics::default();
+        let layout = Layout::new(&request, context.survey);
+        check_requests(&request, &mut problems);
+        check_places(&layout, request.force, &mut problems);
+        problems.finish(false)?;
+        let source_id = |number: u32| u16::try_from(number).unwrap_or(u16::MAX).saturating_add(1);
+        Ok(OutputPlan {
+            layout,
+            legs: context
+                .survey
+                .legs
+                .iter()
+                .map(|leg| LegFacts { source_id: source_id(leg.number) })
+                .collect(),
+            shift: context.scene.shift,
+            labels: context.scene.parts.iter().map(|part| text::label(&part.id)).collect(),
+            force: request.force,
+            run_stamp: request.run_stamp,
+            plays: request.plays.max(1),
+        })
+    }
+
+    /// Whether waveforms are written, and so have to be recorded.
+    pub fn wants_waveforms(&self) -> bool {
+        self.layout.files.iter().any(|f| f.content == Content::Waveforms)
+    }
+
+    /// Whether pulses are written, and so have to be recorded.
+    pub fn wants_pulses(&self) -> bool {
+        self.layout.files.iter().any(|f| f.content == Content::Pulses)
+    }
+}
+
+/// What is wrong whatever the files are.
+fn check_requests(request: &OutputRequest, problems: &mut Diagnostics) {
+    if request.sinks.iter().any(|(_, format)| *format != super::PointFormat::Xyz) {
+        problems.error(None, "points can be written as xyz only");
+    }
+    let streams = |target: &Target| *target == Target::Stdout;
+    for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
+        if asked && request.sinks.iter().all(|(target, _)| streams(target)) {
+            problems
+                .error(None, format!("{what} are written beside a point file, and there is none"))
+                .help("name a file or a directory for the points");
+        }
+    }
+    if matches!(request.trajectory, Some((Target::Helios(_), _))) {
+        problems.error(
+            None,
+            "a run directory has its trajectories already; name a file or a directory for others",
+        );
+    }
+    if request.split_by_channel && request.sinks.iter().any(|(target, _)| streams(target)) {
+        problems.error(None, "points on standard output cannot be split by channel");
+    }
+    let binary = |(target, format): &(Target, super::PointFormat)| streams(target) && !format.is_text();
+    if request.sinks.iter().any(binary) && !request.force && std::io::stdout().is_terminal() {
+        problems
+            .error(None, "binary points would go to the terminal")
+            .help("redirect standard output, or insist with --force");
+    }
+}
+
+/// What is wrong with the files.
+fn check_places(layout: &Layout, force: bool, problems: &mut Diagnostics) {
+    for place in &layout.clashes {
+        match place {
+            Place::Stdout => problems.error(None, "only one output can go to standard output"),
+            Place::Path(path) => {
+                problems.error(None, format!("two outputs would be written to {}", path.display()))
+            }
+        };
+    }
+    for FilePlan { home, .. } in &layout.files {
+        if let Home::Fixed(Place::Path(path)) = home {
+            check_path(path, &layout.directories, force, problems);
+        }
+    }
+}
+
+fn check_path(path: &Path, made: &[std::path::PathBuf], force: bool, problems: &mut Diagnostics) {
+    if is_special(path) {
+        return;
+    }
+    let shown = path.display();
+    if path.is_dir() {
+        problems.error(None, format!("{shown} is a directory, expected a file"));
+        return;
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() && !made.iter().any(|d| d == folder) {
+        problems
+            .error(None, format!("{} is not a directory, so {shown} cannot be written", folder.display()));
+    }
+    if force {
+        return;
+    }
+    if path.symlink_metadata().is_ok() {
+        problems.error(None, format!("{shown} exists already")).help("overwrite it with --force");
+    }
+    let part = part_name(path);
+    if part.symlink_metadata().is_ok() {
+        problems
+            .error(None, format!("{} exists: another run is writing it or was interrupted", part.display()))
+            .help("remove it, or overwrite it with --force");
+    }
+}
+
+/// The name of a run directory created now: local time, to the second.
+pub(super) fn stamp() -> String {
+    jiff::Zoned::now().strftime("%Y-%m-%d_%H-%M-%S").to_string()
+}
+
+/// Makes `parent/stamp`, or the first of `parent/stamp_2` … `parent/stamp_99` that does not exist.
+pub(super) fn create_run_directory(parent: &Path, stamp: &str) -> Result<std::path::PathBuf> {
+    std::fs::create_dir_all(parent).map_err(|e| Error::io("create", parent, e))?;
+    for number in 1..=99 {
+        let path = parent.join(if number == 1 { stamp.to_owned() } else { format!("{stamp}_{number}") });
+        match std::fs::create_dir(&path) {
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(e) => return Err(Error::io("create", path, e)),
+            Ok(()) => return Ok(path),
+        }
+    }
+    Err(Error::input(format!("{}/{stamp} and its copies up to _99 exist already", parent.display())))
+}

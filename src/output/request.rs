@@ -1,0 +1,157 @@
+//! What a run is asked to write.
+
+use std::path::PathBuf;
+
+/// Format of a point file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum PointFormat {
+    /// Eleven columns of text as HELIOS++ writes them (spec outputs §3).
+    Xyz,
+    /// LAS, see [`LasSettings`].
+    Las,
+    /// LAS compressed as LAZ.
+    Laz,
+    /// PLY, little-endian.
+    PlyBinary,
+    /// PLY as text.
+    PlyAscii,
+}
+
+impl PointFormat {
+    /// Extension of its files.
+    pub fn extension(self) -> &'static str {
+        match self {
+            PointFormat::Xyz => "xyz",
+            PointFormat::Las => "las",
+            PointFormat::Laz => "laz",
+            PointFormat::PlyBinary | PointFormat::PlyAscii => "ply",
+        }
+    }
+
+    /// Whether it is text that a terminal can show.
+    pub fn is_text(self) -> bool {
+        matches!(self, PointFormat::Xyz | PointFormat::PlyAscii)
+    }
+}
+
+/// Format of a trajectory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TrajectoryFormat {
+    /// `x y z time roll pitch yaw` as HELIOS++ writes it (spec outputs §5).
+    #[default]
+    Helios,
+    /// `time,x,y,z,roll,pitch,yaw` with a header line, seconds, metres (6 decimals) and degrees (9 decimals): what
+    /// `--trajectory` reads.
+    Csv,
+}
+
+/// Where something is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// Standard output.
+    Stdout,
+    /// One file for all legs. A path that is a pipe or a device is written as a stream.
+    File(PathBuf),
+    /// One file per active leg or strip, `legNNN_points.EXT`; created when missing.
+    Directory(PathBuf),
+    /// The layout of HELIOS++ (spec outputs §1): `DIR/<survey>/<YYYY-MM-DD_HH-MM-SS>[_N]/legNNN_points.EXT`, with
+    /// `legNNN_trajectory.txt` beside it. A new run directory for every [`OutputPlan::open`](super::OutputPlan::open).
+    Helios(PathBuf),
+}
+
+/// Everything that a run is asked to write.
+#[derive(Clone, Debug)]
+pub struct OutputRequest {
+    /// Point clouds.
+    pub sinks: Vec<(Target, PointFormat)>,
+    /// Waveforms beside the first point cloud that is not a stream (spec outputs §6): `legNNN_fullwave.txt` in
+    /// directories, `STEM_fullwave.txt` beside single files.
+    pub waveforms: bool,
+    /// Pulses in the same way (spec outputs §7): `legNNN_pulse.txt`, `STEM_pulse.txt`.
+    pub pulses: bool,
+    /// A trajectory besides those of [`Target::Helios`].
+    pub trajectory: Option<(Target, TrajectoryFormat)>,
+    /// One point file per device of a scanner with several: `_dev<id>` before the extension.
+    pub split_by_channel: bool,
+    /// Settings of LAS and LAZ.
+    pub las: LasSettings,
+    /// Replace files that exist, and write binary data to a terminal.
+    pub force: bool,
+    /// Coordinate reference system as WKT; the survey's own if `None`.
+    pub crs_wkt: Option<String>,
+    /// Year and day of the year (from 1) for LAS headers.
+    pub creation: (u16, u16),
+    /// Name of run directories; `None` takes the local time when they are created.
+    pub run_stamp: Option<String>,
+    /// How often the survey is flown (spec input-formats §3.8); see [`Writer::next_play`](super::Writer::next_play).
+    pub plays: u32,
+}
+
+impl Default for OutputRequest {
+    fn default() -> OutputRequest {
+        OutputRequest {
+            sinks: Vec::new(),
+            waveforms: false,
+            pulses: false,
+            trajectory: None,
+            split_by_channel: false,
+            las: LasSettings::default(),
+            force: false,
+            crs_wkt: None,
+            creation: (0, 0),
+            run_stamp: None,
+            plays: 1,
+        }
+    }
+}
+
+/// Version of LAS.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LasVersion {
+    /// 1.4 with point data record format 6.
+    #[default]
+    V14,
+    /// 1.0 with point data record format 1 (`--las10`).
+    V10,
+}
+
+/// How an amplitude becomes the 16-bit intensity of LAS. The amplitude itself is in the extra bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum IntensityMapping {
+    /// `10000 + 1000·log10(amplitude)`, hundredths of a decibel above −100 dB: amplitudes of different surveys differ by
+    /// ten powers of ten, and none of them comes out as 0 or saturated. 0 for amplitudes that are not positive.
+    #[default]
+    Decibel,
+    /// `65535·amplitude/full_scale`.
+    Linear {
+        /// Amplitude of the highest intensity.
+        full_scale: f64,
+    },
+    /// As HELIOS++: `65535·amplitude/10⁶`, rounded down, which is nearly always 0 (spec outputs trap 8).
+    Helios,
+}
+
+/// Which dimensions stand in the extra bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ExtraDimensions {
+    /// `echo_width`, `fullwaveIndex`, `hitObjectId`, `heliosAmplitude`, and then `device`, `range`, `incidence_angle`.
+    #[default]
+    All,
+    /// The first four, as HELIOS++.
+    Helios,
+    /// None.
+    None,
+}
+
+/// Settings of LAS and LAZ (spec outputs §4).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LasSettings {
+    /// Version.
+    pub version: LasVersion,
+    /// Metres per unit of the coordinates; `None`: 0.0001, or the next power of ten that holds the scene.
+    pub scale: Option<f64>,
+    /// Intensity.
+    pub intensity: IntensityMapping,
+    /// Extra bytes.
+    pub extra: ExtraDimensions,
+}

@@ -1,0 +1,197 @@
+//! Surveys, scenes and batches for the tests of this room.
+
+use super::{NoOffload, OutputContext, OutputPlan, OutputRequest, Summary};
+use crate::error::Result;
+use crate::flight::PoseSample;
+use crate::geom::{Aabb, DVec3, Rotation};
+use crate::pipeline::Batch;
+use crate::pulse::{Echo, PulseRecord, WaveformRecord};
+use crate::scene::{Part, Scene};
+use crate::survey::*;
+use std::sync::Arc;
+
+/// An echo with plain values, return `number` of `of`.
+pub(super) fn echo(number: u32, of: u32) -> Echo {
+    Echo {
+        position: DVec3::ZERO,
+        origin: DVec3::new(0.0, 0.0, 100.0),
+        direction: DVec3::NEG_Z,
+        range: 100.0,
+        intensity: 1.0,
+        echo_width: 0.0,
+        return_number: number,
+        number_of_returns: of,
+        pulse_number: 1,
+        device: 0,
+        part: 0,
+        primitive: 0,
+        classification: 0,
+        incidence_cosine: 1.0,
+        scan_angle: 0.0,
+        time_ns: 0.0,
+    }
+}
+
+/// A scene about (500 000, 5 400 000, 300) with parts `0`, `north` and an unnamed one.
+pub(super) fn scene() -> Scene {
+    Scene {
+        shift: DVec3::new(500_000.25, 5_400_000.5, 300.125),
+        bounds: Aabb { min: DVec3::splat(-1000.0), max: DVec3::splat(1000.0) },
+        parts: ["0", "north", ""].map(|id| Part { id: id.to_owned() }).to_vec(),
+        ..Scene::default()
+    }
+}
+
+/// A survey `demo` with `devices` devices; a leg for each strip given, inactive where `!` stands.
+pub(super) fn survey(devices: usize, legs: &[Option<&str>]) -> Survey {
+    let device = Device {
+        id: String::new(),
+        deflector: Deflector::Conic,
+        scan_angle_max: 0.5,
+        scan_freq: (0.0, 0.0),
+        head: Head { axis: DVec3::Z, max_rate: 0.0 },
+        beam_origin: Mount::IDENTITY,
+        beam: Beam {
+            divergence: 0.0003,
+            pulse_length: 4.0,
+            wavelength: 1064.0,
+            atmosphere_wavelength: 1064.0,
+            average_power: 4.0,
+            quality: 1.0,
+            efficiency: 0.99,
+            receiver_diameter: 0.15,
+            visibility: 23.0,
+        },
+        detector: Detector {
+            accuracy: 0.0,
+            range_min: 0.0,
+            range_max: 1e4,
+            max_returns: 0,
+            threshold: 0.0,
+            distance_error: None,
+        },
+        waveform: WaveformSettings { bin: 0.25, window: 1.0, quality: 3, max_range: 0.0 },
+        errors: MechanicalErrors::default(),
+    };
+    Survey {
+        name: "demo".to_owned(),
+        path: "demo.xml".into(),
+        seed: None,
+        platform: Platform {
+            id: "tripod".to_owned(),
+            kind: PlatformKind::Static,
+            mount: Mount { offset: DVec3::ZERO, rotation: Rotation::IDENTITY },
+            noise: PlatformNoise::default(),
+        },
+        scanner: Scanner {
+            id: "scanner".to_owned(),
+            name: "Test scanner".to_owned(),
+            pulse_freqs: vec![1000],
+            devices: (0..devices).map(|i| Device { id: format!("q{i}"), ..device.clone() }).collect(),
+            multi_channel: devices > 1,
+        },
+        scene: SceneRecipe {
+            id: "scene".to_owned(),
+            path: "scene.xml".into(),
+            parts: Vec::new(),
+            dyn_step: 1,
+            dyn_time_step: None,
+            asset_folders: Vec::new(),
+        },
+        legs: legs.iter().enumerate().map(|(i, strip)| leg(i as u32, *strip)).collect(),
+        leg_offset: None,
+        crs_wkt: None,
+    }
+}
+
+fn leg(number: u32, strip: Option<&str>) -> Leg {
+    Leg {
+        number,
+        strip: strip.filter(|s| *s != "!").map(str::to_owned),
+        platform: PlatformSettings {
+            position: DVec3::ZERO,
+            on_ground: false,
+            speed: 0.0,
+            stop_and_turn: false,
+            smooth_turn: false,
+            slowdown: false,
+            yaw_at_departure: None,
+            trajectory: None,
+        },
+        scanner: ScannerSettings {
+            active: strip != Some("!"),
+            pulse_freq: 1000,
+            scan_freq: 10.0,
+            scan_angle: 0.0,
+            vertical_min: None,
+            vertical_max: None,
+            head_rate: 0.0,
+            head_start: 0.0,
+            head_stop: 0.0,
+            beam_divergence: 0.0003,
+            trajectory_interval: 0.0,
+            max_duration: None,
+            warmup: 0.0,
+        },
+        place: None,
+    }
+}
+
+/// `echoes` echoes of two devices over all parts, with one to seventeen returns per pulse and a waveform, a pulse and a
+/// pose per hundred.
+pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
+    let mut batch = Batch { leg, ..Batch::default() };
+    for i in first..first + echoes {
+        let x = i as f64;
+        let returns = (i / 20 % 17 + 1) as u32;
+        let time_ns = 86_391e9 + (i / 20) as f64 * 10_000.0;
+        batch.echoes.push(Echo {
+            position: DVec3::new(
+                libm::sin(x) * 900.0,
+                libm::cos(x * 0.7) * 900.0,
+                libm::sin(x * 0.01) * 50.0,
+            ),
+            range: 100.0 + (i % 977) as f64 * 0.125,
+            intensity: libm::pow(10.0, (i % 1100) as f64 / 100.0 - 4.0),
+            echo_width: (i % 7) as f64 * 0.5,
+            pulse_number: (i / 20) as u64 + 1,
+            device: (i / 20 % 2) as u32,
+            part: (i % 3) as u32,
+            classification: (i % 40) as i32,
+            incidence_cosine: libm::cos((i % 90) as f64 * 0.017),
+            scan_angle: libm::sin(x * 0.001) * 0.6,
+            time_ns,
+            ..echo((i % 20) as u32 % returns + 1, returns)
+        });
+        if i % 100 == 0 {
+            let (origin, direction) = (DVec3::new(x, 0.0, 100.0), DVec3::NEG_Z);
+            let (first_sample, samples) = (batch.samples.len(), 5);
+            batch.samples.extend((0..samples).map(|k| k as f64 * 0.1));
+            batch.waveforms.push(WaveformRecord {
+                pulse_number: i as u64,
+                device: 0,
+                origin,
+                direction,
+                start_ns: 300.0,
+                end_ns: 301.0,
+                time_ns,
+                first_sample,
+                samples,
+            });
+            batch.pulses.push(PulseRecord { origin, direction, time_ns, number: i as u64, device: 0 });
+            batch.poses.push(PoseSample { time_ns, position: origin, roll: 0.0, pitch: 0.0, yaw: 1.0 });
+        }
+    }
+    batch
+}
+
+/// The whole way from batches to complete files.
+pub(super) fn write(request: OutputRequest, survey: &Survey, batches: &[Batch]) -> Result<Summary> {
+    let scene = scene();
+    let plan = Arc::new(OutputPlan::new(request, &OutputContext { survey, scene: &scene })?);
+    let mut writer = plan.open(Arc::new(NoOffload))?;
+    for batch in batches {
+        writer.append(plan.encode(batch))?;
+    }
+    writer.finish()
+}

@@ -1,0 +1,338 @@
+//! Whole runs: files, names, order, failure.
+
+use super::medium::{Medium, Storage};
+use super::testing::{batch, scene, survey, write};
+use super::*;
+use crate::error::Error;
+use crate::pipeline::Batch;
+use std::fs;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+fn plan(request: OutputRequest, survey: &crate::survey::Survey) -> Arc<OutputPlan> {
+    Arc::new(OutputPlan::new(request, &OutputContext { survey, scene: &scene() }).unwrap())
+}
+
+fn points(target: Target) -> OutputRequest {
+    let run_stamp = Some("2026-01-02_03-04-05".to_owned());
+    OutputRequest { sinks: vec![(target, PointFormat::Xyz)], run_stamp, ..OutputRequest::default() }
+}
+
+/// Names of all files below `dir`, with `/`, sorted.
+fn files(dir: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut folders = vec![dir.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                found.push(path.strip_prefix(dir).unwrap().to_str().unwrap().to_owned());
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn lines(path: PathBuf) -> usize {
+    fs::read_to_string(path).unwrap().lines().count()
+}
+
+#[test]
+fn the_layout_of_the_reference() {
+    let dir = tempfile::tempdir().unwrap();
+    let survey = survey(2, &[None, Some("!"), Some("7"), None, Some("7"), Some("A")]);
+    let batches = [batch(0, 0, 300), batch(2, 0, 200), batch(3, 0, 0), batch(4, 200, 100)];
+    let request =
+        OutputRequest { waveforms: true, pulses: true, ..points(Target::Helios(dir.path().into())) };
+    let summary = write(request.clone(), &survey, &batches).unwrap();
+    let mut expected = Vec::new();
+    for leg in ["leg000", "leg003", "strip007", "strip00A"] {
+        for product in ["fullwave.txt", "points.xyz", "pulse.txt", "trajectory.txt"] {
+            expected.push(format!("demo/2026-01-02_03-04-05/{leg}_{product}"));
+        }
+    }
+    assert_eq!(files(dir.path()), expected);
+    let run = dir.path().join("demo/2026-01-02_03-04-05");
+    assert_eq!(summary.directories, std::slice::from_ref(&run));
+    assert_eq!(summary.points, 600);
+    // Legs of a strip share every product (trap 10), and no remainder of pulses is lost (trap 1).
+    for (name, count) in [
+        ("leg000_points.xyz", 300),
+        ("leg003_points.xyz", 0),
+        ("strip007_points.xyz", 300),
+        ("strip007_fullwave.txt", 3),
+        ("strip007_pulse.txt", 3),
+        ("strip007_trajectory.txt", 3),
+        ("strip00A_points.xyz", 0),
+    ] {
+        assert_eq!(lines(run.join(name)), count, "{name}");
+    }
+    // A second run at the same second gets its own directory.
+    let again = write(request, &survey, &batches).unwrap();
+    assert_eq!(again.directories, [dir.path().join("demo/2026-01-02_03-04-05_2")]);
+}
+
+#[test]
+fn text_is_what_the_reference_writes() {
+    let dir = tempfile::tempdir().unwrap();
+    let batch = batch(0, 20, 3);
+    write(points(Target::File(dir.path().join("p.xyz"))), &survey(1, &[None]), std::slice::from_ref(&batch))
+        .unwrap();
+    let written = fs::read_to_string(dir.path().join("p.xyz")).unwrap();
+    let shift = scene().shift;
+    for (line, echo) in written.lines().zip(&batch.echoes) {
+        let p = echo.position + shift;
+        let part = ["0", "north", "-"][echo.part as usize];
+        let expected = format!(
+            "{:.4} {:.4} {:.4} {:.4} {:.4} {} {} {} {part} {} {:.9}",
+            p.x,
+            p.y,
+            p.z,
+            echo.intensity,
+            echo.echo_width,
+            echo.return_number,
+            echo.number_of_returns,
+            echo.pulse_number,
+            echo.classification,
+            echo.time_ns / 1e9
+        );
+        assert_eq!(line, expected);
+    }
+    assert_eq!(written.lines().count(), 3);
+}
+
+#[test]
+fn channels_are_split_by_id() {
+    let dir = tempfile::tempdir().unwrap();
+    let request =
+        OutputRequest { split_by_channel: true, ..points(Target::Directory(dir.path().join("new"))) };
+    write(request, &survey(2, &[None, Some("s")]), &[batch(0, 0, 100), batch(1, 100, 20)]).unwrap();
+    let names =
+        ["leg000_points_devq0", "leg000_points_devq1", "strip00s_points_devq0", "strip00s_points_devq1"];
+    assert_eq!(files(dir.path()), names.map(|n| format!("new/{n}.xyz")));
+    let counts = names.map(|n| lines(dir.path().join(format!("new/{n}.xyz"))));
+    assert_eq!(counts, [60, 40, 0, 20]);
+    // With one device the option has no effect.
+    let request =
+        OutputRequest { split_by_channel: true, ..points(Target::File(dir.path().join("one.xyz"))) };
+    write(request, &survey(1, &[None]), &[]).unwrap();
+    assert!(dir.path().join("one.xyz").exists());
+}
+
+#[test]
+fn a_single_file_takes_all_legs_and_products_stand_beside_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut request = points(Target::File(dir.path().join("all.xyz")));
+    request.waveforms = true;
+    request.trajectory = Some((Target::File(dir.path().join("t.csv")), TrajectoryFormat::Csv));
+    let summary = write(request, &survey(1, &[None, None]), &[batch(0, 0, 150), batch(1, 150, 150)]).unwrap();
+    assert_eq!(files(dir.path()), ["all.xyz", "all_fullwave.txt", "t.csv"]);
+    assert_eq!([lines(dir.path().join("all.xyz")), lines(dir.path().join("t.csv"))], [300, 4]);
+    let all = &summary.files[0];
+    assert_eq!((all.records, all.bytes), (300, fs::metadata(dir.path().join("all.xyz")).unwrap().len()));
+    assert_eq!(all.by_return.iter().sum::<u64>(), 300);
+    assert!(all.bounds.min.x > 499_000.0 && all.bounds.max.x < 501_200.0);
+}
+
+#[test]
+fn a_file_has_its_name_only_when_it_is_complete() {
+    let dir = tempfile::tempdir().unwrap();
+    let survey = survey(1, &[None, None]);
+    let plan = plan(points(Target::Directory(dir.path().into())), &survey);
+    assert!(files(dir.path()).is_empty(), "a plan writes nothing");
+    let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
+    assert_eq!(files(dir.path()), ["leg000_points.xyz.part", "leg001_points.xyz.part"]);
+    writer.append(plan.encode(&batch(0, 0, 10))).unwrap();
+    writer.flush().unwrap();
+    assert_eq!(lines(dir.path().join("leg000_points.xyz.part")), 10);
+    writer.append(plan.encode(&batch(1, 10, 10))).unwrap();
+    assert_eq!(files(dir.path()), ["leg000_points.xyz", "leg001_points.xyz.part"]);
+    assert!(matches!(writer.append(plan.encode(&batch(0, 20, 10))), Err(Error::Internal(_))));
+    writer.abort();
+    assert_eq!(files(dir.path()), ["leg000_points.xyz"]);
+}
+
+#[test]
+fn an_abandoned_run_leaves_no_directory() {
+    let dir = tempfile::tempdir().unwrap();
+    let survey = survey(1, &[None]);
+    let plan = plan(points(Target::Helios(dir.path().into())), &survey);
+    let writer = plan.open(Arc::new(NoOffload)).unwrap();
+    assert_eq!(writer.directories().count(), 1);
+    drop(writer);
+    assert_eq!(fs::read_dir(dir.path().join("demo")).unwrap().count(), 0);
+}
+
+#[test]
+fn files_are_not_overwritten_without_force() {
+    let dir = tempfile::tempdir().unwrap();
+    let survey = survey(1, &[None]);
+    for name in ["a.xyz", "b.xyz.part"] {
+        fs::write(dir.path().join(name), "precious").unwrap();
+    }
+    let mut request = points(Target::File(dir.path().join("a.xyz")));
+    request.sinks.push((Target::File(dir.path().join("b.xyz")), PointFormat::Xyz));
+    request.sinks.push((Target::File(dir.path().join("missing/c.xyz")), PointFormat::Xyz));
+    let context = OutputContext { survey: &survey, scene: &scene() };
+    let Err(Error::Input(problems)) = OutputPlan::new(request.clone(), &context) else { panic!("accepted") };
+    assert_eq!(problems.items().len(), 3, "{}", problems.render(false));
+    request.sinks.pop();
+    request.force = true;
+    write(request, &survey, &[batch(0, 0, 5)]).unwrap();
+    assert_eq!(files(dir.path()), ["a.xyz", "b.xyz"]);
+    assert_eq!(lines(dir.path().join("a.xyz")), 5);
+}
+
+#[test]
+fn what_appears_during_the_run_is_not_overwritten() {
+    let dir = tempfile::tempdir().unwrap();
+    let survey = survey(1, &[None]);
+    let plan = plan(points(Target::File(dir.path().join("a.xyz"))), &survey);
+    let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
+    writer.append(plan.encode(&batch(0, 0, 5))).unwrap();
+    fs::write(dir.path().join("a.xyz"), "precious").unwrap();
+    assert!(matches!(writer.finish(), Err(Error::Io { .. })));
+    assert_eq!(fs::read_to_string(dir.path().join("a.xyz")).unwrap(), "precious");
+    assert_eq!(lines(dir.path().join("a.xyz.part")), 5, "the result stays under its own name");
+}
+
+#[test]
+fn requests_that_cannot_be_met() {
+    let survey = survey(2, &[None]);
+    let context = OutputContext { survey: &survey, scene: &scene() };
+    let refused = |request: OutputRequest, part: &str| {
+        let Err(Error::Input(problems)) = OutputPlan::new(request, &context) else {
+            panic!("accepted: {part}")
+        };
+        assert!(problems.headline().contains(part), "{}", problems.headline());
+    };
+    let stdout = points(Target::Stdout);
+    refused(OutputRequest { waveforms: true, ..stdout.clone() }, "beside a point file");
+    refused(OutputRequest { split_by_channel: true, ..stdout.clone() }, "cannot be split");
+    let trajectory = Some((Target::File("/dev/stdout".into()), TrajectoryFormat::Csv));
+    refused(OutputRequest { trajectory, ..stdout.clone() }, "only one output");
+    let run = Some((Target::Helios("out".into()), TrajectoryFormat::Csv));
+    refused(OutputRequest { trajectory: run, ..stdout }, "already");
+    let dir = tempfile::tempdir().unwrap();
+    let file = points(Target::File(dir.path().join("a.xyz")));
+    refused(
+        OutputRequest { sinks: [file.sinks.clone(), file.sinks.clone()].concat(), ..file },
+        "two outputs",
+    );
+    refused(points(Target::File(dir.path().into())), "is a directory");
+}
+
+#[test]
+fn names_from_the_input_stay_in_their_folder() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut survey = survey(1, &[Some("../x"), Some("")]);
+    survey.name = "..".to_owned();
+    write(points(Target::Helios(dir.path().into())), &survey, &[]).unwrap();
+    let run = "_../2026-01-02_03-04-05";
+    let names = [
+        "strip..%2Fx_points.xyz",
+        "strip..%2Fx_trajectory.txt",
+        "strip00__points.xyz",
+        "strip00__trajectory.txt",
+    ];
+    assert_eq!(files(dir.path()), names.map(|n| format!("{run}/{n}")));
+}
+
+#[test]
+fn every_play_has_its_run_directory_and_files_go_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let survey = survey(1, &[None, None]);
+    let mut request = points(Target::Helios(dir.path().join("runs")));
+    request.sinks.push((Target::File(dir.path().join("all.xyz")), PointFormat::Xyz));
+    let plan = plan(OutputRequest { plays: 2, ..request }, &survey);
+    let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
+    for play in 0..2 {
+        for leg in 0..2 {
+            writer.append(plan.encode(&batch(leg, 0, 10))).unwrap();
+        }
+        assert_eq!(writer.next_play().is_ok(), play == 0);
+    }
+    let summary = writer.finish().unwrap();
+    assert_eq!((summary.directories.len(), summary.points), (2, 40));
+    assert_eq!(lines(dir.path().join("all.xyz")), 40);
+    let first = summary.directories[0].join("leg001_points.xyz");
+    let second = summary.directories[1].join("leg001_points.xyz");
+    assert_eq!([lines(first), lines(second)], [10, 10]);
+}
+
+/// A disk with room for so many bytes.
+struct Full(fs::File, usize);
+
+impl Write for Full {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.1 == 0 {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        let written = self.0.write(&bytes[..bytes.len().min(self.1)])?;
+        self.1 -= written;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
+impl Seek for Full {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.0.seek(to)
+    }
+}
+
+#[test]
+fn a_full_disk_is_reported_and_leaves_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("p.xyz");
+    for room in [0, 10, 200_000] {
+        let limited = |file| -> Box<dyn Storage> { Box::new(Full(file, room)) };
+        let mut medium = Medium::part_through(&path, limited);
+        let written = (0..4).try_for_each(|_| medium.append(&[b'x'; 60_000])).and_then(|()| medium.finish());
+        let Err(Error::Io { path: named, source, .. }) = written else { panic!("{room} bytes were enough") };
+        assert_eq!((named, source.kind()), (path.clone(), io::ErrorKind::StorageFull));
+        assert!(files(dir.path()).is_empty());
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn devices_and_pipes_are_written_as_they_are() {
+    let survey = survey(1, &[None]);
+    let full = write(points(Target::File("/dev/full".into())), &survey, &[batch(0, 0, 10)]);
+    assert!(matches!(full, Err(Error::Io { path, .. }) if path == Path::new("/dev/full")));
+    let summary = write(points(Target::File("/dev/null".into())), &survey, &[batch(0, 0, 10)]).unwrap();
+    assert_eq!((summary.files[0].path.as_deref(), summary.points), (Some(Path::new("/dev/null")), 10));
+
+    let (mut reader, pipe) = io::pipe().unwrap();
+    let name = format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&pipe));
+    let plan = plan(points(Target::File(name.into())), &survey);
+    let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
+    drop(pipe);
+    writer.append(plan.encode(&batch(0, 0, 1))).unwrap();
+    let mut line = [0; 40];
+    reader.read_exact(&mut line).unwrap();
+    assert!(line.starts_with(b"500000.2500 5400900.5000 300.1250 "), "a stream does not wait for its end");
+    drop(reader);
+    assert!(matches!(writer.append(plan.encode(&batch(0, 1, 1))), Err(Error::ClosedPipe)));
+}
+
+#[test]
+fn batches_of_any_size_give_the_same_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let survey = survey(1, &[None]);
+    let run = |name: &str, size: usize| {
+        let batches: Vec<Batch> = (0..1000).step_by(size).map(|i| batch(0, i, size.min(1000 - i))).collect();
+        let path = dir.path().join(name);
+        write(points(Target::File(path.clone())), &survey, &batches).unwrap();
+        fs::read(path).unwrap()
+    };
+    assert_eq!(run("a.xyz", 1000), run("b.xyz", 7));
+}

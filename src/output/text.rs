@@ -1,0 +1,194 @@
+//! The text files of HELIOS++ (spec outputs §3, §5–7): fields separated by single spaces, no header. And the
+//! trajectory as comma-separated values.
+
+use super::number::{push_fixed, push_integer};
+use crate::flight::PoseSample;
+use crate::geom::{DVec3, degrees};
+use crate::pulse::{Echo, PulseRecord, WaveformRecord};
+
+/// First line of a trajectory as comma-separated values.
+pub(super) const TRAJECTORY_HEADER: &[u8] = b"time,x,y,z,roll,pitch,yaw\n";
+
+/// A part's id as a field of text: blanks become `_`, and an empty id, which would shift the columns, becomes `-`.
+pub(super) fn label(id: &str) -> Box<[u8]> {
+    if id.is_empty() {
+        return Box::from(*b"-");
+    }
+    id.chars()
+        .map(|c| if c.is_whitespace() || c.is_control() { '_' } else { c })
+        .collect::<String>()
+        .into_bytes()
+        .into()
+}
+
+/// `x y z intensity echo_width return_number number_of_returns fullwave_index object_id class gps_time`
+pub(super) fn push_point(out: &mut Vec<u8>, position: DVec3, echo: &Echo, label: &[u8]) {
+    push_vector(out, position);
+    push_decimals(out, echo.intensity);
+    push_decimals(out, echo.echo_width);
+    push_count(out, echo.return_number);
+    push_count(out, echo.number_of_returns);
+    push_count(out, echo.pulse_number);
+    out.extend_from_slice(label);
+    out.push(b' ');
+    push_count(out, echo.classification);
+    push_seconds(out, echo.time_ns);
+    out.push(b'\n');
+}
+
+/// `x y z gps_time roll pitch yaw`, degrees.
+pub(super) fn push_pose(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
+    push_vector(out, position);
+    push_seconds(out, pose.time_ns);
+    out.push(b' ');
+    push_decimals(out, degrees(pose.roll));
+    push_decimals(out, degrees(pose.pitch));
+    push_fixed::<4>(out, yaw_degrees(pose));
+    out.push(b'\n');
+}
+
+/// `time,x,y,z,roll,pitch,yaw`, seconds, metres and degrees.
+pub(super) fn push_pose_csv(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
+    push_seconds(out, pose.time_ns);
+    for metres in position.to_array() {
+        out.push(b',');
+        push_fixed::<6>(out, metres);
+    }
+    for angle in [degrees(pose.roll), degrees(pose.pitch), yaw_degrees(pose)] {
+        out.push(b',');
+        push_fixed::<9>(out, angle);
+    }
+    out.push(b'\n');
+}
+
+/// `fullwave_index origin direction start end gps_time sample…`
+pub(super) fn push_waveform(out: &mut Vec<u8>, origin: DVec3, wave: &WaveformRecord, samples: &[f64]) {
+    push_count(out, wave.pulse_number);
+    push_vector(out, origin);
+    push_vector(out, wave.direction);
+    push_decimals(out, wave.start_ns);
+    push_decimals(out, wave.end_ns);
+    push_seconds(out, wave.time_ns);
+    for &sample in samples {
+        out.push(b' ');
+        push_fixed::<9>(out, sample);
+    }
+    out.push(b'\n');
+}
+
+/// `origin direction gps_time fullwave_index device`; the time is in nanoseconds here.
+pub(super) fn push_pulse(out: &mut Vec<u8>, origin: DVec3, pulse: &PulseRecord) {
+    push_vector(out, origin);
+    push_vector(out, pulse.direction);
+    push_decimals(out, pulse.time_ns);
+    push_count(out, pulse.number);
+    push_integer(out, pulse.device);
+    out.push(b'\n');
+}
+
+/// Seconds of the week for nanoseconds of the week.
+pub(super) fn seconds(time_ns: f64) -> f64 {
+    time_ns / 1e9
+}
+
+fn push_seconds(out: &mut Vec<u8>, time_ns: f64) {
+    push_fixed::<9>(out, seconds(time_ns));
+}
+
+fn push_vector(out: &mut Vec<u8>, v: DVec3) {
+    v.to_array().into_iter().for_each(|c| push_decimals(out, c));
+}
+
+fn push_decimals(out: &mut Vec<u8>, value: f64) {
+    push_fixed::<4>(out, value);
+    out.push(b' ');
+}
+
+fn push_count(out: &mut Vec<u8>, count: impl itoa::Integer) {
+    push_integer(out, count);
+    out.push(b' ');
+}
+
+fn yaw_degrees(pose: &PoseSample) -> f64 {
+    let yaw = degrees(pose.yaw);
+    if yaw < 0.0 { yaw + 360.0 } else { yaw }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::testing::echo;
+
+    fn text(push: impl FnOnce(&mut Vec<u8>)) -> String {
+        let mut out = Vec::new();
+        push(&mut out);
+        String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn a_point_of_the_specification() {
+        let echo = Echo { intensity: 5.6037077, time_ns: 86_391e9, pulse_number: 1, ..echo(1, 1) };
+        let line = text(|out| push_point(out, DVec3::new(-2.838, -25.5432, -0.0065), &echo, b"0"));
+        assert_eq!(line, "-2.8380 -25.5432 -0.0065 5.6037 0.0000 1 1 1 0 0 86391.000000000\n");
+    }
+
+    #[test]
+    fn a_pose_of_the_specification() {
+        let pose = PoseSample {
+            time_ns: 86_391e9,
+            position: DVec3::ZERO,
+            roll: 0.0,
+            pitch: -0.0,
+            yaw: 1.5 * std::f64::consts::PI,
+        };
+        let position = DVec3::new(-30.0, -50.0, 100.0);
+        let line = text(|out| push_pose(out, position, &pose));
+        assert_eq!(line, "-30.0000 -50.0000 100.0000 86391.000000000 0.0000 -0.0000 270.0000\n");
+        let line = text(|out| push_pose_csv(out, position, &pose));
+        assert_eq!(
+            line,
+            "86391.000000000,-30.000000,-50.000000,100.000000,0.000000000,-0.000000000,270.000000000\n"
+        );
+        let west = PoseSample { yaw: -0.5 * std::f64::consts::PI, ..pose };
+        assert!(text(|out| push_pose(out, position, &west)).ends_with(" 270.0000\n"));
+    }
+
+    #[test]
+    fn a_pulse_of_the_specification() {
+        let pulse = PulseRecord {
+            origin: DVec3::ZERO,
+            direction: DVec3::new(0.2542, 0.2289, -0.9397),
+            time_ns: 86_391e9,
+            number: 1,
+            device: 0,
+        };
+        let line = text(|out| push_pulse(out, DVec3::new(-30.0, -50.0, 100.414), &pulse));
+        assert_eq!(line, "-30.0000 -50.0000 100.4140 0.2542 0.2289 -0.9397 86391000000000.0000 1 0\n");
+    }
+
+    #[test]
+    fn a_waveform_has_nine_decimals_from_the_time_on() {
+        let wave = WaveformRecord {
+            pulse_number: 7,
+            device: 0,
+            origin: DVec3::ZERO,
+            direction: DVec3::NEG_Z,
+            start_ns: 355.8806,
+            end_ns: 356.1306,
+            time_ns: 518_391e9,
+            first_sample: 0,
+            samples: 2,
+        };
+        let line = text(|out| push_waveform(out, DVec3::new(-5.1, 1.4, 88.2), &wave, &[0.0, 1.168329293]));
+        let expected = "7 -5.1000 1.4000 88.2000 0.0000 0.0000 -1.0000 355.8806 356.1306 518391.000000000 \
+                        0.000000000 1.168329293\n";
+        assert_eq!(line, expected);
+    }
+
+    #[test]
+    fn labels_stay_one_field() {
+        assert_eq!(&*label(""), b"-");
+        assert_eq!(&*label("oak tree\t7"), b"oak_tree_7");
+        assert_eq!(&*label("north"), b"north");
+    }
+}

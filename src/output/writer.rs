@@ -1,0 +1,204 @@
+//! The writer thread's share of the output: appends encoded batches in chunk order.
+
+use super::Offload;
+use super::encode::Encoded;
+use super::file::OutputFile;
+use super::layout::{Content, Home};
+use super::medium::Place;
+use super::plan::{OutputPlan, create_run_directory, stamp};
+use super::summary::Summary;
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// All outputs of a run, open. Dropping it is [`Writer::abort`].
+pub struct Writer {
+    plan: Arc<OutputPlan>,
+    offload: Arc<dyn Offload>,
+    /// By slot; `None` when complete.
+    files: Vec<Option<OutputFile>>,
+    /// Slots in the order in which legs complete them, and how many of them are done.
+    closing: Vec<u32>,
+    closed: usize,
+    leg: u32,
+    play: u32,
+    summary: Summary,
+    /// After `files`: fields are dropped in this order, and a directory can be removed only when it is empty.
+    runs: Vec<RunDirectory>,
+}
+
+/// A run directory; an abandoned one is removed when it is empty.
+struct RunDirectory {
+    path: PathBuf,
+    keep: bool,
+}
+
+impl Drop for RunDirectory {
+    fn drop(&mut self) {
+        if !self.keep {
+            // Fails, as it should, when there is a file in it.
+            let _ = std::fs::remove_dir(&self.path);
+        }
+    }
+}
+
+impl OutputPlan {
+    /// Creates run directories and opens every output, before the first pulse leaves.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when something cannot be created, [`Error::Input`] when all names of run directories are taken.
+    pub fn open(self: &Arc<Self>, offload: Arc<dyn Offload>) -> Result<Writer> {
+        let mut closing: Vec<u32> = (0..self.layout.files.len() as u32).collect();
+        closing.sort_by_key(|&slot| self.layout.files[slot as usize].last_leg);
+        let mut writer = Writer {
+            plan: self.clone(),
+            offload,
+            files: self.layout.files.iter().map(|_| None).collect(),
+            closing,
+            closed: 0,
+            leg: 0,
+            play: 1,
+            summary: Summary::default(),
+            runs: Vec::new(),
+        };
+        for directory in &self.layout.directories {
+            std::fs::create_dir_all(directory).map_err(|e| Error::io("create", directory, e))?;
+        }
+        writer.create_runs()?;
+        writer.open_files(|_| true)?;
+        Ok(writer)
+    }
+}
+
+impl Writer {
+    /// Run directories of the present play; their paths are worth a line in the log.
+    pub fn directories(&self) -> impl Iterator<Item = &Path> {
+        self.runs.iter().map(|run| run.path.as_path())
+    }
+
+    /// Appends a batch. Batches come in chunk order, so that a file is complete when a later leg begins.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::ClosedPipe`] when the reader of a stream went away, [`Error::Internal`] when a batch is out
+    /// of order. Nothing more can be written after an error; drop the writer.
+    pub fn append(&mut self, encoded: Encoded) -> Result<()> {
+        if encoded.leg < self.leg || encoded.leg as usize >= self.plan.layout.routes.len() {
+            return Err(Error::Internal(format!("a batch of leg {} after leg {}", encoded.leg, self.leg)));
+        }
+        if encoded.leg > self.leg {
+            self.enter(encoded.leg)?;
+        }
+        for piece in encoded.pieces {
+            let file = self.files.get_mut(piece.slot as usize).and_then(Option::as_mut);
+            let file =
+                file.ok_or_else(|| Error::Internal(format!("leg {} writes a closed file", encoded.leg)))?;
+            file.append(&piece.bytes, &piece.tally, &*self.offload)?;
+        }
+        Ok(())
+    }
+
+    /// Hands everything that was appended to the operating system, for readers of live streams.
+    pub fn flush(&mut self) -> Result<()> {
+        self.files.iter_mut().flatten().try_for_each(OutputFile::flush)
+    }
+
+    /// Begins the next play of a survey with swapped parts: its legs begin anew, in new run directories; files of other
+    /// targets go on.
+    pub fn next_play(&mut self) -> Result<()> {
+        if self.play >= self.plan.plays {
+            return Err(Error::Internal(format!("more than {} plays", self.plan.plays)));
+        }
+        self.close_while(|_| true)?;
+        (self.play, self.leg, self.closed) = (self.play + 1, 0, 0);
+        self.keep_runs();
+        self.create_runs()?;
+        self.open_files(|home| matches!(home, Home::Run { .. }))
+    }
+
+    /// Completes all files and gives them their names.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; files completed before stay, the others are removed.
+    pub fn finish(mut self) -> Result<Summary> {
+        self.play = self.plan.plays.max(self.play);
+        self.close_while(|_| true)?;
+        self.keep_runs();
+        Ok(std::mem::take(&mut self.summary))
+    }
+
+    /// Gives up: files that are not complete are removed.
+    pub fn abort(self) {}
+
+    fn create_runs(&mut self) -> Result<()> {
+        let plan = self.plan.clone();
+        let name = plan.run_stamp.clone().unwrap_or_else(stamp);
+        for run in &plan.layout.runs {
+            let path = create_run_directory(&run.parent, &name)?;
+            self.summary.directories.push(path.clone());
+            self.runs.push(RunDirectory { path, keep: false });
+        }
+        Ok(())
+    }
+
+    fn keep_runs(&mut self) {
+        self.runs.drain(..).for_each(|mut run| run.keep = true);
+    }
+
+    fn open_files(&mut self, wanted: impl Fn(&Home) -> bool) -> Result<()> {
+        let plan = self.plan.clone();
+        for (slot, file) in plan.layout.files.iter().enumerate().filter(|(_, f)| wanted(&f.home)) {
+            let place = match &file.home {
+                Home::Fixed(place) => place.clone(),
+                Home::Run { run, name } => Place::Path(self.runs[*run].path.join(name)),
+            };
+            let mut open = OutputFile::open(&plan, &place, file.content)?;
+            open.park()?;
+            self.files[slot] = Some(open);
+        }
+        Ok(())
+    }
+
+    /// Completes the files that no leg from `leg` on writes into.
+    fn enter(&mut self, leg: u32) -> Result<()> {
+        self.close_while(|last_leg| last_leg < leg as usize)?;
+        let plan = self.plan.clone();
+        let left = plan.layout.routes.get(self.leg as usize).map_or(&[][..], |r| r);
+        for &slot in left.iter().flat_map(|route| route.slots()) {
+            if let Some(file) = &mut self.files[slot as usize] {
+                file.park()?;
+            }
+        }
+        self.leg = leg;
+        Ok(())
+    }
+
+    /// Completes files in the order of their last legs, as long as these are `complete`. Files outside run directories
+    /// stay open until the last play.
+    fn close_while(&mut self, complete: impl Fn(usize) -> bool) -> Result<()> {
+        let plan = self.plan.clone();
+        while let Some(&slot) = self.closing.get(self.closed) {
+            let file = &plan.layout.files[slot as usize];
+            if !complete(file.last_leg) {
+                break;
+            }
+            self.closed += 1;
+            if self.play < plan.plays && !matches!(file.home, Home::Run { .. }) {
+                continue;
+            }
+            if let Some(open) = self.files[slot as usize].take() {
+                let done = open.finish(&plan, &*self.offload)?;
+                if matches!(file.content, Content::Points(_)) && file.sink == 0 {
+                    self.summary.points += done.records;
+                }
+                self.summary.files.push(done);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl std::fmt::Debug for Writer {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("Writer").field("leg", &self.leg).field("play", &self.play).finish_non_exhaustive()
+    }
+}
