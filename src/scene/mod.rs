@@ -11,6 +11,7 @@ mod fixture;
 mod ground;
 mod library;
 mod load;
+pub mod make;
 mod material;
 mod model;
 mod mtl;

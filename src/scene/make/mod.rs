@@ -1,0 +1,340 @@
+//! Procedural scenes of a chosen size, with the surveys that scan them.
+//!
+//! A forest, hills or a room is written as OBJ and MTL files with `scene.xml`, `scanners.xml`, `platforms.xml` and
+//! `survey.xml`, ready to run. The same options give the same bytes on every machine: all chance comes from
+//! [`crate::rng`], all transcendental functions from `libm`, and numbers are written with four decimals.
+
+mod chance;
+mod flight;
+mod forest;
+mod obj;
+mod room;
+mod solid;
+mod survey;
+mod terrain;
+mod tree;
+
+pub use flight::{FlightOptions, write_flight};
+
+use crate::error::{Error, Result};
+use crate::geom::Aabb;
+use obj::{Mesh, PartFile};
+use std::path::{Path, PathBuf};
+
+/// What is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Rolling ground with spruces, beeches, birches and undergrowth; scanned from an aeroplane 300 m above it.
+    Forest,
+    /// Hills with houses and boulders; scanned from an aeroplane 400 m above them.
+    Terrain,
+    /// A furnished room; scanned from two tripod positions.
+    Room,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Kind; 3] = [Kind::Forest, Kind::Terrain, Kind::Room];
+
+    /// Name on the command line, of the scene and of the survey.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Forest => "forest",
+            Kind::Terrain => "terrain",
+            Kind::Room => "room",
+        }
+    }
+
+    fn fewest_triangles(self) -> u64 {
+        match self {
+            Kind::Forest => 500,
+            Kind::Terrain => 500,
+            Kind::Room => 1000,
+        }
+    }
+
+    fn extents(self) -> (f64, f64) {
+        match self {
+            Kind::Forest | Kind::Terrain => (20.0, 100_000.0),
+            Kind::Room => (6.0, 60.0),
+        }
+    }
+}
+
+/// What [`make`] shall make.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MakeOptions {
+    /// What is made.
+    pub kind: Kind,
+    /// Triangles of the scene; met to within 1 %, mostly to within a few.
+    pub triangles: u64,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Edge of the square, or length of the room, m. By default 1 M triangles are a forest of 200 m × 200 m or hills of
+    /// 500 m × 500 m, smaller and larger scenes are as dense, and a room is 8 m long.
+    pub extent_m: Option<f64>,
+    /// Roughly how many pulses the survey emits; by default an aeroplane's scanner fires at 1 MHz (forest) or 150 kHz
+    /// (terrain), and a room gets 4 M pulses.
+    pub pulses: Option<u64>,
+    /// Forest: every tree is a part of its own, so that echoes carry the tree's number.
+    pub separate_trees: bool,
+    /// Existing files may be replaced.
+    pub overwrite: bool,
+}
+
+impl MakeOptions {
+    /// A scene of `triangles` triangles with defaults for everything else.
+    pub fn new(kind: Kind, triangles: u64) -> MakeOptions {
+        MakeOptions {
+            kind,
+            triangles,
+            seed: 1,
+            extent_m: None,
+            pulses: None,
+            separate_trees: false,
+            overwrite: false,
+        }
+    }
+}
+
+/// What [`make`] has made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MakeSummary {
+    /// The survey to run.
+    pub survey: PathBuf,
+    /// All files written, the survey last.
+    pub files: Vec<PathBuf>,
+    /// Triangles of the scene.
+    pub triangles: u64,
+    /// Box around the scene, m.
+    pub bounds: Aabb,
+    /// Pulses that the survey emits, to within a per cent.
+    pub pulses: u64,
+}
+
+/// Writes a scene and its survey into `folder`, which is created if need be. `progress` is called with the share done,
+/// 0 to 1. Fails with [`Error::Input`] for sizes that cannot be made and for files that exist already (unless
+/// [`MakeOptions::overwrite`]), and with [`Error::Io`] when the machine fails; files appear under their names only when
+/// they are complete.
+pub fn make(options: &MakeOptions, folder: &Path, mut progress: impl FnMut(f64)) -> Result<MakeSummary> {
+    let extent = check(options)?;
+    if !options.overwrite {
+        refuse_existing(folder)?;
+    }
+    std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))?;
+    let (materials_file, materials) = match options.kind {
+        Kind::Forest => (forest::MATERIALS_FILE, forest::MATERIALS),
+        Kind::Terrain => (terrain::MATERIALS_FILE, terrain::MATERIALS),
+        Kind::Room => (room::MATERIALS_FILE, room::MATERIALS),
+    };
+    let materials = write_text(folder, materials_file, materials)?;
+    let mut assembly = match options.kind {
+        Kind::Forest => forest::write(options, extent, folder, &mut progress)?,
+        Kind::Terrain => terrain::write(options, extent, folder, &mut progress)?,
+        Kind::Room => room::write(options, extent, folder, &mut progress)?,
+    };
+    let ground = assembly.ground_height;
+    let texts = survey::survey_texts(options.kind, extent, ground, options.pulses);
+    assembly.files.push(materials);
+    assembly.files.push(write_text(folder, "scene.xml", &survey::scene_text(options.kind, &assembly.parts))?);
+    assembly.files.push(write_text(folder, "scanners.xml", &texts.scanners)?);
+    assembly.files.push(write_text(folder, "platforms.xml", &texts.platforms)?);
+    let survey = write_text(folder, "survey.xml", &texts.survey)?;
+    assembly.files.push(survey.clone());
+    Ok(MakeSummary {
+        survey,
+        files: assembly.files,
+        triangles: assembly.triangles,
+        bounds: assembly.bounds,
+        pulses: texts.pulses,
+    })
+}
+
+/// The extent to make, m, when the options can be met.
+fn check(options: &MakeOptions) -> Result<f64> {
+    let (kind, triangles) = (options.kind.name(), options.triangles);
+    let fewest = options.kind.fewest_triangles();
+    if triangles < fewest {
+        return Err(Error::input(format!("a {kind} of {triangles} triangles: it takes at least {fewest}")));
+    }
+    if triangles > 1_000_000_000 {
+        return Err(Error::input(format!(
+            "a {kind} of {triangles} triangles: at most 1000000000 can be made"
+        )));
+    }
+    let extent = options.extent_m.unwrap_or_else(|| match options.kind {
+        Kind::Forest => forest::default_extent(triangles),
+        Kind::Terrain => terrain::default_extent(triangles),
+        Kind::Room => room::DEFAULT_EXTENT,
+    });
+    let (least, most) = options.kind.extents();
+    if !(least..=most).contains(&extent) {
+        return Err(Error::input(format!("an extent of {extent} m: a {kind} can have {least} to {most} m")));
+    }
+    if options.pulses == Some(0) {
+        return Err(Error::input("a survey of 0 pulses: at least 1 is needed"));
+    }
+    Ok(extent)
+}
+
+fn refuse_existing(folder: &Path) -> Result<()> {
+    let fixed = ["survey.xml", "scene.xml", "scanners.xml", "platforms.xml", "ground.obj", "shell.obj"];
+    match fixed.iter().find(|name| folder.join(name).exists()) {
+        Some(name) => Err(Error::input(format!("{} exists already", folder.join(name).display()))),
+        None => Ok(()),
+    }
+}
+
+fn write_text(folder: &Path, name: &str, text: &str) -> Result<PathBuf> {
+    let mut file = PartFile::create(&folder.join(name))?;
+    file.write(text.as_bytes())?;
+    file.finish()
+}
+
+/// A part of the scene and the file that it is read from.
+struct Part {
+    file: String,
+    name: &'static str,
+}
+
+/// The meshes written so far.
+struct Assembly {
+    files: Vec<PathBuf>,
+    parts: Vec<Part>,
+    triangles: u64,
+    bounds: Aabb,
+    ground_height: f64,
+}
+
+impl Default for Assembly {
+    fn default() -> Assembly {
+        Assembly {
+            files: Vec::new(),
+            parts: Vec::new(),
+            triangles: 0,
+            bounds: Aabb::EMPTY,
+            ground_height: 0.0,
+        }
+    }
+}
+
+impl Assembly {
+    /// Adds a mesh that was written as `name.obj`. The first is the ground.
+    fn add(&mut self, name: &'static str, mesh: Mesh) {
+        self.add_part(Part { file: format!("{name}.obj"), name }, mesh);
+    }
+
+    fn add_part(&mut self, part: Part, mesh: Mesh) {
+        if self.parts.is_empty() {
+            self.ground_height = mesh.bounds.centre().z;
+        }
+        self.triangles += mesh.triangles;
+        self.bounds = self.bounds.union(mesh.bounds);
+        self.files.push(mesh.path);
+        self.parts.push(part);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(options: &MakeOptions) -> (tempfile::TempDir, MakeSummary) {
+        let folder = tempfile::tempdir().unwrap();
+        let summary = make(options, folder.path(), |_| ()).unwrap();
+        (folder, summary)
+    }
+
+    /// Triangles, vertices and largest vertex number as a reader of the files sees them.
+    fn read_back(summary: &MakeSummary) -> u64 {
+        let mut triangles = 0;
+        for path in summary.files.iter().filter(|p| p.extension().is_some_and(|e| e == "obj")) {
+            let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
+            let (models, materials) = tobj::load_obj(path, &options).unwrap();
+            assert!(!materials.unwrap().is_empty(), "{} has no materials", path.display());
+            for m in models {
+                assert!(m.mesh.material_id.is_some(), "{}: a face without material", path.display());
+                let corner = |i: u32| {
+                    let at = 3 * i as usize;
+                    crate::geom::DVec3::from_slice(&m.mesh.positions[at..at + 3])
+                };
+                for t in m.mesh.indices.chunks_exact(3) {
+                    let (a, b, c) = (corner(t[0]), corner(t[1]), corner(t[2]));
+                    assert!((b - a).cross(c - a).length() > 1e-9, "{}: {a} {b} {c}", path.display());
+                    triangles += 1;
+                }
+            }
+        }
+        triangles
+    }
+
+    #[test]
+    fn the_triangles_asked_for_are_in_the_files() {
+        for kind in Kind::ALL {
+            for triangles in [kind.fewest_triangles(), 1000, 4321, 60_000] {
+                let (_folder, summary) = made(&MakeOptions::new(kind, triangles));
+                let found = read_back(&summary);
+                assert_eq!(found, summary.triangles, "{kind:?}");
+                let off = (found as f64 / triangles as f64 - 1.0).abs();
+                assert!(off <= 0.01, "{kind:?}: {found} triangles instead of {triangles}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_same_options_give_the_same_bytes_and_another_seed_others() {
+        for kind in Kind::ALL {
+            let options = MakeOptions::new(kind, 3000);
+            let bytes = |o: &MakeOptions| {
+                let (_folder, summary) = made(o);
+                summary.files.iter().flat_map(|f| std::fs::read(f).unwrap()).collect::<Vec<u8>>()
+            };
+            let first = bytes(&options);
+            assert_eq!(first, bytes(&options), "{kind:?}");
+            assert_ne!(first, bytes(&MakeOptions { seed: 2, ..options }), "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn a_forest_keeps_its_extent_and_stands_on_the_ground() {
+        let (_folder, summary) =
+            made(&MakeOptions { extent_m: Some(60.0), ..MakeOptions::new(Kind::Forest, 20_000) });
+        let size = summary.bounds.size();
+        assert!(size.x >= 60.0 && size.x < 70.0 && size.y >= 60.0 && size.y < 70.0, "{size}");
+        assert!(size.z > 15.0 && size.z < 60.0, "{size}");
+    }
+
+    #[test]
+    fn trees_can_be_parts_of_their_own() {
+        let options = MakeOptions { separate_trees: true, ..MakeOptions::new(Kind::Forest, 6000) };
+        let (folder, summary) = made(&options);
+        assert_eq!(read_back(&summary), summary.triangles);
+        let scene = std::fs::read_to_string(folder.path().join("scene.xml")).unwrap();
+        let parts = scene.matches("<part ").count();
+        assert!(parts > 10, "{parts} parts");
+        assert_eq!(parts, summary.files.iter().filter(|p| p.extension().is_some_and(|e| e == "obj")).count());
+    }
+
+    #[test]
+    fn nothing_is_overwritten_unasked() {
+        let (folder, _) = made(&MakeOptions::new(Kind::Room, 1000));
+        let again = MakeOptions::new(Kind::Room, 1000);
+        assert!(matches!(make(&again, folder.path(), |_| ()), Err(Error::Input(_))));
+        make(&MakeOptions { overwrite: true, ..again }, folder.path(), |_| ()).unwrap();
+    }
+
+    #[test]
+    fn sizes_that_cannot_be_made_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let refuse = |options: MakeOptions| {
+            assert!(matches!(make(&options, folder.path(), |_| ()), Err(Error::Input(_))), "{options:?}");
+        };
+        refuse(MakeOptions::new(Kind::Forest, 10));
+        refuse(MakeOptions::new(Kind::Terrain, u64::MAX));
+        for extent in [f64::NAN, f64::INFINITY, -5.0, 0.0, 1e9] {
+            refuse(MakeOptions { extent_m: Some(extent), ..MakeOptions::new(Kind::Forest, 5000) });
+        }
+        refuse(MakeOptions { pulses: Some(0), ..MakeOptions::new(Kind::Room, 5000) });
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+}

@@ -1,0 +1,175 @@
+//! Writes a mesh as OBJ text while it is being made; nothing of the mesh is kept in memory.
+
+use crate::error::{Error, Result};
+use crate::geom::{Aabb, DVec3};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Vertices are written in units of 0.1 mm.
+const DECIMALS: usize = 4;
+const UNITS_PER_METRE: f64 = 10_000.0;
+const FLUSH_AT: usize = 1 << 20;
+
+/// A file that has its name only once it is complete; until then it is `NAME.part`, and it is removed when it is dropped
+/// unfinished.
+pub(super) struct PartFile {
+    file: File,
+    path: PathBuf,
+    part: PathBuf,
+    finished: bool,
+}
+
+impl PartFile {
+    pub(super) fn create(path: &Path) -> Result<PartFile> {
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let part = PathBuf::from(part);
+        let file = File::create(&part).map_err(|e| Error::io("create", &part, e))?;
+        Ok(PartFile { file, path: path.to_path_buf(), part, finished: false })
+    }
+
+    pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.file.write_all(bytes).map_err(|e| Error::io("write", &self.part, e))
+    }
+
+    pub(super) fn finish(mut self) -> Result<PathBuf> {
+        std::fs::rename(&self.part, &self.path).map_err(|e| Error::io("create", &self.path, e))?;
+        self.finished = true;
+        Ok(std::mem::take(&mut self.path))
+    }
+}
+
+impl Drop for PartFile {
+    fn drop(&mut self) {
+        if !self.finished {
+            let _ = std::fs::remove_file(&self.part);
+        }
+    }
+}
+
+/// An OBJ file under construction.
+pub(super) struct ObjFile {
+    file: PartFile,
+    text: Vec<u8>,
+    vertices: u64,
+    pub(super) triangles: u64,
+    pub(super) bounds: Aabb,
+}
+
+impl ObjFile {
+    pub(super) fn create(path: &Path, materials: &str) -> Result<ObjFile> {
+        let mut text = Vec::with_capacity(FLUSH_AT + 4096);
+        text.extend_from_slice(format!("mtllib {materials}\n").as_bytes());
+        Ok(ObjFile { file: PartFile::create(path)?, text, vertices: 0, triangles: 0, bounds: Aabb::EMPTY })
+    }
+
+    /// The material of the faces that follow.
+    pub(super) fn material(&mut self, name: &str) {
+        self.text.extend_from_slice(b"usemtl ");
+        self.text.extend_from_slice(name.as_bytes());
+        self.text.push(b'\n');
+    }
+
+    /// Writes a vertex and returns its number, from 1.
+    pub(super) fn vertex(&mut self, p: DVec3) -> Result<u64> {
+        let units = [p.x, p.y, p.z].map(|c| (c * UNITS_PER_METRE).round() as i64);
+        self.text.push(b'v');
+        for u in units {
+            self.text.push(b' ');
+            push_fixed(&mut self.text, u);
+        }
+        self.text.push(b'\n');
+        let [x, y, z] = units.map(|u| u as f64 / UNITS_PER_METRE);
+        self.bounds = self.bounds.with(DVec3::new(x, y, z));
+        self.vertices += 1;
+        self.flush_when_full()?;
+        Ok(self.vertices)
+    }
+
+    /// A triangle, or a quad that readers split into (1, 2, 3) and (1, 3, 4).
+    pub(super) fn face<const N: usize>(&mut self, corners: [u64; N]) -> Result<()> {
+        self.text.push(b'f');
+        let mut digits = itoa::Buffer::new();
+        for c in corners {
+            self.text.push(b' ');
+            self.text.extend_from_slice(digits.format(c).as_bytes());
+        }
+        self.text.push(b'\n');
+        self.triangles += N as u64 - 2;
+        self.flush_when_full()
+    }
+
+    fn flush_when_full(&mut self) -> Result<()> {
+        if self.text.len() >= FLUSH_AT { self.flush() } else { Ok(()) }
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.file.write(&self.text)?;
+        self.text.clear();
+        Ok(())
+    }
+
+    pub(super) fn finish(mut self) -> Result<Mesh> {
+        self.flush()?;
+        Ok(Mesh { triangles: self.triangles, bounds: self.bounds, path: self.file.finish()? })
+    }
+}
+
+/// A finished mesh file.
+pub(super) struct Mesh {
+    pub(super) path: PathBuf,
+    pub(super) triangles: u64,
+    pub(super) bounds: Aabb,
+}
+
+/// `units` of 0.1 mm as metres.
+fn push_fixed(text: &mut Vec<u8>, units: i64) {
+    if units < 0 {
+        text.push(b'-');
+    }
+    let magnitude = units.unsigned_abs();
+    let scale = 10u64.pow(DECIMALS as u32);
+    text.extend_from_slice(itoa::Buffer::new().format(magnitude / scale).as_bytes());
+    let mut rest = magnitude % scale;
+    if rest == 0 {
+        return;
+    }
+    let mut fraction = [b'0'; DECIMALS];
+    for digit in fraction.iter_mut().rev() {
+        *digit = b'0' + (rest % 10) as u8;
+        rest /= 10;
+    }
+    let used = fraction.iter().rposition(|&d| d != b'0').map_or(0, |i| i + 1);
+    text.push(b'.');
+    text.extend_from_slice(&fraction[..used]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_are_short_and_exact() {
+        let text = |u| {
+            let mut t = Vec::new();
+            push_fixed(&mut t, u);
+            String::from_utf8(t).unwrap()
+        };
+        assert_eq!(text(0), "0");
+        assert_eq!(text(1_234_567), "123.4567");
+        assert_eq!(text(-5), "-0.0005");
+        assert_eq!(text(-1_205_000), "-120.5");
+    }
+
+    #[test]
+    fn an_unfinished_file_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        drop(PartFile::create(&folder.path().join("a.obj")).unwrap());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let mut whole = PartFile::create(&folder.path().join("b.obj")).unwrap();
+        whole.write(b"v 0 0 0\n").unwrap();
+        assert!(!folder.path().join("b.obj").exists());
+        assert_eq!(std::fs::read(whole.finish().unwrap()).unwrap(), b"v 0 0 0\n");
+    }
+}
