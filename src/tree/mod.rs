@@ -1,7 +1,37 @@
 //! Which primitive does a ray hit first? Primitives, rays, the trees over them; nothing of lidar.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `geometry`, `rays` | primitives; rays by pulse; hits |
+//! | `intersect` | the verdict: one ray, one primitive, double precision |
+//! | `options`, `build` | what a tree is built with; the builders |
+//! | `frame`, `node`, `block` | the tree's parts, in single precision around the scene's centre |
+//! | `beam` | the filter: a bundle of rays against planes, boxes and blocks of triangles |
+//! | `trace`, `bundle` | the walk of one beam, and the verdicts at its end |
+//!
+//! Trees and beams only choose which verdicts are asked for, and err on the side of asking; so every tree, every way to
+//! trace and every instruction set gives the same hits, bit for bit, as asking for all of them.
 
+mod beam;
+mod block;
+mod build;
+mod bundle;
+mod frame;
 mod geometry;
+mod index;
+mod intersect;
+mod node;
+mod options;
 mod rays;
+mod trace;
 
 pub use geometry::{Cube, Geometry, Hit};
-pub use rays::{Hits, RayBundle, Tree};
+pub use index::Tree;
+pub use intersect::{cube as intersect_cube, triangle as intersect_triangle};
+pub use options::{Accounting, BuildOptions, Builder, Statistics};
+pub use rays::{Hits, RayBundle};
+
+#[cfg(test)]
+mod golden_tests;
+#[cfg(test)]
+mod property_tests;

@@ -1,6 +1,5 @@
 //! Rays that leave one point together, and what they hit.
 
-use super::Geometry;
 use crate::geom::DVec3;
 
 /// The rays of one pulse: one origin, unit directions as structure of arrays.
@@ -47,31 +46,12 @@ impl Hits {
     pub const MISS: u32 = u32::MAX;
 }
 
-/// Spatial index over a [`Geometry`].
-#[derive(Clone, Debug, Default)]
-pub struct Tree {}
-
-impl Tree {
-    /// First hits of all rays of a bundle; `hits` is resized and overwritten.
-    pub fn trace(&self, geometry: &Geometry, rays: &RayBundle, hits: &mut Hits) {
-        hits.t.clear();
-        hits.t.resize(rays.len(), f64::INFINITY);
-        hits.primitive.clear();
-        hits.primitive.resize(rays.len(), Hits::MISS);
-        for i in 0..rays.len() {
-            for p in 0..geometry.triangles.len() {
-                let [a, b, c] = geometry.triangle(p);
-                let (e1, e2, d) = (b - a, c - a, rays.direction(i));
-                let h = d.cross(e2);
-                let det = h.dot(e1);
-                let s = rays.origin - a;
-                let q = s.cross(e1);
-                let (u, w, t) = (s.dot(h) / det, d.dot(q) / det, e2.dot(q) / det);
-                if u >= 0.0 && w >= 0.0 && u + w <= 1.0 && t > 0.0 && t < hits.t[i] {
-                    hits.t[i] = t;
-                    hits.primitive[i] = p as u32;
-                }
-            }
-        }
+impl Hits {
+    /// Makes room for `rays` misses.
+    pub(crate) fn reset(&mut self, rays: usize) {
+        self.t.clear();
+        self.t.resize(rays, f64::INFINITY);
+        self.primitive.clear();
+        self.primitive.resize(rays, Hits::MISS);
     }
 }

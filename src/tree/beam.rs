@@ -1,0 +1,179 @@
+//! The filter: a bundle of rays with one origin, as intervals of slopes in single precision.
+//!
+//! Every ray of a beam runs forward along one dominant axis `k`. With the depth `s = ±(p_k − R_k)` counted from the
+//! beam's apex `R`, a ray is at `R_a + m_a·s` on axis `a`, its slope `m_a = d_a/|d_k|` lying in an interval (for `k` itself
+//! the slope is the sign). So "below plane p" is a bound on `s`, upper or lower by the slope's sign, and nothing is ever
+//! divided by something that crosses zero.
+//!
+//! Bounds are products of a difference and a reciprocal: relative errors of a few units in the last place, which
+//! [`LOOSE`] covers. Errors that do not scale with `s` (rounded vertices and planes, the rounded apex) are collected in
+//! `slack`, by which the apex is widened. A beam therefore accepts whatever the verdict could accept.
+
+use super::block::{Block, LANES};
+use super::frame::{Frame, above, below};
+use super::intersect::{SHORTEST, axes_by_dominance};
+use crate::geom::DVec3;
+
+/// Covers the relative error of both sides of a comparison of depths.
+pub(crate) const LOOSE: f32 = 1.000_000_6;
+
+/// Slopes nearer to zero are widened to this, so that reciprocals stay finite.
+const FLATTEST: f32 = 1e-18;
+
+/// Origins farther away than this (in scene radii) are not for single precision.
+const FARTHEST: f64 = 1e12;
+
+/// A bundle of rays with one origin. Arrays are indexed by axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beam {
+    /// Dominant axis, then the others.
+    pub axes: [usize; 3],
+    /// Sign of the directions on the dominant axis.
+    pub forward: f32,
+    /// Rounded origin.
+    pub apex: [f32; 3],
+    /// Sum of all absolute errors.
+    pub slack: f32,
+    /// Interval of slopes.
+    pub slope: [[f32; 2]; 3],
+    /// Reciprocals of the slopes.
+    inverse: [[f32; 2]; 3],
+    /// Origin less and plus the slack.
+    from: [[f32; 2]; 3],
+}
+
+impl Beam {
+    /// The beam of `directions` from `origin`; `None` when they share no dominant axis and sign, when one of them is no
+    /// direction, or when the origin is out of reach.
+    pub fn of(frame: &Frame, origin: DVec3, directions: impl Iterator<Item = DVec3> + Clone) -> Option<Beam> {
+        let first = directions.clone().next()?;
+        let axes = axes_by_dominance(first);
+        let [k, i, j] = axes;
+        let forward = if first[k] < 0.0 { -1.0 } else { 1.0 };
+        let mut range = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        for d in directions {
+            let depth = d[k] * forward;
+            let own = axes_by_dominance(d) == axes && depth >= SHORTEST && depth.is_finite();
+            if !own {
+                return None;
+            }
+            for (r, a) in range.iter_mut().zip([i, j]) {
+                let m = d[a] / depth;
+                *r = [r[0].min(m), r[1].max(m)];
+            }
+        }
+        let local = frame.local(origin);
+        let reach = local.abs().max_element();
+        if !(reach < FARTHEST && range.iter().flatten().all(|m| m.is_finite())) {
+            return None;
+        }
+        let mut slope = [[forward as f32; 2]; 3];
+        for (r, a) in range.into_iter().zip([i, j]) {
+            let (lo, hi) = (below(r[0]), above(r[1]));
+            slope[a] = [
+                if lo.abs() < FLATTEST { -FLATTEST } else { lo },
+                if hi.abs() < FLATTEST { FLATTEST } else { hi },
+            ];
+        }
+        let apex = local.to_array().map(|x| x as f32);
+        let rounding = (0..3).fold(0.0, |m: f64, a| m.max((f64::from(apex[a]) - local[a]).abs()));
+        let slack = above(rounding + 2.0 * Frame::ROUNDING + 1e-14 * (1.0 + reach));
+        Some(Beam {
+            axes,
+            forward: forward as f32,
+            apex,
+            slack,
+            slope,
+            inverse: slope.map(|s| s.map(f32::recip)),
+            from: apex.map(|r| [(r - slack).next_down(), (r + slack).next_up()]),
+        })
+    }
+
+    /// Depths at which the beam may be at or below plane `p` of `axis`, and at or above it, both within `[lo, hi]`.
+    #[inline(always)]
+    pub fn cut(&self, axis: usize, p: f32, [lo, hi]: [f32; 2]) -> [[f32; 2]; 2] {
+        let under = (p - self.from[axis][0]) * self.inverse[axis][0];
+        let over = (p - self.from[axis][1]) * self.inverse[axis][1];
+        let lower = if self.inverse[axis][0] > 0.0 { [lo, hi.min(under)] } else { [lo.max(under), hi] };
+        let upper = if self.inverse[axis][1] > 0.0 { [lo.max(over), hi] } else { [lo, hi.min(over)] };
+        [lower, upper]
+    }
+
+    /// Whether the beam's rays reach the lower side of planes across `axis` first.
+    #[inline(always)]
+    pub fn ascends(&self, axis: usize) -> bool {
+        self.slope[axis][0] + self.slope[axis][1] >= 0.0
+    }
+
+    /// The depths at which the beam may be within a box.
+    pub fn within(&self, lo: &[f32; 3], hi: &[f32; 3]) -> [f32; 2] {
+        (0..3).fold([0.0, f32::INFINITY], |range, a| {
+            let [range, _] = self.cut(a, hi[a], range);
+            self.cut(a, lo[a], range)[1]
+        })
+    }
+
+    /// Triangles of a block that a ray of the beam might hit at depths within `[lo, hi]`, as a mask of lanes.
+    #[inline(always)]
+    pub fn triangles(&self, block: &Block, [lo, hi]: [f32; 2]) -> u32 {
+        let [k, i, j] = self.axes;
+        let c = &block.corner;
+        let (r, sg, slack) = (self.apex, self.forward, self.slack);
+        let [[i0, i1], [j0, j1]] = [self.slope[i], self.slope[j]];
+        let (hi, lo) = (hi * LOOSE + 4.0 * slack, lo * (2.0 - LOOSE) - 4.0 * slack);
+        let mut mask = 0;
+        for l in 0..LANES {
+            let s = [0, 1, 2].map(|v| (c[v][k][l] - r[k]) * sg);
+            let near = min3(s);
+            let far = max3(s);
+            let inverse = s.map(|s| 1.0 / s);
+            let x = [0, 1, 2].map(|v| (c[v][i][l] - r[i]) * inverse[v]);
+            let y = [0, 1, 2].map(|v| (c[v][j][l] - r[j]) * inverse[v]);
+            // Corners err by the slack sideways and in depth; slopes beyond ±2 are outside the beam anyway.
+            let pad = 4.0 * slack / near + 1e-6;
+            let overlaps =
+                (min3(x) - pad <= i1) & (max3(x) + pad >= i0) & (min3(y) - pad <= j1) & (max3(y) + pad >= j0);
+            // Slopes of corners mean nothing beside or behind the apex.
+            let beside = near < 16.0 * slack;
+            mask |= u32::from((overlaps | beside) & (near <= hi) & (far >= lo)) << l;
+        }
+        mask
+    }
+
+    /// Boxes that a ray of the beam might be in at depths up to `hi`: a mask of lanes and the depths of entry.
+    #[inline(always)]
+    pub fn boxes(
+        &self,
+        lower: &[[f32; LANES]; 3],
+        upper: &[[f32; LANES]; 3],
+        hi: f32,
+    ) -> (u32, [f32; LANES]) {
+        let (mut enter, mut leave) = ([0.0f32; LANES], [hi; LANES]);
+        for a in 0..3 {
+            let ([f0, f1], [v0, v1]) = (self.from[a], self.inverse[a]);
+            for l in 0..LANES {
+                let (under, over) = ((upper[a][l] - f0) * v0, (lower[a][l] - f1) * v1);
+                if v0 > 0.0 {
+                    leave[l] = leave[l].min(under)
+                } else {
+                    enter[l] = enter[l].max(under)
+                }
+                if v1 > 0.0 { enter[l] = enter[l].max(over) } else { leave[l] = leave[l].min(over) }
+            }
+        }
+        let mask = (0..LANES).fold(0, |m, l| m | u32::from(enter[l] <= leave[l] * LOOSE) << l);
+        (mask, enter)
+    }
+}
+
+#[inline(always)]
+fn min3([a, b, c]: [f32; 3]) -> f32 {
+    let ab = if a < b { a } else { b };
+    if ab < c { ab } else { c }
+}
+
+#[inline(always)]
+fn max3([a, b, c]: [f32; 3]) -> f32 {
+    let ab = if a > b { a } else { b };
+    if ab > c { ab } else { c }
+}

@@ -1,0 +1,46 @@
+//! What builders see of a primitive.
+
+use crate::tree::Geometry;
+use crate::tree::frame::Frame;
+use rayon::prelude::*;
+
+/// A primitive's box in the tree's frame, rounded outward.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(crate) struct Prim {
+    pub lo: [f32; 3],
+    pub id: u32,
+    pub hi: [f32; 3],
+}
+
+/// All primitives that a ray can hit: those whose coordinates are numbers.
+pub(crate) fn collect(geometry: &Geometry, frame: &Frame) -> Vec<Prim> {
+    (0..geometry.len())
+        .into_par_iter()
+        .with_min_len(4096)
+        .filter(|&i| is_solid(geometry, i))
+        .map(|i| {
+            let (lo, hi) = frame.local_box(&geometry.bounds_of(i));
+            Prim { lo, id: i as u32, hi }
+        })
+        .collect()
+}
+
+fn is_solid(geometry: &Geometry, i: usize) -> bool {
+    if i < geometry.triangles.len() {
+        return geometry.triangle(i).iter().all(|p| p.is_finite());
+    }
+    let b = geometry.bounds_of(i);
+    b.min.is_finite() && b.max.is_finite() && !b.is_empty()
+}
+
+/// The frame around all primitives that can be hit.
+pub(crate) fn frame_of(geometry: &Geometry) -> Frame {
+    let bounds = (0..geometry.len())
+        .into_par_iter()
+        .with_min_len(4096)
+        .filter(|&i| is_solid(geometry, i))
+        .map(|i| geometry.bounds_of(i))
+        .reduce(|| crate::geom::Aabb::EMPTY, |a, b| a.union(b));
+    Frame::around(&bounds)
+}

@@ -1,0 +1,161 @@
+//! Where to split a node: the four searches of spec §1.8 to §1.11.
+
+use super::prim::Prim;
+use crate::tree::Geometry;
+use crate::tree::frame::Frame;
+use crate::tree::options::{BuildOptions, Builder};
+
+/// A node's box and its area, the latter by the proportional rule of spec §1.4.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cell {
+    pub lo: [f64; 3],
+    pub hi: [f64; 3],
+    pub area: f64,
+}
+
+impl Cell {
+    /// The root's cell.
+    pub fn around(prims: &[Prim]) -> Cell {
+        let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for p in prims {
+            for a in 0..3 {
+                lo[a] = lo[a].min(f64::from(p.lo[a]));
+                hi[a] = hi[a].max(f64::from(p.hi[a]));
+            }
+        }
+        if prims.is_empty() {
+            (lo, hi) = ([0.0; 3], [0.0; 3]);
+        }
+        let [x, y, z] = [hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]];
+        Cell { lo, hi, area: 2.0 * (x * y + x * z + y * z) }
+    }
+
+    /// The two parts.
+    pub fn cut(&self, split: &Split) -> [Cell; 2] {
+        let (mut left, mut right) = (*self, *self);
+        let (a, b) = (self.lo[split.axis], self.hi[split.axis]);
+        let position = a + split.r * (b - a);
+        left.hi[split.axis] = position;
+        right.lo[split.axis] = position;
+        left.area = split.r * self.area;
+        right.area = (1.0 - split.r) * self.area;
+        [left, right]
+    }
+}
+
+/// A split plane; `r` is the share of the lower side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Split {
+    pub axis: usize,
+    pub position: f64,
+    pub r: f64,
+    pub loss: f64,
+}
+
+/// What the searches look at.
+pub(crate) struct Search<'a> {
+    pub geometry: &'a Geometry,
+    pub frame: Frame,
+    pub options: &'a BuildOptions,
+}
+
+impl Search<'_> {
+    /// The split of the builder in use on `axis`, or on the best axis where the builder compares them; `None` when the
+    /// cell has no extent there.
+    pub fn split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+        match self.options.builder {
+            Builder::Median => self.median_split(prims, cell, axis),
+            Builder::Sah => self.sah_split(prims, cell, axis),
+            Builder::AxisSah => (0..3)
+                .filter_map(|a| self.sah_split(prims, cell, a))
+                .reduce(|best, s| if s.loss < best.loss { s } else { best }),
+            Builder::Fsah => fsah_split(prims, cell, axis, self.options.bins.clamp(2, 1024)),
+        }
+    }
+
+    fn median_split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+        let p = self.object_median(prims, axis);
+        let r = share(cell, axis, p)?;
+        Some(Split { axis, position: p, r, loss: 0.0 })
+    }
+
+    fn sah_split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+        let (a, b) = (cell.lo[axis], cell.hi[axis]);
+        let middle = (a + b) / 2.0;
+        let median = self.object_median(prims, axis).max(a).min(b);
+        let n = self.options.candidates.max(2);
+        let (start, step) = (middle.min(median), (middle - median).abs() / (n - 1) as f64);
+        let mut best: Option<Split> = None;
+        for i in 0..n {
+            let p = start + i as f64 * step;
+            let r = share(cell, axis, p)?;
+            let [nl, nr] = count(prims, axis, p);
+            let loss = r * nl as f64 + (1.0 - r) * nr as f64;
+            if best.is_none_or(|s| loss < s.loss) {
+                best = Some(Split { axis, position: p, r, loss });
+            }
+        }
+        best
+    }
+
+    /// The centroid at place ⌊N/2⌋ in descending order.
+    fn object_median(&self, prims: &[Prim], axis: usize) -> f64 {
+        let mut centroids: Vec<f64> = prims.iter().map(|p| self.centroid(p.id, axis)).collect();
+        let place = prims.len() / 2;
+        *centroids.select_nth_unstable_by(place, |x, y| y.total_cmp(x)).1
+    }
+
+    fn centroid(&self, id: u32, axis: usize) -> f64 {
+        let id = id as usize;
+        if id < self.geometry.triangles.len() {
+            let [a, b, c] = self.geometry.triangle(id).map(|p| self.frame.local(p)[axis]);
+            return (a + b + c) / 3.0;
+        }
+        self.frame.local(self.geometry.cubes[id - self.geometry.triangles.len()].centre)[axis]
+    }
+}
+
+/// (p − a)/(b − a); `None` when the cell is flat on this axis.
+fn share(cell: &Cell, axis: usize, p: f64) -> Option<f64> {
+    let (a, b) = (cell.lo[axis], cell.hi[axis]);
+    (b > a).then(|| (p - a) / (b - a))
+}
+
+/// How many primitives go to the lower and to the upper side (spec §1.5).
+pub(crate) fn count(prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
+    prims.iter().fold([0, 0], |[l, r], o| {
+        [l + usize::from(f64::from(o.lo[axis]) <= p), r + usize::from(f64::from(o.hi[axis]) > p)]
+    })
+}
+
+/// The best boundary of min/max histograms (spec §1.11), bins clamped at both ends.
+pub(crate) fn fsah_split(prims: &[Prim], cell: &Cell, axis: usize, bins: usize) -> Option<Split> {
+    let (a, b) = (cell.lo[axis], cell.hi[axis]);
+    if b <= a {
+        return None;
+    }
+    let mut starts = [0u32; 1024];
+    let mut ends = [0u32; 1024];
+    let (width, m) = (b - a, bins as f64);
+    // A float to integer cast saturates, which is the lower clamp.
+    let bin = |v: f32| (((f64::from(v) - a) / width * m) as usize).min(bins - 1);
+    for o in prims {
+        starts[bin(o.lo[axis])] += 1;
+        ends[bin(o.hi[axis])] += 1;
+    }
+    let n = prims.len() as f64;
+    let (mut best, mut loss) = (0, n);
+    let (mut below, mut above) = (0.0, n);
+    for i in 1..=bins {
+        below += f64::from(starts[i - 1]);
+        above -= f64::from(ends[i - 1]);
+        let r = i as f64 / m;
+        let here = r * below + (1.0 - r) * above;
+        if here < loss {
+            (best, loss) = (i, here);
+        }
+    }
+    let r = best as f64 / m;
+    let position = if best == bins { b } else { a + r * width };
+    Some(Split { axis, position, r, loss })
+}

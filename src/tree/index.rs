@@ -1,0 +1,56 @@
+//! The tree as its users see it.
+
+use super::block::{Block, LANES};
+use super::build::{build_kd, collect, frame_of};
+use super::frame::Frame;
+use super::geometry::Geometry;
+use super::node::KdNode;
+use super::options::{BuildOptions, Statistics};
+use rayon::prelude::*;
+
+/// Spatial index over a [`Geometry`]: answers which primitive rays hit first.
+///
+/// Immutable once built; holds no part of the geometry, which every query takes along and which must be the one that the
+/// tree was built over.
+#[derive(Clone, Debug)]
+pub struct Tree {
+    pub(super) frame: Frame,
+    /// Lower and upper corner of everything, in the tree's frame.
+    pub(super) bounds: [[f32; 3]; 2],
+    pub(super) nodes: Vec<KdNode>,
+    pub(super) blocks: Vec<Block>,
+    statistics: Statistics,
+}
+
+impl Tree {
+    /// Builds a tree over all primitives of `geometry`. Primitives with coordinates that are no numbers are left out;
+    /// no ray hits them. The result does not depend on the number of threads.
+    pub fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
+        match rayon::ThreadPoolBuilder::new().num_threads(options.jobs).build() {
+            Ok(pool) if options.jobs > 0 => pool.install(|| build(geometry, options)),
+            // All threads are wanted, which the global pool has, or no more are to be had.
+            _ => build(geometry, options),
+        }
+    }
+
+    /// Size, depth and expected cost of the tree.
+    pub fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// Bytes that the tree occupies, the geometry not counted.
+    pub fn memory(&self) -> usize {
+        size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..]) + size_of::<Tree>()
+    }
+}
+
+fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
+    let frame = frame_of(geometry);
+    let prims = collect(geometry, &frame);
+    let bounds = prims.iter().fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[lo, hi], p| {
+        [[0, 1, 2].map(|a| lo[a].min(p.lo[a])), [0, 1, 2].map(|a| hi[a].max(p.hi[a]))]
+    });
+    let (arena, statistics) = build_kd(geometry, frame, prims, options);
+    let blocks = arena.slots.par_chunks(LANES).map(|ids| Block::of(geometry, &frame, ids)).collect();
+    Tree { frame, bounds, nodes: arena.nodes, blocks, statistics }
+}

@@ -1,0 +1,265 @@
+//! Every tree and every way to trace gives the hits of asking for all verdicts, bit for bit.
+
+use super::*;
+use crate::geom::{DVec3, unit};
+use proptest::prelude::*;
+
+/// First hit by all verdicts.
+fn brute_force(g: &Geometry, origin: DVec3, d: DVec3) -> Option<Hit> {
+    let triangles =
+        (0..g.triangles.len()).filter_map(|i| Some((intersect_triangle(origin, d, g.triangle(i))?, i)));
+    let cubes = g.cubes.iter().enumerate();
+    let cubes = cubes.filter_map(|(i, &c)| Some((intersect_cube(origin, d, c)?, g.triangles.len() + i)));
+    triangles
+        .chain(cubes)
+        .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+        .map(|(t, i)| Hit { t, primitive: i as u32 })
+}
+
+fn bundle(origin: DVec3, directions: &[DVec3]) -> RayBundle {
+    RayBundle {
+        origin,
+        x: directions.iter().map(|d| d.x).collect(),
+        y: directions.iter().map(|d| d.y).collect(),
+        z: directions.iter().map(|d| d.z).collect(),
+    }
+}
+
+fn trees(g: &Geometry) -> Vec<Tree> {
+    let builders = [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah];
+    let mut trees: Vec<Tree> = builders.map(|b| Tree::build(g, &BuildOptions::of(b))).into();
+    let strict = BuildOptions {
+        accounting: Accounting::Local,
+        next_axis: true,
+        ..BuildOptions::strict(Builder::Fsah)
+    };
+    trees.push(Tree::build(g, &strict));
+    trees
+}
+
+/// Bundles, single rays and brute force agree in all trees.
+fn assert_agreement(g: &Geometry, pulses: &[RayBundle]) {
+    let expected: Vec<Vec<Option<Hit>>> = pulses
+        .iter()
+        .map(|p| (0..p.len()).map(|i| brute_force(g, p.origin, p.direction(i))).collect())
+        .collect();
+    let mut hits = Hits::default();
+    for (n, tree) in trees(g).iter().enumerate() {
+        for (p, expected) in pulses.iter().zip(&expected) {
+            tree.trace(g, p, &mut hits);
+            for (i, hit) in expected.iter().enumerate() {
+                let found = (hits.primitive[i] != Hits::MISS)
+                    .then(|| Hit { t: hits.t[i], primitive: hits.primitive[i] });
+                assert_eq!(
+                    found,
+                    *hit,
+                    "tree {n}, ray {i} of a bundle from {} to {}",
+                    p.origin,
+                    p.direction(i)
+                );
+                assert_eq!(tree.nearest(g, p.origin, p.direction(i)), *hit, "tree {n}, single ray {i}");
+            }
+        }
+    }
+}
+
+/// A number that is often special: 0, a small integer, or any.
+fn coordinate() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        Just(0.0),
+        (-4i32..=4).prop_map(f64::from),
+        -4.0..4.0f64,
+        (-8i32..=8).prop_map(|i| f64::from(i) * 0.125)
+    ]
+}
+
+fn point() -> impl Strategy<Value = DVec3> {
+    [coordinate(), coordinate(), coordinate()].prop_map(DVec3::from)
+}
+
+/// Triangles over few points, so that edges and corners are shared and some are degenerate, and some cubes.
+fn geometry() -> impl Strategy<Value = Geometry> {
+    (3usize..40).prop_flat_map(|points| {
+        let corner = 0..points as u32;
+        (
+            prop::collection::vec(point(), points),
+            prop::collection::vec([corner.clone(), corner.clone(), corner], 0..120),
+            prop::collection::vec(
+                (point(), 0.01..0.8f64).prop_map(|(centre, half)| Cube { centre, half }),
+                0..40,
+            ),
+            0..4usize,
+        )
+            .prop_map(|(mut vertices, triangles, cubes, flat)| {
+                if flat < 3 {
+                    vertices.iter_mut().for_each(|v| v[flat] = 0.0);
+                }
+                Geometry { vertices, triangles, cubes }
+            })
+    })
+}
+
+/// Directions of one pulse: a cone around an axis aimed at something.
+fn cone(axis: DVec3, width: f64, rays: usize) -> Vec<DVec3> {
+    let side = unit(axis.cross(if axis.x.abs() < axis.y.abs() { DVec3::X } else { DVec3::Y }));
+    let up = axis.cross(side);
+    (0..rays)
+        .map(|i| {
+            let (ring, angle) = ((i as f64 / rays as f64).sqrt() * width, 2.4 * i as f64);
+            unit(axis + side * (ring * libm::cos(angle)) + up * (ring * libm::sin(angle)))
+        })
+        .collect()
+}
+
+/// What a pulse is aimed at: a vertex, the middle of an edge, or anywhere.
+fn pulses(g: &Geometry, aims: &[(DVec3, usize, u8, f64)]) -> Vec<RayBundle> {
+    aims.iter()
+        .map(|&(from, which, kind, width)| {
+            let origin = from * 3.0;
+            let vertex = |i: usize| g.vertices[i % g.vertices.len()];
+            let target = match kind % 3 {
+                0 => vertex(which),
+                1 => (vertex(which) + vertex(which + 1)) * 0.5,
+                _ => from.yzx() * 0.5,
+            };
+            let aim = if kind & 4 == 0 { target - origin } else { DVec3::AXES[which % 3] };
+            let aim = if aim == DVec3::ZERO { DVec3::X } else { aim };
+            bundle(origin, &if kind & 8 == 0 { cone(unit(aim), width, 19) } else { vec![aim] })
+        })
+        .collect()
+}
+
+use glam::Vec3Swizzles;
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn all_trees_agree_with_brute_force(
+        mut g in geometry(),
+        aims in prop::collection::vec((point(), 0usize..64, 0u8..16, prop_oneof![Just(3e-4), Just(0.1), Just(1.5)]), 1..8),
+        offset in prop_oneof![Just(0.0), Just(5.4e6), Just(1e12)],
+        scale in prop_oneof![Just(1.0), Just(1e-3), Just(1e4)],
+    ) {
+        let mut pulses = pulses(&g, &aims);
+        let place = |p: DVec3| p * scale + DVec3::new(offset, offset * 0.3, -offset * 0.01);
+        g.vertices.iter_mut().for_each(|v| *v = place(*v));
+        g.cubes.iter_mut().for_each(|c| *c = Cube { centre: place(c.centre), half: c.half * scale });
+        pulses.iter_mut().for_each(|p| p.origin = place(p.origin));
+        assert_agreement(&g, &pulses);
+    }
+
+    #[test]
+    fn far_origins_and_odd_rays_agree(
+        g in geometry(), from in point(), far in prop_oneof![Just(1e3), Just(1e7), Just(1e14)],
+        odd in prop_oneof![Just(DVec3::ZERO), Just(DVec3::NAN), Just(DVec3::INFINITY), Just(DVec3::X * -0.0), Just(DVec3::Y * 1e-200)],
+    ) {
+        let origin = (from + DVec3::splat(0.1)) * far;
+        assert_agreement(&g, &[bundle(origin, &cone(unit(-from - DVec3::splat(0.1)), 1.0 / far, 7)), bundle(origin, &[odd, -origin])]);
+        assert_agreement(&g, &[bundle(DVec3::NAN, &[DVec3::X])]);
+    }
+
+    /// From within a closed mesh every ray meets it; from outside an even number of times, so never "through" an edge.
+    #[test]
+    fn closed_meshes_do_not_leak(seed in 0u64..1000, rings in 3usize..9, sides in 3usize..12, offset in prop_oneof![Just(0.0), Just(4.7e6)]) {
+        let centre = DVec3::new(offset, -offset, 0.1 * offset);
+        let g = ball(centre, rings, sides, seed);
+        let tree = Tree::build(&g, &BuildOptions::default());
+        let origin = centre + DVec3::new(0.05, -0.03, 0.02);
+        for (i, v) in g.vertices.iter().enumerate() {
+            let next = g.vertices[(i + 1) % g.vertices.len()];
+            for target in [*v, (*v + next) * 0.5, *v * 0.3 + next * 0.7] {
+                let d = unit(target - origin);
+                for d in [d, DVec3::new(d.x.next_up(), d.y, d.z), DVec3::new(d.x, d.y.next_down(), d.z)] {
+                    prop_assert!(tree.nearest(&g, origin, d).is_some(), "a leak towards {}", d);
+                }
+            }
+        }
+    }
+}
+
+/// A closed, star-shaped, bumpy mesh.
+fn ball(centre: DVec3, rings: usize, sides: usize, seed: u64) -> Geometry {
+    let bumps = crate::rng::Stream::new(seed, crate::rng::Purpose::SceneMaking);
+    let mut g = Geometry::default();
+    let radius = |i: usize| 1.0 + 0.3 * bumps.uniform(0, i as u64, 0);
+    g.vertices.push(centre + DVec3::Z * radius(0));
+    for r in 1..=rings {
+        for s in 0..sides {
+            let (theta, phi) = (
+                std::f64::consts::PI * r as f64 / (rings + 1) as f64,
+                std::f64::consts::TAU * s as f64 / sides as f64,
+            );
+            let d = DVec3::new(
+                libm::sin(theta) * libm::cos(phi),
+                libm::sin(theta) * libm::sin(phi),
+                libm::cos(theta),
+            );
+            g.vertices.push(centre + d * radius(r * 100 + s));
+        }
+    }
+    g.vertices.push(centre - DVec3::Z * radius(1));
+    let at = |r: usize, s: usize| (1 + (r - 1) * sides + s % sides) as u32;
+    let last = g.vertices.len() as u32 - 1;
+    for s in 0..sides {
+        g.triangles.push([0, at(1, s), at(1, s + 1)]);
+        g.triangles.push([last, at(rings, s + 1), at(rings, s)]);
+        for r in 1..rings {
+            g.triangles.push([at(r, s), at(r + 1, s), at(r + 1, s + 1)]);
+            g.triangles.push([at(r, s), at(r + 1, s + 1), at(r, s + 1)]);
+        }
+    }
+    g
+}
+
+#[test]
+fn trees_of_nothing_and_of_one_work() {
+    let empty = Geometry::default();
+    let one = Geometry {
+        vertices: vec![DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)],
+        triangles: vec![[0, 1, 2]],
+        cubes: vec![],
+    };
+    let point = Geometry { vertices: vec![DVec3::ONE], triangles: vec![[0, 0, 0]; 40], cubes: vec![] };
+    let same = Geometry { triangles: vec![[0, 1, 2]; 1000], ..one.clone() };
+    let broken = Geometry {
+        vertices: vec![DVec3::NAN, DVec3::ONE, DVec3::ZERO, DVec3::INFINITY],
+        triangles: vec![[0, 1, 2], [1, 2, 3]],
+        cubes: vec![
+            Cube { centre: DVec3::NAN, half: 1.0 },
+            Cube { centre: DVec3::Z * 4.0, half: f64::INFINITY },
+        ],
+    };
+    for g in [empty, one, point, same, broken] {
+        assert_agreement(
+            &g,
+            &[bundle(DVec3::Z * 5.0, &cone(-DVec3::Z, 0.3, 19)), bundle(DVec3::ZERO, &[DVec3::X])],
+        );
+    }
+}
+
+#[test]
+fn a_filter_looks_behind_what_it_refuses() {
+    let g = Geometry {
+        cubes: (0..50).map(|i| Cube { centre: DVec3::Y * f64::from(5 + 3 * i), half: 1.0 }).collect(),
+        ..Geometry::default()
+    };
+    for tree in trees(&g) {
+        let hit = tree.nearest_where(&g, DVec3::ZERO, DVec3::Y, |p| p >= 7);
+        assert_eq!(hit, Some(Hit { t: 25.0, primitive: 7 }));
+        assert_eq!(tree.nearest_where(&g, DVec3::ZERO, DVec3::Y, |_| false), None);
+    }
+}
+
+#[test]
+fn the_tree_does_not_depend_on_threads() {
+    let g = ball(DVec3::ZERO, 60, 80, 5);
+    for builder in [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah] {
+        let build = |jobs| Tree::build(&g, &BuildOptions { jobs, ..BuildOptions::of(builder) });
+        let (one, many) = (build(1), build(4));
+        assert_eq!(one.nodes, many.nodes);
+        assert_eq!(one.statistics(), many.statistics());
+        assert!(one.blocks.iter().zip(&many.blocks).all(|(a, b)| a.id == b.id));
+        assert_eq!(one.blocks.len(), many.blocks.len());
+    }
+}
