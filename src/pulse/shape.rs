@@ -10,12 +10,14 @@ pub(super) struct PulseShape {
     pub samples: Vec<f64>,
     /// Bin of the largest sample.
     pub peak: usize,
-    /// Where the parabola through the peak and its neighbours has its top, in bins from `peak`.
-    pub peak_offset: f64,
     /// Width of a bin, ns.
     pub bin: f64,
     /// Pulse length τp, ns.
     pub length: f64,
+    /// Bins per τ, inverted: x = Δ/τ.
+    decay: f64,
+    /// What late starts add, see [`PulseShape::late`]: −2kx²e^(−kx) and x²e^(−kx), 0 in bin 0.
+    pub lateness: [Vec<f64>; 2],
 }
 
 impl PulseShape {
@@ -23,7 +25,9 @@ impl PulseShape {
     pub fn new(length: f64, waveform: &WaveformSettings) -> PulseShape {
         let bin = waveform.bin;
         let tau = length / 7.0;
-        let samples: Vec<f64> = (0..sample_count(length, bin))
+        let decay = bin / tau;
+        let count = sample_count(length, bin);
+        let samples: Vec<f64> = (0..count)
             .map(|k| {
                 let x = k as f64 * bin / tau;
                 x * x * exp(-x)
@@ -35,23 +39,35 @@ impl PulseShape {
                 peak = k;
             }
         }
-        let peak_offset = match samples.get(peak.wrapping_sub(1)..peak + 2) {
-            Some(&[a, b, c]) => parabola_top(a, b, c),
-            _ => 0.0,
+        let late = |weight: fn(f64) -> f64| {
+            let of_bin = |k: usize| weight(k as f64) * decay * decay * exp(-(k as f64) * decay);
+            (0..count).map(|k| if k == 0 { 0.0 } else { of_bin(k) }).collect()
         };
-        PulseShape { samples, peak, peak_offset, bin, length }
+        let lateness = [late(|k| -2.0 * k), late(|_| 1.0)];
+        PulseShape { samples, peak, bin, length, decay, lateness }
+    }
+
+    /// Factors of `samples` and of both `lateness` whose sum is the pulse that starts `by` bins (0 to 1) late:
+    /// ((k−φ)x)²e^(−(k−φ)x) = e^(φx)·(k² − 2kφ + φ²)·x²e^(−kx).
+    pub fn late(&self, by: f64) -> [f64; 3] {
+        let rise = exp(by * self.decay);
+        [rise, rise * by, rise * by * by]
+    }
+
+    /// Where the pulse started, in bins before the peak of a waveform, less those that an undelayed pulse needs: from
+    /// the samples on both sides of the peak. √(F·e^(kx)) grows linearly from the start of a pulse. Never more than one
+    /// bin either way.
+    pub fn offset(&self, before: f64, after: f64) -> f64 {
+        let growth = (after / before).sqrt() * exp(self.decay);
+        let start = -1.0 - 2.0 / (growth - 1.0);
+        let offset = start + self.peak as f64;
+        if offset.abs() <= 1.0 { offset } else { 0.0 }
     }
 }
 
 /// Number of samples of a pulse of `length` ns: the whole bins that fit.
 pub(super) fn sample_count(length: f64, bin: f64) -> usize {
     (length / bin) as usize
-}
-
-/// Position of the extremum of the parabola through (−1, a), (0, b), (1, c); 0 when they lie on a line.
-pub(super) fn parabola_top(a: f64, b: f64, c: f64) -> f64 {
-    let bend = a - 2.0 * b + c;
-    if bend < 0.0 { 0.5 * (a - c) / bend } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -87,10 +103,20 @@ mod tests {
     }
 
     #[test]
-    fn a_parabola_has_its_top_where_it_should() {
-        let f = |x: f64| 3.0 - (x - 0.25) * (x - 0.25);
-        assert!((parabola_top(f(-1.0), f(0.0), f(1.0)) - 0.25).abs() < 1e-15);
-        assert_eq!(parabola_top(1.0, 2.0, 3.0), 0.0);
+    fn a_pulse_that_starts_late_is_the_same_curve_later() {
+        let s = shape(4.0, 0.25);
+        let (by, tau) = (0.3, 4.0 / 7.0);
+        let [a, b, c] = s.late(by);
+        let late: Vec<f64> =
+            (0..16).map(|k| a * s.samples[k] + b * s.lateness[0][k] + c * s.lateness[1][k]).collect();
+        for (k, f) in late.iter().enumerate().skip(1) {
+            let t = (k as f64 - by) * 0.25 / tau;
+            assert!((f - t * t * exp(-t)).abs() < 1e-15);
+        }
+        assert_eq!(late[0], 0.0);
+        assert!((s.offset(late[4], late[6]) - by).abs() < 1e-12);
+        assert!(s.offset(s.samples[4], s.samples[6]).abs() < 1e-12);
+        assert_eq!(s.offset(0.0, 1.0), 0.0, "nonsense moves nothing");
     }
 
     #[test]

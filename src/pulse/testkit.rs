@@ -125,7 +125,7 @@ pub fn half_white() -> Material {
     Material { reflectance: 0.5, reflection: Reflection::Lambert, ..Material::unnamed("half white") }
 }
 
-/// A scene of rectangles, one part each, all of one material: corner and two edges.
+/// A scene of rectangles, one part each, all of one material: corner and two edges. Shifted like every scene.
 pub fn rectangles(material: Material, of: &[[DVec3; 3]]) -> Scene {
     let mut geometry = Geometry::default();
     let mut scene = Scene::default();
@@ -138,17 +138,22 @@ pub fn rectangles(material: Material, of: &[[DVec3; 3]]) -> Scene {
         scene.parts.push(Part { id: (part + 1).to_string() });
     }
     scene.materials.push(material);
-    scene.bounds = if of.is_empty() { Aabb::EMPTY } else { geometry.bounds() };
+    scene.bounds = Aabb::EMPTY;
+    if !of.is_empty() {
+        scene.shift = geometry.bounds().centre();
+        geometry.vertices.iter_mut().for_each(|v| *v -= scene.shift);
+        scene.bounds = geometry.bounds();
+    }
     scene.geometry = geometry;
     scene
 }
 
-/// A wall that faces −y: from x0 to x1 at distance y, 100 m high.
+/// A wall that faces −y: from x0 to x1 at distance y, 40 m high.
 pub fn wall(x0: f64, x1: f64, y: f64) -> [DVec3; 3] {
-    [DVec3::new(x0, y, -50.0), DVec3::new(x1 - x0, 0.0, 0.0), DVec3::new(0.0, 0.0, 100.0)]
+    [DVec3::new(x0, y, -20.0), DVec3::new(x1 - x0, 0.0, 0.0), DVec3::new(0.0, 0.0, 40.0)]
 }
 
-/// A pulse from the origin with that attitude.
+/// A pulse from the world's origin with that attitude; [`fire_as`] moves it into the scene's frame.
 pub fn pulse(attitude: Rotation) -> Pulse {
     Pulse {
         origin: DVec3::ZERO,
@@ -177,11 +182,16 @@ pub fn fire_as(scene: &Scene, survey: &Survey, options: PhysicsOptions, leg: u32
     let tree = tree(scene);
     let physics = Physics::new(scene, &tree, survey, options).unwrap();
     let mut batch = Batch::default();
-    physics.shooter().fire(leg, pulse, &mut batch).unwrap();
+    physics.shooter().fire(leg, &in_frame(scene, pulse), &mut batch).unwrap();
     batch
 }
 
 /// Ranges and intensities of echoes.
 pub fn measured(echoes: &[Echo]) -> Vec<(f64, f64)> {
     echoes.iter().map(|e| (e.range, e.intensity)).collect()
+}
+
+/// A pulse of the world in the scene's frame.
+pub fn in_frame(scene: &Scene, pulse: &Pulse) -> Pulse {
+    Pulse { origin: pulse.origin - scene.shift, ..*pulse }
 }

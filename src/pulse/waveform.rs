@@ -58,9 +58,10 @@ impl Waveform {
         self.start = start;
         self.bins = ((end / bin).ceil() - (start / bin).ceil()) as u64;
         for run in Starts::of(returns, limit, start, instrument) {
-            self.add(&shape.samples, run.bin, run.here);
-            if run.next != 0.0 {
-                self.add(&shape.samples, run.bin.saturating_add(1), run.next);
+            self.add(&shape.samples, run.bin, run.intensity);
+            if instrument.corrections.fractional_bins {
+                self.add(&shape.lateness[0], run.bin, run.late[0]);
+                self.add(&shape.lateness[1], run.bin, run.late[1]);
             }
         }
         self.store_tail();
@@ -68,7 +69,7 @@ impl Waveform {
     }
 
     /// Adds `intensity` times the pulse from bin `from` on; what lies before bin 0 or behind the last is cut off. Later
-    /// calls begin at most one bin earlier.
+    /// calls do not begin earlier.
     fn add(&mut self, pulse: &[f64], from: i64, intensity: f64) {
         let skip = (-from).max(0) as usize;
         let from = from.max(0) as u64;
@@ -157,10 +158,10 @@ impl Waveform {
 struct Start {
     /// First bin of their pulses; negative where the blind zone cuts them.
     bin: i64,
-    /// Intensity that begins with this bin.
-    here: f64,
-    /// Intensity that begins one bin later, when returns are placed between bins.
-    next: f64,
+    /// Their intensities together.
+    intensity: f64,
+    /// The same times what `PulseShape::late` says of starts between bins.
+    late: [f64; 2],
 }
 
 /// Groups ascending returns by the bin in which they begin.
@@ -168,37 +169,24 @@ struct Starts<'a> {
     returns: std::iter::Peekable<std::slice::Iter<'a, (f64, f64)>>,
     limit: f64,
     start: f64,
-    c: f64,
-    bin: f64,
-    peak: i64,
-    clip: bool,
-    fractional: bool,
+    instrument: &'a Instrument,
 }
 
 impl<'a> Starts<'a> {
-    fn of(returns: &'a [(f64, f64)], limit: f64, start: f64, instrument: &Instrument) -> Starts<'a> {
-        Starts {
-            returns: returns.iter().peekable(),
-            limit,
-            start,
-            c: instrument.light_speed,
-            bin: instrument.shape.bin,
-            peak: instrument.shape.peak as i64,
-            clip: instrument.corrections.clip_dead_zone,
-            fractional: instrument.corrections.fractional_bins,
-        }
+    fn of(returns: &'a [(f64, f64)], limit: f64, start: f64, instrument: &'a Instrument) -> Starts<'a> {
+        Starts { returns: returns.iter().peekable(), limit, start, instrument }
     }
 
-    /// First bin of the pulse from `range`, and the share of it that begins one bin later.
+    /// First bin of the pulse from `range`, and how much later than that bin it begins.
     fn place(&self, range: f64) -> (i64, f64) {
-        let position = (range / self.c - self.start) / self.bin;
-        let (whole, rest) = if self.fractional {
-            (position.floor(), position - position.floor())
-        } else {
-            (position.trunc(), 0.0)
-        };
-        let bin = (whole as i64).saturating_sub(self.peak);
-        (if self.clip { bin } else { bin.max(0) }, rest)
+        let Instrument { shape, corrections, .. } = self.instrument;
+        let peak = shape.peak as f64;
+        let mut position = (range / self.instrument.light_speed - self.start) / shape.bin;
+        // Only the blind zone may cut off a pulse's front; otherwise rounding must not.
+        if !corrections.clip_dead_zone && position < peak {
+            position = peak;
+        }
+        ((position as i64).saturating_sub(shape.peak as i64), position.fract())
     }
 }
 
@@ -211,16 +199,18 @@ impl Iterator for Starts<'_> {
             if range > self.limit {
                 return run;
             }
-            let (bin, rest) = self.place(range);
-            let start = run.get_or_insert(Start { bin, here: 0.0, next: 0.0 });
+            let (bin, by) = self.place(range);
+            let start = run.get_or_insert(Start { bin, intensity: 0.0, late: [0.0; 2] });
             if start.bin != bin {
                 return run;
             }
-            if rest > 0.0 {
-                start.here += intensity * (1.0 - rest);
-                start.next += intensity * rest;
+            if self.instrument.corrections.fractional_bins {
+                let [now, late, later] = self.instrument.shape.late(by);
+                start.intensity += intensity * now;
+                start.late[0] += intensity * late;
+                start.late[1] += intensity * later;
             } else {
-                start.here += intensity;
+                start.intensity += intensity;
             }
             self.returns.next();
         }
