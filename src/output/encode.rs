@@ -1,7 +1,9 @@
 //! The workers' share of the output: a batch becomes the bytes of every file that it goes to.
 
+use super::las::LasCodec;
 use super::layout::{Route, Slots};
 use super::plan::{LegFacts, OutputPlan};
+use super::ply::{PlyAsciiCodec, PlyBinaryCodec, PlyFields};
 use super::request::{PointFormat, TrajectoryFormat};
 use super::summary::Tally;
 use super::text;
@@ -95,18 +97,19 @@ impl OutputPlan {
     }
 
     fn points(&self, format: PointFormat, slots: &Slots, batch: &Batch, pieces: &mut Vec<Piece>) {
-        let leg = self.legs[batch.leg as usize];
+        let Some(leg) = self.legs.get(batch.leg as usize) else { return };
+        let ply = PlyFields { shift: self.shift, objects: &self.objects };
         match format {
             PointFormat::Xyz => {
-                encode_points(
-                    &XyzCodec { shift: self.shift, labels: &self.labels },
-                    leg,
-                    slots,
-                    batch,
-                    pieces,
-                );
+                let codec = XyzCodec { shift: self.shift, labels: &self.labels };
+                encode_points(&codec, leg, slots, batch, pieces);
             }
-            _ => {}
+            PointFormat::Las | PointFormat::Laz => {
+                let codec = LasCodec { format: &self.las, objects: &self.objects };
+                encode_points(&codec, leg, slots, batch, pieces);
+            }
+            PointFormat::PlyBinary => encode_points(&PlyBinaryCodec(ply), leg, slots, batch, pieces),
+            PointFormat::PlyAscii => encode_points(&PlyAsciiCodec(ply), leg, slots, batch, pieces),
         }
     }
 
@@ -135,13 +138,13 @@ impl OutputPlan {
 
 fn encode_points<C: PointCodec>(
     codec: &C,
-    leg: LegFacts,
+    leg: &LegFacts,
     slots: &Slots,
     batch: &Batch,
     pieces: &mut Vec<Piece>,
 ) {
     let first = pieces.len();
-    let push = |piece: &mut Piece, echo: &Echo| match codec.push(&mut piece.bytes, &leg, echo) {
+    let push = |piece: &mut Piece, echo: &Echo| match codec.push(&mut piece.bytes, leg, echo) {
         Some(stored) => piece.tally.point(stored, echo.return_number),
         None => piece.tally.left_out += 1,
     };

@@ -266,3 +266,50 @@ fn stdout_file() -> io::Result<File> {
     use std::os::windows::io::AsHandle;
     io::stdout().as_handle().try_clone_to_owned().map(File::from)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeking_is_tried_and_not_guessed_from_names() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        assert!(is_seekable(&mut File::create(&path).unwrap()), "standard output as `> a`");
+        fs::write(&path, "before").unwrap();
+        assert!(!is_seekable(&mut File::options().append(true).open(&path).unwrap()), "`>> a`");
+        let mut later = File::options().write(true).open(&path).unwrap();
+        later.seek(SeekFrom::End(0)).unwrap();
+        assert!(!is_seekable(&mut later), "`(echo; vlscan) > a`");
+    }
+
+    #[test]
+    fn parked_files_go_on_where_they_were() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        let mut medium = Medium::open(&Place::Path(path.clone()), false, true).unwrap();
+        for text in ["head ", "one ", "two"] {
+            medium.append(text.as_bytes()).unwrap();
+            medium.park().unwrap();
+        }
+        medium.patch(0, b"HEAD").unwrap();
+        medium.append(b" three").unwrap();
+        assert_eq!(medium.len(), 18);
+        medium.finish().unwrap();
+        assert_eq!(fs::read_to_string(path).unwrap(), "HEAD one two three");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_a_link() {
+        let dir = tempfile::tempdir().unwrap();
+        let [link, target] = ["link", "target"].map(|name| dir.path().join(name));
+        fs::write(&target, "old").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        let mut medium = Medium::open(&Place::Path(link.clone()), true, false).unwrap();
+        medium.append(b"new").unwrap();
+        medium.finish().unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read_to_string(target).unwrap(), "new");
+    }
+}

@@ -11,20 +11,27 @@
 //! | file | what it does |
 //! |---|---|
 //! | [`request`](OutputRequest), `layout`, `plan` | what is asked for, which files that makes, what is wrong with it |
-//! | `encode`, `text`, `number` | batches as bytes |
+//! | `encode` with `text`, `number`, `las`, `ply` | batches as bytes |
+//! | `laz` | compression of LAS |
 //! | `writer`, `file`, `medium` | bytes into files and streams |
-//! | `offload`, `summary` | work given away, what was written |
+//! | `offload`, `summary`, `crs` | work given away, what was written, EPSG codes |
 //!
 //! A named file is `NAME.part` until it is complete. Formats with counts in their header are spooled to an unnamed file
 //! when the stream cannot seek.
 
+mod crs;
 mod encode;
 mod file;
+#[cfg(test)]
+mod format_tests;
+mod las;
 mod layout;
+mod laz;
 mod medium;
 mod number;
 mod offload;
 mod plan;
+mod ply;
 mod request;
 mod summary;
 #[cfg(test)]

@@ -1,8 +1,10 @@
 //! What will be written, decided and checked before anything is.
 
+use super::crs::epsg;
+use super::las::{LasFormat, ObjectIds};
 use super::layout::{Content, FilePlan, Home, Layout};
 use super::medium::{Place, is_special, part_name};
-use super::request::{OutputRequest, Target};
+use super::request::{OutputRequest, PointFormat, Target};
 use super::text;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
@@ -10,7 +12,7 @@ use crate::geom::DVec3;
 use crate::scene::Scene;
 use crate::survey::Survey;
 use std::io::IsTerminal as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What the outputs need to know of the run.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +31,12 @@ pub struct OutputPlan {
     pub(super) shift: DVec3,
     /// Ids of the scene's parts as fields of text.
     pub(super) labels: Vec<Box<[u8]>>,
+    /// The same as integers.
+    pub(super) objects: ObjectIds,
+    pub(super) las: LasFormat,
+    /// EPSG code of the coordinate reference system.
+    pub(super) epsg: Option<u16>,
+    warnings: Diagnostics,
     pub(super) force: bool,
     pub(super) run_stamp: Option<String>,
     pub(super) plays: u32,
@@ -37,8 +45,17 @@ pub struct OutputPlan {
 /// What records say of their leg.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LegFacts {
-    /// The leg's number plus one, as far as 16 bits go: 0 means "unknown" to readers of LAS.
+    /// The leg's number, as far as 16 bits go.
+    pub number: u16,
+    /// The same plus one, because 0 means "unknown" to readers of LAS.
     pub source_id: u16,
+}
+
+impl LegFacts {
+    fn new(number: u32) -> LegFacts {
+        let number = u16::try_from(number).unwrap_or(u16::MAX);
+        LegFacts { number, source_id: number.saturating_add(1) }
+    }
 }
 
 impl OutputPlan {
@@ -53,22 +70,35 @@ impl OutputPlan {
         let layout = Layout::new(&request, context.survey);
         check_requests(&request, &mut problems);
         check_places(&layout, request.force, &mut problems);
-        problems.finish(false)?;
-        let source_id = |number: u32| u16::try_from(number).unwrap_or(u16::MAX).saturating_add(1);
+        let mut las_problems = Diagnostics::default();
+        let OutputContext { survey, scene } = *context;
+        let objects = ObjectIds::new(&scene.parts);
+        let crs = request.crs_wkt.as_deref().or(survey.crs_wkt.as_deref());
+        let las = LasFormat::new(&request, scene, &survey.scanner.name, crs, &objects, &mut las_problems);
+        let is_las =
+            |(_, format): &(Target, PointFormat)| matches!(format, PointFormat::Las | PointFormat::Laz);
+        if request.sinks.iter().any(is_las) {
+            problems.extend(las_problems);
+        }
+        let warnings = problems.finish(false)?;
         Ok(OutputPlan {
             layout,
-            legs: context
-                .survey
-                .legs
-                .iter()
-                .map(|leg| LegFacts { source_id: source_id(leg.number) })
-                .collect(),
-            shift: context.scene.shift,
-            labels: context.scene.parts.iter().map(|part| text::label(&part.id)).collect(),
+            legs: survey.legs.iter().map(|leg| LegFacts::new(leg.number)).collect(),
+            shift: scene.shift,
+            labels: scene.parts.iter().map(|part| text::label(&part.id)).collect(),
+            objects,
+            las,
+            epsg: crs.and_then(epsg).map(|(_, code)| code),
+            warnings,
             force: request.force,
             run_stamp: request.run_stamp,
             plays: request.plays.max(1),
         })
+    }
+
+    /// What is worth a warning.
+    pub fn warnings(&self) -> &Diagnostics {
+        &self.warnings
     }
 
     /// Whether waveforms are written, and so have to be recorded.
@@ -84,9 +114,6 @@ impl OutputPlan {
 
 /// What is wrong whatever the files are.
 fn check_requests(request: &OutputRequest, problems: &mut Diagnostics) {
-    if request.sinks.iter().any(|(_, format)| *format != super::PointFormat::Xyz) {
-        problems.error(None, "points can be written as xyz only");
-    }
     let streams = |target: &Target| *target == Target::Stdout;
     for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
         if asked && request.sinks.iter().all(|(target, _)| streams(target)) {
@@ -104,7 +131,7 @@ fn check_requests(request: &OutputRequest, problems: &mut Diagnostics) {
     if request.split_by_channel && request.sinks.iter().any(|(target, _)| streams(target)) {
         problems.error(None, "points on standard output cannot be split by channel");
     }
-    let binary = |(target, format): &(Target, super::PointFormat)| streams(target) && !format.is_text();
+    let binary = |(target, format): &(Target, PointFormat)| streams(target) && !format.is_text();
     if request.sinks.iter().any(binary) && !request.force && std::io::stdout().is_terminal() {
         problems
             .error(None, "binary points would go to the terminal")
@@ -129,7 +156,7 @@ fn check_places(layout: &Layout, force: bool, problems: &mut Diagnostics) {
     }
 }
 
-fn check_path(path: &Path, made: &[std::path::PathBuf], force: bool, problems: &mut Diagnostics) {
+fn check_path(path: &Path, made: &[PathBuf], force: bool, problems: &mut Diagnostics) {
     if is_special(path) {
         return;
     }
@@ -163,7 +190,7 @@ pub(super) fn stamp() -> String {
 }
 
 /// Makes `parent/stamp`, or the first of `parent/stamp_2` … `parent/stamp_99` that does not exist.
-pub(super) fn create_run_directory(parent: &Path, stamp: &str) -> Result<std::path::PathBuf> {
+pub(super) fn create_run_directory(parent: &Path, stamp: &str) -> Result<PathBuf> {
     std::fs::create_dir_all(parent).map_err(|e| Error::io("create", parent, e))?;
     for number in 1..=99 {
         let path = parent.join(if number == 1 { stamp.to_owned() } else { format!("{stamp}_{number}") });

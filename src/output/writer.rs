@@ -92,7 +92,7 @@ impl Writer {
             let file = self.files.get_mut(piece.slot as usize).and_then(Option::as_mut);
             let file =
                 file.ok_or_else(|| Error::Internal(format!("leg {} writes a closed file", encoded.leg)))?;
-            file.append(&piece.bytes, &piece.tally, &*self.offload)?;
+            file.append(&self.plan, &piece.bytes, &piece.tally, &*self.offload)?;
         }
         Ok(())
     }

@@ -1,0 +1,179 @@
+//! LAS 1.4 with point data record format 6, and LAS 1.0 with format 1 (spec outputs §4).
+//!
+//! What the dimensions hold beyond their names:
+//! * coordinates: rounded to the scale, about an offset of whole metres near the scene's centre;
+//! * `PointSourceId`: number of the leg plus one, because 0 means "unknown";
+//! * `ScannerChannel` (format 6): device modulo 4; the extra dimension `device` has it whole;
+//! * `ScanAngle`: deflection of the beam on the scanner, in 0.006° (format 6) or whole degrees (format 1);
+//! * `Intensity`: see [`IntensityMapping`](super::IntensityMapping);
+//! * `Classification`: 0 where the material's class exceeds 255 (31 in format 1) or is negative;
+//! * return numbers above 15 (7) stay at 15 (7), in the counts of the header too.
+
+mod header;
+mod objects;
+mod record;
+mod vlr;
+
+pub(super) use objects::ObjectIds;
+pub(super) use record::{LasCodec, incidence_degrees};
+
+use super::request::{ExtraDimensions, IntensityMapping, LasVersion, OutputRequest};
+use super::summary::Tally;
+use crate::diag::Diagnostics;
+use crate::geom::{Aabb, DVec3};
+use crate::scene::Scene;
+
+/// What all LAS files of a run have in common.
+#[derive(Debug)]
+pub(super) struct LasFormat {
+    pub version: LasVersion,
+    /// Metres per unit.
+    pub scale: f64,
+    /// World position of the integers' origin.
+    pub offset: DVec3,
+    /// The scene's shift relative to the offset.
+    pub shift: DVec3,
+    pub intensity: IntensityMapping,
+    pub extra: ExtraDimensions,
+    creation: (u16, u16),
+    system: String,
+    /// Records between header and points, those of compression excepted.
+    vlrs: Vec<Vec<u8>>,
+}
+
+impl LasFormat {
+    /// Decides on scale and offset and prepares the records that stand before the points.
+    pub fn new(
+        request: &OutputRequest,
+        scene: &Scene,
+        scanner: &str,
+        crs: Option<&str>,
+        objects: &ObjectIds,
+        problems: &mut Diagnostics,
+    ) -> LasFormat {
+        let settings = &request.las;
+        let offset = DVec3::from(scene.shift.to_array().map(|c| if c.is_finite() { c.round() } else { 0.0 }));
+        if let IntensityMapping::Linear { full_scale } = settings.intensity
+            && !(full_scale > 0.0 && full_scale.is_finite())
+        {
+            problems.error(
+                None,
+                format!("expected an amplitude of full intensity greater than 0, found {full_scale}"),
+            );
+        }
+        let mut vlrs = Vec::new();
+        if settings.extra != ExtraDimensions::None {
+            vlrs.push(vlr::extra_bytes(settings.extra));
+        }
+        vlrs.extend(crs.and_then(|wkt| vlr::crs(settings.version, wkt, problems)));
+        vlrs.push(vlr::remarks(settings));
+        vlrs.extend(vlr::object_names(&objects.names));
+        LasFormat {
+            version: settings.version,
+            scale: scale(settings.scale, &scene.bounds, problems),
+            offset,
+            shift: scene.shift - offset,
+            intensity: settings.intensity,
+            extra: settings.extra,
+            creation: request.creation,
+            system: scanner.to_owned(),
+            vlrs,
+        }
+    }
+
+    /// Number of the point data record format.
+    pub fn point_format(&self) -> u8 {
+        match self.version {
+            LasVersion::V14 => 6,
+            LasVersion::V10 => 1,
+        }
+    }
+
+    /// Bytes of a point without extra bytes.
+    pub fn base_length(&self) -> u16 {
+        match self.version {
+            LasVersion::V14 => 30,
+            LasVersion::V10 => 28,
+        }
+    }
+
+    /// Extra bytes of a point.
+    pub fn extra_length(&self) -> u16 {
+        vlr::extra_length(self.extra)
+    }
+
+    /// Bytes of a point.
+    pub fn record_length(&self) -> u16 {
+        self.base_length() + self.extra_length()
+    }
+
+    /// Most points of a file.
+    pub fn most_points(&self) -> u64 {
+        match self.version {
+            LasVersion::V14 => u64::MAX,
+            LasVersion::V10 => u64::from(u32::MAX),
+        }
+    }
+
+    /// Header and variable length records of a file with these points. The length does not depend on them.
+    pub fn head(&self, laszip: Option<&laz::LazVlr>, tally: &Tally) -> Vec<u8> {
+        let compression = laszip.map(vlr::laszip);
+        let vlrs: Vec<&[u8]> = compression.iter().chain(&self.vlrs).map(Vec::as_slice).collect();
+        let mut head = header::header(self, laszip.is_some(), &vlrs, tally);
+        vlrs.iter().for_each(|vlr| head.extend_from_slice(vlr));
+        head
+    }
+
+    /// World coordinates of a box of integers.
+    pub fn world(&self, stored: &Aabb) -> Aabb {
+        if stored.is_empty() {
+            return Aabb::EMPTY;
+        }
+        Aabb { min: stored.min * self.scale + self.offset, max: stored.max * self.scale + self.offset }
+    }
+}
+
+/// The scale asked for, or 0.1 mm, or as much more as the scene needs.
+fn scale(asked: Option<f64>, bounds: &Aabb, problems: &mut Diagnostics) -> f64 {
+    // Range noise carries points beyond the scene's box.
+    let reach = if bounds.is_empty() {
+        0.0
+    } else {
+        bounds.min.abs().max(bounds.max.abs()).max_element() * 1.01 + 10.0
+    };
+    let fits = |scale: f64| reach / scale < f64::from(i32::MAX);
+    let Some(scale) = asked else {
+        let usual = [1e-4, 1e-3, 1e-2, 0.1, 1.0];
+        return usual.into_iter().find(|&s| fits(s)).unwrap_or(reach / 1e9);
+    };
+    if !(scale > 0.0 && scale.is_finite()) {
+        problems.error(None, format!("expected a LAS scale greater than 0 m, found {scale}"));
+    } else if !fits(scale) {
+        let least = reach / f64::from(i32::MAX);
+        problems
+            .error(None, format!("the coordinates of the scene exceed 32 bits at a LAS scale of {scale} m"))
+            .help(format!("choose a scale of at least {least:.1e} m"));
+    }
+    scale
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scale_grows_with_the_scene() {
+        let sized = |half: f64| Aabb { min: DVec3::splat(-half), max: DVec3::splat(half) };
+        let mut problems = Diagnostics::default();
+        assert_eq!(scale(None, &Aabb::EMPTY, &mut problems), 1e-4);
+        assert_eq!(scale(None, &sized(200e3), &mut problems), 1e-4);
+        assert_eq!(scale(None, &sized(300e3), &mut problems), 1e-3);
+        assert!(scale(None, &sized(1e12), &mut problems) > 100.0);
+        assert_eq!(scale(Some(0.01), &sized(300e3), &mut problems), 0.01);
+        assert!(problems.items().is_empty());
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-5] {
+            scale(Some(wrong), &sized(300e3), &mut problems);
+        }
+        assert_eq!(problems.items().len(), 5);
+    }
+}

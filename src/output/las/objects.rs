@@ -1,0 +1,61 @@
+//! Part ids as integers.
+
+use crate::scene::Part;
+use std::collections::BTreeMap;
+
+/// The integer of every part, and the names of those whose id is another text (spec outputs trap 2).
+#[derive(Debug, Default)]
+pub(in crate::output) struct ObjectIds {
+    /// By index of the part.
+    pub ids: Vec<i32>,
+    /// Integers and the ids that they stand for, ascending; parts whose id is just that integer are left out.
+    pub names: Vec<(i32, String)>,
+}
+
+impl ObjectIds {
+    /// A numeric id is its own integer. Any other id, and one that equals an earlier one in value only (`07` after `7`),
+    /// gets the next integer above all numeric ones, in document order. Equal ids are the same object.
+    pub fn new(parts: &[Part]) -> ObjectIds {
+        let mut taken: BTreeMap<i32, &str> = BTreeMap::new();
+        let mut known: BTreeMap<&str, i32> = BTreeMap::new();
+        for part in parts {
+            if let Ok(number) = part.id.trim().parse::<i32>()
+                && *taken.entry(number).or_insert(&part.id) == part.id
+            {
+                known.insert(&part.id, number);
+            }
+        }
+        let mut free = taken.last_key_value().map_or(0, |(&highest, _)| highest);
+        for part in parts.iter().filter(|part| !part.id.is_empty()) {
+            if !known.contains_key(part.id.as_str()) {
+                // Round the end of the integers, should someone use the last one.
+                free = free.wrapping_add(1);
+                while taken.contains_key(&free) {
+                    free = free.wrapping_add(1);
+                }
+                taken.insert(free, &part.id);
+                known.insert(&part.id, free);
+            }
+        }
+        let ids = parts.iter().map(|part| known.get(part.id.as_str()).copied().unwrap_or(0)).collect();
+        let named = taken.into_iter().filter(|(number, id)| number.to_string() != *id);
+        ObjectIds { ids, names: named.map(|(number, id)| (number, id.to_owned())).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_become_integers_that_no_part_has() {
+        let parts = |ids: &[&str]| ids.iter().map(|id| Part { id: (*id).to_owned() }).collect::<Vec<_>>();
+        let objects = ObjectIds::new(&parts(&["3", "north", "0", "", "north", "03", "-5", "7 "]));
+        assert_eq!(objects.ids, [3, 8, 0, 0, 8, 9, -5, 7]);
+        let names = [(7, "7 "), (8, "north"), (9, "03")].map(|(n, id)| (n, id.to_owned()));
+        assert_eq!(objects.names, names);
+        let objects = ObjectIds::new(&parts(&["2147483647", "north"]));
+        assert_eq!(objects.ids, [i32::MAX, i32::MIN]);
+        assert!(ObjectIds::new(&[]).ids.is_empty());
+    }
+}

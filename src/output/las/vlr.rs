@@ -1,0 +1,147 @@
+//! Variable length records.
+
+use super::header::fixed_text;
+use crate::diag::Diagnostics;
+use crate::output::crs::{EpsgKind, epsg};
+use crate::output::request::{ExtraDimensions, IntensityMapping, LasSettings, LasVersion};
+
+/// Data types of extra bytes.
+const U16: u8 = 3;
+const I32: u8 = 6;
+const F32: u8 = 9;
+const F64: u8 = 10;
+
+/// Data type, bytes, name and description of the extra dimensions, in their order.
+const DIMENSIONS: [(u8, u16, &str, &str); 7] = [
+    (F64, 8, "echo_width", "width of the echo, ns"),
+    (I32, 4, "fullwaveIndex", "pulse number, low 32 bits"),
+    (I32, 4, "hitObjectId", "scene part that was hit"),
+    (F64, 8, "heliosAmplitude", "waveform amplitude at the peak"),
+    (U16, 2, "device", "index of the device, from 0"),
+    (F32, 4, "range", "measured range, m"),
+    (F32, 4, "incidence_angle", "angle to the normal, degrees"),
+];
+
+fn dimensions(extra: ExtraDimensions) -> &'static [(u8, u16, &'static str, &'static str)] {
+    match extra {
+        ExtraDimensions::All => &DIMENSIONS,
+        ExtraDimensions::Helios => &DIMENSIONS[..4],
+        ExtraDimensions::None => &[],
+    }
+}
+
+/// Extra bytes of a point.
+pub(super) fn extra_length(extra: ExtraDimensions) -> u16 {
+    dimensions(extra).iter().map(|d| d.1).sum()
+}
+
+/// The record that describes the extra bytes, 192 bytes for each dimension.
+pub(super) fn extra_bytes(extra: ExtraDimensions) -> Vec<u8> {
+    let mut data = Vec::new();
+    for (data_type, _, name, description) in dimensions(extra) {
+        // reserved, data type, options
+        data.extend([0, 0, *data_type, 0]);
+        data.extend(fixed_text::<32>(name));
+        // unused, no data, min, max, scale, offset
+        data.extend([0; 4 + 5 * 24]);
+        data.extend(fixed_text::<32>(description));
+    }
+    record("LASF_Spec", 4, "extra bytes", &data)
+}
+
+/// The coordinate reference system: WKT for LAS 1.4, GeoTIFF keys for LAS 1.0.
+pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) -> Option<Vec<u8>> {
+    match version {
+        LasVersion::V14 => {
+            let mut data = wkt.trim_end_matches('\0').as_bytes().to_vec();
+            data.push(0);
+            if data.len() > usize::from(u16::MAX) {
+                problems.error(
+                    None,
+                    "a coordinate reference system of more than 65 534 bytes does not fit into LAS",
+                );
+                return None;
+            }
+            Some(record("LASF_Projection", 2112, "OGC WKT", &data))
+        }
+        LasVersion::V10 => {
+            let Some((kind, code)) = epsg(wkt) else {
+                problems
+                    .warn(None, "LAS 1.0 has room for an EPSG code only, and the coordinate reference system has none")
+                    .help("write LAS 1.4 to keep it");
+                return None;
+            };
+            // GeoTIFF: version 1.1.0, then key, place of the value (0: here), count, value
+            let (model, key) = match kind {
+                EpsgKind::Projected => (1, 3072),
+                EpsgKind::Geographic => (2, 2048),
+            };
+            let keys: [u16; 16] = [1, 1, 0, 3, 1024, 0, 1, model, 1025, 0, 1, 1, key, 0, 1, code];
+            let data: Vec<u8> = keys.iter().flat_map(|k| k.to_le_bytes()).collect();
+            Some(record("LASF_Projection", 34735, "GeoTIFF keys", &data))
+        }
+    }
+}
+
+/// What a reader has to know of the dimensions.
+pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
+    let intensity = match settings.intensity {
+        IntensityMapping::Decibel => {
+            "10000 + 1000 log10(amplitude), 0 where the amplitude is not positive".to_owned()
+        }
+        IntensityMapping::Linear { full_scale } => format!("65535 amplitude / {full_scale}"),
+        IntensityMapping::Helios => "floor(65535 amplitude / 1000000)".to_owned(),
+    };
+    let text = format!(
+        "Simulated with vlscan {}.\nIntensity: {intensity}.\nPointSourceId: number of the leg plus one.\n\
+         ScannerChannel: device modulo 4.\nScanAngle: deflection of the beam on the scanner.\n\
+         GpsTime: seconds of the GPS week.\n",
+        env!("CARGO_PKG_VERSION")
+    );
+    let mut data = text.into_bytes();
+    data.push(0);
+    record("LASF_Spec", 3, "remarks", &data)
+}
+
+/// Names of objects whose id is no number: lines of integer, tab, name, in as many records as they need.
+pub(super) fn object_names(names: &[(i32, String)]) -> Vec<Vec<u8>> {
+    let mut records = Vec::new();
+    let mut data = Vec::new();
+    for (number, name) in names {
+        let name: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).take(1000).collect();
+        let line = format!("{number}\t{name}\n");
+        if data.len() + line.len() > usize::from(u16::MAX) {
+            records.push(record("vlscan", 1, "names of hitObjectId", &data));
+            data.clear();
+        }
+        data.extend(line.into_bytes());
+    }
+    if !data.is_empty() {
+        records.push(record("vlscan", 1, "names of hitObjectId", &data));
+    }
+    records
+}
+
+/// How the points are compressed.
+pub(super) fn laszip(laszip: &laz::LazVlr) -> Vec<u8> {
+    let mut data = Vec::new();
+    // Writing into a vector cannot fail.
+    let _ = laszip.write_to(&mut data);
+    record(laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID, laz::LazVlr::DESCRIPTION, &data)
+}
+
+fn record(user: &str, id: u16, description: &str, data: &[u8]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(54 + data.len());
+    // Reserved
+    out.extend(0u16.to_le_bytes());
+    // User ID: 16 characters without a NUL at the end are allowed
+    out.extend(&fixed_text::<17>(user)[..16]);
+    // Record ID
+    out.extend(id.to_le_bytes());
+    // Record length after header
+    out.extend((data.len() as u16).to_le_bytes());
+    // Description
+    out.extend(fixed_text::<32>(description));
+    out.extend_from_slice(data);
+    out
+}
