@@ -27,7 +27,7 @@
 //! | [`flight`] | the clock: legs, steps, pulses; cheap to replay from a snapshot | platform, scanner |
 //! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes echoes | flight, scene, tree |
 //! | [`schedule`] | bounded queues, workers, order | nothing of lidar |
-//! | [`output`] | sinks, one file per format | pulse, flight |
+//! | [`output`] | sinks, one file per format | pulse, flight, scene, survey |
 //! | [`pipeline`] | the wiring of all of them | all above |
 //! | [`cli`] | the command line | all above |
 //!

@@ -70,7 +70,7 @@ pub(super) struct XyzCodec<'a> {
 }
 
 impl PointCodec for XyzCodec<'_> {
-    const SIZE: usize = 96;
+    const SIZE: usize = 112;
 
     fn push(&self, out: &mut Vec<u8>, _: &LegFacts, echo: &Echo) -> Option<DVec3> {
         let position = echo.position + self.shift;

@@ -96,7 +96,7 @@ pub(super) struct Layout {
     /// Directories that must exist before files are opened.
     pub directories: Vec<PathBuf>,
     /// Files that more than one sink asks for.
-    pub clashes: Vec<Place>,
+    pub clashes: Vec<Home>,
     slots: BTreeMap<Home, u32>,
 }
 
@@ -117,9 +117,11 @@ impl Layout {
         let split = if request.split_by_channel && devices.len() > 1 { &devices[..] } else { &[] };
         let mut beside = None;
         for (sink, (target, format)) in request.sinks.iter().enumerate() {
+            let runs = layout.runs.len();
             let base = layout.base(target, survey);
             layout.points(sink, &base, *format, survey, split);
-            if let Base::Run(_) = base {
+            // Sinks that share a run directory share its trajectories.
+            if layout.runs.len() > runs {
                 layout.product(sink, &base, Content::Trajectory(TrajectoryFormat::Helios), survey);
             }
             if beside.is_none() && !matches!(base, Base::Stdout) {
@@ -150,8 +152,12 @@ impl Layout {
                 Base::Folder(path.clone())
             }
             Target::Helios(path) => {
-                self.runs.push(RunPlan { parent: path.join(survey_name(survey)) });
-                Base::Run(self.runs.len() - 1)
+                let run = RunPlan { parent: path.join(survey_name(survey)) };
+                let known = self.runs.iter().position(|r| *r == run);
+                Base::Run(known.unwrap_or_else(|| {
+                    self.runs.push(run);
+                    self.runs.len() - 1
+                }))
             }
         }
     }
@@ -225,12 +231,8 @@ impl Layout {
         if let Some(&slot) = self.slots.get(&home) {
             let file = &mut self.files[slot as usize];
             file.last_leg = file.last_leg.max(leg);
-            let shared = (file.sink, file.content) == (sink, content);
-            if let Home::Fixed(place) = &home
-                && !shared
-                && !self.clashes.contains(place)
-            {
-                self.clashes.push(place.clone());
+            if (file.sink, file.content) != (sink, content) && !self.clashes.contains(&home) {
+                self.clashes.push(home);
             }
             return slot;
         }

@@ -236,19 +236,14 @@ fn is_seekable(file: &mut File) -> bool {
     matches!(file.stream_position(), Ok(0)) && !appends(file)
 }
 
-/// Whether every write goes to the end of the file (`>>`): a byte would have to be written to find out, so the
-/// operating system is asked.
-#[cfg(target_os = "linux")]
+/// Whether every write goes to the end of the file (`>>`).
+#[cfg(unix)]
 fn appends(file: &File) -> bool {
-    use std::os::fd::AsRawFd;
-    let flags = fs::read_to_string(format!("/proc/self/fdinfo/{}", file.as_raw_fd())).unwrap_or_default();
-    let octal = flags.lines().find_map(|l| l.strip_prefix("flags:")).map(str::trim);
-    let flags = octal.and_then(|o| i32::from_str_radix(o, 8).ok());
-    flags.is_none_or(|f| f & libc::O_APPEND != 0)
+    rustix::fs::fcntl_getfl(file).is_ok_and(|flags| flags.contains(rustix::fs::OFlags::APPEND))
 }
 
-/// Without a way to ask, standard output that already holds something has been recognised by its position.
-#[cfg(not(target_os = "linux"))]
+/// Whether every write goes to the end of the file; shells here seek instead.
+#[cfg(not(unix))]
 fn appends(_: &File) -> bool {
     false
 }

@@ -68,7 +68,7 @@ impl OutputPlan {
     pub fn new(request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
         let mut problems = Diagnostics::default();
         let layout = Layout::new(&request, context.survey);
-        check_requests(&request, &mut problems);
+        check_requests(&request, context.survey.scanner.devices.len(), &mut problems);
         check_places(&layout, request.force, &mut problems);
         let mut las_problems = Diagnostics::default();
         let OutputContext { survey, scene } = *context;
@@ -113,7 +113,7 @@ impl OutputPlan {
 }
 
 /// What is wrong whatever the files are.
-fn check_requests(request: &OutputRequest, problems: &mut Diagnostics) {
+fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagnostics) {
     let streams = |target: &Target| *target == Target::Stdout;
     for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
         if asked && request.sinks.iter().all(|(target, _)| streams(target)) {
@@ -128,7 +128,7 @@ fn check_requests(request: &OutputRequest, problems: &mut Diagnostics) {
             "a run directory has its trajectories already; name a file or a directory for others",
         );
     }
-    if request.split_by_channel && request.sinks.iter().any(|(target, _)| streams(target)) {
+    if request.split_by_channel && devices > 1 && request.sinks.iter().any(|(target, _)| streams(target)) {
         problems.error(None, "points on standard output cannot be split by channel");
     }
     let binary = |(target, format): &(Target, PointFormat)| streams(target) && !format.is_text();
@@ -141,13 +141,17 @@ fn check_requests(request: &OutputRequest, problems: &mut Diagnostics) {
 
 /// What is wrong with the files.
 fn check_places(layout: &Layout, force: bool, problems: &mut Diagnostics) {
-    for place in &layout.clashes {
-        match place {
-            Place::Stdout => problems.error(None, "only one output can go to standard output"),
-            Place::Path(path) => {
-                problems.error(None, format!("two outputs would be written to {}", path.display()))
-            }
+    for clash in &layout.clashes {
+        let message = match clash {
+            Home::Fixed(Place::Stdout) => "only one output can go to standard output".to_owned(),
+            Home::Fixed(Place::Path(path)) => format!("two outputs would be written to {}", path.display()),
+            Home::Run { name, .. } => format!("two outputs would be written to {name} of the run directory"),
         };
+        problems.error(None, message);
+    }
+    let folders = layout.directories.iter().chain(layout.runs.iter().map(|run| &run.parent));
+    for folder in folders.filter(|f| f.exists() && !f.is_dir()) {
+        problems.error(None, format!("{} is a file, expected a directory", folder.display()));
     }
     for FilePlan { home, .. } in &layout.files {
         if let Home::Fixed(Place::Path(path)) = home {

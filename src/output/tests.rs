@@ -77,6 +77,40 @@ fn the_layout_of_the_reference() {
 }
 
 #[test]
+fn formats_share_a_run_directory() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut request = points(Target::Helios(dir.path().into()));
+    request.sinks.push((Target::Helios(dir.path().into()), PointFormat::Las));
+    let summary = write(request, &survey(1, &[None]), &[batch(0, 0, 300)]).unwrap();
+    let run = dir.path().join("demo/2026-01-02_03-04-05");
+    assert_eq!(files(&run), ["leg000_points.las", "leg000_points.xyz", "leg000_trajectory.txt"]);
+    assert_eq!(lines(run.join("leg000_trajectory.txt")), 3);
+    assert_eq!((summary.points, summary.directories), (300, vec![run]));
+}
+
+#[test]
+fn workers_and_writer_are_on_different_threads() {
+    fn check<T: Send>() {}
+    check::<Arc<OutputPlan>>();
+    check::<Encoded>();
+    check::<Writer>();
+}
+
+#[test]
+fn run_directories_are_named_by_the_time_and_run_out_at_99() {
+    let dir = tempfile::tempdir().unwrap();
+    let stamp = super::plan::stamp();
+    let shape: String = stamp.chars().map(|c| if c.is_ascii_digit() { '0' } else { c }).collect();
+    assert_eq!(shape, "0000-00-00_00-00-00");
+    for number in 1..=99 {
+        let made = super::plan::create_run_directory(dir.path(), "s").unwrap();
+        let name = if number == 1 { "s".to_owned() } else { format!("s_{number}") };
+        assert_eq!(made, dir.path().join(name));
+    }
+    assert!(matches!(super::plan::create_run_directory(dir.path(), "s"), Err(Error::Input(_))));
+}
+
+#[test]
 fn text_is_what_the_reference_writes() {
     let dir = tempfile::tempdir().unwrap();
     let batch = batch(0, 20, 3);
@@ -224,6 +258,13 @@ fn requests_that_cannot_be_met() {
         "two outputs",
     );
     refused(points(Target::File(dir.path().into())), "is a directory");
+    fs::write(dir.path().join("file"), "").unwrap();
+    refused(points(Target::Directory(dir.path().join("file"))), "expected a directory");
+    let run = points(Target::Helios(dir.path().into()));
+    refused(
+        OutputRequest { sinks: [run.sinks.clone(), run.sinks.clone()].concat(), ..run },
+        "leg000_points.xyz",
+    );
 }
 
 #[test]

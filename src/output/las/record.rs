@@ -14,6 +14,9 @@ pub(in crate::output) struct LasCodec<'a> {
     pub objects: &'a ObjectIds,
 }
 
+/// 1000·log10(a) = DECIBEL·ln(a)
+const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
+
 /// Bytes of the longest record.
 const LONGEST: usize = 64;
 
@@ -115,7 +118,7 @@ impl LasCodec<'_> {
         // Conversions saturate, and NaN becomes 0.
         match self.format.intensity {
             IntensityMapping::Decibel if amplitude > 0.0 => {
-                (10_000.0 + 1000.0 * libm::log10(amplitude)).round_ties_even().max(1.0) as u16
+                (10_000.0 + DECIBEL * libm::log(amplitude)).round_ties_even().max(1.0) as u16
             }
             IntensityMapping::Decibel => 0,
             IntensityMapping::Linear { full_scale } => {
