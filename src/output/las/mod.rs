@@ -5,7 +5,7 @@
 //! * `PointSourceId`: number of the leg plus one, because 0 means "unknown";
 //! * `ScannerChannel` (format 6): device modulo 4; the extra dimension `device` has it whole;
 //! * `ScanAngle`: deflection of the beam on the scanner, in 0.006° (format 6) or whole degrees (format 1);
-//! * `Intensity`: see [`IntensityMapping`](super::IntensityMapping);
+//! * `Intensity`: see [`IntensityMapping`];
 //! * `Classification`: 0 where the material's class exceeds 255 (31 in format 1) or is negative;
 //! * return numbers above 15 (7) stay at 15 (7), in the counts of the header too.
 
