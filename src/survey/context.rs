@@ -1,5 +1,6 @@
 //! What one run of a reader knows: options, documents already opened, problems met so far.
 
+use super::PoseStream;
 use super::assets::{Assets, Found};
 use super::fields::Fields;
 use super::xml::{Document, Element};
@@ -17,6 +18,8 @@ pub struct ReadOptions {
     pub assets: Vec<PathBuf>,
     /// Warnings are errors.
     pub strict: bool,
+    /// Replaces the platform of the survey ([`super::Survey::fly`]) before the survey is checked as a whole.
+    pub trajectory: Option<PoseStream>,
 }
 
 /// State of one run of a reader. Problems are collected so that all of them are reported at once.
@@ -40,6 +43,11 @@ impl Context {
             failure: RefCell::default(),
             documents: RefCell::default(),
         }
+    }
+
+    /// Takes over problems met before.
+    pub fn take(&self, problems: Diagnostics) {
+        self.problems.borrow_mut().extend(problems);
     }
 
     /// Records a problem that ends the run.

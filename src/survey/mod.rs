@@ -11,7 +11,7 @@
 //! | `checks` | what can only be judged when all is read: limits, endless runs |
 //! | `scanner_xml`, `deflector_xml`, `platform_xml` | instruments and what carries them |
 //! | `scene_xml`, `filters`, `loaders`, `motions` | parts of a scene |
-//! | `pipeline_toml` | our own pipeline files |
+//! | `pipeline` | our own pipeline files |
 //! | `formula`, `seed` | formulas of calibration errors; the forms of a seed |
 
 mod assets;
@@ -20,12 +20,14 @@ mod checks;
 mod context;
 mod deflector_xml;
 mod fields;
+mod fly;
 mod formula;
 mod legs;
 mod loaders;
 mod model;
 mod motions;
 mod params;
+mod pipeline;
 mod platform_xml;
 mod read;
 mod scanner_xml;
@@ -40,8 +42,11 @@ mod text;
 mod trajectories;
 mod xml;
 
+pub use catalogue::{Catalogue, catalogue};
 pub use context::ReadOptions;
 pub use formula::{Formula, FormulaError};
 pub use model::*;
+pub use pipeline::keys;
+pub use pipeline::{Pipeline, PipelineKeys, RunSettings, SinkSetting, read_pipeline};
 pub use read::{read_scene, read_survey};
 pub use seed::parse_seed;

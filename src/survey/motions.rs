@@ -6,20 +6,22 @@ use super::xml::Element;
 use super::{Motion, MotionKind, MotionSequence, MotionTiming};
 use crate::diag::nearest;
 use crate::geom::{DVec3, radians, unit};
+use std::collections::HashMap;
 
 /// Reads the `<dmotion>` children of a part; empty for a still part.
 pub(super) fn read_motions(context: &Context, part: &Element) -> Vec<MotionSequence> {
     let elements: Vec<Element> = part.named("dmotion").collect();
-    let ids: Vec<&str> = elements.iter().map(|e| e.value("id").unwrap_or_default()).collect();
+    let mut ids = HashMap::new();
     for (i, element) in elements.iter().enumerate() {
-        if !ids[i].is_empty() && ids[..i].contains(&ids[i]) {
-            context.error(element.value_place("id"), format!("the motion `{}` is described twice", ids[i]));
+        let Some(id) = element.value("id") else { continue };
+        if ids.insert(id, i).is_some() {
+            context.error(element.value_place("id"), format!("the motion `{id}` is described twice"));
         }
     }
     elements.iter().map(|e| read_sequence(context, e, &ids)).collect()
 }
 
-fn read_sequence(context: &Context, element: &Element, ids: &[&str]) -> MotionSequence {
+fn read_sequence(context: &Context, element: &Element, ids: &HashMap<&str, usize>) -> MotionSequence {
     let mut fields = Fields::new(context, element);
     let id = fields.required("id").unwrap_or_default().to_owned();
     let loops = match fields.required("loop") {
@@ -27,10 +29,11 @@ fn read_sequence(context: &Context, element: &Element, ids: &[&str]) -> MotionSe
         None => 0,
     };
     let next = fields.text("next").filter(|n| !n.is_empty()).and_then(|next| {
-        let index = ids.iter().position(|id| *id == next);
+        let index = ids.get(next).copied();
         if index.is_none() {
-            let help =
-                nearest(next, ids.iter().copied()).map_or(String::new(), |n| format!("did you mean `{n}`?"));
+            let mut known: Vec<&str> = ids.keys().copied().collect();
+            known.sort_unstable();
+            let help = nearest(next, known).map_or(String::new(), |n| format!("did you mean `{n}`?"));
             context.error_help(
                 element.value_place("next"),
                 format!("there is no motion `{next}` in this part"),

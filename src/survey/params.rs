@@ -5,6 +5,7 @@ use super::fields::{Fields, meant, parse_vector, read_rotations};
 use super::xml::Element;
 use crate::diag::nearest;
 use crate::geom::{DVec3, Rotation};
+use std::collections::HashSet;
 
 /// The parameters of a filter while it is read. The declared type should be the expected one; others are read all the
 /// same, with a warning.
@@ -28,12 +29,13 @@ impl<'c> Params<'c> {
         fields.ignore(&["type"]);
         fields.done(&["param"]);
         let mut params: Vec<Element> = Vec::new();
+        let mut keys = HashSet::new();
         for param in filter.named("param") {
             let mut fields = Fields::new(context, &param);
             let key = fields.required("key");
             fields.ignore(&["type", "value", "rotations"]);
             fields.done(&["rot"]);
-            if params.iter().any(|p| p.value("key") == key) {
+            if !keys.insert(key.map(str::to_owned)) {
                 let message = format!(
                     "the parameter `{}` is given twice; the first one counts",
                     key.unwrap_or_default()

@@ -1,5 +1,6 @@
 //! The entrances: a survey, a scene.
 
+use super::assets::Found;
 use super::context::{Context, ReadOptions};
 use super::scene_xml::read_scene_element;
 use super::survey_xml::read_survey_document;
@@ -17,8 +18,11 @@ use std::path::{Path, PathBuf};
 /// contradicting trajectory settings as [`crate::Error::Limits`].
 pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagnostics)> {
     let context = Context::new(options);
-    let root = context.referred_document(&path.to_string_lossy(), Path::new(""), None);
-    let survey = root.and_then(|root| read_survey_document(&context, &root));
+    let root = match path.is_file() {
+        true => context.open(&Found::File(path.to_path_buf())),
+        false => context.referred_document(&path.to_string_lossy(), Path::new(""), None),
+    };
+    let survey = root.and_then(|root| read_survey_document(&context, &root, options.trajectory.as_ref()));
     context.finish(survey)
 }
 

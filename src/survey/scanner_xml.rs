@@ -71,16 +71,29 @@ pub(super) const WAVEFORM: WaveformSettings =
     WaveformSettings { bin: 0.25, window: 1.0, quality: 3, max_range: 0.0 };
 
 /// Most rings of subrays; a pulse of that many has about 3 million subrays.
-const MAX_QUALITY: u32 = 1000;
+pub(super) const MAX_QUALITY: u32 = 1000;
 
 /// Detector settings when nothing is said.
-const DETECTOR: Detector = Detector {
+pub(super) const DETECTOR: Detector = Detector {
     accuracy: 0.0,
     range_min: 0.0,
     range_max: f64::MAX,
     max_returns: 0,
     threshold: 0.0001,
     distance_error: None,
+};
+
+/// The beam when nothing is said.
+pub(super) const DEVICE_BEAM: Beam = Beam {
+    divergence: 0.0003,
+    pulse_length: 4.0,
+    wavelength: 1064.0,
+    atmosphere_wavelength: 1064.0,
+    average_power: 4.0,
+    quality: 1.0,
+    efficiency: 0.99,
+    receiver_diameter: 0.15,
+    visibility: 23.0,
 };
 
 fn read_pulse_freqs(fields: &mut Fields) -> Option<Vec<u32>> {
@@ -95,17 +108,18 @@ fn read_pulse_freqs(fields: &mut Fields) -> Option<Vec<u32>> {
 }
 
 fn read_beam(fields: &mut Fields) -> Beam {
-    let wavelength = f64::from(fields.whole_within("wavelength_nm", 1064, 1..=u32::MAX));
+    let base = DEVICE_BEAM;
+    let wavelength = f64::from(fields.whole_within("wavelength_nm", base.wavelength as u32, 1..=u32::MAX));
     Beam {
-        divergence: fields.positive("beamDivergence_rad", 0.0003),
-        pulse_length: fields.positive("pulseLength_ns", 4.0),
+        divergence: fields.positive("beamDivergence_rad", base.divergence),
+        pulse_length: fields.positive("pulseLength_ns", base.pulse_length),
         wavelength,
         atmosphere_wavelength: wavelength,
-        average_power: fields.positive("averagePower_w", 4.0),
-        quality: fields.positive("beamQualityFactor", 1.0),
-        efficiency: fields.positive("opticalEfficiency", 0.99),
-        receiver_diameter: fields.positive("receiverDiameter_m", 0.15),
-        visibility: fields.positive("atmosphericVisibility_km", 23.0),
+        average_power: fields.positive("averagePower_w", base.average_power),
+        quality: fields.positive("beamQualityFactor", base.quality),
+        efficiency: fields.positive("opticalEfficiency", base.efficiency),
+        receiver_diameter: fields.positive("receiverDiameter_m", base.receiver_diameter),
+        visibility: fields.positive("atmosphericVisibility_km", base.visibility),
     }
 }
 

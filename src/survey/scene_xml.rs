@@ -139,6 +139,7 @@ impl Chain {
                 };
                 let message = format!("unknown filter type `{}`", filter.value("type").unwrap_or_default());
                 context.error_help(filter.value_place("type"), message, help);
+                self.loader_failed = self.loader.is_none();
             }
         }
         self.filters += 1;

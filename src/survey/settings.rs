@@ -57,6 +57,11 @@ impl ScannerLayer {
     pub fn read(context: &Context, element: &Element, base: &ScannerLayer) -> ScannerLayer {
         let mut fields = Fields::new(context, element);
         let mut angle_or_nan = |name: &'static str, base: f64| match fields.has(name) {
+            // NaN is the way to take back what a template says
+            true if fields.element.value(name).is_some_and(is_nan) => {
+                fields.ignore(&[name]);
+                f64::NAN
+            }
             true => fields.optional_angle(name).unwrap_or(base),
             false => {
                 fields.ignore(&[name]);
@@ -167,6 +172,10 @@ impl ScannerLayer {
             warmup: self.warmup,
         }
     }
+}
+
+fn is_nan(text: &str) -> bool {
+    text.parse::<f64>().is_ok_and(f64::is_nan)
 }
 
 /// The attribute, else the text of the child element.

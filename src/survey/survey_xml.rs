@@ -10,11 +10,36 @@ use super::scene_xml::read_scene_element;
 use super::seed::parse_seed;
 use super::trajectories::{Trajectories, read_rotation_spec};
 use super::xml::Element;
-use super::{Mount, Platform, PlatformKind, PlatformNoise, Scanner, Survey};
+use super::{Mount, Platform, PlatformKind, PlatformNoise, PoseStream, Scanner, Survey};
 use std::path::Path;
 
-/// The survey of a document.
-pub(super) fn read_survey_document(context: &Context, root: &Element) -> Option<Survey> {
+/// The survey of a document, checked as a whole.
+pub(super) fn read_survey_document(
+    context: &Context,
+    root: &Element,
+    trajectory: Option<&PoseStream>,
+) -> Option<Survey> {
+    let (mut survey, legs) = read_survey_parts(context, root)?;
+    match trajectory {
+        Some(stream) => {
+            survey.fly(stream.clone());
+            check_legs(context, &survey, &[]);
+        }
+        None if legs.is_empty() => {
+            let element = root.child("survey")?;
+            context.error_help(
+                element.place(),
+                "the survey has no <leg>",
+                "a leg says where to scan from and how",
+            );
+        }
+        None => check_legs(context, &survey, &legs),
+    }
+    Some(survey)
+}
+
+/// The survey of a document, not yet checked as a whole, and its legs as written.
+pub(super) fn read_survey_parts(context: &Context, root: &Element) -> Option<(Survey, Vec<Element>)> {
     let surveys: Vec<Element> = root.named("survey").collect();
     let Some(element) = surveys.first() else {
         context.error(root.place(), "the document holds no <survey>");
@@ -24,9 +49,8 @@ pub(super) fn read_survey_document(context: &Context, root: &Element) -> Option<
         context.warn(second.place(), "only the first <survey> of a document is used");
     }
     let survey = read_survey_element(context, element)?;
-    let legs: Vec<Element> = element.named("leg").collect();
-    check_legs(context, &survey, &legs);
-    Some(survey)
+    let legs = element.named("leg").collect();
+    Some((survey, legs))
 }
 
 fn read_survey_element(context: &Context, element: &Element) -> Option<Survey> {
@@ -51,13 +75,6 @@ fn read_survey_element(context: &Context, element: &Element) -> Option<Survey> {
     let trajectories = interpolated.then(|| Trajectories::new(read_rotation_spec(context, element)));
     let mut reader = LegReader::new(context, scanner.as_ref(), trajectories);
     let legs: Vec<_> = element.named("leg").zip(0..).map(|(leg, number)| reader.read(&leg, number)).collect();
-    if legs.is_empty() {
-        context.error_help(
-            element.place(),
-            "the survey has no <leg>",
-            "a leg says where to scan from and how",
-        );
-    }
     let trajectories = reader.trajectories.take();
     let platform = match trajectories {
         Some(trajectories) => Some(interpolated_platform(context, element, trajectories)),

@@ -21,7 +21,7 @@ fn surveys_of_the_conformance_suite() {
         if !path.exists() {
             continue;
         }
-        let options = ReadOptions { assets: vec![case.path()], strict: false };
+        let options = ReadOptions { assets: vec![case.path()], ..ReadOptions::default() };
         match read_survey(&path, &options) {
             Err(Error::Input(problems) | Error::Limits(problems)) => {
                 panic!("{}\n{}", path.display(), problems.render(false))

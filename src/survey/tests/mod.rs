@@ -1,11 +1,16 @@
 //! Whole documents as users write them.
 
 use super::*;
-use crate::diag::Diagnostics;
+use crate::diag::{Diagnostics, Severity};
 use crate::error::Error;
 use std::path::{Path, PathBuf};
 
 mod conformance;
+mod hostile;
+mod instruments;
+mod pipelines;
+mod scenes;
+mod surveys;
 
 /// A folder of files that is removed afterwards.
 struct Folder(tempfile::TempDir);
@@ -27,7 +32,64 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    fn survey(&self) -> crate::Result<(Survey, Diagnostics)> {
-        read_survey(&self.path("survey.xml"), &ReadOptions::default())
+    fn read(&self, options: &ReadOptions) -> crate::Result<(Survey, Diagnostics)> {
+        read_survey(&self.path("survey.xml"), options)
+    }
+}
+
+/// A mirror scanner as a `<scanner>` of id `mirror`.
+const MIRROR: &str = "<scanner id='mirror' optics='rotating' pulseFreqs_Hz='100000,300000' beamDivergence_rad='0.0005' \
+    pulseLength_ns='6' scanAngleMax_deg='60' scanAngleEffectiveMax_deg='50' scanFreqMin_Hz='5' scanFreqMax_Hz='120' \
+    headRotatePerSecMax_deg='60'/>";
+
+/// A tripod of id `tripod`, an aeroplane of id `plane`.
+const PLATFORMS: &str = "<platform id='tripod' type='static'/><platform id='plane' type='LinearPath'><scannerMount z='2'/></platform>";
+
+/// A scene of id `scene` with one part, `a.obj`.
+const SCENE: &str = "<scene id='scene'><part><filter type='objloader'>\
+    <param type='string' key='filepath' value='a.obj'/></filter></part></scene>";
+
+/// A document with the usual assets, `extra` ones and a survey with those attributes and that content.
+fn document(extra: &str, attributes: &str, content: &str) -> String {
+    format!(
+        "<document>\n{MIRROR}\n{PLATFORMS}\n{SCENE}\n{extra}\n<survey scene='scene' scanner='mirror' {attributes}>\n{content}\n</survey>\n</document>"
+    )
+}
+
+/// Reads a survey whose document has the usual assets.
+fn survey_of(extra: &str, attributes: &str, content: &str) -> crate::Result<(Survey, Diagnostics)> {
+    let folder = Folder::new(&[("survey.xml", &document(extra, attributes, content)), ("a.obj", "")]);
+    folder.read(&ReadOptions::default())
+}
+
+/// The same on the aeroplane, with no problem at all.
+fn clean(extra: &str, content: &str) -> Survey {
+    let (survey, warnings) =
+        survey_of(extra, "platform='plane'", content).unwrap_or_else(|e| panic!("{}", report(&e)));
+    assert!(warnings.is_empty(), "{}", warnings.render(false));
+    survey
+}
+
+/// The report of a refused input.
+fn report(error: &Error) -> String {
+    match error {
+        Error::Input(problems) | Error::Limits(problems) => problems.render(false),
+        other => other.to_string(),
+    }
+}
+
+/// The report of an input that must be refused.
+fn refused<T>(result: crate::Result<(T, Diagnostics)>) -> String {
+    match result {
+        Ok((_, warnings)) => panic!("should have been refused; warnings:\n{}", warnings.render(false)),
+        Err(e) => report(&e),
+    }
+}
+
+/// Checks that every text is part of a report.
+#[track_caller]
+fn contains(report: &str, texts: &[&str]) {
+    for text in texts {
+        assert!(report.contains(text), "{text:?} is missing from\n{report}");
     }
 }

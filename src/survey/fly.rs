@@ -1,0 +1,43 @@
+//! A survey flown along a stream of poses.
+
+use super::{Leg, PlatformKind, PlatformSettings, PoseStream, ScannerSettings, Survey};
+use crate::geom::DVec3;
+
+impl Survey {
+    /// Replaces the platform by a stream of poses; mount and noise stay. The legs become one active leg with the scanner
+    /// settings of the first active leg (of the first leg, or the scanner's own, if there is none), without a limit of
+    /// its duration: the stream says when the flight ends.
+    pub fn fly(&mut self, stream: PoseStream) {
+        self.platform.kind = PlatformKind::Stream(stream);
+        let model = self.legs.iter().find(|leg| leg.scanner.active).or(self.legs.first());
+        let settings = model.map_or_else(|| self.scanner.own_settings(), |leg| leg.scanner.clone());
+        let leg = Leg {
+            number: 0,
+            strip: None,
+            platform: PlatformSettings::at(DVec3::ZERO),
+            scanner: ScannerSettings { active: true, max_duration: None, ..settings },
+            place: model.and_then(|leg| leg.place.clone()),
+        };
+        self.legs = vec![leg];
+    }
+}
+
+impl super::Scanner {
+    /// The settings of a leg that says nothing: the first pulse frequency and the first device's divergence, all angles
+    /// and frequencies 0, no vertical limits.
+    pub fn own_settings(&self) -> ScannerSettings {
+        let beam = self.devices.first().map(|d| d.beam.divergence);
+        super::settings::ScannerLayer::of_scanner(
+            self.pulse_freqs.first().copied().unwrap_or(0),
+            beam.unwrap_or_default(),
+        )
+        .resolved()
+    }
+}
+
+impl PlatformSettings {
+    /// The settings of a leg that says nothing but where it starts.
+    pub fn at(position: DVec3) -> PlatformSettings {
+        PlatformSettings { position, ..super::settings::PlatformLayer::unset().resolved(None) }
+    }
+}

@@ -1,0 +1,354 @@
+//! Keys of a pipeline file to a survey.
+
+use super::super::checks::check_legs;
+use super::super::context::{Context, ReadOptions};
+use super::super::platform_xml::read_platform;
+use super::super::read::find_scene;
+use super::super::survey_xml::read_survey_parts;
+use super::super::xml::Element;
+use super::super::{
+    Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, PoseStream, RotationSpec, Scanner,
+    ScannerSettings, Survey,
+};
+use super::PipelineKeys;
+use super::instrument::{Values, read_instrument};
+use super::keys::{LegKeys, PlatformKeys, PoseKeys, SettingsKeys, TrajectoryKeys};
+use super::run::one_of;
+use super::source::Source;
+use crate::geom::{DVec3, Rotation, radians};
+use std::path::PathBuf;
+use toml::Spanned;
+
+/// The survey of a pipeline file.
+pub(super) fn read_survey(
+    context: &Context,
+    source: &Source,
+    keys: &PipelineKeys,
+    options: &ReadOptions,
+) -> Option<Survey> {
+    let values = Values { context, source };
+    let base = match &keys.survey {
+        Some(name) => Some(survey_file(context, source, name)?),
+        None => None,
+    };
+    let scene = match (&keys.scene, &base) {
+        (Some(name), _) => scene_of(context, source, name),
+        (None, Some(base)) => Some(base.scene.clone()),
+        (None, None) => {
+            let place = source.place(0..0);
+            context.error_help(
+                place,
+                "a pipeline needs the key `scene` or `survey`",
+                "scene = \"file.xml#id\"",
+            );
+            None
+        }
+    };
+    let scanner = match &keys.scanner {
+        Some(table) => read_instrument(&values, table, base.as_ref().map(|b| b.scanner.clone())),
+        None if base.is_none() => {
+            context.error_help(source.place(0..0), "a pipeline needs a [scanner] or a `survey`", "");
+            None
+        }
+        None => base.as_ref().map(|b| b.scanner.clone()),
+    };
+    let platform = read_carrier(&values, keys.platform.as_ref(), base.as_ref().map(|b| b.platform.clone()));
+    let stream = match (&options.trajectory, &keys.trajectory) {
+        (Some(stream), _) => Some(stream.clone()),
+        (None, Some(keys)) => Some(read_stream(&values, keys)?),
+        (None, None) => None,
+    };
+    let (scene, mut scanner, platform) = (scene?, scanner?, platform?);
+    change_detection(&values, &mut scanner, keys);
+    let mut survey = base.unwrap_or_else(|| Survey {
+        name: source.path().file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
+        path: source.path().to_path_buf(),
+        seed: None,
+        platform: platform.clone(),
+        scanner: scanner.clone(),
+        scene: scene.clone(),
+        legs: Vec::new(),
+        leg_offset: None,
+        crs_wkt: None,
+    });
+    (survey.scene, survey.scanner, survey.platform) = (scene, scanner, platform);
+    if let Some(name) = &keys.name {
+        survey.name.clone_from(name);
+    }
+    build_legs(&values, &mut survey, keys, stream);
+    check_legs(context, &survey, &[]);
+    Some(survey)
+}
+
+fn survey_file(context: &Context, source: &Source, name: &Spanned<String>) -> Option<Survey> {
+    let place = source.place(name.span());
+    let root = context.referred_document(&near(source, name.get_ref()), source.folder(), Some(place))?;
+    read_survey_parts(context, &root).map(|(survey, _)| survey)
+}
+
+fn scene_of(context: &Context, source: &Source, name: &Spanned<String>) -> Option<super::super::SceneRecipe> {
+    find_scene(context, &near(source, name.get_ref()), source.folder(), Some(source.place(name.span())))
+}
+
+/// A file beside the pipeline file comes before those of the search list.
+fn near(source: &Source, reference: &str) -> String {
+    let (file, id) = match reference.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None => (reference, None),
+    };
+    let beside = source.folder().join(file);
+    match (beside.is_file(), id) {
+        (false, _) => reference.to_owned(),
+        (true, None) => beside.to_string_lossy().into_owned(),
+        (true, Some(id)) => format!("{}#{id}", beside.to_string_lossy()),
+    }
+}
+
+/// The asset that a `catalogue` key names.
+pub(super) fn reference(
+    context: &Context,
+    source: &Source,
+    name: &Spanned<String>,
+    kind: &str,
+) -> Option<Element> {
+    let text = near(source, name.get_ref());
+    let (file, id) = match text.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None => (text.as_str(), None),
+    };
+    let place = source.place(name.span());
+    let root = context.referred_document(file, source.folder(), Some(place.clone()))?;
+    context.pick(&root, kind, id, Some(place))
+}
+
+/// A pose from its offset and rotations.
+pub(super) fn pose(values: &Values, keys: &PoseKeys) -> Mount {
+    let mut mount = Mount::IDENTITY;
+    if let Some(offset) = values.vector(&keys.offset_m) {
+        mount.offset = offset;
+    }
+    for turn in &keys.rotate_deg {
+        let axes = turn.get_ref();
+        let rotation = match (axes.x, axes.y, axes.z) {
+            (Some(x), None, None) if x.is_finite() => Rotation::about_x(radians(x)),
+            (None, Some(y), None) if y.is_finite() => Rotation::about_y(radians(y)),
+            (None, None, Some(z)) if z.is_finite() => Rotation::about_z(radians(z)),
+            _ => {
+                values.refuse(turn, "one finite angle about one axis, such as { x = -90 }");
+                continue;
+            }
+        };
+        mount.rotation =
+            if keys.local { mount.rotation.after(rotation) } else { rotation.after(mount.rotation) };
+    }
+    mount
+}
+
+fn read_carrier(
+    values: &Values,
+    table: Option<&Spanned<PlatformKeys>>,
+    inherited: Option<Platform>,
+) -> Option<Platform> {
+    let standing = || Platform {
+        id: "platform".to_owned(),
+        kind: PlatformKind::Static,
+        mount: Mount::IDENTITY,
+        noise: PlatformNoise::default(),
+    };
+    let Some(keys) = table.map(Spanned::get_ref) else { return Some(inherited.unwrap_or_else(standing)) };
+    let mut platform = match &keys.catalogue {
+        Some(name) => {
+            let element = reference(values.context, values.source, name, "platform")?;
+            read_platform(values.context, &element)?
+        }
+        None => inherited.unwrap_or_else(standing),
+    };
+    match one_of(values.context, values.source, &keys.kind, &["static", "linear_path"]).as_deref() {
+        Some("static") => platform.kind = PlatformKind::Static,
+        Some("linear_path") => platform.kind = PlatformKind::LinearPath,
+        _ => {}
+    }
+    if let Some(mount) = &keys.mount {
+        platform.mount = pose(values, mount);
+    }
+    Some(platform)
+}
+
+fn read_stream(values: &Values, keys: &TrajectoryKeys) -> Option<PoseStream> {
+    let (context, source) = (values.context, values.source);
+    let Some(path) = &keys.path else {
+        context.error_help(
+            source.place(0..0),
+            "[trajectory] needs the key `path`",
+            "path = \"-\" is standard input",
+        );
+        return None;
+    };
+    let file = match path.get_ref().as_str() {
+        "-" => PathBuf::from("-"),
+        name => context.file(&near(source, name), source.folder(), source.place(path.span()))?,
+    };
+    let rotation = one_of(context, source, &keys.rotation, &["arinc705", "canonical"]);
+    let separator = keys.separator.as_ref().and_then(|key| {
+        let mut letters = key.get_ref().chars();
+        let letter = letters.next();
+        if letter.is_none() || letters.next().is_some() {
+            values.refuse(key, "one character");
+        }
+        letter
+    });
+    Some(PoseStream {
+        path: file,
+        rotation_spec: if rotation.as_deref() == Some("canonical") {
+            RotationSpec::Canonical
+        } else {
+            RotationSpec::Arinc705
+        },
+        degrees: keys.degrees.unwrap_or(true),
+        columns: keys.columns.as_ref().map(|c| c.get_ref().clone()),
+        separator,
+    })
+}
+
+/// `[waveform]` and `[detector]` change every device.
+fn change_detection(values: &Values, scanner: &mut Scanner, keys: &PipelineKeys) {
+    let waveform = keys.waveform.clone().unwrap_or_default();
+    let detector = keys.detector.clone().unwrap_or_default();
+    let distance_error = values.formula(&detector.distance_error);
+    for device in &mut scanner.devices {
+        values.positive(&mut device.waveform.bin, &waveform.bin_ns);
+        values.positive(&mut device.waveform.window, &waveform.window_ns);
+        values.not_negative(&mut device.waveform.max_range, &waveform.max_range_ns);
+        if let Some(quality) = &waveform.quality {
+            device.waveform.quality = *quality.get_ref();
+            if !(1..=super::super::scanner_xml::MAX_QUALITY).contains(quality.get_ref()) {
+                values.refuse(quality, "a whole number from 1 to 1000");
+            }
+        }
+        values.not_negative(&mut device.detector.accuracy, &detector.accuracy_m);
+        values.not_negative(&mut device.detector.range_min, &detector.range_min_m);
+        values.positive(&mut device.detector.range_max, &detector.range_max_m);
+        if let Some(returns) = &detector.max_returns {
+            device.detector.max_returns = *returns.get_ref();
+        }
+        if distance_error.is_some() {
+            device.detector.distance_error.clone_from(&distance_error);
+        }
+    }
+}
+
+/// The legs: those of a stream, of `[[leg]]` tables, or of the survey.
+fn build_legs(values: &Values, survey: &mut Survey, keys: &PipelineKeys, stream: Option<PoseStream>) {
+    if !keys.leg.is_empty() {
+        survey.legs =
+            keys.leg.iter().zip(0..).map(|(leg, number)| read_leg(values, survey, leg, number)).collect();
+    }
+    let streamed = stream.is_some();
+    if let Some(stream) = stream {
+        survey.fly(stream);
+    }
+    if survey.legs.is_empty() {
+        let message = "a pipeline needs a way to move: [trajectory], [[leg]] tables or a `survey`";
+        values.context.error_help(
+            values.source.place(0..0),
+            message,
+            "path = \"-\" in [trajectory] is standard input",
+        );
+    }
+    let scanner = survey.scanner.clone();
+    let common = keys.settings.as_ref();
+    let own = |i: usize| (!streamed).then(|| keys.leg.get(i)?.get_ref().settings.clone()).flatten();
+    for (i, leg) in survey.legs.iter_mut().enumerate() {
+        if let Some(table) = common {
+            leg.place.get_or_insert_with(|| values.source.place(table.span()));
+        }
+        let tables: Vec<SettingsKeys> =
+            common.map(|t| t.get_ref().clone()).into_iter().chain(own(i)).collect();
+        change_settings(values, &mut leg.scanner, &tables, &scanner);
+    }
+}
+
+fn read_leg(values: &Values, survey: &Survey, table: &Spanned<LegKeys>, number: u32) -> Leg {
+    let keys = table.get_ref();
+    let place = values.source.place(table.span());
+    let position = values.vector(&keys.position_m);
+    if keys.position_m.is_none() {
+        values.context.error(place.clone(), "a [[leg]] needs the key `position_m`");
+    }
+    let mut platform = PlatformSettings::at(position.unwrap_or(DVec3::ZERO));
+    platform.on_ground = keys.on_ground;
+    values.number(&mut platform.speed, &keys.speed_m_per_s);
+    let own = survey.scanner.own_settings();
+    let scanner = ScannerSettings { active: keys.active.unwrap_or(true), ..own };
+    Leg { number, strip: keys.strip.clone(), platform, scanner, place: Some(place) }
+}
+
+/// Applies settings tables one after the other; resolutions come last.
+fn change_settings(
+    values: &Values,
+    settings: &mut ScannerSettings,
+    tables: &[SettingsKeys],
+    scanner: &Scanner,
+) {
+    let (mut vertical, mut horizontal) = (0.0, 0.0);
+    let mut place = None;
+    for keys in tables {
+        if let Some(freq) = &keys.pulse_freq_hz {
+            settings.pulse_freq = *freq.get_ref();
+            if settings.pulse_freq == 0 || settings.pulse_freq > i32::MAX as u32 {
+                values.refuse(freq, "a whole number above 0");
+            }
+        }
+        values.not_negative(&mut settings.scan_freq, &keys.scan_freq_hz);
+        values.angle(&mut settings.scan_angle, &keys.scan_angle_deg);
+        for (target, key) in [
+            (&mut settings.vertical_min, &keys.vertical_angle_min_deg),
+            (&mut settings.vertical_max, &keys.vertical_angle_max_deg),
+        ] {
+            if key.is_some() {
+                values.angle(target.get_or_insert(0.0), key);
+            }
+        }
+        values.angle(&mut settings.head_rate, &keys.head_rate_deg_per_s);
+        values.angle(&mut settings.head_start, &keys.head_start_deg);
+        values.angle(&mut settings.head_stop, &keys.head_stop_deg);
+        values.positive(&mut settings.beam_divergence, &keys.beam_divergence_rad);
+        values.not_negative(&mut settings.trajectory_interval, &keys.trajectory_interval_s);
+        values.not_negative(&mut settings.warmup, &keys.warmup_s);
+        if keys.max_duration_s.is_some() {
+            values.positive(settings.max_duration.get_or_insert(0.0), &keys.max_duration_s);
+        }
+        values.angle(&mut vertical, &keys.vertical_resolution_deg);
+        values.angle(&mut horizontal, &keys.horizontal_resolution_deg);
+        let stop = keys.head_stop_deg.as_ref();
+        if let Some(stop) =
+            stop.filter(|_| (settings.head_stop - settings.head_start) * settings.head_rate < 0.0)
+        {
+            values.refuse(stop, "an angle to which the head turns at this speed");
+        }
+        let resolution = keys.vertical_resolution_deg.as_ref().or(keys.horizontal_resolution_deg.as_ref());
+        place = resolution.map(|key| values.source.place(key.span())).or(place);
+    }
+    if let Some(place) = place {
+        apply_resolution(values.context, place, settings, (vertical, horizontal), scanner);
+    }
+}
+
+fn apply_resolution(
+    context: &Context,
+    place: crate::diag::Place,
+    settings: &mut ScannerSettings,
+    (vertical, horizontal): (f64, f64),
+    scanner: &Scanner,
+) {
+    let device = &scanner.devices[0];
+    let rotating = matches!(device.deflector, super::super::Deflector::Polygon { .. });
+    if vertical <= 0.0 || horizontal <= 0.0 {
+        context.error(place, "give both `vertical_resolution_deg` and `horizontal_resolution_deg`, above 0");
+    } else if !rotating || device.scan_angle_max <= 0.0 {
+        context.error(place, "resolutions need rotating optics with `scan_angle_max_deg`");
+    } else {
+        settings.scan_freq = f64::from(settings.pulse_freq) * vertical / (2.0 * device.scan_angle_max);
+        settings.head_rate = horizontal * settings.scan_freq;
+    }
+}

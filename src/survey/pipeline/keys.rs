@@ -1,0 +1,346 @@
+//! Every key of a pipeline file. Unknown keys are errors; keys that are not given keep the default named here.
+
+use serde::Deserialize;
+use std::path::PathBuf;
+use toml::Spanned;
+
+/// A key that may be missing, with its place.
+pub type Key<T> = Option<Spanned<T>>;
+
+/// A pipeline file.
+///
+/// A run starts either from `survey`, or from `scene` with `[scanner]` and a way to move: `[trajectory]`, or `[platform]`
+/// with `[[leg]]` tables. Tables that stand beside `survey` replace or change what the survey says. Paths of input files
+/// are relative to the pipeline file (then the asset folders are searched); paths of outputs are relative to the working
+/// directory.
+///
+/// ```toml
+/// scene = "forest.xml#forest"
+///
+/// [trajectory]
+/// path = "-"
+///
+/// [scanner]
+/// catalogue = "data/scanners_als.xml#riegl_vux-1uav"
+///
+/// [settings]
+/// scan_freq_hz = 100
+///
+/// [[output]]
+/// path = "points.laz"
+/// ```
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PipelineKeys {
+    /// Survey XML file to start from.
+    pub survey: Key<String>,
+    /// What is scanned: `file.xml#id`, `file.xml` (its first scene), or a geometry file (.obj, .tif, .vox).
+    pub scene: Key<String>,
+    /// Name of the run; it names the output folder. Default: the file's name without extension.
+    pub name: Option<String>,
+    /// Seed of all random numbers: a whole number, or a text in any form that `--seed` takes.
+    pub seed: Key<toml::Value>,
+    /// Coordinate reference system of the scene: WKT text, or the path of a `.wkt` or `.prj` file.
+    pub crs: Key<String>,
+    /// GPS time of the first pulse, `YYYY-MM-DD hh:mm:ss` (UTC) or POSIX seconds.
+    pub gps_start: Option<String>,
+    /// Warnings are errors. Default: false.
+    pub strict: Option<bool>,
+    /// More folders in which input files are looked for.
+    pub assets: Vec<PathBuf>,
+    /// What carries the scanner.
+    pub platform: Option<Spanned<PlatformKeys>>,
+    /// A stream of poses to fly along.
+    pub trajectory: Option<TrajectoryKeys>,
+    /// The instrument.
+    pub scanner: Option<Spanned<InstrumentKeys>>,
+    /// What the scanner does; with `[[leg]]` tables, what holds for all of them.
+    pub settings: Option<Spanned<SettingsKeys>>,
+    /// Waypoints of a platform that does not follow a trajectory.
+    pub leg: Vec<Spanned<LegKeys>>,
+    /// Waveform digitisation, for all channels.
+    pub waveform: Option<WaveformKeys>,
+    /// Detection, for all channels.
+    pub detector: Option<DetectorKeys>,
+    /// How echoes are computed.
+    pub physics: Option<PhysicsKeys>,
+    /// How the work is done; has no effect on the result.
+    pub schedule: Option<ScheduleKeys>,
+    /// What is written. Points go to standard output when nothing is said.
+    pub output: Vec<OutputKeys>,
+}
+
+/// `[platform]`: a catalogue entry, changed by the other keys.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlatformKeys {
+    /// `file.xml#id` of a platform, for example `data/platforms.xml#sr22`.
+    pub catalogue: Key<String>,
+    /// `static` or `linear_path`. Default: that of the catalogue entry, else `static`.
+    pub kind: Key<String>,
+    /// Pose of the scanner on the platform. Default: that of the catalogue entry, else none.
+    pub mount: Option<PoseKeys>,
+}
+
+/// A position and attitude within another frame (x right, y forward, z up).
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PoseKeys {
+    /// Offset x, y, z in metres. Default: 0.
+    pub offset_m: Key<[f64; 3]>,
+    /// Rotations in degrees, one axis each: `[{ x = -90 }, { z = 90 }]`. Default: none.
+    pub rotate_deg: Vec<Spanned<AxisKeys>>,
+    /// Each rotation is about the axes as turned by those before it, instead of the fixed ones. Default: false.
+    pub local: bool,
+}
+
+/// One rotation about one axis, right-handed, in degrees.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AxisKeys {
+    /// About x (right): nose up.
+    pub x: Option<f64>,
+    /// About y (forward).
+    pub y: Option<f64>,
+    /// About z (up): to the left.
+    pub z: Option<f64>,
+}
+
+/// `[trajectory]`: poses that are flown along as they arrive.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrajectoryKeys {
+    /// The file; `-` is standard input.
+    pub path: Key<String>,
+    /// Names of the columns in their order, from time, x, y, z, roll, pitch, yaw; any other name is skipped. Default: the
+    /// header line, or that order.
+    pub columns: Option<Spanned<Vec<String>>>,
+    /// The character between columns. Default: found out from the first line.
+    pub separator: Key<String>,
+    /// Angles are degrees. Default: true; false means radians.
+    pub degrees: Option<bool>,
+    /// How the angles compose: `arinc705` (heading clockwise from north, the default) or `canonical`.
+    pub rotation: Key<String>,
+}
+
+/// `[scanner]` and `[[scanner.channel]]`: a catalogue entry, changed by the other keys, or an instrument of one's own. A
+/// channel starts from the scanner and changes what it names.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct InstrumentKeys {
+    /// `file.xml#id` of a scanner, for example `data/scanners_tls.xml#riegl_vz400`. Not in channels.
+    pub catalogue: Key<String>,
+    /// Name that outputs report. Default: that of the catalogue entry; channels are numbered from 0.
+    pub id: Option<String>,
+    /// Name for people. Not in channels.
+    pub name: Option<String>,
+    /// Beam deflector: `rotating` (polygon mirror), `oscillating`, `conic`, `line` (fibres) or `risley` (prisms).
+    pub optics: Key<String>,
+    /// Pulse frequencies in Hz; the first is the default of a leg. Not in channels.
+    pub pulse_freqs_hz: Key<Vec<u32>>,
+    /// Largest mechanical half angle, degrees.
+    pub scan_angle_max_deg: Key<f64>,
+    /// Largest usable half angle, degrees; `rotating` only. Default: the mechanical one.
+    pub scan_angle_effective_max_deg: Key<f64>,
+    /// Lowest scan frequency, Hz. Default: 0.
+    pub scan_freq_min_hz: Key<f64>,
+    /// Highest scan frequency, Hz; 0 is no limit, the default.
+    pub scan_freq_max_hz: Key<f64>,
+    /// Upper limit of half angle (degrees) times scan frequency (Hz); `oscillating` only. Default: 1 000 000.
+    pub scan_product_deg_hz: Key<f64>,
+    /// Number of fibres; `line` only. Default: 1.
+    pub fibres: Key<u32>,
+    /// Prisms in the order in which the beam meets them; `risley` only.
+    pub prisms: Option<Spanned<Vec<PrismKeys>>>,
+    /// Refractive index of air; `risley` only. Default: 1.
+    pub air_index: Key<f64>,
+    /// Direction of the beam that enters the prisms; `risley` only. Default: forward, 0 1 0.
+    pub incident_beam: Key<[f64; 3]>,
+    /// Axis of the head's rotation. Default: up, 0 0 1.
+    pub head_axis: Key<[f64; 3]>,
+    /// Highest speed of the head, degrees per second. Default: 0, the head cannot turn.
+    pub head_rate_max_deg_per_s: Key<f64>,
+    /// Pose of the emitter on the head. Default: none.
+    pub beam_origin: Option<PoseKeys>,
+    /// Beam divergence, rad, at 1/e². Default: 0.0003.
+    pub beam_divergence_rad: Key<f64>,
+    /// Pulse length, ns. Default: 4.
+    pub pulse_length_ns: Key<f64>,
+    /// Wavelength, nm. Default: 1064.
+    pub wavelength_nm: Key<u32>,
+    /// Average power, W. Default: 4.
+    pub average_power_w: Key<f64>,
+    /// Beam quality factor M². Default: 1.
+    pub beam_quality: Key<f64>,
+    /// Optical efficiency. Default: 0.99.
+    pub optical_efficiency: Key<f64>,
+    /// Receiver diameter, m. Default: 0.15.
+    pub receiver_diameter_m: Key<f64>,
+    /// Atmospheric visibility, km. Default: 23.
+    pub visibility_km: Key<f64>,
+    /// Standard deviation of the range noise, m. Default: 0.
+    pub accuracy_m: Key<f64>,
+    /// Nearest range, m. Default: 0.
+    pub range_min_m: Key<f64>,
+    /// Farthest range, m. Default: unlimited.
+    pub range_max_m: Key<f64>,
+    /// Most returns per pulse; 0 is unlimited, the default.
+    pub max_returns: Key<u32>,
+    /// Detection threshold, W. Default: 0.0001.
+    pub received_energy_min_w: Key<f64>,
+    /// Metres added to each range, a formula of the deflection angle THETA in radians. Default: none.
+    pub range_error_m: Key<String>,
+    /// Radians added to the deflection angle, a formula of THETA; `rotating` only. Default: none.
+    pub deflection_error_rad: Key<String>,
+    /// Radians added to the head angle, a formula of THETA; `rotating` only. Default: none.
+    pub head_error_rad: Key<String>,
+    /// Channels that fire at the same time. Default: none, the scanner is one device.
+    pub channel: Vec<Spanned<InstrumentKeys>>,
+}
+
+/// A rotating wedge prism.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PrismKeys {
+    /// Turns per second; the sign is the sense.
+    pub rotor_freq_hz: f64,
+    /// Wedge angle, degrees; positive: inclined face towards the incoming beam.
+    pub wedge_deg: f64,
+    /// Refractive index.
+    pub index: f64,
+}
+
+/// `[settings]` and `leg.settings`: what the scanner does.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SettingsKeys {
+    /// Pulses per second. Default: the scanner's first frequency.
+    pub pulse_freq_hz: Key<u32>,
+    /// Lines (`rotating`) or periods (`oscillating`) per second. Default: 0.
+    pub scan_freq_hz: Key<f64>,
+    /// Half opening angle of the swath, degrees. Default: the scanner's maximum.
+    pub scan_angle_deg: Key<f64>,
+    /// Lowest deflection angle that fires, degrees. Default: from `scan_angle_deg`.
+    pub vertical_angle_min_deg: Key<f64>,
+    /// Highest deflection angle that fires, degrees. Default: from `scan_angle_deg`.
+    pub vertical_angle_max_deg: Key<f64>,
+    /// Speed of the head, degrees per second, signed. Default: 0.
+    pub head_rate_deg_per_s: Key<f64>,
+    /// Angle at which the head starts, degrees. Default: 0.
+    pub head_start_deg: Key<f64>,
+    /// Angle at which the head stops, degrees. Default: 0.
+    pub head_stop_deg: Key<f64>,
+    /// Spacing of lines along the mirror's sweep, degrees: with the horizontal one it replaces scan frequency and head
+    /// speed (`rotating` only).
+    pub vertical_resolution_deg: Key<f64>,
+    /// Spacing of lines along the head's rotation, degrees.
+    pub horizontal_resolution_deg: Key<f64>,
+    /// Beam divergence of the first channel, rad. Default: the scanner's.
+    pub beam_divergence_rad: Key<f64>,
+    /// Spacing of trajectory samples, s; 0 writes none, the default.
+    pub trajectory_interval_s: Key<f64>,
+    /// Ends the leg after that time, s. Default: no limit.
+    pub max_duration_s: Key<f64>,
+    /// Head and deflector advance that long before the first pulse, s. Default: 0.
+    pub warmup_s: Key<f64>,
+}
+
+/// `[[leg]]`: a waypoint and the way to the next one. The last leg of a moving platform is where it arrives.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LegKeys {
+    /// World position x, y, z in metres.
+    pub position_m: Key<[f64; 3]>,
+    /// Take z from the ground. Default: false.
+    pub on_ground: bool,
+    /// Speed, m/s. Default: 70.
+    pub speed_m_per_s: Key<f64>,
+    /// Whether the scanner fires. Default: true.
+    pub active: Option<bool>,
+    /// Legs with the same strip share their output. Default: none.
+    pub strip: Option<String>,
+    /// What differs from `[settings]`.
+    pub settings: Option<SettingsKeys>,
+}
+
+/// `[waveform]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WaveformKeys {
+    /// Width of a bin, ns. Default: 0.25.
+    pub bin_ns: Key<f64>,
+    /// Peak search window, ns. Default: 1.
+    pub window_ns: Key<f64>,
+    /// Number of concentric rings of subrays. Default: 3.
+    pub quality: Key<u32>,
+    /// Longest waveform, ns; 0 is unlimited, the default.
+    pub max_range_ns: Key<f64>,
+}
+
+/// `[detector]`: replaces the scanner's values.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DetectorKeys {
+    /// Standard deviation of the range noise, m.
+    pub accuracy_m: Key<f64>,
+    /// Nearest range, m.
+    pub range_min_m: Key<f64>,
+    /// Farthest range, m.
+    pub range_max_m: Key<f64>,
+    /// Most returns per pulse; 0 is unlimited.
+    pub max_returns: Key<u32>,
+    /// Factor on the range noise, a formula of the range t in metres.
+    pub distance_error: Key<String>,
+}
+
+/// `[physics]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PhysicsKeys {
+    /// `helios` (the default) or `refined`.
+    pub profile: Key<String>,
+    /// The older energy model. Default: false.
+    pub legacy_energy: Option<bool>,
+    /// Every surface is hit at a right angle. Default: false.
+    pub fixed_incidence: Option<bool>,
+    /// Fit the width of every echo. Default: false.
+    pub echo_width: Option<bool>,
+    /// Noise on written waveforms. Default: false.
+    pub waveform_noise: Option<bool>,
+    /// Noise of the platform's pose. Default: true.
+    pub platform_noise: Option<bool>,
+    /// Random offsets of legs. Default: true.
+    pub leg_noise: Option<bool>,
+}
+
+/// `[schedule]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScheduleKeys {
+    /// `warehouse` (the default), `dynamic`, `static` or `single`.
+    pub kind: Key<String>,
+    /// Number of threads; 0 is one per core, the default.
+    pub threads: Option<usize>,
+    /// Pulses per chunk.
+    pub chunk_size: Key<usize>,
+    /// Capacity of the warehouse in chunks per thread.
+    pub warehouse_factor: Key<usize>,
+    /// Search tree: `fsah`, `sah`, `axis-sah`, `median` or `bvh`.
+    pub tree: Key<String>,
+    /// Refuse scenes that need more: bytes, or a text such as `8G`.
+    pub max_memory: Key<toml::Value>,
+}
+
+/// `[[output]]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OutputKeys {
+    /// The file, or `-` for standard output; a folder with `per_leg`.
+    pub path: Key<PathBuf>,
+    /// `points` (the default), `trajectory`, `waveforms` or `pulses`.
+    pub content: Key<String>,
+    /// `xyz`, `las`, `laz`, `ply`, `arrow` or `parquet`. Default: from the extension, else `xyz`.
+    pub format: Key<String>,
+    /// One file for each leg or strip. Default: false.
+    pub per_leg: Option<bool>,
+}

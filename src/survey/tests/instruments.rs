@@ -1,0 +1,143 @@
+//! Scanners and channels.
+
+use super::*;
+use crate::geom::{DVec3, radians};
+
+/// Reads a scanner through a survey whose legs are inactive.
+fn scanner_of(scanner: &str) -> crate::Result<(Scanner, Diagnostics)> {
+    let legs = "<leg><platformSettings/><scannerSettings active='0'/></leg>";
+    let text = document(scanner, "platform='plane'", legs).replace("scanner='mirror'", "scanner='mine'");
+    let folder = Folder::new(&[("survey.xml", &text), ("a.obj", "")]);
+    folder.read(&ReadOptions::default()).map(|(survey, warnings)| (survey.scanner, warnings))
+}
+
+fn fine(scanner: &str) -> Scanner {
+    let (scanner, warnings) = scanner_of(scanner).unwrap_or_else(|e| panic!("{}", report(&e)));
+    assert!(warnings.is_empty(), "{}", warnings.render(false));
+    scanner
+}
+
+#[test]
+fn defaults() {
+    let scanner = fine("<scanner id='mine' optics='conic' pulseFreqs_Hz='5, 10'/>");
+    let d = &scanner.devices[0];
+    assert_eq!((scanner.pulse_freqs.as_slice(), scanner.multi_channel), (&[5, 10][..], false));
+    assert_eq!((d.beam.divergence, d.beam.pulse_length, d.beam.wavelength), (0.0003, 4.0, 1064.0));
+    assert_eq!((d.detector.range_max, d.detector.threshold, d.detector.max_returns), (f64::MAX, 0.0001, 0));
+    assert_eq!(
+        (d.waveform.window, d.waveform.quality, d.head.axis, d.head.max_rate),
+        (1.0, 3, DVec3::Z, 0.0)
+    );
+    assert!(!d.errors.any());
+}
+
+#[test]
+fn the_closed_list_of_optics() {
+    let with = |optics: &str| {
+        fine(&format!(
+        "<scanner id='mine' optics='{optics}' pulseFreqs_Hz='5' scanAngleMax_deg='30' scanAngleEffectiveMax_deg='20' scanProduct='900'
+          numFibers='63' rotorFreq1_Hz='-10' angle1_deg='18' refrIndex1='1.5' angle2_deg='0.0000001' angle3_deg='-4'/>"
+    )).devices.remove(0).deflector
+    };
+    assert!(
+        matches!(with("rotating"), Deflector::Polygon { effective_max } if effective_max == radians(20.0))
+    );
+    assert!(matches!(with("oscillating"), Deflector::Oscillating { scan_product: 900.0 }));
+    assert!(matches!(with("conic"), Deflector::Conic));
+    assert!(matches!(with("line"), Deflector::Fibres { count: 63 }));
+    let Deflector::Risley { prisms, air, incident } = with("risley") else { panic!("no prisms") };
+    assert_eq!(
+        (prisms.len(), prisms[0].index, prisms[1].angle, air, incident),
+        (2, 1.5, radians(-4.0), 1.0, DVec3::Y)
+    );
+    let unknown = refused(scanner_of("<scanner id='mine' optics='rotatin' pulseFreqs_Hz='5'/>"));
+    contains(&unknown, &["unknown optics `rotatin`", "did you mean `rotating`?"]);
+}
+
+#[test]
+fn channels_change_what_they_name() {
+    let scanner = fine(
+        "<scanner id='mine' optics='rotating' pulseFreqs_Hz='1000' wavelength_nm='905' scanAngleMax_deg='60' scanAngleEffectiveMax_deg='50'
+            receivedEnergyMin_W='0.5' headRotatePerSecMax_deg='10' accuracy_m='0.1'>
+           <beamOrigin x='1'><rot axis='y' angle_deg='10'/></beamOrigin>
+           <FWFSettings winSize_ns='3'/><headError expr='THETA'/><rangeError expr='0.1'/>
+           <channels>
+             <channel/>
+             <channel id='b' wavelength_nm='532' scanAngleMax_deg='45' scanAngleEffectiveMax_deg='40' beamDivergence_rad='0.001'>
+               <beamOrigin z='2'/><FWFSettings binSize_ns='0.5'/></channel>
+             <channel optics='line' numFibers='7'/>
+           </channels></scanner>",
+    );
+    let [a, b, c] = &scanner.devices[..] else { panic!("three channels") };
+    assert!(scanner.multi_channel);
+    assert_eq!((a.id.as_str(), b.id.as_str(), c.id.as_str()), ("0", "b", "2"));
+    // the emitter's pose is replaced as a whole
+    assert_eq!(
+        (a.beam_origin.offset, b.beam_origin),
+        (DVec3::X, Mount { offset: DVec3::new(0.0, 0.0, 2.0), ..Mount::IDENTITY })
+    );
+    assert_eq!((b.beam.wavelength, b.beam.atmosphere_wavelength, b.beam.divergence), (532.0, 905.0, 0.001));
+    // a channel's angles are degrees and mean what they say (trap 73)
+    assert_eq!(b.scan_angle_max, radians(45.0));
+    assert!(matches!(b.deflector, Deflector::Polygon { effective_max } if effective_max == radians(40.0)));
+    // other optics inherit nothing (trap 74)
+    assert!(matches!(c.deflector, Deflector::Fibres { count: 7 }) && c.scan_angle_max == 0.0);
+    // thresholds and errors of the scanner hold for its channels (trap 75)
+    assert_eq!((a.detector.threshold, a.errors.head.is_some(), c.errors.head.is_some()), (0.5, true, false));
+    assert!(c.errors.range.is_some());
+    // an own element restarts the window; the pulse length known there is 4 ns
+    assert_eq!((a.waveform.window, b.waveform.window, b.waveform.bin), (3.0, 1.0, 0.5));
+}
+
+#[test]
+fn wrong_instruments() {
+    let base = |attributes: &str, children: &str| {
+        refused(scanner_of(&format!(
+            "<scanner id='mine' optics='conic' pulseFreqs_Hz='5' {attributes}>{children}</scanner>"
+        )))
+    };
+    contains(&base("", "<headError expr='t'/>"), &["<headError> needs rotating optics"]);
+    contains(
+        &base("", "<rangeError expr='1+sine(THETA)'/>"),
+        &["unknown name `sine`", "did you mean `sin`?", "^^^^"],
+    );
+    contains(&base("", "<rangeError/>"), &["<rangeError> needs the attribute `expr`"]);
+    contains(&base("", "<channels/>"), &["<channels> needs at least one <channel>"]);
+    contains(&base("wavelength_nm='0'", ""), &["`wavelength_nm` must be a whole number of at least 1"]);
+    contains(&base("beamDivergence_rad='-1'", ""), &["`beamDivergence_rad` must be a number above 0"]);
+    contains(&base("rangeMin_m='5' rangeMax_m='4'", ""), &["rangeMin_m does not exceed rangeMax_m"]);
+    contains(
+        &base("", "<beamOrigin><rot axis='w' angle_deg='1'/></beamOrigin>"),
+        &["`axis` must be x, y or z"],
+    );
+    contains(
+        &base("", "<beamOrigin><rot axis='x'/></beamOrigin>"),
+        &["<rot> needs the attribute `angle_deg`"],
+    );
+    contains(&base("", "<FWFSettings binSize_ns='0'/>"), &["`binSize_ns` must be a number above 0"]);
+    let rates = refused(scanner_of("<scanner id='mine' optics='conic' pulseFreqs_Hz='1e5'/>"));
+    contains(&rates, &["`pulseFreqs_Hz` must be whole numbers above 0 separated by commas"]);
+    let nothing = refused(scanner_of("<scanner id='mine'/>"));
+    contains(&nothing, &["needs the attribute `optics`", "needs the attribute `pulseFreqs_Hz`"]);
+}
+
+#[test]
+fn mirrors_that_never_fire_are_pointed_out() {
+    let (_, warnings) =
+        scanner_of("<scanner id='mine' optics='rotating' pulseFreqs_Hz='5' scanAngleMax_deg='30'/>").unwrap();
+    contains(&warnings.render(false), &["rotating optics without `scanAngleEffectiveMax_deg` emit no pulse"]);
+}
+
+#[test]
+fn rotation_groups() {
+    // spec input-formats §1.5 and kinematics §0.4
+    let mount = |attributes: &str| {
+        let scanner = fine(&format!(
+            "<scanner id='mine' optics='conic' pulseFreqs_Hz='5'><beamOrigin {attributes}>
+               <rot axis='Z' angle_deg='90'/><rot axis='x' angle_deg='0'/><rot axis='y' angle_deg='-30'/></beamOrigin></scanner>"
+        ));
+        scanner.devices[0].beam_origin.rotation.forward()
+    };
+    assert!((mount("") - DVec3::new(-0.8660254, 0.0, -0.5)).length() < 1e-6);
+    assert!((mount("rotations='local'") - DVec3::new(-1.0, 0.0, 0.0)).length() < 1e-6);
+}

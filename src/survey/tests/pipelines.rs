@@ -1,0 +1,254 @@
+//! Pipeline files.
+
+use super::*;
+use crate::geom::{DVec3, radians};
+
+/// A pipeline with an instrument of its own and every table.
+pub(super) const EVERYTHING: &str = r#"
+scene = "a.obj"
+name = "mine"
+seed = "2020-01-01 00:00:00"
+crs = 'PROJCS["x"]'
+gps_start = "2022-01-01 00:00:00"
+strict = false
+assets = ["more"]
+
+[platform]
+kind = "linear_path"
+mount = { offset_m = [0, 0, 0.7], rotate_deg = [{ x = -90 }, { z = 90 }] }
+
+[scanner]
+id = "own"
+optics = "rotating"
+pulse_freqs_hz = [1000, 2000]
+scan_angle_max_deg = 60
+scan_freq_max_hz = 100
+head_rate_max_deg_per_s = 30
+range_error_m = "0.1*THETA"
+wavelength_nm = 905
+
+[[scanner.channel]]
+beam_origin = { rotate_deg = [{ z = 5 }], local = true }
+
+[[scanner.channel]]
+id = "second"
+optics = "risley"
+prisms = [{ rotor_freq_hz = 10, wedge_deg = 18, index = 1.5 }]
+
+[settings]
+pulse_freq_hz = 2000
+scan_freq_hz = 50
+scan_angle_deg = 20
+
+[[leg]]
+position_m = [0, 0, 100]
+speed_m_per_s = 30
+strip = "A"
+
+[[leg]]
+position_m = [100, 0, 100]
+active = false
+settings = { scan_freq_hz = 60 }
+
+[waveform]
+quality = 2
+window_ns = 2.5
+
+[detector]
+accuracy_m = 0.02
+distance_error = "1+t"
+
+[physics]
+legacy_energy = true
+platform_noise = false
+
+[schedule]
+kind = "dynamic"
+threads = 3
+tree = "sah"
+max_memory = "2G"
+
+[[output]]
+path = "points.laz"
+per_leg = true
+
+[[output]]
+path = "-"
+format = "xyz"
+content = "trajectory"
+"#;
+
+fn read(text: &str) -> crate::Result<(Pipeline, Diagnostics)> {
+    let folder = Folder::new(&[("p.toml", text), ("a.obj", ""), ("t.csv", "")]);
+    folder.write(
+        "survey.xml",
+        &document(
+            "",
+            "platform='plane'",
+            "<leg><platformSettings x='1'/><scannerSettings scanFreq_hz='50'/></leg>",
+        ),
+    );
+    read_pipeline(&folder.path("p.toml"), &ReadOptions::default())
+}
+
+fn fine(text: &str) -> Pipeline {
+    let (pipeline, warnings) = read(text).unwrap_or_else(|e| panic!("{}", report(&e)));
+    assert!(warnings.is_empty(), "{}", warnings.render(false));
+    pipeline
+}
+
+#[test]
+fn every_table() {
+    let Pipeline { survey, settings } = fine(EVERYTHING);
+    assert_eq!((survey.name.as_str(), survey.crs_wkt.as_deref()), ("mine", Some("PROJCS[\"x\"]")));
+    assert!(matches!(survey.platform.kind, PlatformKind::LinearPath));
+    assert!((survey.platform.mount.rotation.forward() + DVec3::Z).length() < 1e-12);
+    let [first, second] = &survey.scanner.devices[..] else { panic!("two channels") };
+    assert_eq!((first.id.as_str(), second.id.as_str(), survey.scanner.multi_channel), ("0", "second", true));
+    assert!(
+        matches!(first.deflector, Deflector::Polygon { effective_max } if effective_max == radians(60.0))
+    );
+    assert!(matches!(&second.deflector, Deflector::Risley { prisms, .. } if prisms[0].index == 1.5));
+    assert_eq!((first.waveform.quality, second.waveform.window, second.detector.accuracy), (2, 2.5, 0.02));
+    let [one, two] = &survey.legs[..] else { panic!("two legs") };
+    assert_eq!((one.scanner.pulse_freq, one.scanner.scan_freq, one.platform.speed), (2000, 50.0, 30.0));
+    assert_eq!((two.scanner.active, two.scanner.scan_freq, two.platform.position.x), (false, 60.0, 100.0));
+    assert_eq!(
+        (settings.threads, settings.schedule.as_deref(), settings.tree.as_deref()),
+        (Some(3), Some("dynamic"), Some("sah"))
+    );
+    assert_eq!(
+        (settings.max_memory, settings.legacy_energy, settings.echo_width),
+        (Some(2 << 30), Some(true), None)
+    );
+    assert_eq!(settings.seed, parse_seed("2020-01-01 00:00:00").ok());
+    let sinks: Vec<_> =
+        settings.sinks.iter().map(|s| (s.path.to_str().unwrap(), s.content.as_str(), s.per_leg)).collect();
+    assert_eq!(sinks, [("points.laz", "points", Some(true)), ("-", "trajectory", None)]);
+}
+
+const FLIGHT: &str = "scene = 'a.obj'\n[trajectory]\npath = '-'\n[scanner]\ncatalogue = 'data/scanners_als.xml#riegl_vux-1uav'\n[settings]\nscan_freq_hz = 100\n";
+
+#[test]
+fn a_stream_of_poses() {
+    let Pipeline { survey, .. } = fine(FLIGHT);
+    let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
+    assert_eq!(
+        (stream.path.as_path(), stream.degrees, stream.rotation_spec),
+        (Path::new("-"), true, RotationSpec::Arinc705)
+    );
+    assert_eq!(
+        (survey.legs.len(), survey.legs[0].scanner.pulse_freq, survey.legs[0].scanner.scan_freq),
+        (1, 50_000, 100.0)
+    );
+    assert_eq!(survey.name, "p");
+    let more = "[platform]\ncatalogue = 'platforms.xml#copter_linearpath'\n";
+    let text = FLIGHT.replace(
+        "path = '-'",
+        "path = 't.csv'\nseparator = ';'\ndegrees = false\nrotation = 'canonical'\ncolumns = ['time', 'x']",
+    );
+    let Pipeline { survey, .. } = fine(&format!("{text}{more}"));
+    let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
+    assert!(stream.path.ends_with("t.csv") && stream.path.is_file() == stream.path.exists());
+    assert_eq!(
+        (stream.separator, stream.degrees, stream.columns.as_ref().map(Vec::len)),
+        (Some(';'), false, Some(2))
+    );
+    assert_eq!(survey.platform.mount.offset.z, 0.2);
+}
+
+#[test]
+fn a_survey_with_changes() {
+    let text =
+        "survey = 'survey.xml'\nseed = 5\n[settings]\npulse_freq_hz = 300000\n[scanner]\naccuracy_m = 0.5\n";
+    let Pipeline { survey, settings } = fine(text);
+    assert_eq!(
+        (survey.legs[0].scanner.pulse_freq, survey.legs[0].scanner.scan_freq, settings.seed),
+        (300_000, 50.0, Some(5))
+    );
+    assert_eq!((survey.scanner.id.as_str(), survey.scanner.devices[0].detector.accuracy), ("mirror", 0.5));
+    let Pipeline { survey, .. } = fine("survey = 'survey.xml'\n[trajectory]\npath = '-'\n");
+    assert!(matches!(survey.platform.kind, PlatformKind::Stream(_)));
+    assert_eq!(survey.platform.mount.offset.z, 2.0);
+}
+
+#[test]
+fn all_wrong_keys_come_at_once() {
+    let text = "scene = 'a.obj'\nsed = 5\n[settings]\nscan_frq_hz = 5\nscan_angle_deg = 'wide'\n[scanner]\ncatalogue = 'data/scanners_als.xml#riegl_vux-1uav22'\n\
+        [trajectory]\npath = '-'\nrotation = 'canonic'\n[[output]]\nfile = 'x'\npath='y'\nformat = 'lax'\n[schedule]\nchunk_size = -1\n";
+    contains(
+        &refused(read(text)),
+        &[
+            "unknown key `sed`",
+            "did you mean `seed`?",
+            "p.toml:2:1",
+            "unknown key `scan_frq_hz`",
+            "did you mean `scan_freq_hz`?",
+            "p.toml:5:18",
+            "expected a number",
+            "did you mean `canonical`?",
+            "unknown key `file`",
+            "did you mean `las`?",
+            "p.toml:16:14",
+        ],
+    );
+}
+
+#[test]
+fn what_is_missing_is_said() {
+    contains(&refused(read("")), &["needs the key `scene` or `survey`", "needs a [scanner] or a `survey`"]);
+    contains(
+        &refused(read("scene = 'a.obj'\n[scanner]\noptics = 'conic'\n")),
+        &["needs `catalogue`, or both `optics` and `pulse_freqs_hz`"],
+    );
+    contains(
+        &refused(read("scene = 'a.obj'\n[scanner]\ncatalogue = 'data/scanners_tls.xml#vlp16'\n")),
+        &["needs a way to move"],
+    );
+    contains(
+        &refused(read("scene = 'b.obj'\nsurvey = 'survey.xml'\n")),
+        &["cannot find the file `b.obj`", "p.toml:1:9"],
+    );
+    contains(&refused(read("scene = ")), &["not well-formed TOML", "p.toml:1:"]);
+    contains(&refused(read("survey = 'survey.xml'\n[[output]]\n")), &["an [[output]] needs the key `path`"]);
+}
+
+#[test]
+fn wrong_values_are_marked() {
+    let wrong = |more: &str| refused(read(&format!("survey = 'survey.xml'\n{more}")));
+    contains(&wrong("[scanner]\nrange_error_m = '1+foo(t)'"), &["unknown name `foo`", "p.toml:3:20"]);
+    contains(&wrong("[scanner]\nfibres = 5"), &["this key needs optics = \"line\""]);
+    contains(&wrong("[scanner]\nbeam_divergence_rad = 0"), &["expected a number above 0"]);
+    contains(
+        &wrong("[platform]\nmount = { rotate_deg = [{ x = 1, y = 2 }] }"),
+        &["one finite angle about one axis"],
+    );
+    contains(&wrong("[platform]\nmount = { offset_m = [1, 2] }"), &["expected three numbers"]);
+    contains(&wrong("[settings]\nvertical_resolution_deg = 0.1"), &["give both"]);
+    contains(&wrong("seed = [1]"), &["is no seed"]);
+    contains(&wrong("crs = 'EPSG:25832'"), &["no coordinate reference system"]);
+    contains(&wrong("[schedule]\nmax_memory = '5 bananas'"), &["expected a number of bytes"]);
+    let limit = read("survey = 'survey.xml'\n[settings]\nscan_freq_hz = 500");
+    assert_eq!(limit.unwrap_err().exit_status(), 3);
+}
+
+/// The pipelines that ship, with a scene of their own beside each.
+#[test]
+fn shipped_pipelines_are_read_without_a_warning() {
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
+    let mut count = 0;
+    for file in
+        shipped.read_dir().unwrap().flatten().filter(|f| f.path().extension().is_some_and(|e| e == "toml"))
+    {
+        let text = std::fs::read_to_string(file.path()).unwrap();
+        // the scene is not the point here
+        let scene = text.lines().find(|l| l.starts_with("scene = ")).unwrap();
+        let folder = Folder::new(&[("p.toml", &text.replace(scene, "scene = 'a.obj'")), ("a.obj", "")]);
+        match read_pipeline(&folder.path("p.toml"), &ReadOptions::default()) {
+            Ok((_, warnings)) => assert!(warnings.is_empty(), "{}", warnings.render(false)),
+            Err(e) => panic!("{}\n{}", file.path().display(), report(&e)),
+        }
+        count += 1;
+    }
+    assert!(count >= 3);
+}
