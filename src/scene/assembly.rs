@@ -8,6 +8,7 @@ use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use crate::tree::{Cube, Geometry};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::mem::size_of;
 use std::ops::Range;
@@ -17,7 +18,7 @@ use std::path::Path;
 pub(super) const FARTHEST: f64 = 1e12;
 
 /// Most vertices and most primitives of a scene: their numbers have 32 bits and the last one means "none".
-const MOST_NUMBERS: usize = u32::MAX as usize - 1;
+pub(super) const MOST_NUMBERS: usize = u32::MAX as usize - 1;
 
 /// Geometry and materials as far as they are loaded.
 pub(super) struct Assembly<'a> {
@@ -109,6 +110,56 @@ impl<'a> Assembly<'a> {
             triangles: start.triangles.start..end.triangles.end,
             cubes: start.cubes.start..end.cubes.end,
         }
+    }
+
+    /// Gives the `count` cubes just appended their materials in turn.
+    pub fn spread_materials(&mut self, part: u32, materials: &[u32], count: usize) {
+        let surfaces: Vec<u32> = materials.iter().map(|&m| self.surface(part, m)).collect();
+        self.cube_surfaces.extend(surfaces.iter().cycle().take(count));
+    }
+
+    /// Removes the cubes from number `first` on that `keep` rejects.
+    pub fn remove_cubes(&mut self, first: usize, keep: impl Fn(&Cube) -> bool) {
+        let mut kept = first;
+        for i in first..self.geometry.cubes.len() {
+            if keep(&self.geometry.cubes[i]) {
+                self.geometry.cubes[kept] = self.geometry.cubes[i];
+                self.voxels[kept] = self.voxels[i];
+                self.cube_surfaces[kept] = self.cube_surfaces[i];
+                kept += 1;
+            }
+        }
+        self.geometry.cubes.truncate(kept);
+        self.voxels.truncate(kept);
+        self.cube_surfaces.truncate(kept);
+    }
+
+    /// Completes triangles that were appended after `start` and number their vertices from there: vertices that none of
+    /// them uses are removed, and the rest is numbered within the scene.
+    pub fn finish_mesh(&mut self, start: &Extent) -> Result<()> {
+        let (first, vertices) = (start.vertices.start, &mut self.geometry.vertices);
+        let triangles = &mut self.geometry.triangles[start.triangles.start..];
+        let mut used = vec![false; vertices.len() - first];
+        triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
+        if used.iter().all(|&u| u) {
+            self.check_numbers()?;
+            self.geometry.triangles[start.triangles.start..]
+                .par_iter_mut()
+                .for_each(|t| *t = t.map(|v| v + first as u32));
+            return Ok(());
+        }
+        let mut number = Vec::with_capacity(used.len());
+        let mut kept = first;
+        for (i, used) in used.into_iter().enumerate() {
+            number.push(kept as u32);
+            if used {
+                vertices[kept] = vertices[first + i];
+                kept += 1;
+            }
+        }
+        vertices.truncate(kept);
+        triangles.par_iter_mut().for_each(|t| *t = t.map(|v| number[v as usize]));
+        self.check_numbers()
     }
 
     /// Whether vertices and primitives can be numbered.

@@ -4,15 +4,15 @@
 use super::assembly::{Assembly, Extent, FARTHEST, PartSource};
 use super::ground::{self, PlacedPart};
 use super::library::{Library, Names};
-use super::obj;
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{Part, Scene};
+use super::{LadTable, Part, Scene, geotiff, obj, place, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use crate::survey::{Loader, PartRecipe, SceneRecipe, Transform, UpAxis};
+use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, UpAxis, VoxelMode};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Settings of [`load`].
 #[derive(Clone, Debug)]
@@ -121,21 +121,19 @@ fn load_part(
             .diagnostics
             .warn(part.place.clone(), format!("part {} names no file and is left out", described(part)));
     }
+    let lad = leaf_angles(scene, part);
     let mut names = Names::default();
     for (id, files) in ids.of(part, files) {
         let start = scene.end();
-        for file in files {
-            load_file(scene, part, file, &mut names)?;
-        }
+        load_files(scene, part, files, &mut names)?;
         let extent = scene.since(&start);
         if extent.is_empty() {
             let message = format!("part \"{id}\" holds no primitives and is left out");
             scene.diagnostics.warn(part.place.clone(), message);
             continue;
         }
-        place_triangles(scene, &part.transform, &extent);
         check_coordinates(scene, &id, &extent, part.place.as_ref());
-        scene.parts.push(Part { id: id.clone() });
+        scene.parts.push(Part { id: id.clone(), lad: lad.clone() });
         placed.push(PlacedPart {
             id,
             extent,
@@ -146,22 +144,69 @@ fn load_part(
     Ok(())
 }
 
-fn load_file(scene: &mut Assembly, part: &PartRecipe, file: &Path, names: &mut Names) -> Result<()> {
-    let source = match Source::open(file) {
-        Ok(source) => source,
+fn leaf_angles(scene: &mut Assembly, part: &PartRecipe) -> Option<Arc<LadTable>> {
+    let Loader::DetailedVoxels(loader) = &part.loader else { return None };
+    let path = loader.lad_table.as_ref()?;
+    match Source::open(path) {
+        Ok(source) => LadTable::read(&source, &mut scene.diagnostics).map(Arc::new),
+        Err(e) => {
+            let message = format!("cannot read the leaf angle table {}: {e}", path.display());
+            scene.diagnostics.error(part.place.clone(), message);
+            None
+        }
+    }
+}
+
+/// Loads and transforms the files of one part.
+fn load_files(scene: &mut Assembly, part: &PartRecipe, files: &[PathBuf], names: &mut Names) -> Result<()> {
+    let target = PartSource { index: scene.parts.len() as u32, place: part.place.as_ref() };
+    let chosen = match &part.loader {
+        Loader::Obj { .. } => Some(Vec::new()),
+        Loader::GeoTiff { material, .. } => choose(scene, &target, material),
+        Loader::Xyz(loader) => choose(scene, &target, &loader.material),
+        Loader::DetailedVoxels(loader) => choose(scene, &target, &loader.material),
+    };
+    let Some(materials) = chosen else { return Ok(()) };
+    let start = scene.end();
+    let mut densities = Vec::new();
+    for file in files {
+        let Some(source) = open(scene, part, file)? else { continue };
+        match &part.loader {
+            Loader::Obj { up, .. } => {
+                let reading =
+                    obj::Reading { y_up: *up == UpAxis::Y, drop_polygons: scene.options.drop_polygons };
+                obj::load(scene, &target, &source, reading, names)?;
+            }
+            Loader::GeoTiff { .. } => geotiff::load(scene, &target, &source, materials[0])?,
+            Loader::Xyz(loader) => xyz::load(scene, &target, &source, loader, &materials)?,
+            Loader::DetailedVoxels(loader) => {
+                densities.extend(vox::load(scene, &target, &source, loader, &materials)?);
+            }
+        }
+    }
+    let extent = scene.since(&start);
+    place::transform(scene, &part.loader, &part.transform, &extent);
+    if let Loader::DetailedVoxels(loader) = &part.loader
+        && let VoxelMode::Scaled(exponent) = loader.mode
+    {
+        vox::scale_by_density(scene, &densities, exponent, loader.random_shift.then_some(target.index));
+    }
+    Ok(())
+}
+
+fn choose(scene: &mut Assembly, part: &PartSource, choice: &MaterialChoice) -> Option<Vec<u32>> {
+    scene.library.chosen(choice, part.index, part.place, &mut scene.diagnostics)
+}
+
+/// Opens a file of a part; `None` after an error about its name.
+fn open(scene: &mut Assembly, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
+    match Source::open(file) {
+        Ok(source) => Ok(Some(source)),
         Err(e) if is_about_the_name(&e) => {
             scene.diagnostics.error(part.place.clone(), format!("cannot read {}: {e}", file.display()));
-            return Ok(());
+            Ok(None)
         }
-        Err(e) => return Err(Error::io("read", file, e)),
-    };
-    let target = PartSource { index: scene.parts.len() as u32, place: part.place.as_ref() };
-    match &part.loader {
-        Loader::Obj { up, .. } => {
-            let reading = obj::Reading { y_up: *up == UpAxis::Y, drop_polygons: scene.options.drop_polygons };
-            obj::load(scene, &target, &source, reading, names)
-        }
-        _ => Err(Error::input("only OBJ parts")),
+        Err(e) => Err(Error::io("read", file, e)),
     }
 }
 
@@ -181,14 +226,6 @@ fn files_of(loader: &Loader) -> &[PathBuf] {
 
 fn described(part: &PartRecipe) -> String {
     part.id.as_ref().map_or_else(|| format!("number {}", part.number), |id| format!("\"{id}\""))
-}
-
-fn place_triangles(scene: &mut Assembly, transform: &Transform, extent: &Extent) {
-    if (Transform { on_ground: 0, ..*transform }) != Transform::IDENTITY {
-        scene.geometry.vertices[extent.vertices.clone()]
-            .par_iter_mut()
-            .for_each(|v| *v = transform.apply(*v));
-    }
 }
 
 fn check_coordinates(scene: &mut Assembly, id: &str, extent: &Extent, place: Option<&Place>) {

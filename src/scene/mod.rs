@@ -8,7 +8,9 @@
 mod assembly;
 #[cfg(test)]
 mod fixture;
+mod geotiff;
 mod ground;
+mod lad;
 mod library;
 mod load;
 pub mod make;
@@ -17,13 +19,17 @@ mod model;
 mod mtl;
 mod number;
 mod obj;
+mod place;
 mod plane;
 mod spectra;
 #[cfg(test)]
 mod tests;
 mod text;
+mod vox;
 mod voxel;
+mod xyz;
 
+pub use lad::LadTable;
 pub use load::{LoadOptions, load};
 pub use material::{Material, Reflection};
 pub use model::{Part, Scene, Surface};

@@ -1,8 +1,9 @@
 //! The frozen scene that workers share.
 
-use super::{Material, Voxel};
+use super::{LadTable, Material, Voxel};
 use crate::geom::{Aabb, DVec3};
 use crate::tree::{Cube, Geometry};
+use std::sync::Arc;
 
 /// A loaded scene. Its frame is the world's minus [`Scene::shift`], the centre of the box around all primitives, so that
 /// world coordinates of any size lose no digits. Immutable once built.
@@ -36,10 +37,13 @@ pub struct Surface {
 }
 
 /// A part of the scene: what an echo's object id names.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Part {
     /// Reported id, normally a number as text.
     pub id: String,
+    /// Leaf angles of its voxels, if it has a table; the strength of their echoes then follows another law
+    /// (spec pulse-physics §3.5).
+    pub lad: Option<Arc<LadTable>>,
 }
 
 impl Scene {

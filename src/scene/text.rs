@@ -226,14 +226,32 @@ impl Problems {
         }));
     }
 
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
     /// Hands all of them over as warnings.
     pub fn report(self, source: &Source, diagnostics: &mut Diagnostics) {
+        self.hand_over(source, |place, message| {
+            diagnostics.warn(place, message);
+        });
+    }
+
+    /// Hands all of them over as errors.
+    pub fn report_errors(self, source: &Source, diagnostics: &mut Diagnostics) {
+        self.hand_over(source, |place, message| {
+            diagnostics.error(place, message);
+        });
+    }
+
+    fn hand_over(self, source: &Source, mut take: impl FnMut(Option<Place>, String)) {
         let more = self.count - self.shown.len();
         for p in self.shown {
-            diagnostics.warn(Some(source.place(p.line, p.at)), p.message);
+            take(Some(source.place(p.line, p.at)), p.message);
         }
         if more > 0 {
-            diagnostics.warn(None, format!("{more} more problems in {}", source.path().display()));
+            take(None, format!("{more} more problems in {}", source.path().display()));
         }
     }
 }

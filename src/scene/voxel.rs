@@ -1,5 +1,7 @@
 //! What a cube of the scene is to a ray (spec pulse-physics §2.3–2.5).
 
+use crate::geom::{DVec3, Rotation};
+
 /// How a ray meets a cube.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 #[repr(u8)]
@@ -23,8 +25,6 @@ pub struct Voxel {
     pub kind: VoxelKind,
 }
 
-use crate::geom::DVec3;
-
 impl Voxel {
     /// A cube of a point cloud: opaque, with the normal of its points if they have one.
     pub fn of_points(normal: Option<DVec3>) -> Voxel {
@@ -38,6 +38,13 @@ impl Voxel {
     /// A cube of vegetation with its density.
     pub fn of_plants(density: f64, kind: VoxelKind) -> Voxel {
         Voxel { density, normal: [0.0; 3], kind }
+    }
+
+    /// Turns the normal.
+    pub(super) fn rotate(&mut self, rotation: &Rotation) {
+        if let Some(normal) = self.normal() {
+            self.normal = rotation.apply(normal).to_array().map(|c| c as f32);
+        }
     }
 
     /// The surface normal that the cube stands for; without one the nearest face of the cube supplies it

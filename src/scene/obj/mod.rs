@@ -32,6 +32,7 @@ pub(super) fn load(
     reading: Reading,
     names: &mut Names,
 ) -> Result<()> {
+    let start = scene.end();
     let (mesh, problems) = read_pieces(scene, source, reading)?;
     problems.report(source, &mut scene.diagnostics);
     if mesh.polygons > 0 && reading.drop_polygons {
@@ -41,10 +42,7 @@ pub(super) fn load(
     assign_materials(scene, part, source, &mesh, names)?;
     let faults = leave_out_faults(scene, source, reading, &mesh);
     faults.report(source, &mut scene.diagnostics);
-    leave_out_unused_vertices(scene, &mesh);
-    scene.check_numbers()?;
-    number_vertices_in_scene(scene, &mesh);
-    Ok(())
+    scene.finish_mesh(&start)
 }
 
 /// Where a file's triangles and vertices begin in the scene, and what is needed besides them.
@@ -248,36 +246,5 @@ impl Mesh {
             slice::locate(&source.bytes()[piece.bytes.clone()], reading, i - piece.first_triangle)
                 .unwrap_or((1, 0..0));
         (line + piece.first_line, at.start + piece.bytes.start..at.end + piece.bytes.start)
-    }
-}
-
-/// Vertices that no triangle uses would widen nothing but the memory.
-fn leave_out_unused_vertices(scene: &mut Assembly, mesh: &Mesh) {
-    let vertices = &mut scene.geometry.vertices;
-    let triangles = &mut scene.geometry.triangles[mesh.first_triangle..];
-    let mut used = vec![false; vertices.len() - mesh.first_vertex];
-    triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
-    if used.iter().all(|&u| u) {
-        return;
-    }
-    let mut number = Vec::with_capacity(used.len());
-    let mut kept = 0u32;
-    for (i, used) in used.into_iter().enumerate() {
-        number.push(kept);
-        if used {
-            vertices[mesh.first_vertex + kept as usize] = vertices[mesh.first_vertex + i];
-            kept += 1;
-        }
-    }
-    vertices.truncate(mesh.first_vertex + kept as usize);
-    triangles.par_iter_mut().for_each(|t| *t = t.map(|v| number[v as usize]));
-}
-
-fn number_vertices_in_scene(scene: &mut Assembly, mesh: &Mesh) {
-    let first = mesh.first_vertex as u32;
-    if first > 0 {
-        scene.geometry.triangles[mesh.first_triangle..]
-            .par_iter_mut()
-            .for_each(|t| *t = t.map(|v| v + first));
     }
 }

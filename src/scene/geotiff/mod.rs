@@ -1,0 +1,230 @@
+//! Terrain from a raster (spec input-formats §4.3): one vertex per pixel at its centre, two triangles per block of four.
+
+mod georeference;
+#[cfg(test)]
+mod tests;
+
+use super::assembly::{Assembly, FARTHEST, MOST_NUMBERS, PartSource, as_size, memory_of};
+use super::text::Source;
+use crate::error::Result;
+use crate::geom::DVec3;
+use georeference::Georeference;
+use rayon::prelude::*;
+use std::io::Cursor;
+use tiff::TiffError;
+use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
+use tiff::tags::Tag;
+
+/// No compression that we read makes more than this of a byte; larger rasters are not in the file.
+const BEST_COMPRESSION: u64 = 3000;
+
+/// No-data value of rasters that name none.
+const USUAL_NO_DATA: f64 = -1e10;
+
+/// Blocks or rows per thread that are decoded before they are appended.
+const SHARE: usize = 8;
+
+/// A raster's description, all checked.
+struct Raster {
+    columns: usize,
+    rows: usize,
+    /// Columns and rows of a strip or tile.
+    block: (usize, usize),
+    /// Bytes of each block in the file; 0 for a block that is left out.
+    block_bytes: Vec<u64>,
+    georeference: Georeference,
+    no_data: f64,
+    limits: Limits,
+}
+
+/// Appends a raster's triangles with one material. Problems of the file are errors of the part.
+pub(super) fn load(scene: &mut Assembly, part: &PartSource, source: &Source, material: u32) -> Result<()> {
+    let mut warnings = Vec::new();
+    let raster = match describe(source, &mut warnings) {
+        Ok(raster) => raster,
+        Err(problem) => return refuse(scene, part, source, &problem),
+    };
+    for warning in warnings {
+        scene.diagnostics.warn(part.place.cloned(), format!("{}: {warning}", source.path().display()));
+    }
+    if raster.triangles().max(raster.pixels()) > MOST_NUMBERS {
+        return refuse(scene, part, source, "it has more pixels than can be numbered");
+    }
+    scene.check_memory(memory_of(raster.pixels(), raster.triangles(), 0), source.path())?;
+    let start = scene.end();
+    if let Err(problem) = append_vertices(scene, source, &raster) {
+        scene.geometry.vertices.truncate(start.vertices.start);
+        return refuse(scene, part, source, &problem);
+    }
+    append_triangles(scene, &raster, start.vertices.start);
+    let surface = scene.surface(part.index, material);
+    scene.triangle_surfaces.resize(scene.geometry.triangles.len(), surface);
+    scene.finish_mesh(&start)
+}
+
+fn refuse(scene: &mut Assembly, part: &PartSource, source: &Source, problem: &str) -> Result<()> {
+    let message = format!("cannot read the raster {}: {problem}", source.path().display());
+    scene.diagnostics.error(part.place.cloned(), message).help(
+        "strips or tiles of any number type, not compressed or with Deflate or LZW, are read; \
+         \"gdal_translate -co COMPRESS=DEFLATE\" makes such a file",
+    );
+    Ok(())
+}
+
+impl Raster {
+    fn pixels(&self) -> usize {
+        self.columns.saturating_mul(self.rows)
+    }
+
+    fn triangles(&self) -> usize {
+        (self.columns - 1).saturating_mul(self.rows - 1).saturating_mul(2)
+    }
+}
+
+fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, String> {
+    let mut decoder = Decoder::new(Cursor::new(source.bytes())).map_err(readable)?;
+    let mut limits = Limits::default();
+    limits.ifd_value_size = limits.ifd_value_size.max(source.bytes().len());
+    decoder = decoder.with_limits(limits.clone());
+    let (width, height) = decoder.dimensions().map_err(readable)?;
+    let (columns, rows) = (width as usize, height as usize);
+    if columns == 0 || rows == 0 {
+        return Err(format!("it has {width} x {height} pixels"));
+    }
+    let bits =
+        decoder.find_tag_unsigned_vec::<u64>(Tag::BitsPerSample).map_err(readable)?.unwrap_or_default();
+    let per_pixel = bits.iter().sum::<u64>().max(1).div_ceil(8);
+    let bytes = u64::from(width).saturating_mul(u64::from(height)).saturating_mul(per_pixel);
+    let held = source.bytes().len() as u64;
+    if bytes > held.saturating_mul(BEST_COMPRESSION) {
+        let (stated, held) = (as_size(bytes), as_size(held));
+        return Err(format!("its {width} x {height} pixels ({stated}) cannot be in a file of {held}"));
+    }
+    let bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
+    limits.decoding_buffer_size = limits.decoding_buffer_size.max(bytes);
+    limits.intermediate_buffer_size = limits.intermediate_buffer_size.max(bytes);
+    let (block_width, block_height) = decoder.chunk_dimensions();
+    let block = ((block_width as usize).min(columns), (block_height as usize).min(rows));
+    if block.0 == 0 || block.1 == 0 {
+        return Err("its strips or tiles have no pixels".to_owned());
+    }
+    let tag = match decoder.get_chunk_type() {
+        ChunkType::Strip => Tag::StripByteCounts,
+        ChunkType::Tile => Tag::TileByteCounts,
+    };
+    let block_bytes: Vec<u64> = decoder.find_tag_unsigned_vec(tag).map_err(readable)?.unwrap_or_default();
+    if block_bytes.len() < columns.div_ceil(block.0).saturating_mul(rows.div_ceil(block.1)) {
+        return Err("it has fewer strips or tiles than its size asks for".to_owned());
+    }
+    let georeference = georeference::read(&mut decoder, source.path())?.unwrap_or_else(|| {
+        warnings.push("it does not say where it lies; pixels of 1 m from the origin are assumed".to_owned());
+        Georeference { origin: (0.5, 0.5), step: (1.0, 1.0) }
+    });
+    let no_data = georeference::no_data(&mut decoder).unwrap_or_else(|problem| {
+        warnings.push(problem);
+        None
+    });
+    let no_data = no_data.unwrap_or(USUAL_NO_DATA);
+    Ok(Raster { columns, rows, block, block_bytes, georeference, no_data, limits })
+}
+
+fn readable(e: TiffError) -> String {
+    e.to_string()
+}
+
+/// Appends one vertex per pixel, row by row; its height is NaN where there are no data.
+fn append_vertices(scene: &mut Assembly, source: &Source, raster: &Raster) -> Result<(), String> {
+    let first = scene.geometry.vertices.len();
+    let vertices = &mut scene.geometry.vertices;
+    vertices.try_reserve_exact(raster.pixels()).map_err(|e| e.to_string())?;
+    vertices.resize(first + raster.pixels(), DVec3::NAN);
+    let across = raster.columns.div_ceil(raster.block.0);
+    let blocks: Vec<usize> = (0..across * raster.rows.div_ceil(raster.block.1)).collect();
+    for wave in blocks.chunks(SHARE * rayon::current_num_threads()) {
+        let decoded: Vec<Result<Vec<f64>, String>> = wave
+            .par_iter()
+            .map_init(|| open(source, raster), |decoder, &b| heights(decoder, raster, b))
+            .collect();
+        for (block, heights) in wave.iter().zip(decoded) {
+            let heights = heights?;
+            let (left, top) = (block % across * raster.block.0, block / across * raster.block.1);
+            let width = raster.block.0.min(raster.columns - left);
+            for (row, heights) in (top..).zip(heights.chunks_exact(width)) {
+                let at = first + row * raster.columns + left;
+                for ((column, vertex), &z) in (left..).zip(&mut vertices[at..at + width]).zip(heights) {
+                    *vertex = raster.georeference.centre(column, row, z);
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+type BlockDecoder<'a> = Result<Decoder<Cursor<&'a [u8]>>, String>;
+
+fn open<'a>(source: &'a Source, raster: &Raster) -> BlockDecoder<'a> {
+    let decoder = Decoder::new(Cursor::new(source.bytes())).map_err(readable)?;
+    Ok(decoder.with_limits(raster.limits.clone()))
+}
+
+/// The first band of a block, row by row; pixels without data are NaN.
+fn heights(decoder: &mut BlockDecoder, raster: &Raster, block: usize) -> Result<Vec<f64>, String> {
+    let decoder = decoder.as_mut().map_err(|e| e.clone())?;
+    let across = raster.columns.div_ceil(raster.block.0);
+    let width = raster.block.0.min(raster.columns - block % across * raster.block.0);
+    let height = raster.block.1.min(raster.rows - block / across * raster.block.1);
+    if raster.block_bytes[block] == 0 {
+        return Ok(vec![f64::NAN; width * height]);
+    }
+    let data = decoder.read_chunk(block as u32).map_err(readable)?;
+    let mut no_data = raster.no_data;
+    let values: Vec<f64> = match data {
+        DecodingResult::U8(v) => v.into_iter().map(f64::from).collect(),
+        DecodingResult::U16(v) => v.into_iter().map(f64::from).collect(),
+        DecodingResult::U32(v) => v.into_iter().map(f64::from).collect(),
+        DecodingResult::U64(v) => v.into_iter().map(|v| v as f64).collect(),
+        DecodingResult::I8(v) => v.into_iter().map(f64::from).collect(),
+        DecodingResult::I16(v) => v.into_iter().map(f64::from).collect(),
+        DecodingResult::I32(v) => v.into_iter().map(f64::from).collect(),
+        DecodingResult::I64(v) => v.into_iter().map(|v| v as f64).collect(),
+        DecodingResult::F16(v) => v.into_iter().map(|v| v.to_f64()).collect(),
+        DecodingResult::F32(v) => {
+            // The tag is decimal text; what it means is the nearest value that a pixel can have.
+            no_data = f64::from(no_data as f32);
+            v.into_iter().map(f64::from).collect()
+        }
+        DecodingResult::F64(v) => v,
+    };
+    let bands = values.len() / (width * height);
+    if bands == 0 {
+        return Err(format!("block {block} is shorter than its {width} x {height} pixels"));
+    }
+    // NaN is never a height, and a no-data value of NaN is near to none.
+    let is_height = |z: f64| z.abs() <= FARTHEST && !((z - no_data).abs() < 1e-7);
+    Ok(values.into_iter().step_by(bands).map(|z| if is_height(z) { z } else { f64::NAN }).collect())
+}
+
+/// Appends the triangles between four pixels each; those with a missing corner are left out. Vertices are numbered from
+/// the raster's first.
+fn append_triangles(scene: &mut Assembly, raster: &Raster, first_vertex: usize) {
+    let columns = raster.columns;
+    let vertices = &scene.geometry.vertices[first_vertex..];
+    let exists = |v: usize| !vertices[v].z.is_nan();
+    let between = |row: usize| {
+        let mut triangles = Vec::with_capacity(2 * (columns - 1));
+        for a in row * columns..row * columns + columns - 1 {
+            let (b, c, d) = (a + columns, a + columns + 1, a + 1);
+            for corners in [[a, b, d], [b, c, d]] {
+                if corners.iter().all(|&v| exists(v)) {
+                    triangles.push(corners.map(|v| v as u32));
+                }
+            }
+        }
+        triangles
+    };
+    let rows: Vec<usize> = (0..raster.rows - 1).collect();
+    for wave in rows.chunks(SHARE * rayon::current_num_threads()) {
+        let made: Vec<Vec<[u32; 3]>> = wave.par_iter().map(|&row| between(row)).collect();
+        made.into_iter().for_each(|mut t| scene.geometry.triangles.append(&mut t));
+    }
+}

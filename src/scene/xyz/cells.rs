@@ -1,0 +1,214 @@
+//! The grid of a point cloud and what its cells know of their points.
+
+use super::points::Point;
+use crate::geom::{Aabb, DVec3, unit};
+use crate::scene::plane::{Moments, least_direction};
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// Number of independent sets of cells. Fixed, so that it decides nothing.
+pub(super) const SHARDS: usize = 16;
+
+/// Cell numbers along x, y, z.
+pub(super) type Cell = [u32; 3];
+
+/// A grid of cubes (spec input-formats §4.4).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Grid {
+    min: DVec3,
+    size: f64,
+    last: Cell,
+}
+
+impl Grid {
+    /// The grid that begins at the lower corner of `extent`; along an axis without extent its single layer is centred at
+    /// the points. `None` if the cells cannot be numbered.
+    pub fn around(extent: Aabb, size: f64) -> Option<Grid> {
+        let (mut min, mut last) = (extent.min, [0; 3]);
+        for axis in 0..3 {
+            let length = extent.max[axis] - extent.min[axis];
+            let count = (length / size).ceil().max(1.0);
+            if !(count <= f64::from(u32::MAX)) {
+                return None;
+            }
+            if length == 0.0 {
+                min[axis] -= 0.5 * size;
+            }
+            last[axis] = count as u32 - 1;
+        }
+        Some(Grid { min, size, last })
+    }
+
+    /// The cell that holds `p`.
+    pub fn cell_of(&self, p: DVec3) -> Cell {
+        let at = (p - self.min) / self.size;
+        // A cast of a float saturates; negative numbers cannot occur but would give 0.
+        [0, 1, 2].map(|axis| (at[axis] as u32).min(self.last[axis]))
+    }
+
+    /// Which set of cells `p` belongs to.
+    pub fn shard_of(&self, p: DVec3) -> usize {
+        let mut hasher = CellHasher::default();
+        std::hash::Hash::hash(&self.cell_of(p), &mut hasher);
+        (hasher.finish() >> 57) as usize % SHARDS
+    }
+
+    /// Centre of a cell, m.
+    pub fn centre(&self, cell: Cell) -> DVec3 {
+        self.min + (DVec3::from(cell.map(f64::from)) + 0.5) * self.size
+    }
+
+    /// Cells are ordered by z, then y, then x.
+    pub fn order(&self, cell: Cell) -> u128 {
+        u128::from(cell[2]) << 64 | u128::from(cell[1]) << 32 | u128::from(cell[0])
+    }
+}
+
+/// Where the normal of a cell comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum NormalRule {
+    /// Mean of the points' normals.
+    Mean,
+    /// Normal of the point nearest to the centre.
+    Nearest,
+    /// Plane through the points.
+    Plane,
+}
+
+/// What a cell knows of its points; 96 bytes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sums {
+    /// Number of points.
+    pub count: u32,
+    /// Sum of the points relative to the centre (plane) or of the normals.
+    first: DVec3,
+    /// Sum of products of coordinates relative to the centre (plane); squared distance of the nearest point.
+    second: Moments,
+}
+
+impl Sums {
+    fn add(&mut self, centre: DVec3, point: &Point, rule: NormalRule) {
+        let d = point.position - centre;
+        match (rule, point.normal) {
+            (NormalRule::Plane, _) => {
+                self.first += d;
+                let products = [d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z];
+                self.second.iter_mut().zip(products).for_each(|(sum, p)| *sum += p);
+            }
+            (NormalRule::Mean, Some(n)) => self.first += n,
+            (NormalRule::Nearest, Some(n)) => {
+                let squared = d.length_squared();
+                if self.first == DVec3::ZERO || squared < self.second[0] {
+                    (self.first, self.second[0]) = (n, squared);
+                }
+            }
+            (_, None) => {}
+        }
+        self.count = self.count.saturating_add(1);
+    }
+
+    /// The cell's unit normal, if its points give one.
+    pub fn normal(&self, rule: NormalRule) -> Option<DVec3> {
+        let normal = match rule {
+            NormalRule::Mean | NormalRule::Nearest => unit(self.first),
+            NormalRule::Plane => {
+                let (n, s) = (f64::from(self.count), self.first);
+                let about_centroid = [s.x * s.x, s.x * s.y, s.x * s.z, s.y * s.y, s.y * s.z, s.z * s.z];
+                let mut moments = self.second;
+                moments.iter_mut().zip(about_centroid).for_each(|(m, c)| *m -= c / n);
+                least_direction(moments)
+            }
+        };
+        normal.is_finite().then_some(normal)
+    }
+}
+
+/// One set of occupied cells.
+#[derive(Default)]
+pub(super) struct Cells(HashMap<Cell, Sums, BuildHasherDefault<CellHasher>>);
+
+impl Cells {
+    /// Adds a point to its cell.
+    pub fn add(&mut self, grid: &Grid, point: &Point, rule: NormalRule) {
+        let cell = grid.cell_of(point.position);
+        self.0.entry(cell).or_default().add(grid.centre(cell), point, rule);
+    }
+
+    /// Bytes held.
+    pub fn memory(&self) -> usize {
+        self.0.capacity() * (size_of::<(Cell, Sums)>() + 1)
+    }
+
+    /// The cells in no particular order.
+    pub fn into_iter(self) -> impl Iterator<Item = (Cell, Sums)> {
+        self.0.into_iter()
+    }
+}
+
+/// Multiplies and mixes; cells are no input that anyone attacks.
+#[derive(Default)]
+pub(super) struct CellHasher(u64);
+
+impl Hasher for CellHasher {
+    fn finish(&self) -> u64 {
+        (self.0 ^ (self.0 >> 32)).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&b| self.write_u32(u32::from(b)));
+    }
+
+    fn write_u32(&mut self, value: u32) {
+        self.0 = (self.0 ^ u64::from(value)).wrapping_mul(0xD6E8_FEB8_6659_FD93).rotate_left(29);
+    }
+
+    fn write_usize(&mut self, _: usize) {
+        // The length of the array, always three.
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn extent(size: [f64; 3]) -> Aabb {
+        Aabb { min: DVec3::ZERO, max: DVec3::from(size) }
+    }
+
+    #[test]
+    fn cells_begin_at_the_minimum_and_the_last_holds_the_maximum() {
+        let grid = Grid::around(extent([1.0, 1.1, 0.3]), 0.5).unwrap();
+        assert_eq!(grid.last, [1, 2, 0]);
+        assert_eq!(grid.cell_of(DVec3::new(1.0, 1.1, 0.3)), [1, 2, 0]);
+        assert_eq!(grid.centre([0, 2, 0]), DVec3::new(0.25, 1.25, 0.25));
+        let flat =
+            Grid::around(Aabb { min: DVec3::splat(7.0), max: DVec3::new(9.0, 9.0, 7.0) }, 0.5).unwrap();
+        assert_eq!(flat.centre([0, 0, 0]).z, 7.0);
+        assert!(Grid::around(extent([1e12, 1.0, 1.0]), 1e-3).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn every_point_lies_in_its_cell(p in prop::array::uniform3(0.0..1.0f64), size in 0.001..2.0f64) {
+            let grid = Grid::around(extent([1.0; 3]), size).unwrap();
+            let off = (DVec3::from(p) - grid.centre(grid.cell_of(DVec3::from(p)))).abs().max_element();
+            prop_assert!(off <= 0.5 * size * (1.0 + 1e-9));
+        }
+
+        #[test]
+        fn planes_from_sums_equal_planes_from_points(points in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 3..40), tilt in -0.5..0.5f64) {
+            let points: Vec<DVec3> = points.into_iter().map(|[x, y, z]| DVec3::new(x, y, tilt * x + 0.01 * z) + 1000.0).collect();
+            let mut sums = Sums::default();
+            for &position in &points {
+                sums.add(DVec3::splat(1000.5), &Point { position, normal: None }, NormalRule::Plane);
+            }
+            let plane = crate::scene::plane::fit(&points).unwrap();
+            let spread = points.iter().map(|p| (*p - plane.centre).length()).fold(0.0, f64::max);
+            prop_assume!(spread > 0.3);
+            let ours = sums.normal(NormalRule::Plane).unwrap();
+            let error = |n: DVec3| points.iter().map(|p| (*p - plane.centre).dot(n).powi(2)).sum::<f64>();
+            prop_assert!(error(ours) <= error(plane.normal) + 1e-9);
+        }
+    }
+}

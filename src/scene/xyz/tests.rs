@@ -1,0 +1,163 @@
+//! Whole point clouds.
+
+use crate::geom::{DVec3, Rotation};
+use crate::scene::Scene;
+use crate::scene::fixture::Fixture;
+use crate::survey::{Loader, MaterialChoice, XyzLoader};
+use std::fmt::Write;
+
+fn loader(files: Vec<std::path::PathBuf>, separator: &str, voxel_size: f64) -> XyzLoader {
+    XyzLoader {
+        files,
+        separator: separator.to_owned(),
+        voxel_size,
+        max_color_value: 255.0,
+        default_normal: None,
+        rgb_columns: None,
+        normal_columns: None,
+        snap_neighbor_normal: false,
+        estimate_normals: 0,
+        material: MaterialChoice::default(),
+    }
+}
+
+/// Loads `text` with settings changed by `change`; a second part far below keeps empty scenes loadable.
+fn scene(text: &str, separator: &str, change: impl FnOnce(&mut XyzLoader)) -> Scene {
+    let (scene, diagnostics) = with_warnings(text, separator, change);
+    assert!(diagnostics.is_empty(), "{diagnostics}");
+    scene
+}
+
+fn with_warnings(text: &str, separator: &str, change: impl FnOnce(&mut XyzLoader)) -> (Scene, String) {
+    let mut f = Fixture::new();
+    let mut settings = loader(vec![f.file("a.xyz", text)], separator, 1.0);
+    change(&mut settings);
+    f.part(Loader::Xyz(Box::new(settings)));
+    let (scene, d) = f.load().unwrap_or_else(|e| panic!("{e}"));
+    (scene, d.render(false))
+}
+
+fn centres(scene: &Scene) -> Vec<[f64; 3]> {
+    scene.geometry.cubes.iter().map(|c| scene.to_world(c.centre).to_array()).collect()
+}
+
+#[test]
+fn one_cube_per_occupied_cell_in_the_order_of_z_y_x() {
+    let text = "//x y z\n2.5 0 0\n0 0 2.9\n\n0.2  0.1\t0.3\r\n0 1.5 0\n2.9 0 0\n";
+    let s = scene(text, " ", |_| {});
+    let expected = [[0.5, 0.5, 0.5], [2.5, 0.5, 0.5], [0.5, 1.5, 0.5], [0.5, 0.5, 2.5]];
+    assert_eq!(centres(&s), expected);
+    assert!(s.geometry.cubes.iter().all(|c| c.half == 0.5));
+    assert!(s.voxels.iter().all(|v| v.normal().is_none()));
+}
+
+#[test]
+fn every_character_of_the_separator_separates() {
+    let expected = scene("1 2 3\n4 5 6\n", "", |_| {});
+    for (text, separator) in
+        [("1,2,3\n4, 5 ,6\n", ","), ("1;2,3\n4;5,6,\n", ";,"), ("1\t2\t3\n4\t 5\t6\n", "\t")]
+    {
+        assert_eq!(centres(&scene(text, separator, |_| {})), centres(&expected), "{text:?}");
+    }
+}
+
+#[test]
+fn normals_come_from_their_columns() {
+    let text = "0 0 0 0 0 2\n0.5 0.5 0.5 2 0 0\n0.9 0.9 0.9 nan 0 1\n1 1 1 0 0 0\n";
+    let normal = |s: &Scene| s.voxels[0].normal().map(|n| n.to_array());
+    let diagonal = f64::from(0.5f32.sqrt());
+    assert_eq!(normal(&scene(text, " ", |_| {})), Some([diagonal, 0.0, diagonal]), "mean of the good ones");
+    assert_eq!(normal(&scene(text, " ", |l| l.snap_neighbor_normal = true)), Some([1.0, 0.0, 0.0]));
+    assert_eq!(normal(&scene(text, " ", |l| l.rgb_columns = Some([3, 4, 5]))), None, "these are colours");
+    let moved = scene("0 0 0 9 9 0 3 0\n", " ", |l| l.normal_columns = Some([5, 6, 7]));
+    assert_eq!(normal(&moved), Some([0.0, 1.0, 0.0]));
+    let bad = "0 0 0 0 0 0\n5 5 5 0 0 1\n";
+    assert_eq!(scene(bad, " ", |_| {}).voxels.len(), 1, "a point with a useless normal is left out");
+    assert_eq!(
+        scene(bad, " ", |l| l.default_normal = Some(DVec3::X * 3.0)).voxels[0].normal(),
+        Some(DVec3::X)
+    );
+}
+
+#[test]
+fn estimated_normals_need_three_points() {
+    let mut text = String::from("9 9 9\n8.9 8.9 8.9\n");
+    for i in 0..30 {
+        let (x, y) = (f64::from(i % 6) * 0.1, f64::from(i / 6) * 0.1);
+        let _ = writeln!(text, "{x} {y} {}", 0.5 * x);
+    }
+    let estimated = scene(&text, " ", |l| l.estimate_normals = 1);
+    assert_eq!(estimated.voxels.len(), 1, "the cell of two points is left out");
+    let expected = crate::geom::unit(DVec3::new(-0.5, 0.0, 1.0));
+    assert!(estimated.voxels[0].normal().unwrap().dot(expected).abs() > 1.0 - 1e-6);
+    let filled = scene(&text, " ", |l| {
+        l.estimate_normals = 2;
+        l.default_normal = Some(DVec3::Z);
+    });
+    assert_eq!(filled.voxels[1].normal(), Some(DVec3::Z));
+}
+
+#[test]
+fn clouds_scale_and_turn_as_a_whole_and_cubes_stay_upright() {
+    let mut f = Fixture::new();
+    let files = vec![f.file("a.xyz", "0 0 0 1 0 0\n3 0 0 1 0 0\n")];
+    let part = f.part(Loader::Xyz(Box::new(loader(files, " ", 1.0))));
+    part.transform.rotation = Rotation::about_z(std::f64::consts::FRAC_PI_2);
+    part.transform.scale = 2.0;
+    part.transform.offset = DVec3::new(0.0, 0.0, 5.0);
+    let s = f.scene();
+    for (ours, expected) in centres(&s).iter().zip([[0.0, 1.0, 5.0], [0.0, 5.0, 5.0]]) {
+        assert!((DVec3::from(*ours) - DVec3::from(expected)).length() < 1e-12, "{ours:?}");
+    }
+    assert_eq!(s.geometry.cubes[0].half, 1.0);
+    assert!((s.voxels[0].normal().unwrap() - DVec3::Y).length() < 1e-7);
+}
+
+#[test]
+fn lines_that_are_no_points_are_named() {
+    let (s, warnings) = with_warnings("x y z\n1 2\n1 2 3\n1 2 inf\n1 2 1e300\nabc\n", " ", |_| {});
+    assert_eq!(s.geometry.cubes.len(), 1);
+    for place in ["a.xyz:1:1", "a.xyz:2:4", "a.xyz:4:5", "a.xyz:5:5", "a.xyz:6:1"] {
+        assert!(warnings.contains(place), "{place} is missing from {warnings}");
+    }
+}
+
+#[test]
+fn settings_that_cannot_work_are_errors() {
+    for (size, normal) in [(-1.0, None), (f64::NAN, None), (1e-9, None), (1.0, Some(DVec3::ZERO))] {
+        let mut f = Fixture::new();
+        let mut settings = loader(vec![f.file("a.xyz", "0 0 0\n1e6 1e6 1e6\n")], " ", size);
+        settings.default_normal = normal;
+        f.part(Loader::Xyz(Box::new(settings)));
+        assert!(f.error().contains("scene.xml:10"));
+    }
+    assert_eq!(scene("0 0 0\n1.5 0 0\n", " ", |l| l.voxel_size = 0.0).geometry.cubes.len(), 2, "0 means 1 m");
+}
+
+#[test]
+fn many_pieces_and_threads_give_the_same_cubes() {
+    let mut text = String::new();
+    for i in 0..60_000u32 {
+        let r = |m: u32| f64::from(i.wrapping_mul(m) >> 12) / 1e5;
+        let _ = writeln!(
+            text,
+            "{} {} {} {} {} 1",
+            r(2_654_435_761),
+            r(40_503_001),
+            r(97_531_357),
+            r(77_777),
+            r(313_131)
+        );
+    }
+    assert!(text.len() > 2 << 20);
+    let load = |jobs| {
+        let mut f = Fixture::new();
+        let settings = loader(vec![f.file("a.xyz", &text)], " ", 0.7);
+        f.part(Loader::Xyz(Box::new(settings)));
+        f.options.jobs = jobs;
+        f.scene()
+    };
+    let (one, three) = (load(1), load(3));
+    assert!(one.voxels.len() > 1000);
+    assert_eq!((one.geometry.cubes, one.voxels), (three.geometry.cubes, three.voxels));
+}
