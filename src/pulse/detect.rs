@@ -3,7 +3,7 @@
 use super::fit;
 use super::instrument::Instrument;
 use super::peaks::Peaks;
-use super::reflect::Reflection;
+use super::reflect::Reflections;
 use super::waveform::Waveform;
 
 /// Echoes with a narrower fit are dropped, ns.
@@ -23,19 +23,19 @@ pub(super) struct Return {
 /// Reflections of a pulse by ascending range, as (range, intensity) in `out`. Of those at bit for bit the same range only
 /// the first counts, or their sum if `sum` is set (§4.2, trap 2).
 pub(super) fn order(
-    reflections: &[Reflection],
+    reflections: &Reflections,
     sum: bool,
     keys: &mut Vec<(u64, u32)>,
     out: &mut Vec<(f64, f64)>,
 ) {
     keys.clear();
     // The bits of floats that are not negative are ordered like the floats.
-    keys.extend(reflections.iter().zip(0..).map(|(r, i)| (r.range.to_bits(), i)));
+    keys.extend(reflections.range.iter().zip(0..).map(|(r, i)| (r.to_bits(), i)));
     keys.sort_unstable();
     out.clear();
     let mut last = None;
     for (bits, i) in keys.iter() {
-        let intensity = reflections[*i as usize].intensity;
+        let intensity = reflections.intensity[*i as usize];
         if last != Some(*bits) {
             out.push((f64::from_bits(*bits), intensity));
             last = Some(*bits);
@@ -84,15 +84,15 @@ pub(super) fn detect(
 
 /// The reflection that a return at `range` is attributed to: the nearest by entry point, the first of equally near ones
 /// (§4.7). A range that is no number belongs to the first.
-pub(super) fn attribute(reflections: &[Reflection], range: f64) -> Option<&Reflection> {
-    let mut best: Option<(&Reflection, f64)> = None;
-    for r in reflections {
-        let off = (r.entry - range).abs();
-        if best.is_none_or(|b| off < b.1) {
-            best = Some((r, off));
+pub(super) fn attribute(reflections: &Reflections, range: f64) -> usize {
+    let (mut best, mut least) = (0, f64::INFINITY);
+    for (i, entry) in reflections.entry.iter().enumerate() {
+        let off = (entry - range).abs();
+        if off < least {
+            (best, least) = (i, off);
         }
     }
-    best.map(|b| b.0)
+    best
 }
 
 #[cfg(test)]
@@ -108,8 +108,12 @@ mod tests {
         out
     }
 
-    fn at(range: f64, intensity: f64) -> Reflection {
-        Reflection { range, entry: range, intensity, cosine: 1.0, primitive: 0 }
+    fn reflections(of: &[(f64, f64)]) -> Reflections {
+        let mut all = Reflections::default();
+        for (range, intensity) in of {
+            all.push(0, *range, 0, 1.0, *intensity);
+        }
+        all
     }
 
     #[test]
@@ -142,11 +146,10 @@ mod tests {
 
     #[test]
     fn a_merged_echo_belongs_to_the_surface_nearest_to_its_peak() {
-        let both = [at(100.0, 1.0), at(100.5, 1.0)];
-        assert_eq!(attribute(&both, 100.374741), Some(&both[1]));
-        assert_eq!(attribute(&both, 100.25), Some(&both[0]));
-        assert_eq!(attribute(&both, f64::NAN), Some(&both[0]));
-        assert_eq!(attribute(&[], 1.0), None);
+        let both = reflections(&[(100.0, 1.0), (100.5, 1.0)]);
+        assert_eq!(attribute(&both, 100.374741), 1);
+        assert_eq!(attribute(&both, 100.25), 0);
+        assert_eq!(attribute(&both, f64::NAN), 0);
     }
 
     #[test]
@@ -196,7 +199,7 @@ mod tests {
     fn equal_ranges_keep_the_first_or_add() {
         let map = |sum| {
             let (mut keys, mut out) = (Vec::new(), Vec::new());
-            order(&[at(3.0, 5.0), at(1.0, 1.0), at(3.0, 7.0), at(3.0, 9.0)], sum, &mut keys, &mut out);
+            order(&reflections(&[(3.0, 5.0), (1.0, 1.0), (3.0, 7.0), (3.0, 9.0)]), sum, &mut keys, &mut out);
             out
         };
         assert_eq!(map(false), [(1.0, 1.0), (3.0, 5.0)]);

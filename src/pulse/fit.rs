@@ -128,8 +128,9 @@ impl Sums {
             m.swap(column, pivot);
             for row in column + 1..4 {
                 let factor = m[row][column] / m[column][column];
-                for k in column..5 {
-                    m[row][k] -= factor * m[column][k];
+                let pivot_row = m[column];
+                for (value, above) in m[row].iter_mut().zip(pivot_row).skip(column) {
+                    *value -= factor * above;
                 }
             }
         }

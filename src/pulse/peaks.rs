@@ -36,6 +36,15 @@ impl<'a> Peaks<'a> {
         Peaks { waveform, rule, segment: 0, offset: 0 }
     }
 
+    /// Whether the very next neighbours of bin `i` = `bins[offset]` forbid a peak, as they mostly do.
+    fn is_on_a_slope(&self, bins: &[f64], offset: usize, i: u64) -> bool {
+        let top = bins[offset];
+        let forbids = |other: &f64| !self.rule.admits(*other, top);
+        self.rule.window >= 2
+            && (bins.get(offset + 1).is_some_and(forbids)
+                || (i >= 2 && offset >= 1 && forbids(&bins[offset - 1])))
+    }
+
     /// Whether stored bin `i` of amplitude `top` is higher than its neighbours. Bin 0 is nobody's left neighbour.
     fn stands_out(&self, i: u64, top: f64) -> bool {
         let reach = self.rule.window;
@@ -69,9 +78,10 @@ impl Iterator for Peaks<'_> {
         while self.segment < self.waveform.segment_count() {
             let (first, bins) = self.waveform.segment(self.segment);
             while let Some(&top) = bins.get(self.offset) {
-                let i = first + self.offset as u64;
+                let (i, offset) = (first + self.offset as u64, self.offset);
                 self.offset += 1;
-                if !(top < self.rule.threshold) && self.stands_out(i, top) {
+                let dark = top < self.rule.threshold;
+                if !dark && !self.is_on_a_slope(bins, offset, i) && self.stands_out(i, top) {
                     return Some((i, top));
                 }
             }

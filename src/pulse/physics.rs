@@ -2,7 +2,7 @@
 
 use super::detect::{Return, attribute, detect, order};
 use super::instrument::{Fleet, Instrument};
-use super::reflect::{Probe, Reflection, View};
+use super::reflect::{Probe, Reflections, View};
 use super::waveform::Waveform;
 use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
 use crate::flight::Pulse;
@@ -35,12 +35,7 @@ impl<'a> Physics<'a> {
     /// without width) or no memory hold (millions of subrays or of pulse samples).
     pub fn new(scene: &'a Scene, tree: &'a Tree, survey: &Survey, o: PhysicsOptions) -> Result<Physics<'a>> {
         Ok(Physics {
-            view: View {
-                scene,
-                tree,
-                limits: (!o.corrections.unbounded_scene).then_some(scene.bounds),
-                fixed_incidence: o.fixed_incidence,
-            },
+            view: View { scene, tree, limits: limits(scene, &o), fixed_incidence: o.fixed_incidence },
             gate: gate(scene, &o),
             fleet: Arc::new(Fleet::new(survey, &o)?),
             options: o,
@@ -49,11 +44,10 @@ impl<'a> Physics<'a> {
         })
     }
 
-    /// The same physics over another version of the scene: costs nothing.
+    /// The same physics over another version of the scene; looks once at every primitive.
     pub fn over<'b>(&self, scene: &'b Scene, tree: &'b Tree) -> Physics<'b> {
-        let limits = (!self.options.corrections.unbounded_scene).then_some(scene.bounds);
         Physics {
-            view: View { scene, tree, limits, fixed_incidence: self.options.fixed_incidence },
+            view: View { scene, tree, limits: limits(scene, &self.options), ..self.view },
             gate: gate(scene, &self.options),
             fleet: Arc::clone(&self.fleet),
             options: self.options,
@@ -71,6 +65,13 @@ impl<'a> Physics<'a> {
             receiver: Receiver::default(),
         }
     }
+}
+
+/// The scene's box if something lies outside of it and must not be seen: what moved there since the scene was loaded.
+fn limits(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
+    let (all, b) = (scene.geometry.bounds(), scene.bounds);
+    let inside = all.is_empty() || (all.min.cmpge(b.min).all() && all.max.cmple(b.max).all());
+    (!o.corrections.unbounded_scene && !inside).then_some(b)
 }
 
 /// The box of spec pulse-physics §2.1, unless rays beside the axis count as well.
@@ -95,7 +96,7 @@ pub struct Shooter<'p> {
 #[derive(Clone, Debug, Default)]
 struct Receiver {
     probe: Probe,
-    reflections: Vec<Reflection>,
+    reflections: Reflections,
     keys: Vec<(u64, u32)>,
     light: Vec<(f64, f64)>,
     waveform: Waveform,
@@ -154,8 +155,7 @@ impl Receiver {
         batch: &mut Batch,
     ) -> Result<()> {
         let corrections = &instrument.corrections;
-        self.reflections.clear();
-        physics.view.reflections(instrument, rays, hits, &mut self.probe, &mut self.reflections);
+        physics.view.reflect(instrument, rays, hits, &mut self.probe, &mut self.reflections);
         if self.reflections.is_empty() {
             return Ok(());
         }
@@ -182,13 +182,14 @@ impl Receiver {
         let direction = pulse.exact_attitude.forward();
         let scene = physics.view.scene;
         for (number, r) in (1..).zip(&self.returns) {
-            let Some(source) = attribute(&self.reflections, r.range) else { return };
+            let source = attribute(&self.reflections, r.range);
+            let primitive = self.reflections.primitive[source];
             let mut range = r.range + pulse.range_error;
             if too_near(range, instrument) {
                 continue;
             }
             range += range_noise(&physics.range_noise, instrument, pulse, number, range);
-            let surface = scene.surfaces[scene.surface_of[source.primitive as usize] as usize];
+            let surface = scene.surfaces[scene.surface_of[primitive as usize] as usize];
             batch.echoes.push(Echo {
                 position: pulse.origin + direction * range,
                 origin: pulse.origin,
@@ -201,9 +202,9 @@ impl Receiver {
                 pulse_number: pulse.number,
                 device: pulse.device,
                 part: surface.part,
-                primitive: source.primitive,
+                primitive,
                 classification: scene.materials[surface.material as usize].classification,
-                incidence_cosine: source.cosine,
+                incidence_cosine: self.reflections.cosine[source],
                 scan_angle: pulse.scan_angle,
                 time_ns: pulse.time_ns,
             });
