@@ -48,6 +48,7 @@ pub mod geom;
 pub mod output;
 pub mod pipeline;
 pub mod platform;
+pub mod preview;
 pub mod pulse;
 pub mod rng;
 pub mod scanner;

@@ -137,7 +137,7 @@ impl Stand {
         for number in 0..cells * cells {
             let mut dice = Dice::new(seed, Topic::Stand, number);
             let place = |cell: u64, dice: &mut Dice| {
-                let at = (cell as f64 + 0.5 + 0.42 * (2.0 * dice.unit() - 1.0)) * step - 0.5 * extent;
+                let at = (cell as f64 + 0.5 + 0.6 * (2.0 * dice.unit() - 1.0)) * step - 0.5 * extent;
                 at.clamp(1.5 - 0.5 * extent, 0.5 * extent - 1.5)
             };
             let (x, y) = (place(number % cells, &mut dice), place(number / cells, &mut dice));

@@ -85,8 +85,8 @@ impl Airborne {
 
     fn texts(&self, kind: Kind, extent: f64, ground: f64, pulses: Option<u64>) -> SurveyTexts {
         let swath = |angle: f64| 2.0 * self.height * tan(radians(angle));
-        // Neighbouring strips overlap by a third.
-        let strips = (extent / (0.7 * swath(self.half_angle))).ceil().max(2.0);
+        // Neighbouring strips overlap by an eighth at least.
+        let strips = (extent / (0.87 * swath(self.half_angle))).ceil().max(2.0);
         let spacing = extent / strips;
         let reach = 0.53 * extent + 0.5 * (strips - 1.0) * spacing;
         let angle = rounded(degrees(atan(reach / self.height)).min(self.half_angle), 2);

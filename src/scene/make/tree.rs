@@ -141,7 +141,7 @@ impl Tree {
         pairs: u64,
         area: f64,
     ) -> Result<()> {
-        const PER_WHORL: f64 = 7.0;
+        const PER_WHORL: f64 = 9.0;
         let base = self.species.crown_base() * self.height;
         let whorls = (0.9 * (self.height - base)).round().max(4.0);
         // The bough at crown level t (0 = lowest) with the given share of a turn: root and outward direction.
@@ -160,10 +160,12 @@ impl Tree {
         let mut left = pairs;
         while left > 0 {
             // Boughs get shorter upwards, so their number of needles does: density falls as 1 − t.
-            let level = (1.0 - (1.0 - dice.unit()).sqrt()) * whorls;
-            let t = (level.floor() + 0.35 * dice.unit()) / whorls;
+            // The tip keeps some all the same.
+            let falling = 1.0 - (1.0 - dice.unit()).sqrt();
+            let level = (if dice.unit() < 0.12 { 1.0 - 0.5 * falling } else { falling }) * whorls;
+            let t = (level.floor() + 0.6 * dice.unit()) / whorls;
             let turn =
-                ((dice.unit() * PER_WHORL).floor() + 0.13 * dice.bell()) / PER_WHORL + 0.382 * level.floor();
+                ((dice.unit() * PER_WHORL).floor() + 0.3 * dice.bell()) / PER_WHORL + 0.382 * level.floor();
             let (root, outward, reach) = bough(t, turn);
             let q = (0.06 + 0.94 * dice.unit()).sqrt();
             let side = outward.cross(DVec3::Z) * (0.30 * reach * dice.bell() * q);

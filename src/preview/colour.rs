@@ -1,0 +1,302 @@
+//! What colour a point has and how the legend explains it.
+
+use super::picture::Rgb;
+use super::points::Points;
+use super::{ColourBy, label};
+use libm::{cos, sin};
+
+/// From low to high: dark to light and blue to yellow, so that it can be read in grey and by colour-blind eyes.
+const HEIGHTS: [Rgb; 8] = [
+    [62, 54, 130],
+    [54, 92, 168],
+    [36, 130, 160],
+    [38, 162, 138],
+    [86, 189, 104],
+    [164, 209, 76],
+    [240, 222, 84],
+    [255, 247, 204],
+];
+/// From faint to strong: violet over red to pale yellow.
+const STRENGTHS: [Rgb; 7] = [
+    [58, 36, 98],
+    [112, 44, 122],
+    [168, 54, 116],
+    [218, 82, 92],
+    [244, 132, 76],
+    [252, 190, 106],
+    [254, 244, 190],
+];
+const RETURNS: [Rgb; 6] =
+    [[236, 240, 244], [96, 178, 240], [246, 174, 66], [118, 204, 120], [226, 100, 130], [178, 140, 230]];
+
+/// How values become colours.
+pub(super) enum Colouring {
+    /// A continuous value between two ends.
+    Ramp { value: ColourBy, low: f32, high: f32, table: &'static [Rgb] },
+    /// A colour for each number.
+    Table { value: ColourBy, colours: Vec<Rgb> },
+}
+
+/// A line of the legend.
+pub(super) struct Entry {
+    pub(super) colour: Rgb,
+    pub(super) label: String,
+}
+
+/// What stands beside the picture.
+pub(super) enum Legend {
+    /// A bar of colours with numbers beside it.
+    Bar { title: &'static str, low: f32, high: f32, table: &'static [Rgb] },
+    /// Colours with names; the number of those that did not fit.
+    List { title: &'static str, entries: Vec<Entry>, more: usize },
+}
+
+impl Colouring {
+    /// Colours by `wanted`, or by height when the points do not have that attribute.
+    pub(super) fn new(points: &Points, wanted: ColourBy) -> Colouring {
+        let has = points.attributes;
+        match wanted {
+            ColourBy::Intensity if has.intensity => {
+                let (low, high) = inner_range(points.intensity.iter().copied());
+                Colouring::Ramp { value: wanted, low, high, table: &STRENGTHS }
+            }
+            ColourBy::Class if has.class => {
+                Colouring::Table { value: wanted, colours: (0..=255).map(class_colour).collect() }
+            }
+            ColourBy::Return if has.return_number => {
+                let colours = (0..=255usize).map(|r| RETURNS[r.saturating_sub(1) % RETURNS.len()]).collect();
+                Colouring::Table { value: wanted, colours }
+            }
+            ColourBy::Object if has.object => Colouring::Table {
+                value: wanted,
+                colours: (0..points.objects.len()).map(object_colour).collect(),
+            },
+            _ => {
+                let (low, high) = inner_range(points.offsets.iter().map(|p| p[2]));
+                Colouring::Ramp { value: ColourBy::Height, low, high, table: &HEIGHTS }
+            }
+        }
+    }
+
+    /// Colour of point `i`.
+    pub(super) fn of(&self, points: &Points, i: usize) -> Rgb {
+        match self {
+            Colouring::Ramp { value, low, high, table } => {
+                let v =
+                    if *value == ColourBy::Intensity { points.intensity[i] } else { points.offsets[i][2] };
+                mixed(table, (v - low) / (high - low))
+            }
+            Colouring::Table { value, colours } => colours[number(points, *value, i)],
+        }
+    }
+
+    /// The legend with at most `lines` lines.
+    pub(super) fn legend(&self, points: &Points, lines: usize) -> Legend {
+        match self {
+            Colouring::Ramp { value, low, high, table } => {
+                let (title, shift) = match value {
+                    ColourBy::Intensity => ("intensity", 0.0),
+                    _ => ("height, m", points.origin().z as f32),
+                };
+                Legend::Bar { title, low: low + shift, high: high + shift, table }
+            }
+            Colouring::Table { value, colours } => {
+                let mut counts = vec![0u64; colours.len()];
+                (0..points.len()).for_each(|i| counts[number(points, *value, i)] += 1);
+                let mut present: Vec<usize> = (0..counts.len()).filter(|&n| counts[n] > 0).collect();
+                present.sort_by_key(|&n| std::cmp::Reverse(counts[n]));
+                let more = present.len().saturating_sub(lines);
+                present.truncate(lines);
+                if *value != ColourBy::Object {
+                    present.sort_unstable();
+                }
+                let entry = |n: usize| {
+                    let share = 100.0 * counts[n] as f64 / points.len() as f64;
+                    let name = match value {
+                        ColourBy::Class => class_name(n),
+                        ColourBy::Return => {
+                            if n == 0 {
+                                "unknown".to_owned()
+                            } else {
+                                format!("return {n}")
+                            }
+                        }
+                        _ if points.objects[n].is_empty() => "no object".to_owned(),
+                        _ => points.objects[n].chars().take(14).collect(),
+                    };
+                    Entry { colour: colours[n], label: format!("{name} {}", label::share(share)) }
+                };
+                let title = match value {
+                    ColourBy::Class => "class",
+                    ColourBy::Return => "return",
+                    _ => "object",
+                };
+                Legend::List { title, entries: present.into_iter().map(entry).collect(), more }
+            }
+        }
+    }
+}
+
+fn number(points: &Points, value: ColourBy, i: usize) -> usize {
+    match value {
+        ColourBy::Class => usize::from(points.class[i]),
+        ColourBy::Return => usize::from(points.return_number[i]),
+        _ => usize::from(points.object[i]),
+    }
+}
+
+/// The colour at share `t` of a table.
+pub(super) fn mixed(table: &[Rgb], t: f32) -> Rgb {
+    let at = t.clamp(0.0, 1.0) * (table.len() - 1) as f32;
+    // A range of no width gives NaN, which is the lowest colour.
+    let i = (at as usize).min(table.len().saturating_sub(2));
+    let part = if at.is_nan() { 0.0 } else { at - i as f32 };
+    std::array::from_fn(|c| {
+        let (a, b) = (f32::from(table[i][c]), f32::from(table[(i + 1).min(table.len() - 1)][c]));
+        (a + (b - a) * part).round() as u8
+    })
+}
+
+/// The range that holds all values but half a per cent at either end.
+fn inner_range(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
+    const BINS: usize = 4096;
+    let finite = values.filter(|v| v.is_finite());
+    let (low, high) =
+        finite.clone().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if low >= high || !(high - low).is_finite() {
+        return if low.is_finite() { (low, low + 1.0) } else { (0.0, 1.0) };
+    }
+    let mut bins = vec![0u64; BINS];
+    let mut total = 0;
+    for v in finite {
+        bins[(((v - low) / (high - low) * BINS as f32) as usize).min(BINS - 1)] += 1;
+        total += 1;
+    }
+    let cut = total / 200;
+    let skip = |bins: &mut dyn Iterator<Item = &u64>| {
+        let mut seen = 0;
+        bins.take_while(|n| {
+            seen += **n;
+            seen <= cut
+        })
+        .count()
+    };
+    let (below, above) = (skip(&mut bins.iter()), skip(&mut bins.iter().rev()));
+    let step = (high - low) / BINS as f32;
+    (low + below as f32 * step, high - above as f32 * step)
+}
+
+fn class_colour(class: usize) -> Rgb {
+    match class {
+        0 | 1 => [150, 158, 166],
+        2 => [176, 132, 88],
+        3 => [166, 204, 98],
+        4 => [206, 170, 84],
+        5 => [66, 160, 84],
+        6 => [222, 100, 78],
+        7 | 18 => [220, 60, 160],
+        8 => [214, 196, 120],
+        9 => [70, 130, 214],
+        10 | 11 => [132, 126, 140],
+        13..=16 => [240, 220, 110],
+        17 => [180, 150, 190],
+        _ => object_colour(class),
+    }
+}
+
+/// Names of LAS 1.4.
+fn class_name(class: usize) -> String {
+    let name = match class {
+        0 => "no class",
+        1 => "unclassified",
+        2 => "ground",
+        3 => "low vegetation",
+        4 => "mid vegetation",
+        5 => "high vegetation",
+        6 => "building",
+        7 => "low noise",
+        8 => "key point",
+        9 => "water",
+        10 => "rail",
+        11 => "road",
+        13 => "wire guard",
+        14 => "conductor",
+        15 => "tower",
+        16 => "connector",
+        17 => "bridge",
+        18 => "high noise",
+        _ => return format!("class {class}"),
+    };
+    format!("{class} {name}")
+}
+
+/// Distinct colours of one lightness for as many objects as there are: hues a golden angle apart in the Oklab space
+/// (Ottosson 2020), in two strengths.
+fn object_colour(number: usize) -> Rgb {
+    let hue = (number as f64 * 2.399_963_229_728_653 + 0.6) % std::f64::consts::TAU;
+    let lightness = if number % 2 == 0 { 0.78 } else { 0.68 };
+    let chroma = 0.12;
+    let (a, b) = (chroma * cos(hue), chroma * sin(hue));
+    let cube = |x: f64| x * x * x;
+    let l = cube(lightness + 0.396_337_777_4 * a + 0.215_803_757_3 * b);
+    let m = cube(lightness - 0.105_561_345_8 * a - 0.063_854_172_8 * b);
+    let s = cube(lightness - 0.089_484_177_5 * a - 1.291_485_548 * b);
+    let linear = [
+        4.076_741_662_1 * l - 3.307_711_591_3 * m + 0.230_969_929_2 * s,
+        -1.268_438_004_6 * l + 2.609_757_401_1 * m - 0.341_319_396_5 * s,
+        -0.004_196_086_3 * l - 0.703_418_614_7 * m + 1.707_614_701 * s,
+    ];
+    linear.map(|c| {
+        let c = c.clamp(0.0, 1.0);
+        let coded = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * libm::pow(c, 1.0 / 2.4) - 0.055 };
+        (255.0 * coded).round() as u8
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::points::{Attributes, Point};
+    use super::*;
+    use crate::geom::DVec3;
+
+    fn luminance(c: Rgb) -> f64 {
+        0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
+    }
+
+    #[test]
+    fn ramps_get_lighter_all_the_way() {
+        for table in [&HEIGHTS[..], &STRENGTHS] {
+            let steps: Vec<f64> = (0..=100).map(|i| luminance(mixed(table, i as f32 / 100.0))).collect();
+            assert!(steps.windows(2).all(|w| w[1] > w[0] - 0.5), "{steps:?}");
+            assert!(steps[100] - steps[0] > 130.0);
+        }
+        assert_eq!(mixed(&HEIGHTS, f32::NAN), HEIGHTS[0]);
+        assert_eq!(mixed(&HEIGHTS, 7.0), HEIGHTS[7]);
+    }
+
+    #[test]
+    fn a_few_outliers_do_not_stretch_the_range() {
+        let values = (0..10_000).map(|i| if i < 10 { 1e4 } else { (i % 100) as f32 });
+        let (low, high) = inner_range(values);
+        assert!(low == 0.0 && (95.0..110.0).contains(&high), "{low} {high}");
+        assert_eq!(inner_range([5.0f32; 3].into_iter()), (5.0, 6.0));
+        assert_eq!(inner_range(std::iter::empty()), (0.0, 1.0));
+    }
+
+    #[test]
+    fn a_missing_attribute_falls_back_to_height() {
+        let mut points = Points::new(Attributes { class: true, ..Attributes::default() });
+        for (class, z) in [(2, 0.0), (2, 1.0), (2, 2.0), (5, 9.0)] {
+            points.push(&Point { position: DVec3::new(0.0, 0.0, z), class, ..Point::default() });
+        }
+        assert!(matches!(
+            Colouring::new(&points, ColourBy::Object),
+            Colouring::Ramp { value: ColourBy::Height, .. }
+        ));
+        let Legend::List { entries, more, .. } = Colouring::new(&points, ColourBy::Class).legend(&points, 1)
+        else {
+            panic!("no list")
+        };
+        assert_eq!((entries.len(), entries[0].label.as_str(), more), (1, "2 ground 75%", 1));
+    }
+}

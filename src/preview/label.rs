@@ -1,0 +1,78 @@
+//! Numbers as people write them.
+
+/// 1234567 as "1 234 567".
+pub(super) fn grouped(n: usize) -> String {
+    let digits = n.to_string();
+    let mut text = String::new();
+    for (i, d) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            text.push(' ');
+        }
+        text.push(d);
+    }
+    text
+}
+
+/// Metres with as many decimals as they deserve.
+pub(super) fn metres(m: f64) -> String {
+    match m.abs() {
+        a if a >= 1000.0 => format!("{m:.0}"),
+        a if a >= 100.0 => format!("{m:.1}"),
+        _ => format!("{m:.2}"),
+    }
+}
+
+/// A per cent value.
+pub(super) fn share(percent: f64) -> String {
+    match percent {
+        p if p >= 9.95 => format!("{p:.0}%"),
+        p if p >= 0.095 => format!("{p:.1}%"),
+        _ => "<0.1%".to_owned(),
+    }
+}
+
+/// The largest of 1, 2, 5 × 10ⁿ that is not above `limit`.
+pub(super) fn round_below(limit: f64) -> f64 {
+    if !(limit > 1e-12 && limit.is_finite()) {
+        return 1.0;
+    }
+    let mut decade = 1.0;
+    while decade > limit {
+        decade /= 10.0;
+    }
+    while decade * 10.0 <= limit {
+        decade *= 10.0;
+    }
+    [5.0, 2.0, 1.0].into_iter().map(|m| m * decade).find(|m| *m <= limit).unwrap_or(decade)
+}
+
+/// A round number without needless decimals.
+pub(super) fn round_number(value: f64, step: f64) -> String {
+    let decimals = (0..9).find(|d| step * 10f64.powi(*d) > 0.999).unwrap_or(9);
+    let text = format!("{value:.*}", decimals as usize);
+    if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+        return text.trim_start_matches('-').to_owned();
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(grouped(0), "0");
+        assert_eq!(grouped(999), "999");
+        assert_eq!(grouped(7_333_333), "7 333 333");
+        assert_eq!(metres(12.345), "12.35");
+        assert_eq!(metres(5_474_500.25), "5474500");
+        assert_eq!(share(0.01), "<0.1%");
+        assert_eq!(round_below(0.07), 0.05);
+        assert_eq!(round_below(49.9), 20.0);
+        assert_eq!(round_below(f64::NAN), 1.0);
+        assert_eq!(round_number(-0.0, 5.0), "0");
+        assert_eq!(round_number(2.5, 0.5), "2.5");
+        assert_eq!(round_number(120.0, 20.0), "120");
+    }
+}

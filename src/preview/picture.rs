@@ -1,0 +1,140 @@
+//! A picture of dots, and what is drawn on it besides points.
+
+use super::font;
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Red, green, blue, 0–255 (sRGB).
+pub type Rgb = [u8; 3];
+
+/// A picture in memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    width: u32,
+    height: u32,
+    dots: Vec<Rgb>,
+}
+
+/// A rectangle of dots.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Frame {
+    pub(super) x: u32,
+    pub(super) y: u32,
+    pub(super) width: u32,
+    pub(super) height: u32,
+}
+
+impl Picture {
+    /// A picture of one colour.
+    pub fn new(width: u32, height: u32, colour: Rgb) -> Picture {
+        Picture { width, height, dots: vec![colour; width as usize * height as usize] }
+    }
+
+    /// Width in dots.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height in dots.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// The colour of a dot; black outside of the picture.
+    pub fn dot(&self, x: u32, y: u32) -> Rgb {
+        let inside = x < self.width && y < self.height;
+        if inside { self.dots[y as usize * self.width as usize + x as usize] } else { [0; 3] }
+    }
+
+    pub(super) fn set(&mut self, x: u32, y: u32, colour: Rgb) {
+        if x < self.width && y < self.height {
+            self.dots[y as usize * self.width as usize + x as usize] = colour;
+        }
+    }
+
+    pub(super) fn fill(&mut self, frame: Frame, colour: Rgb) {
+        for y in frame.y..frame.y.saturating_add(frame.height).min(self.height) {
+            for x in frame.x..frame.x.saturating_add(frame.width).min(self.width) {
+                self.set(x, y, colour);
+            }
+        }
+    }
+
+    /// Writes text with its upper left corner at (x, y), each dot of the font `scale` × `scale` dots.
+    pub(super) fn text(&mut self, x: u32, y: u32, text: &str, scale: u32, colour: Rgb) {
+        for (i, c) in text.chars().enumerate() {
+            let (rows, drop) = font::glyph(c);
+            for (row, bits) in rows.into_iter().enumerate() {
+                for column in (0..5).filter(|column| bits >> (4 - column) & 1 == 1) {
+                    let dot = Frame {
+                        x: x + (i as u32 * font::ADVANCE + column) * scale,
+                        y: y + (row as u32 + drop) * scale,
+                        width: scale,
+                        height: scale,
+                    };
+                    self.fill(dot, colour);
+                }
+            }
+        }
+    }
+
+    /// The picture as PNG.
+    pub fn png(&self) -> Result<Vec<u8>> {
+        let failed = |e: png::EncodingError| Error::Internal(format!("PNG encoding: {e}"));
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        let mut writer = encoder.write_header().map_err(failed)?;
+        writer.write_image_data(self.dots.as_flattened()).map_err(failed)?;
+        writer.finish().map_err(failed)?;
+        Ok(bytes)
+    }
+
+    /// Writes the picture as a PNG file, which has its name only once it is complete; until then it is `NAME.part`.
+    pub fn write_png(&self, path: &Path) -> Result<()> {
+        let bytes = self.png()?;
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let part = PathBuf::from(part);
+        let written = std::fs::write(&part, bytes).map_err(|e| Error::io("write", &part, e));
+        let finished =
+            written.and_then(|()| std::fs::rename(&part, path).map_err(|e| Error::io("create", path, e)));
+        if finished.is_err() {
+            let _ = std::fs::remove_file(&part);
+        }
+        finished
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_png_holds_the_dots() {
+        let mut picture = Picture::new(7, 5, [1, 2, 3]);
+        picture.set(6, 4, [200, 100, 50]);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.png");
+        picture.write_png(&path).unwrap();
+        let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut dots = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut dots).unwrap();
+        assert_eq!((info.width, info.height), (7, 5));
+        assert_eq!(&dots[..3], [1, 2, 3]);
+        assert_eq!(&dots[dots.len() - 3..], [200, 100, 50]);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn drawing_outside_is_harmless() {
+        let mut picture = Picture::new(10, 10, [0; 3]);
+        picture.text(5, 5, "gW", 3, [255; 3]);
+        picture.fill(Frame { x: 8, y: 8, width: u32::MAX, height: u32::MAX }, [9; 3]);
+        assert_eq!(picture.dot(9, 9), [9; 3]);
+        assert_eq!(picture.dot(99, 9), [0; 3]);
+    }
+}
