@@ -234,7 +234,7 @@ fn class_name(class: usize) -> String {
 /// (Ottosson 2020), in two strengths.
 fn object_colour(number: usize) -> Rgb {
     let hue = (number as f64 * 2.399_963_229_728_653 + 0.6) % std::f64::consts::TAU;
-    let lightness = if number % 2 == 0 { 0.78 } else { 0.68 };
+    let lightness = if number.is_multiple_of(2) { 0.78 } else { 0.68 };
     let chroma = 0.12;
     let (a, b) = (chroma * cos(hue), chroma * sin(hue));
     let cube = |x: f64| x * x * x;

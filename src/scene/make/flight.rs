@@ -29,7 +29,7 @@ impl Default for FlightOptions {
         FlightOptions {
             rate_hz: 200.0,
             duration_s: 20.0,
-            height_m: 180.0,
+            height_m: 200.0,
             length_m: 260.0,
             swing_m: 30.0,
             start_s: 1000.0,

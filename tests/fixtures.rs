@@ -1,0 +1,66 @@
+//! The files in `fixtures/` are what the generator writes: same options, same bytes, on every machine.
+//!
+//! After a wanted change of the generator, `UPDATE_FIXTURES=1 cargo test --test fixtures` writes them anew.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use vlscan::scene::make::{FlightOptions, Kind, MakeOptions, make, write_flight};
+
+fn fixtures() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures")
+}
+
+fn options(kind: Kind) -> MakeOptions {
+    let of = |triangles, pulses, extent_m| MakeOptions {
+        pulses: Some(pulses),
+        extent_m,
+        overwrite: true,
+        ..MakeOptions::new(kind, triangles)
+    };
+    match kind {
+        Kind::Forest => of(4000, 60_000, None),
+        Kind::Terrain => of(4000, 40_000, Some(240.0)),
+        Kind::Room => of(1000, 40_000, None),
+    }
+}
+
+fn files_of(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
+    let file = |path: PathBuf| {
+        (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(path).unwrap())
+    };
+    entries.map(|e| file(e.unwrap().path())).collect()
+}
+
+fn updating() -> bool {
+    std::env::var_os("UPDATE_FIXTURES").is_some()
+}
+
+#[test]
+fn scenes_are_what_the_generator_writes() {
+    for kind in Kind::ALL {
+        let kept = fixtures().join(kind.name());
+        if updating() {
+            make(&options(kind), &kept, |_| ()).unwrap();
+        }
+        let folder = tempfile::tempdir().unwrap();
+        make(&options(kind), folder.path(), |_| ()).unwrap();
+        let (kept, made) = (files_of(&kept), files_of(folder.path()));
+        let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
+        assert_eq!(names(&kept), names(&made), "{kind:?}");
+        for (name, bytes) in &made {
+            assert!(*bytes == kept[name], "fixtures/{}/{name} differs from what is made now", kind.name());
+        }
+    }
+}
+
+#[test]
+fn the_flight_is_what_the_generator_writes() {
+    let kept = fixtures().join("flight.csv");
+    if updating() {
+        write_flight(&FlightOptions::default(), &kept).unwrap();
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let made = write_flight(&FlightOptions::default(), &folder.path().join("flight.csv")).unwrap();
+    assert!(std::fs::read(kept).unwrap() == std::fs::read(made).unwrap(), "fixtures/flight.csv differs");
+}
