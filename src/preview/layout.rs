@@ -255,14 +255,15 @@ impl Section {
 fn slice(points: &Points, extent: &Extent, middle: f64) -> f64 {
     const ENOUGH: usize = 60_000;
     let depth = extent.size(1);
-    let mut thickness = 0.04 * depth;
+    // A third of the height shows whole crowns rather than single twigs.
+    let mut thickness = (extent.size(2) / 3.0).clamp(0.04 * depth, 0.25 * depth);
     while thickness < depth {
         let half = (0.5 * thickness) as f32;
         let inside = points.offsets.iter().filter(|p| (p[1] - middle as f32).abs() <= half).count();
         if inside >= ENOUGH.min(points.len() / 2) {
             return thickness;
         }
-        thickness *= 1.6;
+        thickness *= 1.5;
     }
     depth
 }

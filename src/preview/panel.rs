@@ -201,7 +201,7 @@ impl Samples {
 
     /// Eye-dome term, 0–1.
     fn dome(&self, x: usize, y: usize) -> f32 {
-        const RINGS: [(isize, f32); 3] = [(1, 0.25), (FINE as isize + 1, 0.4), (4 * FINE as isize, 0.5)];
+        const RINGS: [(isize, f32); 3] = [(1, 0.12), (FINE as isize + 1, 0.3), (4 * FINE as isize, 0.6)];
         const WAYS: [(isize, isize); 8] =
             [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
         let own = self.depth[y * self.width + x];
@@ -212,11 +212,11 @@ impl Samples {
                     self.depth_at(&self.depth, x as isize + i * reach, y as isize + j * reach)
                 {
                     let steepness = (depth - own) / reach as f32;
-                    hidden += weight * (steepness - 0.15).clamp(0.0, 3.0);
+                    hidden += weight * (steepness - 0.15).clamp(0.0, 2.5);
                 }
             }
         }
-        libm::expf(-0.085 * hidden)
+        libm::expf(-0.1 * hidden)
     }
 
     /// Light from the upper left on the smoothed surface, about 1. Slopes are scaled to the relief that there is, so that
