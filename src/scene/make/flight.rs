@@ -37,9 +37,10 @@ impl Default for FlightOptions {
     }
 }
 
-/// Writes a flight as comma-separated text: a comment with the units, a line with the names
-/// `time,x,y,z,roll,pitch,yaw`, then one pose per line. Angles are those of ARINC 705 in degrees: yaw clockwise from
-/// north (+y), pitch with the nose up, roll with the right wing down.
+const NAMES: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]";
+
+/// Writes a flight as comma-separated text: a line of names with their units, then one pose per line. Angles are those of
+/// ARINC 705: yaw clockwise from north (+y), pitch with the nose up, roll with the right wing down.
 pub fn write_flight(options: &FlightOptions, path: &Path) -> Result<PathBuf> {
     let poses = options.rate_hz * options.duration_s;
     if !(poses.is_finite() && (1.0..=1e9).contains(&poses) && options.length_m > 0.0) {
@@ -48,10 +49,7 @@ pub fn write_flight(options: &FlightOptions, path: &Path) -> Result<PathBuf> {
         ));
     }
     let mut file = PartFile::create(path)?;
-    let mut text = String::from(
-        "# time in s; x, y, z in m; roll, pitch, yaw in degrees (ARINC 705: yaw clockwise from +y)\n\
-         time,x,y,z,roll,pitch,yaw\n",
-    );
+    let mut text = format!("{NAMES}\n");
     for i in 0..=poses.round() as u64 {
         let t = i as f64 / options.rate_hz;
         let [x, y, z, roll, pitch, yaw] = options.pose(t);
@@ -97,8 +95,7 @@ mod tests {
         let path = write_flight(&FlightOptions::default(), &folder.path().join("flight.csv")).unwrap();
         let text = std::fs::read_to_string(path).unwrap();
         let mut lines = text.lines();
-        assert!(lines.next().unwrap().starts_with("# time in s"));
-        assert_eq!(lines.next().unwrap(), "time,x,y,z,roll,pitch,yaw");
+        assert_eq!(lines.next().unwrap(), NAMES);
         let rows: Vec<Vec<f64>> = lines.map(|l| l.split(',').map(|f| f.parse().unwrap()).collect()).collect();
         assert_eq!(rows.len(), 4001);
         for pair in rows.windows(2) {
