@@ -1,1 +1,186 @@
-//! The instrument's moving optics: heads and deflectors per step.
+//! The instrument's moving optics: heads and deflectors per step (spec kinematics §4, §5).
+//!
+//! A [`DeviceState`] holds angles and counters only; rotations are composed when a pulse asks for them.
+
+mod deflector;
+mod head;
+mod risley;
+
+pub(crate) use deflector::window;
+pub use deflector::{DeflectorState, Oscillating, Polygon};
+pub use head::HeadState;
+
+use crate::geom::{DVec3, Rotation, unit};
+use crate::survey::{Deflector, Device, MechanicalErrors, Mount, ScannerSettings};
+
+/// What never changes of one device.
+#[derive(Clone, Debug)]
+pub struct DevicePlan {
+    /// Beam deflector.
+    pub deflector: Deflector,
+    /// Mechanical scan angle limit (half angle), rad.
+    pub scan_angle_max: f64,
+    /// Highest scan frequency, Hz.
+    pub scan_freq_max: f64,
+    /// Axis of the head, unit vector.
+    pub head_axis: DVec3,
+    /// Largest speed of the head, rad/s.
+    pub head_max_rate: f64,
+    /// The emitter's pose on the head.
+    pub beam_origin: Mount,
+    /// Calibration errors.
+    pub errors: MechanicalErrors,
+    /// Conic deflectors turn at the leg's scan frequency instead of the device's highest one (spec kinematics, trap 29).
+    pub conic_at_leg_frequency: bool,
+    /// Whether a Risley beam can be lost by total reflection, so that its last direction has to be remembered.
+    risley_may_fail: bool,
+}
+
+impl DevicePlan {
+    /// The plan of `device`.
+    pub fn new(device: &Device, conic_at_leg_frequency: bool) -> DevicePlan {
+        let axis = device.head.axis;
+        let risley_may_fail = match &device.deflector {
+            Deflector::Risley { prisms, air, incident } => risley::may_fail(prisms, *air, *incident),
+            _ => false,
+        };
+        DevicePlan {
+            deflector: device.deflector.clone(),
+            scan_angle_max: device.scan_angle_max,
+            scan_freq_max: device.scan_freq.1,
+            head_axis: if axis.length() > 0.1 && axis.is_finite() { unit(axis) } else { DVec3::Z },
+            head_max_rate: device.head.max_rate,
+            beam_origin: device.beam_origin,
+            errors: device.errors.clone(),
+            conic_at_leg_frequency,
+            risley_may_fail,
+        }
+    }
+
+    /// The head's speed in rad/s that `wanted` becomes on this device.
+    pub fn head_rate(&self, wanted: f64) -> f64 {
+        let limit = self.head_max_rate.abs();
+        if limit.is_nan() { 0.0 } else { wanted.clamp(-limit, limit) }
+    }
+
+    /// The half angle in rad that a leg's `wanted` one becomes on this device (spec kinematics §4.1).
+    pub fn scan_angle(&self, wanted: f64) -> f64 {
+        if matches!(self.deflector, Deflector::Oscillating { .. }) {
+            return wanted;
+        }
+        let limited = if wanted < 0.0 { 0.0 } else { wanted.min(self.scan_angle_max) };
+        if limited == 0.0 { self.scan_angle_max } else { limited }
+    }
+}
+
+/// What moves of one device.
+#[derive(Clone, Debug)]
+pub struct DeviceState {
+    /// The head.
+    pub head: HeadState,
+    /// The deflector.
+    pub deflector: DeflectorState,
+    /// Pulses emitted so far, over all legs.
+    pub pulses: u64,
+    /// The leg's warm-up is done.
+    pub warm: bool,
+}
+
+impl DeviceState {
+    /// The device before any leg.
+    pub fn at_rest(plan: &DevicePlan) -> DeviceState {
+        DeviceState {
+            head: HeadState::default(),
+            deflector: DeflectorState::at_rest(&plan.deflector),
+            pulses: 0,
+            warm: false,
+        }
+    }
+
+    /// Takes a leg's settings: the head's first, then the deflector's.
+    pub fn start_leg(&mut self, plan: &DevicePlan, settings: &ScannerSettings) {
+        self.warm = false;
+        let frequency = f64::from(settings.pulse_freq);
+        let seen = self.deflector.exact_angle();
+        self.head.start_leg(plan, settings, frequency, seen);
+        self.deflector.start_leg(plan, settings, frequency);
+    }
+
+    /// Turns the head by one step.
+    #[inline]
+    pub fn step_head(&mut self, plan: &DevicePlan) {
+        // The head's error looks at the deflector as the step before left it.
+        self.head.step(plan, self.deflector.exact_angle());
+    }
+
+    /// The emitter's attitude in the platform's mount frame: head, then emitter.
+    pub fn emitter(&self, plan: &DevicePlan) -> Rotation {
+        self.head.rotation(plan).after(plan.beam_origin.rotation)
+    }
+
+    /// The same without the head's error.
+    pub fn exact_emitter(&self, plan: &DevicePlan) -> Rotation {
+        self.head.exact_rotation(plan).after(plan.beam_origin.rotation)
+    }
+}
+
+#[cfg(test)]
+pub mod testing {
+    //! Devices for tests.
+
+    use super::*;
+    use crate::geom::radians;
+    use crate::survey::{Beam, Detector, Head, WaveformSettings};
+
+    /// A device with the given deflector, 120° mechanical half angle and a free head.
+    pub fn device(deflector: Deflector) -> Device {
+        Device {
+            id: "d".into(),
+            deflector,
+            scan_angle_max: radians(120.0),
+            scan_freq: (0.0, 0.0),
+            head: Head { axis: DVec3::Z, max_rate: radians(3600.0) },
+            beam_origin: Mount::IDENTITY,
+            beam: Beam {
+                divergence: 0.0003,
+                pulse_length: 4.0,
+                wavelength: 1064.0,
+                atmosphere_wavelength: 1064.0,
+                average_power: 4.0,
+                quality: 1.0,
+                efficiency: 0.99,
+                receiver_diameter: 0.15,
+                visibility: 23.0,
+            },
+            detector: Detector {
+                accuracy: 0.0,
+                range_min: 0.0,
+                range_max: f64::MAX,
+                max_returns: 0,
+                threshold: 0.0,
+                distance_error: None,
+            },
+            waveform: WaveformSettings { bin: 0.25, window: 1.0, quality: 3, max_range: 0.0 },
+            errors: MechanicalErrors::default(),
+        }
+    }
+
+    /// An active leg's settings at `pulse_freq` Hz with nothing else set.
+    pub fn settings(pulse_freq: u32) -> ScannerSettings {
+        ScannerSettings {
+            active: true,
+            pulse_freq,
+            scan_freq: 0.0,
+            scan_angle: 0.0,
+            vertical_min: None,
+            vertical_max: None,
+            head_rate: 0.0,
+            head_start: 0.0,
+            head_stop: 0.0,
+            beam_divergence: 0.0003,
+            trajectory_interval: 0.0,
+            max_duration: None,
+            warmup: 0.0,
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! GPS time (spec kinematics §1.2).
+
+/// Nanoseconds of a GPS week.
+pub(super) const WEEK_NS: f64 = 604_800e9;
+const WEEK_S: i64 = 604_800;
+/// POSIX seconds of the GPS epoch as the reference has it, 9 s after the true one.
+const GPS_EPOCH: i64 = 315_964_809;
+
+/// The start of the GPS clock in ns of the week: of now when `text` is empty, of a UTC time `YYYY-MM-DD hh:mm:ss`, or of
+/// POSIX seconds, whose fraction is ignored (spec outputs §2.4).
+///
+/// # Errors
+/// What was found and what was expected, in one sentence.
+pub fn gps_start(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let posix = if text.is_empty() {
+        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        now.map_or(0, |d| d.as_secs() as i64)
+    } else if text.contains(':') {
+        utc_seconds(text)
+            .ok_or_else(|| format!("expected a time like 2024-01-31 12:00:00, found `{text}`"))?
+    } else {
+        let whole = text.split_once('.').map_or(text, |(whole, fraction)| {
+            if fraction.bytes().all(|b| b.is_ascii_digit()) { whole } else { text }
+        });
+        whole.parse().map_err(|_| {
+            format!("expected POSIX seconds or a time like 2024-01-31 12:00:00, found `{text}`")
+        })?
+    };
+    Ok((posix.saturating_sub(GPS_EPOCH)).rem_euclid(WEEK_S) as f64 * 1e9)
+}
+
+/// POSIX seconds of `YYYY-MM-DD hh:mm:ss` in UTC.
+fn utc_seconds(text: &str) -> Option<i64> {
+    let bytes = text.as_bytes();
+    let separators = [(4, b"-"), (7, b"-"), (10, b" "), (13, b":"), (16, b":")];
+    let t_for_blank = bytes.get(10) == Some(&b'T');
+    if bytes.len() != 19 || !separators.iter().all(|&(i, s)| bytes[i] == s[0] || (i == 10 && t_for_blank)) {
+        return None;
+    }
+    let field = |from: usize, to: usize| -> Option<i64> {
+        bytes[from..to].iter().try_fold(0, |n, b| b.is_ascii_digit().then(|| n * 10 + i64::from(b - b'0')))
+    };
+    let (year, month, day) = (field(0, 4)?, field(5, 7)?, field(8, 10)?);
+    let (hour, minute, second) = (field(11, 13)?, field(14, 16)?, field(17, 19)?);
+    let leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    let lengths = [31, if leap { 29 } else { 28 }, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+    let days_in_month = *lengths.get(usize::try_from(month - 1).ok()?)?;
+    if !(1..=days_in_month).contains(&day) || hour > 23 || minute > 59 || second > 60 {
+        return None;
+    }
+    let before = year - 1;
+    let leap_days = |y: i64| y / 4 - y / 100 + y / 400;
+    let days_to_year = (year - 1970) * 365 + leap_days(before) - leap_days(1969);
+    let days_to_month: i64 = lengths[..month as usize - 1].iter().sum();
+    Some((days_to_year + days_to_month + day - 1) * 86_400 + hour * 3600 + minute * 60 + second)
+}
+
+/// `now − then` in ns across at most one turn of the week.
+#[inline]
+pub(super) fn elapsed_ns(now: f64, then: f64) -> f64 {
+    let elapsed = now - then;
+    if elapsed < 0.0 { elapsed + WEEK_NS } else { elapsed }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn start_times() {
+        // spec kinematics §1.8 example 3
+        assert_eq!(gps_start("2024-01-01 00:00:00"), Ok(86_391e9));
+        assert_eq!(gps_start("1704067200"), Ok(86_391e9));
+        assert_eq!(gps_start("1704067200.75"), Ok(86_391e9));
+        assert_eq!(gps_start("2000000000"), Ok(271_991e9));
+        assert_eq!(gps_start("2022-01-01 00:00:00"), Ok(518_391e9));
+        assert_eq!(gps_start("2024-02-29T12:00:00"), gps_start("1709208000"));
+        assert!((0.0..WEEK_NS).contains(&gps_start("0").unwrap()));
+        assert!((0.0..WEEK_NS).contains(&gps_start("").unwrap()));
+    }
+
+    #[test]
+    fn malformed_start_times_say_what_was_expected() {
+        for text in [
+            "12:00",
+            "2023-02-29 00:00:00",
+            "2024-13-01 00:00:00",
+            "2024-01-01 24:00:00",
+            "soon",
+            "1.x",
+            "1e9",
+        ] {
+            assert!(gps_start(text).unwrap_err().contains(text), "{text}");
+        }
+        assert!(gps_start("é:00000000000000000").is_err());
+    }
+
+    #[test]
+    fn the_week_turns_within_an_interval() {
+        assert_eq!(elapsed_ns(5.0, 3.0), 2.0);
+        assert_eq!(elapsed_ns(1e9, WEEK_NS - 1e9), 2e9);
+    }
+}

@@ -1,0 +1,194 @@
+//! What is checked of a survey before it is flown.
+
+use super::plan::PlannedLeg;
+use crate::diag::Diagnostics;
+use crate::geom::degrees;
+use crate::platform::PlatformPlan;
+use crate::scanner::{DevicePlan, window};
+use crate::survey::{Deflector, Leg, PlatformKind, Survey};
+
+/// More steps than these are no leg: a year at 30 MHz.
+const MOST_STEPS: f64 = 1e15;
+/// Longer warm-ups are mistakes: more than a quarter of an hour at 1 MHz.
+const MOST_WARMUP: f64 = 1e9;
+/// Farther coordinates (m) are not on this planet.
+const FARTHEST: f64 = 1e9;
+
+/// Checks the numbers that everything else relies on; `false` if the survey cannot be planned at all.
+pub(super) fn check_numbers(survey: &Survey, problems: &mut Diagnostics) -> bool {
+    let before = problems.items().len();
+    if survey.legs.is_empty() {
+        problems.error(None, "the survey has no legs");
+    }
+    if survey.scanner.devices.is_empty() {
+        problems.error(None, format!("scanner `{}` has no device", survey.scanner.id));
+    }
+    if matches!(survey.platform.kind, PlatformKind::Stream(_)) && survey.legs.len() != 1 {
+        let message = format!("a stream of poses has one leg, the survey has {}", survey.legs.len());
+        problems.error(None, message);
+    }
+    if let Some(drag) = drag(&survey.platform.kind).filter(|d| !(d.is_finite() && *d >= 0.0)) {
+        let id = &survey.platform.id;
+        problems.error(None, format!("platform `{id}`: drag is {drag}, expected a number of at least 0"));
+    }
+    for leg in &survey.legs {
+        check_leg_numbers(leg, problems);
+    }
+    problems.items().len() == before
+}
+
+fn drag(kind: &PlatformKind) -> Option<f64> {
+    match kind {
+        PlatformKind::GroundVehicle { drag } => Some(*drag),
+        PlatformKind::Multicopter(m) => Some(m.drag),
+        _ => None,
+    }
+}
+
+fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
+    let n = leg.number;
+    let s = &leg.scanner;
+    if s.pulse_freq == 0 {
+        let message = format!("leg {n}: the pulse frequency is 0, expected at least 1 Hz");
+        problems.error(leg.place.clone(), message);
+    }
+    let p = leg.platform.position;
+    if !(p.abs().max_element() <= FARTHEST) {
+        let message = format!("leg {n}: no place on earth: x {} y {} z {}", p.x, p.y, p.z);
+        problems.error(leg.place.clone(), message);
+    }
+    let numbers = [
+        ("speed", leg.platform.speed),
+        ("yaw at departure", leg.platform.yaw_at_departure.unwrap_or(0.0)),
+        ("scan frequency", s.scan_freq),
+        ("scan angle", s.scan_angle),
+        ("lowest vertical angle", s.vertical_min.unwrap_or(0.0)),
+        ("highest vertical angle", s.vertical_max.unwrap_or(0.0)),
+        ("head speed", s.head_rate),
+        ("head start", s.head_start),
+        ("head stop", s.head_stop),
+        ("trajectory interval", s.trajectory_interval),
+        ("greatest duration", s.max_duration.unwrap_or(0.0)),
+        ("warm-up", s.warmup),
+    ];
+    for (name, value) in numbers.into_iter().filter(|(_, v)| !v.is_finite()) {
+        problems
+            .error(leg.place.clone(), format!("leg {n}: the {name} is {value}, expected a finite number"));
+    }
+    if s.warmup * f64::from(s.pulse_freq) > MOST_WARMUP {
+        let message = format!("leg {n}: a warm-up of {} s at {} Hz takes too long", s.warmup, s.pulse_freq);
+        problems.error(leg.place.clone(), message).help("warm-ups take seconds at most");
+    }
+}
+
+/// Scan frequencies of active legs outside the limits of device 0 (spec input-formats §2.7).
+pub(super) fn check_scan_frequencies(survey: &Survey, problems: &mut Diagnostics) {
+    let Some(device) = survey.scanner.devices.first() else { return };
+    let (lowest, highest) = device.scan_freq;
+    for leg in survey.legs.iter().filter(|l| l.scanner.active) {
+        let f = leg.scanner.scan_freq;
+        if f < lowest || (highest != 0.0 && f > highest) {
+            let message = format!(
+                "leg {}: a scan frequency of {f} Hz, the scanner allows {lowest} to {} Hz",
+                leg.number,
+                if highest != 0.0 { highest.to_string() } else { "any number of".to_owned() }
+            );
+            problems.error(leg.place.clone(), message);
+        }
+    }
+}
+
+/// Checks deflector and head of leg `leg`.
+pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &mut Diagnostics) {
+    for (i, device) in devices.iter().enumerate() {
+        let Deflector::Polygon { effective_max } = device.deflector else { continue };
+        let angle = device.scan_angle(leg.settings.scan_angle);
+        let (lower, upper) = window(effective_max, angle, &leg.settings);
+        let which = if devices.len() > 1 { format!(", channel {i}") } else { String::new() };
+        let range = format!("{:.3}° to {:.3}°", degrees(lower), degrees(upper));
+        if upper - lower > 2.0 * effective_max {
+            let message = format!(
+                "leg {}{which}: vertical angles {range} exceed the scanner's ±{:.3}°",
+                leg.number,
+                degrees(effective_max)
+            );
+            problems.error(leg.place.clone(), message);
+        } else if leg.settings.active && lower >= upper {
+            let message =
+                format!("leg {}{which}: no pulse fires between vertical angles {range}", leg.number);
+            problems.warn(leg.place.clone(), message).help(
+                "set verticalAngleMin_deg, verticalAngleMax_deg, or the scanner's scanAngleEffectiveMax_deg",
+            );
+        }
+    }
+}
+
+/// Why leg `index` cannot end, as far as that is known before it is flown; `None` for legs with a greatest duration.
+pub(super) fn why_endless(
+    index: usize,
+    legs: &[PlannedLeg],
+    platform: &PlatformPlan,
+    device: &DevicePlan,
+) -> Option<(String, &'static str)> {
+    let leg = &legs[index];
+    if leg.max_duration > 0.0 || platform.is_stream() {
+        return None;
+    }
+    if leg.still {
+        return Some((
+            "the platform stands still and the head does not turn".to_owned(),
+            "give the leg a maxDuration_s or a headRotatePerSec_deg with start and stop",
+        ));
+    }
+    why_head_never_stops(leg, device).or_else(|| why_never_there(index, platform))
+}
+
+fn why_head_never_stops(leg: &PlannedLeg, device: &DevicePlan) -> Option<(String, &'static str)> {
+    let s = &leg.settings;
+    let rate = device.head_rate(s.head_rate);
+    let left = if rate < 0.0 { s.head_start - s.head_stop } else { s.head_stop - s.head_start };
+    if left <= 0.0 {
+        return None;
+    }
+    let step = rate.abs() / f64::from(s.pulse_freq);
+    let farthest = s.head_start.abs().max(s.head_stop.abs());
+    if left / step < MOST_STEPS && step > farthest * f64::EPSILON {
+        return None;
+    }
+    let reason = format!(
+        "the head turns at {} °/s and never comes from {}° to {}°",
+        degrees(rate),
+        degrees(s.head_start),
+        degrees(s.head_stop)
+    );
+    let help = if s.head_rate != 0.0 && rate == 0.0 {
+        "the scanner's headRotatePerSecMax_deg is 0, so its head cannot turn"
+    } else {
+        "set headRotatePerSec_deg, or headRotateStop_deg equal to headRotateStart_deg"
+    };
+    Some((reason, help))
+}
+
+fn why_never_there(index: usize, platform: &PlatformPlan) -> Option<(String, &'static str)> {
+    let courses = platform.legs();
+    let here = &courses[index];
+    let next = courses.get(index + 1);
+    if platform.is_linear() {
+        // The last leg's target is reached when it starts; a single leg flies to the centre of the scene.
+        let moves = next.is_some_and(|n| n.position != here.position) || courses.len() == 1;
+        return (moves && here.speed <= 0.0)
+            .then(|| (format!("its speed is {} m/s", here.speed), "set movePerSec_m above 0"));
+    }
+    if platform.is_ground_vehicle() {
+        let cap = if here.speed > 0.0 { here.speed } else { f64::INFINITY };
+        let farthest_step = cap.min(platform.terminal_speed()) / here.frequency;
+        let climb = (next?.position.z - courses[0].position.z).abs();
+        return (climb >= farthest_step).then(|| {
+            (
+                format!("a ground vehicle keeps its height and the next waypoint is {climb:.3} m off it"),
+                "give all legs the same height, or another platform",
+            )
+        });
+    }
+    None
+}

@@ -1,0 +1,226 @@
+//! Waypoints and headings that all movers share (spec kinematics §0.1, §2.1).
+
+use super::LegEntry;
+use crate::geom::{DVec3, Rotation, unit};
+use crate::survey::RotationSpec;
+use libm::{acos, asin, atan2};
+use std::f64::consts::{PI, TAU};
+
+/// What a leg asks of its platform.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LegCourse {
+    /// Where the leg starts, m, scene frame.
+    pub position: DVec3,
+    /// Steps per second.
+    pub frequency: f64,
+    /// Speed, m/s.
+    pub speed: f64,
+    /// Speed, m per step: `speed / frequency`.
+    pub step_length: f64,
+    /// Multicopter: stop and turn at the leg's start.
+    pub stop_and_turn: bool,
+    /// Multicopter: curve through the waypoint.
+    pub smooth_turn: bool,
+    /// Multicopter: brake before the waypoint.
+    pub slowdown: bool,
+    /// Multicopter: yaw to adopt when stopping and turning, rad.
+    pub yaw_at_departure: Option<f64>,
+    /// Interpolated platforms: the stretch of the table that is flown; `None` on added legs, which end at once.
+    pub span: Option<Span>,
+}
+
+/// A stretch of a trajectory table, in seconds after its first row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Start.
+    pub start: f64,
+    /// End.
+    pub end: f64,
+}
+
+/// Where a moving platform is, how far it moves per step and where it goes.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Course {
+    /// m, scene frame.
+    pub position: DVec3,
+    /// m per step.
+    pub velocity: DVec3,
+    pub origin: DVec3,
+    pub target: DVec3,
+    /// The waypoint after the target.
+    pub next: DVec3,
+}
+
+impl Course {
+    /// Takes position (of a run's first leg) and waypoints of leg `leg`; `true` if a target was assigned. The last leg
+    /// keeps the old waypoints.
+    pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry) -> bool {
+        if entry == LegEntry::Initial {
+            self.position = legs[leg].position;
+        }
+        let Some(target) = legs.get(leg + 1) else { return false };
+        self.origin = legs[leg].position;
+        self.target = target.position;
+        self.next = legs.get(leg + 2).unwrap_or(target).position;
+        true
+    }
+
+    #[inline]
+    pub fn to_target(&self) -> DVec3 {
+        self.target - self.position
+    }
+
+    /// Less than one step away: `|D − p| / |v| < 1`.
+    #[inline]
+    pub fn reached(&self) -> bool {
+        let q = self.to_target();
+        let v = self.velocity;
+        // Far beyond any rounding of the quotient below, and true for infinitely far too.
+        if q.dot(q) > 4.0 * v.dot(v) {
+            return false;
+        }
+        q.length() / v.length() < 1.0
+    }
+
+    /// Travelled share of the leg.
+    pub fn progress(&self, leg: &LegCourse) -> f64 {
+        share((self.position - leg.position).length(), (self.target - self.origin).length())
+    }
+
+    /// This course with all but the next waypoint taken from `start`.
+    pub fn restored(&self, start: &Course) -> Course {
+        Course { next: self.next, ..start.clone() }
+    }
+}
+
+/// `part / whole` within [0, 1]; 1 when there is no whole.
+pub(super) fn share(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 1.0 }
+}
+
+/// `v` with z = 0.
+#[inline]
+pub(super) fn horizontal(v: DVec3) -> DVec3 {
+    DVec3::new(v.x, v.y, 0.0)
+}
+
+/// The horizontal unit vector along `v`, or `None` when `v` is vertical.
+#[inline]
+pub(super) fn horizontal_unit(v: DVec3) -> Option<DVec3> {
+    let u = unit(horizontal(v));
+    u.is_finite().then_some(u).filter(|u| u.x != 0.0 || u.y != 0.0)
+}
+
+/// Heading of `d` in [0, 2π), clockwise from +Y.
+pub(super) fn heading(d: DVec3) -> f64 {
+    let angle = atan2(d.x, d.y);
+    if angle < 0.0 { angle + TAU } else { angle }
+}
+
+/// The align procedure (spec kinematics §2.3): turns `attitude` about z until its forward axis points along the horizontal
+/// part of `q`. Its turns are unsigned, so small clockwise errors grow. A vertical `q` leaves the attitude as it is.
+pub(super) fn align(attitude: Rotation, q: DVec3) -> Rotation {
+    const ENOUGH: f64 = 0.025;
+    const MOST_TURNS: usize = 10_000;
+    let Some(goal) = horizontal_unit(q) else { return attitude };
+    let error =
+        |a: Rotation| horizontal_unit(a.forward()).map_or(0.0, |d| acos(goal.dot(d).clamp(-1.0, 1.0)));
+    let first = error(attitude);
+    let mut aligned = attitude.after(Rotation::about_z(first));
+    if first < ENOUGH {
+        return aligned;
+    }
+    let (mut left, mut turned) = (error(aligned), 0.0);
+    for _ in 0..MOST_TURNS {
+        if left <= ENOUGH {
+            break;
+        }
+        turned += left;
+        aligned = Rotation::about_z(turned);
+        left = error(aligned);
+    }
+    aligned
+}
+
+/// (roll, pitch, yaw) of `attitude`: the XYZ triple, or the ZYX triple with clockwise yaw for ARINC trajectories. Angles at
+/// gimbal lock are those with the least turn about the first axis.
+pub(super) fn reported_angles(attitude: Rotation, recorded: Option<RotationSpec>) -> [f64; 3] {
+    if recorded == Some(RotationSpec::Arinc705) {
+        let [y, roll, pitch] = attitude.angles_zyx().unwrap_or_else(|| locked_zyx(attitude));
+        let yaw = if y < PI { -y } else { TAU - y };
+        return [roll, pitch, if yaw < 0.0 { yaw + TAU } else { yaw }];
+    }
+    let [roll, pitch, yaw] = attitude.angles_xyz().unwrap_or_else(|| locked_xyz(attitude));
+    [roll, pitch, if yaw < 0.0 { yaw + TAU } else { yaw }]
+}
+
+/// `Ry(b)∘Rz(c)` nearest to an attitude whose y turn is ±90°.
+fn locked_xyz(attitude: Rotation) -> [f64; 3] {
+    let b = asin(attitude.inverse().apply(DVec3::X).z.clamp(-1.0, 1.0));
+    let rest = Rotation::about_y(-b).after(attitude);
+    [0.0, b, 2.0 * atan2(rest.u.z, rest.w)]
+}
+
+/// `Ry(b)∘Rx(c)` nearest to an attitude whose y turn is ±90°.
+fn locked_zyx(attitude: Rotation) -> [f64; 3] {
+    let b = -asin(attitude.inverse().apply(DVec3::Z).x.clamp(-1.0, 1.0));
+    let rest = Rotation::about_y(-b).after(attitude);
+    [0.0, b, 2.0 * atan2(rest.u.x, rest.w)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{degrees, radians};
+
+    fn yaw_after(times: usize, bearing: f64) -> f64 {
+        let q = DVec3::new(libm::sin(radians(bearing)), libm::cos(radians(bearing)), 0.3) * 100.0;
+        let a = (0..times).fold(Rotation::IDENTITY, |a, _| align(a, q));
+        degrees(reported_angles(a, None)[2])
+    }
+
+    #[test]
+    fn counter_clockwise_targets_are_hit_at_once_and_clockwise_ones_after_a_detour() {
+        assert!((yaw_after(1, -40.0) - 40.0).abs() < 1e-6);
+        assert!((yaw_after(1, 90.0) - 270.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn small_clockwise_errors_double_with_each_alignment() {
+        assert!((yaw_after(1, 0.3) - 0.3).abs() < 1e-6);
+        assert!((yaw_after(2, 0.3) - 0.9).abs() < 1e-6);
+        // 0.0125 rad ≤ error < 0.025 rad: the second call corrects it
+        let second = yaw_after(2, 1.0);
+        assert!((second - 359.0).abs() < 1.5, "{second}");
+    }
+
+    #[test]
+    fn a_target_straight_above_keeps_the_heading() {
+        let a = Rotation::about_z(1.0);
+        assert_eq!(align(a, DVec3::new(0.0, 0.0, 5.0)), a);
+    }
+
+    #[test]
+    fn a_platform_one_step_away_has_arrived() {
+        let mut c = Course { velocity: DVec3::new(0.3, 0.0, 0.0), ..Course::default() };
+        c.target = DVec3::new(0.29, 0.0, 0.0);
+        assert!(c.reached());
+        c.target = DVec3::new(0.3, 0.0, 0.0);
+        assert!(!c.reached());
+        c.velocity = DVec3::ZERO;
+        assert!(!c.reached());
+        c.target = DVec3::ZERO;
+        assert!(!c.reached(), "0/0 does not arrive");
+    }
+
+    #[test]
+    fn angles_at_gimbal_lock_compose_to_the_attitude() {
+        let a = Rotation::about_x(0.4).after(Rotation::about_y(PI / 2.0)).after(Rotation::about_z(0.3));
+        let [x, y, z] = reported_angles(a, None);
+        let back = Rotation::about_x(x).after(Rotation::about_y(y)).after(Rotation::about_z(z));
+        assert!((back.forward() - a.forward()).length() < 1e-6);
+        let [roll, pitch, yaw] = reported_angles(a, Some(RotationSpec::Arinc705));
+        let back = Rotation::about_z(-yaw).after(Rotation::about_y(roll)).after(Rotation::about_x(pitch));
+        assert!((back.forward() - a.forward()).length() < 1e-6);
+    }
+}

@@ -1,0 +1,218 @@
+//! A vehicle that steers towards its waypoints, backing up where they lie too far aside (spec kinematics §2.4).
+
+use super::LegEntry;
+use super::course::{Course, LegCourse, align, horizontal, horizontal_unit};
+use super::physics::accelerated;
+use crate::geom::{DVec3, Rotation};
+use std::f64::consts::PI;
+
+/// Force forwards.
+pub(super) const CRUISE_FORCE: f64 = 0.02;
+const REVERSE_FORCE: f64 = -0.01;
+const MOST_FORCE: f64 = 0.2;
+/// Change of force per step.
+const FORCE_RAMP: f64 = 1e-4;
+/// Targets farther aside need a turn in several moves.
+const WIDE_ANGLE: f64 = PI / 5.0;
+const COS_WIDE_ANGLE: f64 = 0.809_016_994_374_947_5;
+/// Change of heading, rad per metre, forwards and backwards.
+const FULL_LOCK: f64 = 0.1;
+const REVERSE_LOCK: f64 = 0.25;
+/// Length of the move before backing up, and how near its end is near enough, m.
+const PULL_OUT: f64 = 1.0;
+const PULLED_OUT: f64 = 0.5;
+
+/// What never changes.
+#[derive(Clone, Debug)]
+pub(super) struct GroundVehiclePlan {
+    /// Per step.
+    pub drag: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Manoeuvre {
+    Drive,
+    PullOutTo(DVec3),
+    BackUp,
+}
+
+/// A moving vehicle.
+#[derive(Clone, Debug)]
+pub(super) struct GroundVehicle {
+    pub course: Course,
+    pub attitude: Rotation,
+    force: f64,
+    wanted_force: f64,
+    manoeuvre: Manoeuvre,
+}
+
+impl Default for GroundVehicle {
+    fn default() -> GroundVehicle {
+        GroundVehicle {
+            course: Course::default(),
+            attitude: Rotation::IDENTITY,
+            force: 0.0,
+            wanted_force: 0.0,
+            manoeuvre: Manoeuvre::Drive,
+        }
+    }
+}
+
+impl GroundVehicle {
+    pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry) {
+        if self.course.start_leg(legs, leg, entry) {
+            self.manoeuvre = Manoeuvre::Drive;
+        }
+        if entry == LegEntry::Initial {
+            self.attitude = align(self.attitude, self.course.to_target());
+        }
+    }
+
+    pub fn step(&mut self, plan: &GroundVehiclePlan, leg: &LegCourse) {
+        self.course.position += self.course.velocity;
+        let turn = self.steer();
+        if turn != 0.0 {
+            self.attitude = Rotation::about_z(turn).after(self.attitude);
+        }
+        self.force =
+            (self.force + sign(self.wanted_force - self.force) * FORCE_RAMP).clamp(-MOST_FORCE, MOST_FORCE);
+        let forward = horizontal_unit(self.attitude.forward()).unwrap_or(DVec3::ZERO);
+        self.course.velocity = accelerated(self.course.velocity, forward * self.force, plan.drag, leg);
+    }
+
+    /// The change of heading of this step, rad, counter-clockwise.
+    fn steer(&mut self) -> f64 {
+        let q = horizontal(self.course.to_target());
+        let travel = self.course.velocity.length();
+        match self.manoeuvre {
+            Manoeuvre::Drive if q.length() > 0.0 => {
+                self.wanted_force = CRUISE_FORCE;
+                let bearing = self.bearing(q);
+                if bearing.wide {
+                    self.manoeuvre =
+                        Manoeuvre::PullOutTo(self.course.position + self.attitude.forward() * PULL_OUT);
+                    return 0.0;
+                }
+                bearing.side * FULL_LOCK * travel
+            }
+            Manoeuvre::Drive => 0.0,
+            Manoeuvre::PullOutTo(place) => {
+                if (self.course.position - place).length() < PULLED_OUT {
+                    self.manoeuvre = Manoeuvre::BackUp;
+                }
+                0.0
+            }
+            Manoeuvre::BackUp => {
+                let bearing = self.bearing(q);
+                if !bearing.wide {
+                    self.manoeuvre = Manoeuvre::Drive;
+                    return 0.0;
+                }
+                self.wanted_force = REVERSE_FORCE;
+                bearing.side * REVERSE_LOCK * travel
+            }
+        }
+    }
+
+    /// On which side of the nose `q` lies: axis and angle of the rotation that takes `q` to the nose.
+    fn bearing(&self, q: DVec3) -> Bearing {
+        let nose = horizontal_unit(self.attitude.forward()).unwrap_or(DVec3::ZERO);
+        let lengths = (q.dot(q) * nose.dot(nose)).sqrt();
+        if lengths == 0.0 {
+            return Bearing { side: -1.0, wide: false };
+        }
+        // The cosine decides unless it is so near to the limit that only the angle itself can.
+        let margin = q.dot(nose) / lengths - COS_WIDE_ANGLE;
+        let wide = if margin.abs() > 1e-9 {
+            margin < 0.0
+        } else {
+            Rotation::between(q, nose).axis_angle().1 >= WIDE_ANGLE
+        };
+        Bearing { side: if q.x * nose.y - q.y * nose.x < 0.0 { 1.0 } else { -1.0 }, wide }
+    }
+}
+
+struct Bearing {
+    /// +1: on the left, −1: straight ahead or on the right.
+    side: f64,
+    /// Too far aside for one turn.
+    wide: bool,
+}
+
+fn sign(x: f64) -> f64 {
+    if x > 0.0 {
+        1.0
+    } else if x < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::platform::course::reported_angles;
+    use crate::platform::multicopter::tests::course;
+
+    #[test]
+    fn speed_ramps_up_and_reaches_the_cap() {
+        // spec kinematics §2.8 example 3
+        let legs = [course([0.0, 0.0, 0.0], 3.0), course([0.0, 1000.0, 0.0], 3.0)];
+        let plan = GroundVehiclePlan { drag: 0.005 };
+        let mut car = GroundVehicle::default();
+        car.start_leg(&legs, 0, LegEntry::Initial);
+        let speeds: Vec<f64> = (0..400)
+            .map(|_| {
+                car.step(&plan, &legs[0]);
+                car.course.velocity.length() * 100.0
+            })
+            .collect();
+        for (found, wanted) in speeds.iter().zip([0.0001, 0.0002995, 0.0005980025, 0.0009950124875]) {
+            assert!((found - wanted).abs() < 1e-12, "{found} is not {wanted}");
+        }
+        assert!(speeds[382] < 3.0 - 1e-9 && (speeds[383] - 3.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn golden_run() {
+        // spec kinematics §11.4
+        let legs =
+            [[0.0, 0.0], [20.0, 3.0], [20.0, 40.0], [0.0, 50.0]].map(|[x, y]| course([x, y, 0.0], 3.0));
+        let plan = GroundVehiclePlan { drag: 0.005 };
+        let golden: [&[(usize, f64, f64, f64)]; 2] = [
+            &[
+                (0, 0.0, 0.0, 278.5308),
+                (100, 0.1507, 0.0226, 278.5183),
+                (500, 8.8014, 1.3202, 278.4451),
+                (877, 19.9863, 2.9980, 278.6170),
+            ],
+            &[
+                (0, 20.0160, 3.0024, 278.6170),
+                (50, 21.4981, 3.2330, 292.7977),
+                (150, 24.2706, 3.9611, 331.7342),
+                (300, 27.2370, 6.0469, 352.8187),
+                (600, 28.8437, 14.4726, 19.2333),
+                (1502, 20.0155, 39.9966, 26.6245),
+            ],
+        ];
+        let mut car = GroundVehicle::default();
+        for (leg, rows) in golden.iter().enumerate() {
+            let entry = if leg == 0 { LegEntry::Initial } else { LegEntry::Continuing };
+            car.start_leg(&legs, leg, entry);
+            let last = rows.last().unwrap().0;
+            for step in 0..=last {
+                assert!(!car.course.reached(), "leg {leg} ends before step {step}");
+                car.step(&plan, &legs[leg]);
+                if let Some(row) = rows.iter().find(|r| r.0 == step) {
+                    let yaw = reported_angles(car.attitude, None)[2].to_degrees();
+                    let p = car.course.position;
+                    let off = (p.x - row.1).abs().max((p.y - row.2).abs());
+                    assert!(off < 1e-4, "leg {leg} step {step}: {p}");
+                    assert!((yaw - row.3).abs() < 1e-4, "leg {leg} step {step}: yaw {yaw}");
+                }
+            }
+            assert!(car.course.reached(), "leg {leg} does not end after step {last}");
+        }
+    }
+}

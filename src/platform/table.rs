@@ -1,0 +1,137 @@
+//! A table of recorded poses over time (spec kinematics §2.6).
+
+use crate::geom::DVec3;
+
+/// Roll, pitch, yaw (rad) and x, y, z (m, scene frame).
+pub(super) type PoseValues = [f64; 6];
+
+/// Rows of poses by ascending time with the slopes between them.
+#[derive(Clone, Debug)]
+pub struct TrajectoryTable {
+    /// Time of the first row in the files' own scale, s.
+    first_time: f64,
+    rows: Vec<TableRow>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TableRow {
+    /// Seconds after the first row.
+    pub time: f64,
+    pub values: PoseValues,
+    /// Change per second until the next row; 0 within a jump.
+    pub slopes: PoseValues,
+}
+
+impl TrajectoryTable {
+    /// The table of `rows` (time in the files' own scale, values), which need not be sorted. Rows of one time keep their
+    /// order and make a jump. `None` if there is no row.
+    pub fn new(mut rows: Vec<(f64, PoseValues)>) -> Option<TrajectoryTable> {
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let first_time = rows.first()?.0;
+        let mut table: Vec<TableRow> = rows
+            .iter()
+            .map(|&(time, values)| TableRow { time: time - first_time, values, slopes: [0.0; 6] })
+            .collect();
+        for i in 1..table.len() {
+            let (time, values) = (table[i].time, table[i].values);
+            let before = &mut table[i - 1];
+            let span = time - before.time;
+            if span > 0.0 {
+                before.slopes = std::array::from_fn(|c| (values[c] - before.values[c]) / span);
+            }
+        }
+        Some(TrajectoryTable { first_time, rows: table })
+    }
+
+    /// Moves every position by `-shift`.
+    pub fn shifted(mut self, shift: DVec3) -> TrajectoryTable {
+        for row in &mut self.rows {
+            row.values[3] -= shift.x;
+            row.values[4] -= shift.y;
+            row.values[5] -= shift.z;
+        }
+        self
+    }
+
+    /// Time of the first row in the files' own scale, s.
+    pub fn first_time(&self) -> f64 {
+        self.first_time
+    }
+
+    /// Time of the last row, s after the first.
+    pub fn duration(&self) -> f64 {
+        self.rows.last().map_or(0.0, |r| r.time)
+    }
+
+    /// The position at `time` seconds after the first row; beyond the ends the nearest slope goes on.
+    pub fn position_at(&self, time: f64) -> DVec3 {
+        let after = self.rows.partition_point(|r| r.time <= time);
+        let row = &self.rows[after.saturating_sub(1).min(self.rows.len().saturating_sub(2))];
+        let at = |c: usize| row.values[c] + (time - row.time) * row.slopes[c];
+        DVec3::new(at(3), at(4), at(5))
+    }
+
+    pub(super) fn rows(&self) -> &[TableRow] {
+        &self.rows
+    }
+}
+
+/// Thins `rows`, already sorted by time, where the slopes hardly change (spec kinematics §2.6, slope filter): a running sum
+/// of the changes of slope must exceed `threshold` in one column for a row to stay. First, last and jump rows stay.
+pub(super) fn filter_slopes(rows: &[(f64, PoseValues)], threshold: f64) -> Vec<(f64, PoseValues)> {
+    let slope = |i: usize| -> Option<PoseValues> {
+        let (a, b) = (&rows[i], &rows[i + 1]);
+        let span = b.0 - a.0;
+        (span > 0.0).then(|| std::array::from_fn(|c| (b.1[c] - a.1[c]) / span))
+    };
+    let mut kept: Vec<(f64, PoseValues)> = rows.first().copied().into_iter().collect();
+    let mut sum = [0.0; 6];
+    for i in 1..rows.len().saturating_sub(1) {
+        let (Some(before), Some(after)) = (slope(i - 1), slope(i)) else {
+            kept.push(rows[i]);
+            sum = [0.0; 6];
+            continue;
+        };
+        for c in 0..6 {
+            sum[c] += after[c] - before[c];
+        }
+        if sum.iter().any(|s| s.abs() > threshold) {
+            kept.push(rows[i]);
+            sum = [0.0; 6];
+        }
+    }
+    if rows.len() > 1 {
+        kept.extend(rows.last());
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(time: f64, x: f64) -> (f64, PoseValues) {
+        (time, [0.0, 0.0, 0.0, x, 0.0, 0.0])
+    }
+
+    #[test]
+    fn the_slope_filter_keeps_the_bends() {
+        // spec kinematics §2.8 example 6
+        let rows: Vec<_> =
+            [0.0, 1.0, 2.1, 3.0, 6.0, 9.0].iter().enumerate().map(|(t, &x)| row(t as f64, x)).collect();
+        let kept: Vec<f64> = filter_slopes(&rows, 0.5).iter().map(|r| r.0).collect();
+        assert_eq!(kept, [0.0, 3.0, 5.0]);
+    }
+
+    #[test]
+    fn rows_are_sorted_and_jumps_have_no_slope() {
+        let table =
+            TrajectoryTable::new(vec![row(12.0, 5.0), row(10.0, 0.0), row(12.0, 9.0), row(11.0, 2.0)])
+                .unwrap();
+        assert_eq!((table.first_time(), table.duration()), (10.0, 2.0));
+        assert_eq!(table.position_at(1.5).x, 3.5);
+        assert_eq!(table.position_at(-1.0).x, -2.0);
+        assert!(table.rows().iter().all(|r| r.slopes.iter().all(|s| s.is_finite())));
+        assert!(TrajectoryTable::new(Vec::new()).is_none());
+    }
+}

@@ -1,0 +1,179 @@
+//! The rotating head (spec kinematics §5).
+
+use super::DevicePlan;
+use crate::geom::Rotation;
+use crate::survey::ScannerSettings;
+use std::f64::consts::{PI, TAU};
+
+/// The head's angle and where it turns.
+#[derive(Clone, Debug, Default)]
+pub struct HeadState {
+    /// Accumulated exact angle, rad.
+    angle: f64,
+    /// The deflection angle that the head's error depends on, once the head was set.
+    error_at: Option<f64>,
+    /// rad/s, limited by the device.
+    rate: f64,
+    /// rad per step.
+    step: f64,
+    stop: f64,
+}
+
+impl HeadState {
+    pub(super) fn start_leg(
+        &mut self,
+        plan: &DevicePlan,
+        settings: &ScannerSettings,
+        frequency: f64,
+        deflection: f64,
+    ) {
+        self.rate = plan.head_rate(settings.head_rate);
+        self.step = self.rate / frequency;
+        self.stop = settings.head_stop;
+        self.set(plan, settings.head_start, deflection);
+    }
+
+    #[inline]
+    pub(super) fn step(&mut self, plan: &DevicePlan, deflection: f64) {
+        if self.rate != 0.0 {
+            self.set(plan, self.angle + self.step, deflection);
+        }
+    }
+
+    #[inline]
+    fn set(&mut self, plan: &DevicePlan, angle: f64, deflection: f64) {
+        if angle != self.angle {
+            self.angle = angle;
+            if plan.errors.head.is_some() {
+                self.error_at = Some(deflection);
+            }
+        }
+    }
+
+    /// Whether the stop angle is reached.
+    #[inline]
+    pub fn completed(&self) -> bool {
+        if self.rate < 0.0 { self.angle <= self.stop } else { self.angle >= self.stop }
+    }
+
+    /// The accumulated exact angle, rad.
+    pub fn angle(&self) -> f64 {
+        self.angle
+    }
+
+    /// The angle with its error, rad.
+    pub fn disturbed_angle(&self, plan: &DevicePlan) -> f64 {
+        match (&plan.errors.head, self.error_at) {
+            (Some((error, distance)), Some(at)) => {
+                self.angle + error.eval(kept_off_multiples_of_pi(at, *distance))
+            }
+            _ => self.angle,
+        }
+    }
+
+    /// The head's rotation with its error.
+    pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
+        Rotation::about(plan.head_axis, self.disturbed_angle(plan) % TAU)
+    }
+
+    /// The head's rotation without error.
+    pub fn exact_rotation(&self, plan: &DevicePlan) -> Rotation {
+        Rotation::about(plan.head_axis, self.angle % TAU)
+    }
+
+    /// The share of the leg's turn that is done, from 0 to 1; `None` when the head does not turn.
+    pub fn progress(&self, start: f64) -> Option<f64> {
+        let whole = self.stop - start;
+        (self.rate != 0.0 && whole != 0.0).then(|| ((self.angle - start) / whole).clamp(0.0, 1.0))
+    }
+}
+
+/// `angle` moved out of the intervals of half width `distance` around 0, ±π and ±2π, each to its own side.
+fn kept_off_multiples_of_pi(angle: f64, distance: f64) -> f64 {
+    for (centre, side_at_centre) in [(0.0, 1.0), (-PI, 1.0), (PI, 1.0), (-TAU, 1.0), (TAU, -1.0)] {
+        let off = angle - centre;
+        if off.abs() < distance {
+            let side = if off == 0.0 { side_at_centre } else { off.signum() };
+            return centre + side * distance;
+        }
+    }
+    angle
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{DVec3, degrees, radians};
+    use crate::scanner::testing::{device, settings};
+    use crate::survey::{Deflector, Device};
+
+    fn head(device: &Device, frequency: u32, rate: f64, start: f64, stop: f64) -> (DevicePlan, HeadState) {
+        let plan = DevicePlan::new(device, false);
+        let mut s = settings(frequency);
+        (s.head_rate, s.head_start, s.head_stop) = (radians(rate), radians(start), radians(stop));
+        let mut head = HeadState::default();
+        head.start_leg(&plan, &s, f64::from(frequency), 0.0);
+        (plan, head)
+    }
+
+    fn steps_to_completion(frequency: u32, rate: f64, start: f64, stop: f64) -> (usize, f64) {
+        let (plan, mut head) = head(&device(Deflector::Conic), frequency, rate, start, stop);
+        let mut steps = 0;
+        while !head.completed() {
+            head.step(&plan, 0.0);
+            steps += 1;
+        }
+        (steps, degrees(head.angle()))
+    }
+
+    #[test]
+    fn completion_takes_the_accumulated_angle() {
+        // spec kinematics §5.1
+        let (steps, last) = steps_to_completion(5, 7.0, 10.0, 20.0);
+        assert_eq!(steps, 8);
+        assert!((last - 21.2).abs() < 1e-9);
+        assert_eq!(steps_to_completion(100, 36.0, 0.0, 9.0).0, 26);
+        assert_eq!(steps_to_completion(100, -36.0, 1.0, 0.0).0, 3);
+        assert_eq!(steps_to_completion(100, 0.0, 0.0, 0.0).0, 0);
+    }
+
+    #[test]
+    fn the_device_limits_the_rate() {
+        let mut d = device(Deflector::Conic);
+        d.head.max_rate = radians(10.0);
+        let (_, h) = head(&d, 10, -50.0, 0.0, -90.0);
+        assert!((h.rate + radians(10.0)).abs() < 1e-15);
+        d.head.max_rate = 0.0;
+        assert_eq!(head(&d, 10, 50.0, 0.0, 90.0).1.rate, 0.0);
+    }
+
+    #[test]
+    fn errors_stay_off_multiples_of_pi() {
+        let z = 0.1;
+        for (angle, wanted) in [
+            (0.0, z),
+            (-0.05, -z),
+            (0.5, 0.5),
+            (PI, PI + z),
+            (-PI, -PI + z),
+            (PI - 0.05, PI - z),
+            (TAU, TAU - z),
+            (-TAU, -TAU + z),
+        ] {
+            assert!((kept_off_multiples_of_pi(angle, z) - wanted).abs() < 1e-15, "{angle}");
+        }
+    }
+
+    #[test]
+    fn the_first_error_is_that_of_the_threshold() {
+        // spec kinematics §5.1: error 0.1·THETA, threshold 1°, deflection 0: 0.1°
+        let mut d = device(Deflector::Polygon { effective_max: 1.0 });
+        d.errors.head = Some((crate::survey::formula::Formula::parse("0.1*THETA").unwrap(), radians(1.0)));
+        let (plan, mut h) = head(&d, 100, 36.0, 0.0, 90.0);
+        assert_eq!(h.disturbed_angle(&plan), 0.0, "setting the present angle does nothing");
+        h.step(&plan, 0.0);
+        assert!((degrees(h.disturbed_angle(&plan) - h.angle()) - 0.1).abs() < 1e-12);
+        let turned = h.exact_rotation(&plan).apply(DVec3::Y);
+        assert!((libm::atan2(-turned.x, turned.y) - h.angle()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,105 @@
+//! Rotating wedge prisms (spec kinematics §4.6).
+
+use crate::geom::{DVec3, unit};
+use crate::survey::Prism;
+use libm::{acos, asin, cos, sin};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// The direction of the beam behind all prisms at `time` seconds; `None` where it is totally reflected within one.
+pub(super) fn refracted(prisms: &[Prism], air: f64, incident: DVec3, time: f64) -> Option<DVec3> {
+    prisms.iter().try_fold(incident, |beam, prism| through(prism, air, beam, time))
+}
+
+fn through(prism: &Prism, air: f64, beam: DVec3, time: f64) -> Option<DVec3> {
+    let turn = TAU * prism.rotor_freq * time;
+    let wedge = prism.angle.abs();
+    let (across, along) = (sin(wedge), -cos(wedge));
+    let flat = DVec3::new(0.0, -1.0, 0.0);
+    let inclined = DVec3::new(sin(turn) * across, along, cos(turn) * across);
+    let (first, second) = if prism.angle > 0.0 {
+        (inclined, flat)
+    } else {
+        (flat, DVec3::new(-inclined.x, inclined.y, -inclined.z))
+    };
+    bent(beam, first, air / prism.index).and_then(|b| bent(b, second, prism.index / air))
+}
+
+/// Snell's law for the unit vector `b` at a face with normal `n` towards the beam; `eta` is the ratio of the indices.
+fn bent(b: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
+    let k = -b.dot(n);
+    let r2 = eta * eta * (1.0 - k * k);
+    (r2 <= 1.0).then(|| unit(b * eta + n * (eta * k - (1.0 - r2).sqrt())))
+}
+
+/// Whether the beam could be totally reflected at some time. The bound on its tilt is safe, not tight: refraction at a face
+/// maps the axis to a known direction and stretches distances on the sphere around it by at most the largest slope of Snell's
+/// law within reach.
+pub(super) fn may_fail(prisms: &[Prism], air: f64, incident: DVec3) -> bool {
+    let mut tilt = acos(incident.y.clamp(-1.0, 1.0));
+    for prism in prisms {
+        let wedge = prism.angle.abs();
+        let faces = if prism.angle > 0.0 { [wedge, 0.0] } else { [0.0, wedge] };
+        for (face, eta) in faces.into_iter().zip([air / prism.index, prism.index / air]) {
+            match tilt_behind(tilt, face, eta) {
+                Some(behind) => tilt = behind,
+                None => return true,
+            }
+        }
+    }
+    false
+}
+
+/// The largest tilt from the axis behind a face whose normal is tilted by `face`, or `None` if total reflection is possible.
+fn tilt_behind(tilt: f64, face: f64, eta: f64) -> Option<f64> {
+    let steepest = tilt + face;
+    // A little below the limits, so that rounding cannot matter.
+    if !(steepest < FRAC_PI_2 - 1e-6 && eta * sin(steepest) < 1.0 - 1e-9) {
+        return None;
+    }
+    let axis_moves = (face - asin(eta * sin(face))).abs();
+    let slope = eta * cos(steepest) / (1.0 - (eta * sin(steepest)) * (eta * sin(steepest))).sqrt();
+    Some(axis_moves + tilt * slope.max(eta))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::radians;
+    use proptest::prelude::*;
+
+    fn prism(rotor_freq: f64, degrees: f64, index: f64) -> Prism {
+        Prism { rotor_freq, angle: radians(degrees), index }
+    }
+
+    #[test]
+    fn two_prisms() {
+        // spec kinematics §4.6
+        let prisms = [prism(-10.0, 18.0, 1.5), prism(5.0, -18.0, 1.5)];
+        let wanted = [
+            [0.039962, 0.954635, -0.295085],
+            [0.054483, 0.981528, -0.183394],
+            [0.022353, 0.998748, -0.044756],
+        ];
+        for (i, wanted) in wanted.into_iter().enumerate() {
+            let found = refracted(&prisms, 1.0, DVec3::Y, (i + 1) as f64 * 0.01).unwrap();
+            assert!((found - DVec3::from(wanted)).length() < 2e-6, "{found}");
+        }
+        assert!(!may_fail(&prisms, 1.0, DVec3::Y));
+        assert!(may_fail(&[prism(1.0, -45.0, 1.5)], 1.0, DVec3::Y));
+        assert!(refracted(&[prism(1.0, -45.0, 1.5)], 1.0, DVec3::Y, 0.0).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn a_beam_that_cannot_fail_never_does(
+            shapes in prop::collection::vec((-50.0..50.0f64, -60.0..60.0f64, 1.0..1.9f64), 1..4),
+            time in 0.0..100.0f64,
+        ) {
+            let prisms: Vec<Prism> = shapes.into_iter().map(|(f, a, n)| prism(f, a, n)).collect();
+            if !may_fail(&prisms, 1.0, DVec3::Y) {
+                let beam = refracted(&prisms, 1.0, DVec3::Y, time);
+                prop_assert!(beam.is_some_and(|b| (b.length() - 1.0).abs() < 1e-12));
+            }
+        }
+    }
+}
