@@ -21,7 +21,7 @@ pub enum Severity {
 pub struct Place {
     /// The file.
     pub path: PathBuf,
-    /// Line number, from 1.
+    /// Line number, from 1; 0 when only the file is known.
     pub line: usize,
     /// Column of the first underlined character, from 1.
     pub column: usize,
@@ -48,7 +48,8 @@ impl Place {
         Place::in_line(path, line, &text[line_start..line_end], start - line_start..end - line_start)
     }
 
-    /// The place of a line that is known by its number only; `text` is the line and may be empty for binary files.
+    /// The place of a line that is known by its number only; `text` is the line. Line 0 with an empty text means the
+    /// file as a whole, for binary ones.
     pub fn in_line(path: &Path, line: usize, text: &str, marked: Range<usize>) -> Place {
         let text = text.trim_end_matches(['\n', '\r']);
         let start = text.floor_char_boundary(marked.start);
@@ -63,11 +64,6 @@ impl Place {
         };
         let marked = start - from..end.min(to).max(start) - from;
         Place { path: path.to_path_buf(), line, column, excerpt: text[from..to].to_owned(), marked }
-    }
-
-    /// The place of a whole file, when no line can be named.
-    pub fn whole_file(path: &Path) -> Place {
-        Place { path: path.to_path_buf(), line: 0, column: 0, excerpt: String::new(), marked: 0..0 }
     }
 }
 

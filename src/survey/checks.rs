@@ -11,6 +11,11 @@ pub(super) fn check_legs(context: &Context, survey: &Survey, elements: &[Element
     for (i, leg) in survey.legs.iter().enumerate() {
         let leg = Checked { leg, element: elements.get(i) };
         check_end(context, survey, &leg);
+        if leg.leg.scanner.pulse_freq == 0 {
+            let message = format!("leg {}: the pulse frequency must be above 0", leg.leg.number);
+            context.error_help(leg.place("pulseFreq_hz"), message, "it is the clock of inactive legs, too");
+            continue;
+        }
         if !leg.leg.scanner.active {
             continue;
         }

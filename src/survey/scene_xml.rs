@@ -29,7 +29,7 @@ pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option
         number += u32::try_from(read.len().max(1)).unwrap_or(u32::MAX);
         parts.extend(read);
     }
-    if parts.is_empty() && !context.failed() {
+    if parts.is_empty() && (element.child("part").is_none() || !context.failed()) {
         context.error(element.place(), "the scene has no parts");
     }
     let asset_folders = context.assets.folders(element.folder());

@@ -27,7 +27,7 @@ fn settings_merge_by_value() {
         <leg><platformSettings/><scannerSettings scanFreq_hz='50'/></leg>
         <leg><platformSettings/><scannerSettings scanFreq_hz='50' pulseFreq_hz='0' beamDivergence_rad='0.003'/></leg>
         <leg><platformSettings/><scannerSettings template='slow'/></leg>
-        <leg><platformSettings/><scannerSettings template='slow' scanFreq_hz='20' pulseFreq_hz='0' active='false'/></leg>";
+        <leg><platformSettings/><scannerSettings template='slow' scanFreq_hz='20' active='false'/></leg>";
     let survey = clean(templates, legs);
     let s: Vec<_> = survey.legs.iter().map(|l| &l.scanner).collect();
     // without a template, the scanner's own values fill what is not given or given as the hard default
@@ -40,8 +40,13 @@ fn settings_merge_by_value() {
         (radians(30.0), Some(radians(-10.0)), None)
     );
     assert_eq!((s[3].scan_freq, s[3].active), (20.0, false));
-    // 0 differs from the template's 300000, so the leg's value counts and is refused by the checks of active legs only
-    assert_eq!(s[3].pulse_freq, 0);
+    // 0 differs from the template's 300000 and would stop the clock
+    let stopped =
+        "<leg><platformSettings/><scannerSettings template='slow' pulseFreq_hz='0' active='false'/></leg>";
+    contains(
+        &refused(survey_of(templates, "platform='plane'", stopped)),
+        &["the pulse frequency must be above 0"],
+    );
 }
 
 #[test]
@@ -61,15 +66,15 @@ fn platform_settings_inherit_all_but_the_yaw() {
 
 #[test]
 fn a_leg_without_scanner_settings_has_open_vertical_angles() {
-    // the reference gives it an empty window; the scan frequency is then below the scanner's minimum here
-    let (survey, _) = survey_of(
-        "",
-        "platform='plane'",
-        &format!("<leg><platformSettings/></leg>{LEG}")
-            .replace("<leg><platformSettings/>", "<leg><platformSettings/><scannerSettings active='0'/>"),
-    )
-    .unwrap();
-    assert!(survey.legs[0].scanner.vertical_min.is_none());
+    // the reference gives it an empty window
+    let scanner = "<scanner id='free' optics='rotating' pulseFreqs_Hz='1000' scanAngleMax_deg='60' scanAngleEffectiveMax_deg='50'/>";
+    let text =
+        document(scanner, "platform='plane'", "<leg><platformSettings/></leg>").replace("'mirror'", "'free'");
+    let folder = Folder::new(&[("survey.xml", &text.replacen("'free'", "'mirror'", 1)), ("a.obj", "")]);
+    let (survey, _) = folder.read(&ReadOptions::default()).unwrap_or_else(|e| panic!("{}", report(&e)));
+    let settings = &survey.legs[0].scanner;
+    assert_eq!((settings.pulse_freq, settings.vertical_min, settings.vertical_max), (1000, None, None));
+    // its scan frequency is 0 all the same
     let error = survey_of("", "platform='plane'", "<leg><platformSettings/></leg>").unwrap_err();
     assert_eq!(error.exit_status(), 3);
 }
