@@ -21,7 +21,7 @@ mod context;
 mod deflector_xml;
 mod fields;
 mod fly;
-mod formula;
+pub mod formula;
 mod legs;
 mod loaders;
 mod model;

@@ -36,3 +36,14 @@ fn surveys_of_the_conformance_suite() {
     }
     assert_eq!(count, 40);
 }
+
+#[test]
+fn surveys_of_the_fixtures() {
+    for case in ["forest", "terrain", "room"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(case).join("survey.xml");
+        let (survey, warnings) =
+            read_survey(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{}", report(&e)));
+        assert!(warnings.is_empty(), "{}", warnings.render(false));
+        assert_eq!(survey.scene.id, case);
+    }
+}
