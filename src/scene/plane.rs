@@ -1,20 +1,20 @@
 //! Least-squares planes through points.
 
-use crate::geom::DVec3;
+use crate::geom::{Aabb, DVec3};
 
 /// A plane through `centre` with unit `normal`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plane {
-    /// Centroid of the points.
+    /// A point of it.
     pub centre: DVec3,
     /// Direction in which the points spread least; its sign is arbitrary.
     pub normal: DVec3,
 }
 
-/// Second moments of points about their centroid: xx, xy, xz, yy, yz, zz.
+/// Second moments of points about some centre: xx, xy, xz, yy, yz, zz.
 pub(super) type Moments = [f64; 6];
 
-/// The moments of points given relative to their centroid.
+/// The moments of points given relative to the centre.
 pub(super) fn moments(centred: impl Iterator<Item = DVec3>) -> Moments {
     centred.fold([0.0; 6], |m, d| {
         [
@@ -28,15 +28,12 @@ pub(super) fn moments(centred: impl Iterator<Item = DVec3>) -> Moments {
     })
 }
 
-/// The plane that minimises the sum of squared distances of `points`; `None` without points.
+/// The plane through the centre of the box around `points` that minimises the sum of their squared distances; `None`
+/// without points. The centroid would fit more closely, but the reference puts parts on this plane.
 pub(super) fn fit(points: &[DVec3]) -> Option<Plane> {
-    if points.is_empty() {
-        return None;
-    }
-    // Relative to the first point, so that large coordinates lose no digits.
-    let first = points[0];
-    let centre = first + points.iter().map(|&p| p - first).sum::<DVec3>() / points.len() as f64;
-    Some(Plane { centre, normal: least_direction(moments(points.iter().map(|&p| p - centre))) })
+    let centre = Aabb::around(points.iter().copied()).centre();
+    let normal = least_direction(moments(points.iter().map(|&p| p - centre)));
+    (!points.is_empty()).then_some(Plane { centre, normal })
 }
 
 /// Unit eigenvector of the smallest eigenvalue (Jacobi rotations; only +, −, ×, ÷ and square roots, so the same on every
@@ -97,8 +94,18 @@ mod tests {
             (0..100).map(|i| origin + u * f64::from(i % 10) + w * f64::from(i / 10) * 2.0).collect();
         let plane = fit(&points).unwrap();
         assert!((plane.normal.dot(normal).abs() - 1.0).abs() < 1e-12);
-        assert!((plane.centre - points.iter().sum::<DVec3>() / 100.0).length() < 1e-6);
+        assert!((plane.centre - points[0]).dot(normal).abs() < 1e-9);
         assert!(fit(&[]).is_none());
+    }
+
+    #[test]
+    fn the_plane_passes_through_the_centre_of_the_box_and_not_the_centroid() {
+        let mut points: Vec<DVec3> =
+            (0..100).map(|i| DVec3::new(f64::from(i % 10), f64::from(i / 10), 0.0)).collect();
+        points[44].z = 2.0;
+        let plane = fit(&points).unwrap();
+        assert_eq!(plane.centre, DVec3::new(4.5, 4.5, 1.0));
+        assert!(plane.normal.z.abs() > 0.999);
     }
 
     #[test]

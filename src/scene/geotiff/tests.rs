@@ -1,1 +1,291 @@
+//! Whole rasters, written byte by byte.
 
+use crate::geom::{Aabb, DVec3};
+use crate::scene::fixture::Fixture;
+use crate::scene::{Material, Scene};
+use crate::survey::{Loader, MaterialChoice};
+use proptest::prelude::*;
+use tiff::encoder::{Compression, TiffEncoder, colortype};
+use tiff::tags::Tag;
+
+/// A little-endian TIFF of one directory: tags with their values, and blocks of pixels.
+struct TiffFile {
+    tags: Vec<(u16, Values)>,
+    blocks: Vec<Vec<u8>>,
+    tiled: bool,
+}
+
+enum Values {
+    Short(Vec<u16>),
+    Long(Vec<u32>),
+    Double(Vec<f64>),
+    Text(&'static str),
+}
+
+impl TiffFile {
+    /// Single-band floats in one strip at (100, 50), pixels of 2 m by 4 m.
+    fn new(width: u32, heights: &[f32]) -> TiffFile {
+        let rows = heights.len() as u32 / width;
+        let tags = vec![
+            (256, Values::Long(vec![width])),
+            (257, Values::Long(vec![rows])),
+            (258, Values::Short(vec![32])),
+            (259, Values::Short(vec![1])),
+            (262, Values::Short(vec![1])),
+            (277, Values::Short(vec![1])),
+            (278, Values::Long(vec![rows])),
+            (339, Values::Short(vec![3])),
+            (33550, Values::Double(vec![2.0, 4.0, 0.0])),
+            (33922, Values::Double(vec![0.0, 0.0, 0.0, 100.0, 50.0, 0.0])),
+        ];
+        TiffFile { tags, blocks: vec![heights.iter().flat_map(|h| h.to_le_bytes()).collect()], tiled: false }
+    }
+
+    fn with(mut self, tag: u16, values: Values) -> TiffFile {
+        self.tags.retain(|t| t.0 != tag);
+        self.tags.push((tag, values));
+        self
+    }
+
+    fn without(mut self, tag: u16) -> TiffFile {
+        self.tags.retain(|t| t.0 != tag);
+        self
+    }
+
+    fn bytes(mut self) -> Vec<u8> {
+        let mut out = b"II\x2a\0\0\0\0\0".to_vec();
+        let mut offsets = Vec::new();
+        for block in &self.blocks {
+            offsets.push(if block.is_empty() { 0 } else { out.len() as u32 });
+            out.extend(block);
+        }
+        let counts = self.blocks.iter().map(|b| b.len() as u32).collect();
+        let (offset_tag, count_tag) = if self.tiled { (324, 325) } else { (273, 279) };
+        self.tags.push((offset_tag, Values::Long(offsets)));
+        self.tags.push((count_tag, Values::Long(counts)));
+        self.tags.sort_by_key(|t| t.0);
+        let mut entries = Vec::new();
+        for (tag, values) in &self.tags {
+            let (kind, count, data): (u16, usize, Vec<u8>) = match values {
+                Values::Short(v) => (3, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+                Values::Long(v) => (4, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+                Values::Double(v) => (12, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+                Values::Text(t) => (2, t.len() + 1, t.bytes().chain([0]).collect()),
+            };
+            entries.extend(tag.to_le_bytes());
+            entries.extend(kind.to_le_bytes());
+            entries.extend((count as u32).to_le_bytes());
+            if data.len() <= 4 {
+                entries.extend(data.iter().chain(&[0; 4]).take(4));
+            } else {
+                entries.extend((out.len() as u32).to_le_bytes());
+                out.extend(data);
+            }
+        }
+        let directory = out.len() as u32;
+        out[4..8].copy_from_slice(&directory.to_le_bytes());
+        out.extend((self.tags.len() as u16).to_le_bytes());
+        out.extend(entries);
+        out.extend([0; 4]);
+        out
+    }
+}
+
+fn fixture(bytes: Vec<u8>) -> Fixture {
+    let mut f = Fixture::new();
+    let file = f.file("dem.tif", bytes);
+    f.part(Loader::GeoTiff { file, material: MaterialChoice::default() });
+    f
+}
+
+/// World coordinates of all vertices that triangles use, and the triangles.
+fn mesh(scene: &Scene) -> (Vec<DVec3>, &[[u32; 3]]) {
+    (scene.geometry.vertices.iter().map(|v| scene.to_world(*v)).collect(), &scene.geometry.triangles)
+}
+
+const HEIGHTS: [f32; 6] = [10.0, 11.0, 12.0, 20.0, 21.0, 22.0];
+
+#[test]
+fn vertices_lie_at_pixel_centres_and_blocks_are_cut_as_the_reference_cuts_them() {
+    let scene = fixture(TiffFile::new(3, &HEIGHTS).bytes()).scene();
+    let (vertices, triangles) = mesh(&scene);
+    assert_eq!(vertices[0], DVec3::new(101.0, 48.0, 10.0));
+    assert_eq!(vertices[5], DVec3::new(105.0, 44.0, 22.0));
+    assert_eq!(triangles, [[0, 3, 1], [3, 4, 1], [1, 4, 2], [4, 5, 2]]);
+    let half = DVec3::new(2.0, 2.0, 6.0);
+    assert_eq!(scene.bounds, Aabb { min: -half, max: half });
+    assert_eq!(*scene.material_of(0), Material::unnamed("default"));
+}
+
+#[test]
+fn pixel_is_point_moves_by_half_a_pixel() {
+    let keys = Values::Short(vec![1, 1, 0, 1, 1025, 0, 1, 2]);
+    let scene = fixture(TiffFile::new(3, &HEIGHTS).with(34735, keys).bytes()).scene();
+    assert_eq!(mesh(&scene).0[0], DVec3::new(100.0, 50.0, 10.0));
+}
+
+#[test]
+fn a_south_up_transformation_is_read_and_a_rotated_one_refused() {
+    let mut m = vec![0.0; 16];
+    (m[0], m[3], m[5], m[7]) = (2.0, 100.0, 4.0, 50.0);
+    let south_up = TiffFile::new(3, &HEIGHTS).without(33550).with(34264, Values::Double(m.clone()));
+    assert_eq!(mesh(&fixture(south_up.bytes()).scene()).0[5], DVec3::new(105.0, 56.0, 22.0));
+    m[1] = 0.5;
+    let rotated = TiffFile::new(3, &HEIGHTS).with(34264, Values::Double(m));
+    assert!(fixture(rotated.bytes()).error().contains("rotated"));
+}
+
+#[test]
+fn a_hole_takes_only_the_triangles_that_need_it() {
+    // The hole is corner a of the first block and no corner of the second.
+    for (hole, tag) in
+        [(-9999.0f32, "-9999"), (f32::MIN, "-3.40282346638529e+38"), (f32::NAN, "nan"), (-1e10, "")]
+    {
+        let mut heights = HEIGHTS;
+        heights[0] = hole;
+        let mut file = TiffFile::new(3, &heights);
+        if !tag.is_empty() {
+            file = file.with(42113, Values::Text(tag));
+        }
+        let scene = fixture(file.bytes()).scene();
+        let (vertices, triangles) = mesh(&scene);
+        assert_eq!((vertices.len(), triangles.len()), (5, 3), "no-data {tag:?}");
+        assert_eq!(vertices[0], DVec3::new(103.0, 48.0, 11.0));
+    }
+}
+
+#[test]
+fn tiles_and_a_tile_that_is_left_out() {
+    let (width, rows) = (20usize, 18usize);
+    let z = |column: usize, row: usize| (column * 100 + row) as f32;
+    let tile = |left: usize, top: usize| -> Vec<u8> {
+        (0..256).flat_map(|i| z(left + i % 16, top + i / 16).to_le_bytes()).collect()
+    };
+    let tiled = |blocks| {
+        let mut file = TiffFile::new(1, &[0.0])
+            .without(278)
+            .with(256, Values::Long(vec![width as u32]))
+            .with(257, Values::Long(vec![rows as u32]))
+            .with(322, Values::Long(vec![16]))
+            .with(323, Values::Long(vec![16]));
+        (file.blocks, file.tiled) = (blocks, true);
+        file.bytes()
+    };
+    let scene = fixture(tiled(vec![tile(0, 0), tile(16, 0), tile(0, 16), tile(16, 16)])).scene();
+    let (vertices, triangles) = mesh(&scene);
+    assert_eq!((vertices.len(), triangles.len()), (width * rows, 2 * (width - 1) * (rows - 1)));
+    for (i, v) in vertices.iter().enumerate() {
+        assert!((v.z - f64::from(z(i % width, i / width))).abs() < 1e-9, "pixel {i}: {v}");
+    }
+    let sparse = fixture(tiled(vec![tile(0, 0), Vec::new(), tile(0, 16), Vec::new()])).scene();
+    assert_eq!(mesh(&sparse).0.len(), 16 * rows);
+}
+
+fn encoded<C: colortype::ColorType>(width: u32, values: &[C::Inner], compression: Compression) -> Vec<u8>
+where
+    [C::Inner]: tiff::encoder::TiffValue,
+{
+    let mut out = std::io::Cursor::new(Vec::new());
+    let mut encoder = TiffEncoder::new(&mut out).unwrap().with_compression(compression);
+    let rows = (values.len() / C::BITS_PER_SAMPLE.len()) as u32 / width;
+    let mut image = encoder.new_image::<C>(width, rows).unwrap();
+    image.rows_per_strip(1).unwrap();
+    image.encoder().write_tag(Tag::ModelPixelScaleTag, &[2.0, 4.0, 0.0][..]).unwrap();
+    image.encoder().write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, 100.0, 50.0, 0.0][..]).unwrap();
+    image.write_data(values).unwrap();
+    out.into_inner()
+}
+
+#[test]
+fn every_number_type_and_compression() {
+    use Compression::{Deflate, Lzw, Uncompressed};
+    let plain = fixture(TiffFile::new(3, &HEIGHTS).bytes()).scene();
+    let shorts: Vec<i16> = HEIGHTS.iter().map(|&h| h as i16).collect();
+    let bytes: Vec<u8> = HEIGHTS.iter().map(|&h| h as u8).collect();
+    let doubles: Vec<f64> = HEIGHTS.iter().map(|&h| f64::from(h)).collect();
+    let longs: Vec<u32> = HEIGHTS.iter().map(|&h| h as u32).collect();
+    let colours: Vec<u8> = bytes.iter().flat_map(|&b| [b, 1, 2]).collect();
+    for file in [
+        encoded::<colortype::GrayI16>(3, &shorts, Uncompressed),
+        encoded::<colortype::Gray8>(3, &bytes, Lzw),
+        encoded::<colortype::Gray64Float>(3, &doubles, Deflate(Default::default())),
+        encoded::<colortype::Gray32>(3, &longs, Deflate(Default::default())),
+        encoded::<colortype::Gray32Float>(3, &HEIGHTS, Lzw),
+        encoded::<colortype::RGB8>(3, &colours, Uncompressed),
+    ] {
+        assert_eq!(mesh(&fixture(file).scene()), mesh(&plain));
+    }
+}
+
+#[test]
+fn the_material_comes_from_its_file() {
+    let mut f = Fixture::new();
+    let file = f.file("dem.tif", TiffFile::new(3, &HEIGHTS).bytes());
+    let mtl = f.file("dem.mtl", "newmtl b\nnewmtl meadow\nhelios_isGround 1\n");
+    let material =
+        MaterialChoice { file: Some(mtl), name: Some("meadow".to_owned()), ..MaterialChoice::default() };
+    f.part(Loader::GeoTiff { file, material });
+    let scene = f.scene();
+    assert!(scene.material_of(3).is_ground);
+    assert_eq!(scene.ground_height(0.0, 0.0), Some(0.0));
+}
+
+#[test]
+fn the_need_of_a_large_raster_is_stated_before_it_is_built() {
+    // 10 000 x 10 000 single-precision pixels: 100 M vertices of 24 bytes, 200 M triangles of 16. The file itself is
+    // small, because all but one of its tiles are left out.
+    let mut file = TiffFile::new(1, &[0.0])
+        .without(278)
+        .with(256, Values::Long(vec![10_000]))
+        .with(257, Values::Long(vec![10_000]))
+        .with(322, Values::Long(vec![1024]))
+        .with(323, Values::Long(vec![1024]));
+    file.tiled = true;
+    file.blocks = vec![Vec::new(); 100];
+    file.blocks[0] = vec![0; 1024 * 1024 * 4];
+    let mut f = fixture(file.bytes());
+    f.options.max_memory = Some(4_000_000_000);
+    let report = f.error();
+    assert!(report.contains("5.6 GB") && report.contains("4.0 GB"), "{report}");
+}
+
+#[test]
+fn damaged_files_are_errors_of_their_part() {
+    let good = TiffFile::new(3, &HEIGHTS).bytes();
+    let too_large = TiffFile::new(3, &HEIGHTS)
+        .with(256, Values::Long(vec![60_000]))
+        .with(257, Values::Long(vec![60_000]));
+    let flat = TiffFile::new(3, &HEIGHTS).with(33550, Values::Double(vec![0.0, 1.0, 0.0]));
+    let jpeg = TiffFile::new(3, &HEIGHTS).with(259, Values::Short(vec![7]));
+    for bytes in
+        [Vec::new(), b"no tiff".to_vec(), good[..30].to_vec(), too_large.bytes(), flat.bytes(), jpeg.bytes()]
+    {
+        let report = fixture(bytes).error();
+        assert!(report.contains("dem.tif") && report.contains("scene.xml:10"), "{report}");
+    }
+    let lost = TiffFile::new(3, &HEIGHTS).without(33550).without(33922).bytes();
+    let (scene, d) = fixture(lost).load().unwrap();
+    assert_eq!((mesh(&scene).0[0], d.items().len()), (DVec3::new(0.5, 0.5, 10.0), 1));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+    #[test]
+    fn no_change_of_bytes_makes_the_reader_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), cut in any::<prop::sample::Index>(), compressed in any::<bool>()) {
+        let mut bytes = if compressed {
+            encoded::<colortype::Gray32Float>(3, &HEIGHTS, Compression::Deflate(Default::default()))
+        } else {
+            TiffFile::new(3, &HEIGHTS).with(42113, Values::Text("-1")).bytes()
+        };
+        for (at, value) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = value;
+        }
+        if cut.index(4) == 0 {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        if let Err(e) = fixture(bytes).load() {
+            prop_assert_eq!(e.exit_status(), 2);
+        }
+    }
+}

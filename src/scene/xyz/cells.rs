@@ -75,8 +75,8 @@ pub(super) enum NormalRule {
     Plane,
 }
 
-/// What a cell knows of its points; 96 bytes.
-#[derive(Clone, Copy, Debug, Default)]
+/// What a cell knows of its points; 128 bytes.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Sums {
     /// Number of points.
     pub count: u32,
@@ -84,14 +84,19 @@ pub(super) struct Sums {
     first: DVec3,
     /// Sum of products of coordinates relative to the centre (plane); squared distance of the nearest point.
     second: Moments,
+    /// Box around the points relative to the centre (plane).
+    extent: Aabb,
 }
 
 impl Sums {
+    const NOTHING: Sums = Sums { count: 0, first: DVec3::ZERO, second: [0.0; 6], extent: Aabb::EMPTY };
+
     fn add(&mut self, centre: DVec3, point: &Point, rule: NormalRule) {
         let d = point.position - centre;
         match (rule, point.normal) {
             (NormalRule::Plane, _) => {
                 self.first += d;
+                self.extent = self.extent.with(d);
                 let products = [d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z];
                 self.second.iter_mut().zip(products).for_each(|(sum, p)| *sum += p);
             }
@@ -111,15 +116,19 @@ impl Sums {
     pub fn normal(&self, rule: NormalRule) -> Option<DVec3> {
         let normal = match rule {
             NormalRule::Mean | NormalRule::Nearest => unit(self.first),
-            NormalRule::Plane => {
-                let (n, s) = (f64::from(self.count), self.first);
-                let about_centroid = [s.x * s.x, s.x * s.y, s.x * s.z, s.y * s.y, s.y * s.z, s.z * s.z];
-                let mut moments = self.second;
-                moments.iter_mut().zip(about_centroid).for_each(|(m, c)| *m -= c / n);
-                least_direction(moments)
-            }
+            NormalRule::Plane => least_direction(self.moments_about(self.extent.centre())),
         };
         normal.is_finite().then_some(normal)
+    }
+
+    /// Σ(d−m)(d−m)ᵀ from Σd and Σddᵀ.
+    fn moments_about(&self, m: DVec3) -> Moments {
+        let (n, s) = (f64::from(self.count), self.first);
+        let mut moments = self.second;
+        for (moment, (i, j)) in moments.iter_mut().zip([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]) {
+            *moment -= s[i] * m[j] + m[i] * s[j] - n * m[i] * m[j];
+        }
+        moments
     }
 }
 
@@ -131,7 +140,7 @@ impl Cells {
     /// Adds a point to its cell.
     pub fn add(&mut self, grid: &Grid, point: &Point, rule: NormalRule) {
         let cell = grid.cell_of(point.position);
-        self.0.entry(cell).or_default().add(grid.centre(cell), point, rule);
+        self.0.entry(cell).or_insert(Sums::NOTHING).add(grid.centre(cell), point, rule);
     }
 
     /// Bytes held.
@@ -199,7 +208,7 @@ mod tests {
         #[test]
         fn planes_from_sums_equal_planes_from_points(points in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 3..40), tilt in -0.5..0.5f64) {
             let points: Vec<DVec3> = points.into_iter().map(|[x, y, z]| DVec3::new(x, y, tilt * x + 0.01 * z) + 1000.0).collect();
-            let mut sums = Sums::default();
+            let mut sums = Sums::NOTHING;
             for &position in &points {
                 sums.add(DVec3::splat(1000.5), &Point { position, normal: None }, NormalRule::Plane);
             }
