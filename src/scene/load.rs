@@ -231,8 +231,7 @@ fn described(part: &PartRecipe) -> String {
 fn check_coordinates(scene: &mut Assembly, id: &str, extent: &Extent, place: Option<&Place>) {
     let bounds = ground::bounds(&scene.geometry, extent);
     let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-    // A comparison with NaN is false.
-    if !(farthest <= FARTHEST) {
+    if farthest.is_nan() || farthest > FARTHEST {
         let message = format!(
             "part \"{id}\" reaches {farthest:e} m after its transforms; at most {:e} m can be computed",
             FARTHEST

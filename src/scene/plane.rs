@@ -62,20 +62,13 @@ fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
     let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
     let c = 1.0 / (t * t + 1.0).sqrt();
     let s = t * c;
-    for row in 0..3 {
-        let (ap, aq) = (a[row][p], a[row][q]);
-        a[row][p] = c * ap - s * aq;
-        a[row][q] = s * ap + c * aq;
+    let turn = |x: f64, y: f64| (c * x - s * y, s * x + c * y);
+    for row in a.iter_mut().chain(v) {
+        (row[p], row[q]) = turn(row[p], row[q]);
     }
+    let (top, bottom) = (a[p], a[q]);
     for column in 0..3 {
-        let (ap, aq) = (a[p][column], a[q][column]);
-        a[p][column] = c * ap - s * aq;
-        a[q][column] = s * ap + c * aq;
-    }
-    for row in v {
-        let (vp, vq) = (row[p], row[q]);
-        row[p] = c * vp - s * vq;
-        row[q] = s * vp + c * vq;
+        (a[p][column], a[q][column]) = turn(top[column], bottom[column]);
     }
 }
 

@@ -147,10 +147,7 @@ impl<'a> Iterator for Lines<'a> {
 
 /// Whether a line without its end goes on in the next one.
 pub(super) fn is_continued(line: &[u8]) -> bool {
-    match line {
-        [.., b'\\'] | [.., b'\\', b'\r'] => true,
-        _ => false,
-    }
+    matches!(line, [.., b'\\'] | [.., b'\\', b'\r'])
 }
 
 fn blank_continuation(line: &mut [u8]) {

@@ -84,10 +84,9 @@ fn largest_density(voxels: &[Voxel]) -> f64 {
 /// Reads everything before the voxels: fields, and the two lines that are neither fields nor blank.
 fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
     let mut fields = Fields::default();
-    let mut lines = Lines::new(source.bytes(), false);
     let mut titles = 0;
     let mut end = (source.bytes().len(), 0);
-    while let Some(line) = lines.next() {
+    for line in Lines::new(source.bytes(), false) {
         let text = line.text.trim_ascii_start();
         if text.is_empty() {
             continue;
@@ -112,7 +111,7 @@ fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
     required(fields.max_corner, "max_corner:", 3);
     required(fields.split, "split:", 3);
     let size = required(fields.resolution, "res:", 1)?;
-    if !(size[0] > 0.0) || size.iter().any(|s| *s != size[0]) {
+    if size[0] <= 0.0 || size.iter().any(|s| *s != size[0]) {
         problems.push(1, 0..0, || format!("expected cubes of a size above 0 as #res, found {size:?}"));
     }
     let corner = corner?;
@@ -166,7 +165,7 @@ struct Slice {
 fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
     let mut slice = Slice::default();
     let mut lines = Lines::new(bytes, false);
-    while let Some(line) = lines.next() {
+    for line in lines.by_ref() {
         if is_empty_line(&line.text) || line.text.trim_ascii_start()[0] == b'#' {
             continue;
         }

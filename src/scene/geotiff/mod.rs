@@ -199,8 +199,7 @@ fn heights(decoder: &mut BlockDecoder, raster: &Raster, block: usize) -> Result<
     if bands == 0 {
         return Err(format!("block {block} is shorter than its {width} x {height} pixels"));
     }
-    // NaN is never a height, and a no-data value of NaN is near to none.
-    let is_height = |z: f64| z.abs() <= FARTHEST && !((z - no_data).abs() < 1e-7);
+    let is_height = |z: f64| z.abs() <= FARTHEST && (no_data.is_nan() || (z - no_data).abs() >= 1e-7);
     Ok(values.into_iter().step_by(bands).map(|z| if is_height(z) { z } else { f64::NAN }).collect())
 }
 

@@ -62,7 +62,7 @@ pub(super) fn read(bytes: &[u8], reading: Reading) -> Slice {
     let mut slice = Slice::default();
     let mut corners = Vec::new();
     let mut lines = Lines::new(bytes, true);
-    while let Some(line) = lines.next() {
+    for line in lines.by_ref() {
         slice.statement(&line, reading, &mut corners);
     }
     slice.lines = lines.passed;

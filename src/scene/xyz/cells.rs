@@ -28,7 +28,7 @@ impl Grid {
         for axis in 0..3 {
             let length = extent.max[axis] - extent.min[axis];
             let count = (length / size).ceil().max(1.0);
-            if !(count <= f64::from(u32::MAX)) {
+            if count.is_nan() || count > f64::from(u32::MAX) {
                 return None;
             }
             if length == 0.0 {

@@ -66,7 +66,7 @@ pub(super) fn each(
 ) -> usize {
     let mut lines = Lines::new(bytes, false);
     let mut words = Vec::new();
-    while let Some(line) = lines.next() {
+    for line in lines.by_ref() {
         if is_empty_line(&line.text) || line.text.trim_ascii_start().starts_with(b"//") {
             continue;
         }
