@@ -164,8 +164,10 @@ impl Library {
     ) -> Option<Vec<u32>> {
         let Some(path) = &choice.file else { return Some(vec![self.undefined(DEFAULT)]) };
         let Some(file) = self.open(path, diagnostics) else {
-            diagnostics.error(place.cloned(), format!("cannot read the material file {}", path.display()));
-            return None;
+            let message =
+                format!("cannot read the material file {}; the part reflects 50 per cent", path.display());
+            diagnostics.warn(place.cloned(), message);
+            return Some(vec![self.undefined(DEFAULT)]);
         };
         let definitions = &self.files[file].definitions;
         let index = match &choice.name {
@@ -328,8 +330,14 @@ mod tests {
         choice.name = Some("none".to_owned());
         assert!(library.chosen(&choice, 0, None, &mut f.diagnostics).is_none());
         assert!(f.diagnostics.is_fatal(false));
-        let none = library.chosen(&MaterialChoice::default(), 0, None, &mut f.diagnostics).unwrap();
-        assert_eq!(library.materials[none[0] as usize], Material::unnamed("default"));
+        let before = f.diagnostics.items().len();
+        let gone =
+            MaterialChoice { file: Some(f.folder.path().join("gone.mtl")), ..MaterialChoice::default() };
+        for (choice, warnings) in [(MaterialChoice::default(), 0), (gone, 1)] {
+            let none = library.chosen(&choice, 0, None, &mut f.diagnostics).unwrap();
+            assert_eq!(library.materials[none[0] as usize], Material::unnamed("default"));
+            assert_eq!(f.diagnostics.items().len() - before, warnings);
+        }
     }
 
     #[test]
