@@ -368,3 +368,74 @@ fn warn_about_spans(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::testing::*;
+    use crate::geom::unit;
+
+    fn flight(points: &[[f64; 3]]) -> Survey {
+        let legs = points.iter().map(|p| leg(*p, 30.0, |_| {})).collect();
+        survey(PlatformKind::LinearPath, Mount::IDENTITY, straight(), legs)
+    }
+
+    #[test]
+    fn positions_are_shifted_then_grounded_then_displaced() {
+        let mut s = flight(&[[110.0, 20.0, 7.0], [120.0, 20.0, 7.0], [999.0, 20.0, 7.0]]);
+        s.legs.iter_mut().for_each(|l| l.platform.on_ground = true);
+        s.leg_offset = Some((0.0, 0.5));
+        let shift = DVec3::new(100.0, 20.0, 5.0);
+        let ground = |x: f64, _: f64| (x < 500.0).then_some(x * 0.1);
+        let plan = |noise: bool, seed: u64| {
+            let options = FlightOptions { leg_noise: noise, seed, ..Default::default() };
+            FlightPlan::new(&s, shift, &ground, &options).unwrap()
+        };
+        let (quiet, warnings) = plan(false, 1);
+        let at = |p: &FlightPlan, i: usize| p.platform.legs()[i].position;
+        assert_eq!(at(&quiet, 0), DVec3::new(10.0, 0.0, 1.0));
+        assert_eq!(at(&quiet, 2), DVec3::new(899.0, 0.0, 0.0));
+        assert!(warnings.render(false).contains("leg 2: no ground at x 999"));
+        let (noisy, _) = plan(true, 1);
+        assert_ne!(at(&noisy, 0), at(&quiet, 0));
+        assert_eq!(at(&noisy, 1), at(&plan(true, 1).0, 1));
+        assert_ne!(at(&noisy, 1), at(&plan(true, 2).0, 1));
+    }
+
+    #[test]
+    fn a_waypoint_straight_above_keeps_the_heading_with_a_warning() {
+        let s = flight(&[[0.0, 0.0, 0.0], [10.0, 10.0, 0.0], [10.0, 10.0, 50.0], [20.0, 10.0, 50.0]]);
+        let (_, warnings) = plan_of(&s).unwrap();
+        assert!(warnings.render(false).contains("leg 1: the next waypoint is straight above"));
+        let stacked = flight(&[[0.0, 0.0, 0.0], [0.0, 0.0, 50.0], [20.0, 10.0, 50.0]]);
+        for pulse in fly(&stacked).iter().flat_map(|l| &l.pulses) {
+            assert!(pulse.attitude.forward().is_finite() && pulse.origin.is_finite());
+        }
+    }
+
+    #[test]
+    fn a_single_moving_leg_heads_for_the_centre_with_a_warning() {
+        let s = flight(&[[30.0, 0.0, 0.0]]);
+        let (_, warnings) = plan_of(&s).unwrap();
+        assert!(warnings.render(false).contains("single leg"));
+        let flown = fly(&s);
+        let last = flown[0].pulses.last().unwrap();
+        assert!(last.origin.length() < 1.0 && (last.attitude.forward() - unit(-DVec3::X)).length() < 1e-6);
+    }
+
+    #[test]
+    fn conic_deflectors_turn_as_asked() {
+        let mut s = flight(&[[0.0; 3], [100.0, 0.0, 0.0]]);
+        s.scanner.devices[0].deflector = crate::survey::Deflector::Conic;
+        s.scanner.devices[0].scan_freq = (0.0, 25.0);
+        s.legs.iter_mut().for_each(|l| l.scanner.scan_freq = 5.0);
+        for (as_asked, period) in [(false, 4), (true, 20)] {
+            let options = FlightOptions { conic_at_leg_frequency: as_asked, ..Default::default() };
+            let (plan, _) = FlightPlan::new(&s, DVec3::ZERO, &|_, _| None, &options).unwrap();
+            let pulses =
+                fly_plan(&plan, &mut crate::flight::FlightState::start(&plan)).unwrap().remove(0).pulses;
+            let beam = |i: usize| pulses[i].attitude.forward();
+            assert!((beam(0) - beam(period)).length() < 1e-9 && (beam(0) - beam(period / 2)).length() > 0.1);
+        }
+    }
+}

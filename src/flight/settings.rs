@@ -192,3 +192,89 @@ fn why_never_there(index: usize, platform: &PlatformPlan) -> Option<(String, &'s
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::error::Error;
+    use crate::flight::testing::*;
+    use crate::geom::{DVec3, radians};
+    use crate::survey::{Leg, Mount, PlatformKind, Survey};
+
+    fn flight(change: impl Fn(&mut Leg)) -> Survey {
+        let legs = vec![leg([0.0, 0.0, 10.0], 30.0, &change), leg([50.0, 0.0, 10.0], 30.0, &change)];
+        survey(PlatformKind::LinearPath, Mount::IDENTITY, straight(), legs)
+    }
+
+    #[test]
+    fn legs_that_cannot_end_are_refused_beforehand() {
+        let mut still = flight(|_| {});
+        still.platform.kind = PlatformKind::Static;
+        let report = refusal(&still);
+        assert!(report.contains("leg 0 never ends") && report.contains("leg 1 never ends"), "{report}");
+        assert!(refusal(&flight(|l| turn_head(l, 0.0, 90.0))).contains("the head turns at 0 °/s"));
+        assert!(refusal(&flight(|l| turn_head(l, 1e-14, 90.0))).contains("never comes from 0°"));
+        let mut stiff = flight(|l| turn_head(l, 10.0, 90.0));
+        stiff.scanner.devices[0].head.max_rate = 0.0;
+        assert!(refusal(&stiff).contains("headRotatePerSecMax_deg is 0"));
+        assert!(refusal(&flight(|l| l.platform.speed = 0.0)).contains("its speed is 0 m/s"));
+        let mut hilly = flight(|_| {});
+        hilly.platform.kind = PlatformKind::GroundVehicle { drag: 0.005 };
+        hilly.legs[1].platform.position.z = 11.0;
+        assert!(refusal(&hilly).contains("1.000 m off it"));
+        for endless in [still, stiff, hilly] {
+            let mut timed = endless;
+            timed.legs.iter_mut().for_each(|l| l.scanner.max_duration = Some(0.1));
+            assert!(plan_of(&timed).is_ok());
+        }
+    }
+
+    #[test]
+    fn impossible_numbers_are_refused_all_at_once() {
+        let report = refusal(&flight(|l| {
+            l.scanner.pulse_freq = 0;
+            l.scanner.head_rate = f64::NAN;
+            l.platform.position = DVec3::new(1e300, 0.0, 0.0);
+        }));
+        for part in ["leg 0: the pulse frequency is 0", "leg 1: the head speed is NaN", "no place on earth"] {
+            assert!(report.contains(part), "{part:?} is missing from\n{report}");
+        }
+        assert!(refusal(&flight(|l| l.scanner.warmup = 1e9)).contains("warm-up"));
+        let mut heavy = flight(|_| {});
+        heavy.platform.kind = PlatformKind::GroundVehicle { drag: -1.0 };
+        assert!(refusal(&heavy).contains("drag is -1"));
+        assert!(refusal(&Survey { legs: Vec::new(), ..flight(|_| {}) }).contains("no legs"));
+        let mut headless = flight(|_| {});
+        headless.scanner.devices.clear();
+        assert!(refusal(&headless).contains("has no device"));
+    }
+
+    #[test]
+    fn scan_frequencies_of_active_legs_stay_within_the_scanners_limits() {
+        let limited = |frequency: f64, active: bool| {
+            let mut s = flight(|l| (l.scanner.scan_freq, l.scanner.active) = (frequency, active));
+            s.scanner.devices[0].scan_freq = (10.0, 100.0);
+            s
+        };
+        for frequency in [5.0, 200.0] {
+            assert!(matches!(plan_of(&limited(frequency, true)), Err(Error::Limits(_))));
+            assert!(plan_of(&limited(frequency, false)).is_ok());
+        }
+        assert!(plan_of(&limited(100.0, true)).is_ok());
+    }
+
+    #[test]
+    fn windows_that_a_polygon_cannot_scan_are_refused_and_empty_ones_warned_of() {
+        let with_window = |low: f64, high: f64| {
+            let mut s = flight(|l| {
+                l.scanner.vertical_min = Some(radians(low));
+                l.scanner.vertical_max = Some(radians(high));
+            });
+            s.scanner.devices[0].deflector = polygon();
+            s
+        };
+        assert!(refusal(&with_window(-60.0, 60.0)).contains("exceed the scanner's ±50.000°"));
+        let (_, warnings) = plan_of(&with_window(0.0, 0.0)).unwrap();
+        assert!(warnings.render(false).contains("no pulse fires"));
+        assert!(plan_of(&with_window(-50.0, 50.0)).unwrap().1.items().is_empty());
+    }
+}

@@ -462,4 +462,52 @@ pub(super) mod tests {
         assert!((copter.mount_pointing.forward() - DVec3::new(0.970143, 0.242536, 0.0)).length() < 1e-6);
         assert!((copter.drive.length() - 0.00010404).abs() < 1e-15);
     }
+
+    #[test]
+    fn smooth_turns() {
+        // A survey of three legs at 2 kHz, flown by the reference: leg, step, position, roll, pitch, yaw.
+        let mut legs = [[-22.0, -11.0], [18.0, -13.0], [21.0, 16.0], [3.0, 21.0]].map(|[x, y]| LegCourse {
+            frequency: 2000.0,
+            step_length: 6.0 / 2000.0,
+            stop_and_turn: false,
+            smooth_turn: true,
+            ..course([x, y, 45.0], 6.0)
+        });
+        for leg in &mut legs[2..] {
+            (leg.smooth_turn, leg.slowdown) = (false, false);
+        }
+        let golden = [
+            (0, 0, [-22.0, -11.0, 45.0], [0.0, 29.9570, 267.1376]),
+            (0, 4000, [-21.7571, -11.0121, 45.0019], [0.0, -40.0, 267.1376]),
+            (0, 8000, [-14.4948, -11.3753, 45.0008], [0.0, -4.9794, 267.1376]),
+            (0, 18500, [16.9659, -12.9483, 45.0002], [0.0, -4.9794, 267.1376]),
+            (1, 0, [18.0026, -13.0001, 45.0001], [0.3152, -4.0341, 268.1689]),
+            (1, 4000, [22.0389, -3.6076, 45.0001], [0.0, -4.9794, 3.0094]),
+            (1, 12000, [19.4953, 18.9944, 45.0], [21.1437, 30.0, 66.4760]),
+            (1, 14000, [18.4555, 19.3265, 45.0], [0.0, 30.0, 74.4685]),
+            (2, 0, [18.4017, 19.3415, 45.0], [0.0, 29.9570, 74.5544]),
+            (2, 4000, [13.8893, 19.8287, 45.0], [0.0, -34.5428, 83.8599]),
+            (2, 7500, [3.4495, 20.9516, 45.0], [0.0, -4.9794, 83.8599]),
+        ];
+        let plan = MulticopterPlan::new(parameters(), 2000.0);
+        let mut copter = MulticopterState::default();
+        let mut steps = [0; 3];
+        for leg in 0..3 {
+            let entry = if leg == 0 { LegEntry::Initial } else { LegEntry::Continuing };
+            copter.start_leg(&plan, &legs, leg, entry);
+            while !copter.reached(&legs[leg]) && steps[leg] < 100_000 {
+                copter.step(&plan, &legs[leg]);
+                for (_, step, position, angles) in golden.iter().filter(|g| (g.0, g.1) == (leg, steps[leg])) {
+                    let off = (copter.course.position - DVec3::from(*position)).abs().max_element();
+                    assert!(off < 2e-4, "leg {leg} step {step}: {}", copter.course.position);
+                    let found = reported_angles(copter.attitude(), None).map(f64::to_degrees);
+                    for (f, w) in found.iter().zip(angles) {
+                        assert!((f - w).abs() < 2e-4, "leg {leg} step {step}: {found:?}");
+                    }
+                }
+                steps[leg] += 1;
+            }
+        }
+        assert_eq!(steps[..2], [18_846, 14_394]);
+    }
 }
