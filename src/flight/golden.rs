@@ -111,7 +111,8 @@ fn linear_path_overshoots_and_turns_at_once() {
 fn small_clockwise_errors_of_the_first_leg_quadruple() {
     // §2.8 example 2
     let sampled = |l: &mut Leg| l.scanner.trajectory_interval = 0.001;
-    for (target, wanted) in [([0.5236, 100.0, 0.0], 0.9), ([100.0, 0.0, 0.0], 270.0)] {
+    // 0.3° aside, clockwise
+    for (target, wanted) in [([1.0472, 200.0, 0.0], 0.9), ([100.0, 0.0, 0.0], 270.0)] {
         let legs = vec![leg([0.0; 3], 30.0, sampled), leg(target, 30.0, sampled)];
         let flown =
             fly(&survey(PlatformKind::LinearPath, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs));
@@ -409,4 +410,32 @@ fn a_stretch_beyond_the_table_prolongs_it_with_a_warning() {
     assert!(warnings.render(false).contains("its ends are prolonged"));
     let last = fly(&s)[0].pulses.last().unwrap().origin.x;
     assert!((last - 59.0).abs() < 1e-9, "{last}");
+}
+
+#[test]
+fn an_aerial_polygon_over_a_climbing_path() {
+    // A survey flown by the reference: pulse number, time after the start in ns, origin, direction.
+    let golden = [
+        (1, 0.0, [-9.3000, -2.1000, 42.2000], [-0.0044, 0.0151, -0.9999]),
+        (2, 200_000.0, [-9.2973, -2.0992, 42.2002], [-0.0088, 0.0302, -0.9995]),
+        (500, 113_000_000.0, [-7.7849, -1.6590, 42.3131], [0.1423, -0.4888, -0.8607]),
+        (1000, 224_000_000.0, [-6.2966, -1.2259, 42.4241], [-0.0905, 0.3110, -0.9461]),
+    ];
+    let down = Mount {
+        offset: DVec3::new(0.0, 0.0, 0.2),
+        rotation: Rotation::about_z(radians(90.0)).after(Rotation::about_x(radians(-90.0))),
+    };
+    let scan = |l: &mut Leg| (l.scanner.pulse_freq, l.scanner.scan_freq) = (5000, 50.0);
+    let legs =
+        vec![leg([-9.3, -2.1, 42.0], 14.0, scan), leg([4.1, 1.8, 43.0], 14.0, |l| l.scanner.active = false)];
+    let optics = Deflector::Polygon { effective_max: radians(40.0) };
+    let mut s = survey(PlatformKind::LinearPath, down, optics, legs);
+    s.scanner.devices[0].scan_angle_max = radians(45.0);
+    let pulses = &fly(&s)[0].pulses;
+    for (number, time, origin, direction) in golden {
+        let pulse = &pulses[number - 1];
+        assert_eq!((pulse.number, pulse.time_ns - START_NS), (number as u64, time));
+        close(pulse.origin, origin, 1e-4);
+        close(pulse.attitude.forward(), direction, 1e-4);
+    }
 }

@@ -329,7 +329,7 @@ fn synchronised_start(survey: &Survey, table: &TrajectoryTable) -> f64 {
     let start = survey.legs[0].platform.trajectory.as_ref().and_then(|t| t.start);
     let seconds = start.map_or(table.first_time(), |t| (t - table.first_time()) + table.first_time());
     let ns = seconds * 1e9;
-    if ns > WEEK_NS || ns < 0.0 { (seconds.rem_euclid(WEEK_NS * 1e-9)) * 1e9 } else { ns }
+    if (0.0..=WEEK_NS).contains(&ns) { ns } else { seconds.rem_euclid(WEEK_NS * 1e-9) * 1e9 }
 }
 
 fn warn_about_spans(

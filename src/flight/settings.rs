@@ -53,7 +53,7 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
         problems.error(leg.place.clone(), message);
     }
     let p = leg.platform.position;
-    if !(p.abs().max_element() <= FARTHEST) {
+    if !p.is_finite() || p.abs().max_element() > FARTHEST {
         let message = format!("leg {n}: no place on earth: x {} y {} z {}", p.x, p.y, p.z);
         problems.error(leg.place.clone(), message);
     }

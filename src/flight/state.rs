@@ -313,10 +313,13 @@ impl FlightPlan {
         } else {
             platform.position() + mount + emitter
         };
-        let clean = carrier.after(state.emitter(plan)).after(state.deflector.rotation(plan));
+        let exact_deflection = state.deflector.exact_rotation(plan);
+        let deflection =
+            if state.deflector.is_disturbed() { state.deflector.rotation(plan) } else { exact_deflection };
+        let clean = carrier.after(state.emitter(plan)).after(deflection);
         let attitude = self.noise.disturb(clean, device, emitted);
         let exact_attitude = if plan.errors.any() {
-            carrier.after(state.exact_emitter(plan)).after(state.deflector.exact_rotation(plan))
+            carrier.after(state.exact_emitter(plan)).after(exact_deflection)
         } else {
             attitude
         };
@@ -328,7 +331,7 @@ impl FlightPlan {
             time_ns,
             number: state.pulses,
             device,
-            scan_angle: state.deflector.scan_angle(plan),
+            scan_angle: state.deflector.scan_angle(&exact_deflection),
             range_error,
         }
     }
@@ -425,7 +428,7 @@ mod tests {
         assert!((a.attitude.forward() - b.attitude.forward()).length() < 1e-6);
         assert_eq!(b.time_ns - time, a.time_ns - START_NS);
         let twice: usize = second.iter().map(|l| l.pulses.len()).sum();
-        let device_0 = second.iter().flat_map(|l| &l.pulses).filter(|p| p.device == 0).last().unwrap();
+        let device_0 = second.iter().flat_map(|l| &l.pulses).filter(|p| p.device == 0).next_back().unwrap();
         assert!(device_0.number as usize > numbers / 4 && twice == numbers);
     }
 

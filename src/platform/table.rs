@@ -86,17 +86,17 @@ pub(super) fn filter_slopes(rows: &[(f64, PoseValues)], threshold: f64) -> Vec<(
     };
     let mut kept: Vec<(f64, PoseValues)> = rows.first().copied().into_iter().collect();
     let mut sum = [0.0; 6];
-    for i in 1..rows.len().saturating_sub(1) {
+    for (i, row) in rows.iter().enumerate().take(rows.len().saturating_sub(1)).skip(1) {
         let (Some(before), Some(after)) = (slope(i - 1), slope(i)) else {
-            kept.push(rows[i]);
+            kept.push(*row);
             sum = [0.0; 6];
             continue;
         };
-        for c in 0..6 {
-            sum[c] += after[c] - before[c];
+        for ((sum, after), before) in sum.iter_mut().zip(after).zip(before) {
+            *sum += after - before;
         }
         if sum.iter().any(|s| s.abs() > threshold) {
-            kept.push(rows[i]);
+            kept.push(*row);
             sum = [0.0; 6];
         }
     }

@@ -1,6 +1,6 @@
 //! Beam deflectors (spec kinematics §4).
 
-use super::{DevicePlan, risley};
+use super::DevicePlan;
 use crate::geom::{DVec3, Rotation, degrees};
 use crate::survey::{Deflector, ScannerSettings};
 use std::f64::consts::TAU;
@@ -136,10 +136,9 @@ impl DeflectorState {
             }
             DeflectorState::Risley { time, step, last } => {
                 *time += *step;
-                if plan.risley_may_fail
-                    && let Some(beam) = beam_behind_prisms(&plan.deflector, *time)
-                {
-                    *last = Some(beam);
+                // Where no beam can be lost, only pulses need its direction.
+                if let Some(prisms) = plan.prisms.as_ref().filter(|p| p.may_fail) {
+                    *last = prisms.refracted(*time).or(*last);
                 }
             }
         }
@@ -166,16 +165,21 @@ impl DeflectorState {
         }
     }
 
-    /// The scan angle of a pulse in rad: the deflection in the scan plane, for two-dimensional patterns the component of
-    /// the deflection about x.
-    pub fn scan_angle(&self, plan: &DevicePlan) -> f64 {
+    /// The scan angle of a pulse in rad: the deflection in the scan plane, for two-dimensional patterns the component about
+    /// x of the deflection, whose exact rotation is `deflection`.
+    pub fn scan_angle(&self, deflection: &Rotation) -> f64 {
         match self {
             DeflectorState::Conic { .. } | DeflectorState::Risley { .. } => {
-                let beam = self.exact_rotation(plan).forward();
+                let beam = deflection.forward();
                 libm::atan2(beam.z, beam.y)
             }
             _ => self.exact_angle(),
         }
+    }
+
+    /// Whether the deflection has an error now.
+    pub fn is_disturbed(&self) -> bool {
+        matches!(self, DeflectorState::Polygon(mirror) if mirror.angle != mirror.exact)
     }
 
     /// The deflection with its error.
@@ -193,21 +197,14 @@ impl DeflectorState {
                 Rotation::about_y(*turn).after(Rotation::about_x(*half_angle))
             }
             DeflectorState::Risley { time, last, .. } => {
-                let beam = match last {
-                    None if !plan.risley_may_fail => beam_behind_prisms(&plan.deflector, *time),
-                    beam => *beam,
+                let beam = match &plan.prisms {
+                    Some(prisms) if !prisms.may_fail => prisms.refracted(*time),
+                    _ => *last,
                 };
                 beam.map_or(Rotation::IDENTITY, |b| Rotation::between(DVec3::Y, b))
             }
             _ => Rotation::about_x(self.exact_angle()),
         }
-    }
-}
-
-fn beam_behind_prisms(deflector: &Deflector, time: f64) -> Option<DVec3> {
-    match deflector {
-        Deflector::Risley { prisms, air, incident } => risley::refracted(prisms, *air, *incident, time),
-        _ => None,
     }
 }
 
@@ -463,14 +460,15 @@ mod tests {
             air: 1.0,
             incident: DVec3::Y,
         };
-        let d = device(deflector.clone());
+        let d = device(deflector);
         let (plan, mut state) = started(&d, &settings(100));
-        assert!(plan.risley_may_fail);
+        let train = plan.prisms.clone().unwrap();
+        assert!(train.may_fail);
         let (mut last, mut failures) = (None, 0);
         for _ in 0..100 {
             state.step(&plan);
             let DeflectorState::Risley { time, .. } = state else { unreachable!() };
-            match beam_behind_prisms(&deflector, time) {
+            match train.refracted(time) {
                 Some(beam) => last = Some(beam),
                 None => failures += 1,
             }

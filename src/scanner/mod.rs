@@ -32,17 +32,17 @@ pub struct DevicePlan {
     pub errors: MechanicalErrors,
     /// Conic deflectors turn at the leg's scan frequency instead of the device's highest one (spec kinematics, trap 29).
     pub conic_at_leg_frequency: bool,
-    /// Whether a Risley beam can be lost by total reflection, so that its last direction has to be remembered.
-    risley_may_fail: bool,
+    /// Risley prisms.
+    prisms: Option<risley::Train>,
 }
 
 impl DevicePlan {
     /// The plan of `device`.
     pub fn new(device: &Device, conic_at_leg_frequency: bool) -> DevicePlan {
         let axis = device.head.axis;
-        let risley_may_fail = match &device.deflector {
-            Deflector::Risley { prisms, air, incident } => risley::may_fail(prisms, *air, *incident),
-            _ => false,
+        let prisms = match &device.deflector {
+            Deflector::Risley { prisms, air, incident } => Some(risley::Train::new(prisms, *air, *incident)),
+            _ => None,
         };
         DevicePlan {
             deflector: device.deflector.clone(),
@@ -53,7 +53,7 @@ impl DevicePlan {
             beam_origin: device.beam_origin,
             errors: device.errors.clone(),
             conic_at_leg_frequency,
-            risley_may_fail,
+            prisms,
         }
     }
 

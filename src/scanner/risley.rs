@@ -2,26 +2,65 @@
 
 use crate::geom::{DVec3, unit};
 use crate::survey::Prism;
-use libm::{acos, asin, cos, sin};
+use libm::{acos, asin, cos, sin, sincos};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// The direction of the beam behind all prisms at `time` seconds; `None` where it is totally reflected within one.
-pub(super) fn refracted(prisms: &[Prism], air: f64, incident: DVec3, time: f64) -> Option<DVec3> {
-    prisms.iter().try_fold(incident, |beam, prism| through(prism, air, beam, time))
+/// Prisms with what of them never changes.
+#[derive(Clone, Debug)]
+pub(super) struct Train {
+    prisms: Vec<Wedge>,
+    incident: DVec3,
+    /// Whether the beam could be totally reflected at some time.
+    pub may_fail: bool,
 }
 
-fn through(prism: &Prism, air: f64, beam: DVec3, time: f64) -> Option<DVec3> {
-    let turn = TAU * prism.rotor_freq * time;
-    let wedge = prism.angle.abs();
-    let (across, along) = (sin(wedge), -cos(wedge));
-    let flat = DVec3::new(0.0, -1.0, 0.0);
-    let inclined = DVec3::new(sin(turn) * across, along, cos(turn) * across);
-    let (first, second) = if prism.angle > 0.0 {
-        (inclined, flat)
-    } else {
-        (flat, DVec3::new(-inclined.x, inclined.y, -inclined.z))
-    };
-    bent(beam, first, air / prism.index).and_then(|b| bent(b, second, prism.index / air))
+#[derive(Clone, Copy, Debug)]
+struct Wedge {
+    rotor_freq: f64,
+    /// The inclined face is met first.
+    inclined_first: bool,
+    sine: f64,
+    cosine: f64,
+    /// Ratios of the refractive indices at entry and exit.
+    into: f64,
+    out_of: f64,
+}
+
+impl Train {
+    pub fn new(prisms: &[Prism], air: f64, incident: DVec3) -> Train {
+        let wedge = |p: &Prism| Wedge {
+            rotor_freq: p.rotor_freq,
+            inclined_first: p.angle > 0.0,
+            sine: sin(p.angle.abs()),
+            cosine: cos(p.angle.abs()),
+            into: air / p.index,
+            out_of: p.index / air,
+        };
+        Train {
+            prisms: prisms.iter().map(wedge).collect(),
+            incident,
+            may_fail: may_fail(prisms, air, incident),
+        }
+    }
+
+    /// The direction of the beam behind all prisms at `time` seconds; `None` where it is totally reflected within one.
+    pub fn refracted(&self, time: f64) -> Option<DVec3> {
+        self.prisms.iter().try_fold(self.incident, |beam, wedge| wedge.refracted(beam, time))
+    }
+}
+
+impl Wedge {
+    fn refracted(&self, beam: DVec3, time: f64) -> Option<DVec3> {
+        let (s, c) = sincos(TAU * self.rotor_freq * time);
+        let flat = DVec3::new(0.0, -1.0, 0.0);
+        let inclined = DVec3::new(s * self.sine, -self.cosine, c * self.sine);
+        let (first, second) = if self.inclined_first {
+            (inclined, flat)
+        } else {
+            (flat, DVec3::new(-inclined.x, inclined.y, -inclined.z))
+        };
+        bent(beam, first, self.into).and_then(|b| bent(b, second, self.out_of))
+    }
 }
 
 /// Snell's law for the unit vector `b` at a face with normal `n` towards the beam; `eta` is the ratio of the indices.
@@ -34,7 +73,7 @@ fn bent(b: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
 /// Whether the beam could be totally reflected at some time. The bound on its tilt is safe, not tight: refraction at a face
 /// maps the axis to a known direction and stretches distances on the sphere around it by at most the largest slope of Snell's
 /// law within reach.
-pub(super) fn may_fail(prisms: &[Prism], air: f64, incident: DVec3) -> bool {
+fn may_fail(prisms: &[Prism], air: f64, incident: DVec3) -> bool {
     let mut tilt = acos(incident.y.clamp(-1.0, 1.0));
     for prism in prisms {
         let wedge = prism.angle.abs();
@@ -81,12 +120,12 @@ mod tests {
             [0.022353, 0.998748, -0.044756],
         ];
         for (i, wanted) in wanted.into_iter().enumerate() {
-            let found = refracted(&prisms, 1.0, DVec3::Y, (i + 1) as f64 * 0.01).unwrap();
+            let found = Train::new(&prisms, 1.0, DVec3::Y).refracted((i + 1) as f64 * 0.01).unwrap();
             assert!((found - DVec3::from(wanted)).length() < 2e-6, "{found}");
         }
         assert!(!may_fail(&prisms, 1.0, DVec3::Y));
-        assert!(may_fail(&[prism(1.0, -45.0, 1.5)], 1.0, DVec3::Y));
-        assert!(refracted(&[prism(1.0, -45.0, 1.5)], 1.0, DVec3::Y, 0.0).is_none());
+        let steep = Train::new(&[prism(1.0, -45.0, 1.5)], 1.0, DVec3::Y);
+        assert!(steep.may_fail && steep.refracted(0.0).is_none());
     }
 
     proptest! {
@@ -96,8 +135,9 @@ mod tests {
             time in 0.0..100.0f64,
         ) {
             let prisms: Vec<Prism> = shapes.into_iter().map(|(f, a, n)| prism(f, a, n)).collect();
-            if !may_fail(&prisms, 1.0, DVec3::Y) {
-                let beam = refracted(&prisms, 1.0, DVec3::Y, time);
+            let train = Train::new(&prisms, 1.0, DVec3::Y);
+            if !train.may_fail {
+                let beam = train.refracted(time);
                 prop_assert!(beam.is_some_and(|b| (b.length() - 1.0).abs() < 1e-12));
             }
         }
