@@ -3,7 +3,7 @@
 use super::testing::*;
 use super::{FlightState, Step};
 use crate::geom::{DVec3, Rotation, degrees, radians};
-use crate::survey::formula::Formula;
+use crate::survey::Formula;
 use crate::survey::*;
 use std::io::Write;
 

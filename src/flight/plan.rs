@@ -82,8 +82,8 @@ impl FlightPlan {
     /// surface at a scene-frame x, y. Returns the warnings too.
     ///
     /// # Errors
-    /// [`Error::Input`] with all problems: legs that cannot end, settings that the scanner cannot follow, malformed
-    /// trajectories; [`Error::Limits`] for scan frequencies beyond the scanner's; trajectory files that cannot be read.
+    /// [`Error::Input`] with all problems: numbers that cannot be flown, legs that cannot end, malformed trajectories;
+    /// [`Error::Io`] for trajectory files that cannot be read.
     pub fn new(
         survey: &Survey,
         shift: DVec3,
@@ -93,11 +93,6 @@ impl FlightPlan {
         let mut problems = Diagnostics::default();
         if !settings::check_numbers(survey, &mut problems) {
             return Err(Error::Input(Box::new(problems)));
-        }
-        let mut limits = Diagnostics::default();
-        settings::check_scan_frequencies(survey, &mut limits);
-        if limits.is_fatal(false) {
-            return Err(Error::Limits(Box::new(limits)));
         }
         let courses = courses(survey, shift, ground, options, &mut problems);
         let devices: Vec<DevicePlan> = survey

@@ -81,39 +81,15 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
     }
 }
 
-/// Scan frequencies of active legs outside the limits of device 0 (spec input-formats §2.7).
-pub(super) fn check_scan_frequencies(survey: &Survey, problems: &mut Diagnostics) {
-    let Some(device) = survey.scanner.devices.first() else { return };
-    let (lowest, highest) = device.scan_freq;
-    for leg in survey.legs.iter().filter(|l| l.scanner.active) {
-        let f = leg.scanner.scan_freq;
-        if f < lowest || (highest != 0.0 && f > highest) {
-            let message = format!(
-                "leg {}: a scan frequency of {f} Hz, the scanner allows {lowest} to {} Hz",
-                leg.number,
-                if highest != 0.0 { highest.to_string() } else { "any number of".to_owned() }
-            );
-            problems.error(leg.place.clone(), message);
-        }
-    }
-}
-
-/// Checks deflector and head of leg `leg`.
+/// Warns of polygon mirrors that never fire in leg `leg`.
 pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &mut Diagnostics) {
-    for (i, device) in devices.iter().enumerate() {
+    for (i, device) in devices.iter().enumerate().filter(|_| leg.settings.active) {
         let Deflector::Polygon { effective_max } = device.deflector else { continue };
         let angle = device.scan_angle(leg.settings.scan_angle);
         let (lower, upper) = window(effective_max, angle, &leg.settings);
-        let which = if devices.len() > 1 { format!(", channel {i}") } else { String::new() };
-        let range = format!("{:.3}° to {:.3}°", degrees(lower), degrees(upper));
-        if upper - lower > 2.0 * effective_max {
-            let message = format!(
-                "leg {}{which}: vertical angles {range} exceed the scanner's ±{:.3}°",
-                leg.number,
-                degrees(effective_max)
-            );
-            problems.error(leg.place.clone(), message);
-        } else if leg.settings.active && lower >= upper {
+        if lower >= upper {
+            let which = if devices.len() > 1 { format!(", channel {i}") } else { String::new() };
+            let range = format!("{:.3}° to {:.3}°", degrees(lower), degrees(upper));
             let message =
                 format!("leg {}{which}: no pulse fires between vertical angles {range}", leg.number);
             problems.warn(leg.place.clone(), message).help(
@@ -195,7 +171,6 @@ fn why_never_there(index: usize, platform: &PlatformPlan) -> Option<(String, &'s
 
 #[cfg(test)]
 mod tests {
-    use crate::error::Error;
     use crate::flight::testing::*;
     use crate::geom::{DVec3, radians};
     use crate::survey::{Leg, Mount, PlatformKind, Survey};
@@ -249,21 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn scan_frequencies_of_active_legs_stay_within_the_scanners_limits() {
-        let limited = |frequency: f64, active: bool| {
-            let mut s = flight(|l| (l.scanner.scan_freq, l.scanner.active) = (frequency, active));
-            s.scanner.devices[0].scan_freq = (10.0, 100.0);
-            s
-        };
-        for frequency in [5.0, 200.0] {
-            assert!(matches!(plan_of(&limited(frequency, true)), Err(Error::Limits(_))));
-            assert!(plan_of(&limited(frequency, false)).is_ok());
-        }
-        assert!(plan_of(&limited(100.0, true)).is_ok());
-    }
-
-    #[test]
-    fn windows_that_a_polygon_cannot_scan_are_refused_and_empty_ones_warned_of() {
+    fn empty_windows_are_warned_of() {
         let with_window = |low: f64, high: f64| {
             let mut s = flight(|l| {
                 l.scanner.vertical_min = Some(radians(low));
@@ -272,7 +233,6 @@ mod tests {
             s.scanner.devices[0].deflector = polygon();
             s
         };
-        assert!(refusal(&with_window(-60.0, 60.0)).contains("exceed the scanner's ±50.000°"));
         let (_, warnings) = plan_of(&with_window(0.0, 0.0)).unwrap();
         assert!(warnings.render(false).contains("no pulse fires"));
         assert!(plan_of(&with_window(-50.0, 50.0)).unwrap().1.items().is_empty());

@@ -282,7 +282,7 @@ mod tests {
     use super::*;
     use crate::geom::radians;
     use crate::scanner::testing::{device, settings};
-    use crate::survey::formula::Formula;
+    use crate::survey::Formula;
     use crate::survey::{Device, Prism};
 
     fn started(device: &Device, settings: &ScannerSettings) -> (DevicePlan, DeflectorState) {

@@ -168,7 +168,7 @@ mod tests {
     fn the_first_error_is_that_of_the_threshold() {
         // spec kinematics §5.1: error 0.1·THETA, threshold 1°, deflection 0: 0.1°
         let mut d = device(Deflector::Polygon { effective_max: 1.0 });
-        d.errors.head = Some((crate::survey::formula::Formula::parse("0.1*THETA").unwrap(), radians(1.0)));
+        d.errors.head = Some((crate::survey::Formula::parse("0.1*THETA").unwrap(), radians(1.0)));
         let (plan, mut h) = head(&d, 100, 36.0, 0.0, 90.0);
         assert_eq!(h.disturbed_angle(&plan), 0.0, "setting the present angle does nothing");
         h.step(&plan, 0.0);
