@@ -112,7 +112,7 @@ fn small_clockwise_errors_of_the_first_leg_quadruple() {
     // §2.8 example 2
     let sampled = |l: &mut Leg| l.scanner.trajectory_interval = 0.001;
     // 0.3° aside, clockwise
-    for (target, wanted) in [([1.0472, 200.0, 0.0], 0.9), ([100.0, 0.0, 0.0], 270.0)] {
+    for (target, wanted) in [([2.618, 500.0, 0.0], 0.9), ([100.0, 0.0, 0.0], 270.0)] {
         let legs = vec![leg([0.0; 3], 30.0, sampled), leg(target, 30.0, sampled)];
         let flown =
             fly(&survey(PlatformKind::LinearPath, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs));

@@ -428,7 +428,7 @@ mod tests {
         assert!((a.attitude.forward() - b.attitude.forward()).length() < 1e-6);
         assert_eq!(b.time_ns - time, a.time_ns - START_NS);
         let twice: usize = second.iter().map(|l| l.pulses.len()).sum();
-        let device_0 = second.iter().flat_map(|l| &l.pulses).filter(|p| p.device == 0).next_back().unwrap();
+        let device_0 = second.iter().flat_map(|l| &l.pulses).rfind(|p| p.device == 0).unwrap();
         assert!(device_0.number as usize > numbers / 4 && twice == numbers);
     }
 
