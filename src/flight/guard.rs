@@ -94,8 +94,7 @@ mod tests {
     use crate::error::Error;
     use crate::flight::testing::*;
     use crate::flight::{FlightPlan, FlightState, Step};
-    use crate::geom::radians;
-    use crate::survey::{Leg, Mount, Multicopter, PlatformKind, Survey};
+    use crate::survey::{Leg, Mount, PlatformKind, Survey};
 
     fn drive(points: &[[f64; 3]], change: impl Fn(&mut Leg)) -> Survey {
         let legs = points.iter().map(|p| leg(*p, 3.0, &change)).collect();
@@ -151,21 +150,9 @@ mod tests {
     #[test]
     fn a_multicopter_that_misses_its_waypoint_is_stopped() {
         // spec kinematics §11.3: with smooth turns leg 1 does not end
-        let parameters = Multicopter {
-            drag: 0.01,
-            engine_max_force: 0.1,
-            speedup: 2.0,
-            slowdown: 2.0,
-            base_pitch: radians(-5.0),
-            pitch_speed: radians(85.94),
-            roll_speed: radians(28.65),
-            yaw_speed: radians(85.94),
-            pitch_offset: radians(35.0),
-            roll_offset: radians(25.0),
-        };
         let legs = [([0.0, 0.0, 50.0], 8.0), ([40.0, 10.0, 52.0], 8.0), ([20.0, 50.0, 48.0], 5.0)];
         let legs = legs.map(|(p, speed)| leg(p, speed, |l| l.platform.smooth_turn = true)).to_vec();
-        let s = survey(PlatformKind::Multicopter(parameters), Mount::IDENTITY, straight(), legs);
+        let s = survey(PlatformKind::Multicopter(MULTICOPTER), Mount::IDENTITY, straight(), legs);
         let report = outcome(&plan_of(&s).unwrap().0).unwrap_err();
         assert!(report.contains("leg 1 never ends"), "{report}");
     }

@@ -27,9 +27,13 @@ pub(super) fn check_numbers(survey: &Survey, problems: &mut Diagnostics) -> bool
         let message = format!("a stream of poses has one leg, the survey has {}", survey.legs.len());
         problems.error(None, message);
     }
-    if let Some(drag) = drag(&survey.platform.kind).filter(|d| !(d.is_finite() && *d >= 0.0)) {
-        let id = &survey.platform.id;
-        problems.error(None, format!("platform `{id}`: drag is {drag}, expected a number of at least 0"));
+    for (name, value) in platform_numbers(survey) {
+        if !value.is_finite() || (name == "drag" && value < 0.0) {
+            let least = if name == "drag" { " of at least 0" } else { "" };
+            let id = &survey.platform.id;
+            let message = format!("platform `{id}`: {name} is {value}, expected a finite number{least}");
+            problems.error(None, message);
+        }
     }
     for leg in &survey.legs {
         check_leg_numbers(leg, problems);
@@ -37,12 +41,27 @@ pub(super) fn check_numbers(survey: &Survey, problems: &mut Diagnostics) -> bool
     problems.items().len() == before
 }
 
-fn drag(kind: &PlatformKind) -> Option<f64> {
-    match kind {
-        PlatformKind::GroundVehicle { drag } => Some(*drag),
-        PlatformKind::Multicopter(m) => Some(m.drag),
-        _ => None,
+fn platform_numbers(survey: &Survey) -> Vec<(&'static str, f64)> {
+    let mut numbers = match &survey.platform.kind {
+        PlatformKind::GroundVehicle { drag } => vec![("drag", *drag)],
+        PlatformKind::Multicopter(m) => vec![
+            ("drag", m.drag),
+            ("engine_max_force", m.engine_max_force),
+            ("speedup_magnitude", m.speedup),
+            ("slowdown_magnitude", m.slowdown),
+            ("base_pitch_deg", m.base_pitch),
+            ("pitch_speed_deg", m.pitch_speed),
+            ("roll_speed_deg", m.roll_speed),
+            ("yaw_speed_deg", m.yaw_speed),
+            ("pitch_offset_deg", m.pitch_offset),
+            ("roll_offset_deg", m.roll_offset),
+        ],
+        _ => Vec::new(),
+    };
+    if let Some((mean, stdev)) = survey.leg_offset {
+        numbers.extend([("the mean leg offset", mean), ("the deviation of leg offsets", stdev)]);
     }
+    numbers
 }
 
 fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
@@ -173,7 +192,7 @@ fn why_never_there(index: usize, platform: &PlatformPlan) -> Option<(String, &'s
 mod tests {
     use crate::flight::testing::*;
     use crate::geom::{DVec3, radians};
-    use crate::survey::{Leg, Mount, PlatformKind, Survey};
+    use crate::survey::{Leg, Mount, Multicopter, PlatformKind, Survey};
 
     fn flight(change: impl Fn(&mut Leg)) -> Survey {
         let legs = vec![leg([0.0, 0.0, 10.0], 30.0, &change), leg([50.0, 0.0, 10.0], 30.0, &change)];
@@ -217,6 +236,10 @@ mod tests {
         let mut heavy = flight(|_| {});
         heavy.platform.kind = PlatformKind::GroundVehicle { drag: -1.0 };
         assert!(refusal(&heavy).contains("drag is -1"));
+        let mut copter = flight(|_| {});
+        let crooked = Multicopter { base_pitch: f64::NAN, ..MULTICOPTER };
+        copter.platform.kind = PlatformKind::Multicopter(crooked);
+        assert!(refusal(&copter).contains("base_pitch_deg is NaN"));
         assert!(refusal(&Survey { legs: Vec::new(), ..flight(|_| {}) }).contains("no legs"));
         let mut headless = flight(|_| {});
         headless.scanner.devices.clear();

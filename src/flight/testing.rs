@@ -86,6 +86,21 @@ pub fn straight() -> Deflector {
     Deflector::Risley { prisms: Vec::new(), air: 1.0, incident: DVec3::Y }
 }
 
+/// The multicopter of the golden sequences.
+pub const MULTICOPTER: Multicopter = Multicopter {
+    drag: 0.01,
+    engine_max_force: 0.1,
+    speedup: 2.0,
+    slowdown: 2.0,
+    base_pitch: -5.0 * DEGREE,
+    pitch_speed: 85.94 * DEGREE,
+    roll_speed: 28.65 * DEGREE,
+    yaw_speed: 85.94 * DEGREE,
+    pitch_offset: 35.0 * DEGREE,
+    roll_offset: 25.0 * DEGREE,
+};
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
 /// The plan of `survey` with the start time of the examples.
 pub fn plan_of(survey: &Survey) -> Result<(FlightPlan, Diagnostics)> {
     let options = FlightOptions { gps_start_ns: START_NS, ..FlightOptions::default() };
