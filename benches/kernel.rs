@@ -40,7 +40,7 @@ fn forest(trees: usize, leaves: usize) -> Geometry {
             let at = middle + d * DVec3::new(crown, crown, 1.6 * crown) * u(t, l, 6).cbrt();
             let e = unit(DVec3::new(u(t, l, 7) - 0.5, u(t, l, 8) - 0.5, u(t, l, 9) - 0.5));
             let f = unit(e.cross(d + DVec3::splat(1e-3)));
-            let size = 0.04 + 0.08 * u(t, l, 10);
+            let size = 0.15 + 0.45 * u(t, l, 10);
             triangle(&mut g, [at, at + e * size, at + f * size]);
         }
     }

@@ -18,7 +18,7 @@ use crate::geom::DVec3;
 pub(crate) const LOOSE: f32 = 1.000_000_6;
 
 /// Slopes nearer to zero are widened to this, so that reciprocals stay finite.
-const FLATTEST: f32 = 1e-18;
+pub(crate) const FLATTEST: f32 = 1e-18;
 
 /// Origins farther away than this (in scene radii) are not for single precision.
 const FARTHEST: f64 = 1e12;

@@ -103,7 +103,7 @@ fn flat_meshes_are_split_along_their_extent() {
         assert_eq!((strict.interior, strict.leaves, strict.max_leaf, strict.max_depth), (3, 4, 578, 2));
         assert!((strict.cost - 547.5).abs() < 0.1, "{}", strict.cost);
         let options = BuildOptions {
-            next_axis: true,
+            axes: Axes::TurnThenNext,
             accounting: Accounting::Local,
             max_depth: None,
             ..BuildOptions::strict(builder)

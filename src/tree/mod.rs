@@ -7,7 +7,8 @@
 //! | `options`, `build` | what a tree is built with; the builders |
 //! | `frame`, `node`, `block` | the tree's parts, in single precision around the scene's centre |
 //! | `beam` | the filter: a bundle of rays against planes, boxes and blocks of triangles |
-//! | `trace`, `bundle` | the walk of one beam, and the verdicts at its end |
+//! | `trace` | single rays |
+//! | `kernel`, `simd` | groups of pulses; the instruction sets that they are traced with |
 //!
 //! Trees and beams only choose which verdicts are asked for, and err on the side of asking; so every tree, every way to
 //! trace and every instruction set gives the same hits, bit for bit, as asking for all of them.
@@ -15,21 +16,22 @@
 mod beam;
 mod block;
 mod build;
-mod bundle;
 mod frame;
 mod geometry;
 mod index;
 mod intersect;
+mod kernel;
 mod node;
 mod options;
 mod rays;
+mod simd;
 mod trace;
 
 pub use geometry::{Cube, Geometry, Hit};
 pub use index::Tree;
 pub use intersect::{cube as intersect_cube, triangle as intersect_triangle};
-pub use options::{Accounting, BuildOptions, Builder, Statistics};
-pub use rays::{Hits, RayBundle};
+pub use options::{Accounting, Areas, Axes, BuildOptions, Builder, Statistics};
+pub use rays::{Hits, RayBundle, RayGroup};
 
 #[cfg(test)]
 mod golden_tests;

@@ -24,6 +24,26 @@ pub enum Accounting {
     Global,
 }
 
+/// Which axes a node's split is searched on. [`Builder::AxisSah`] always searches all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// The axis of the turn, depth mod 3.
+    Turn,
+    /// The axis of the turn, then the others when it has no split worth making: flat scenes need it.
+    TurnThenNext,
+    /// All, for the split of least loss.
+    Best,
+}
+
+/// How the chance of a ray to meet a side of a split is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Areas {
+    /// Proportional to its length along the split axis (spec §1.4).
+    Proportional,
+    /// By the surface of its box.
+    Surface,
+}
+
 /// Settings of a build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
@@ -45,8 +65,10 @@ pub struct BuildOptions {
     pub grain: usize,
     /// Largest depth of a leaf; `None` is ⌊8 + 1.3·log2 N⌋.
     pub max_depth: Option<u32>,
-    /// Whether the other axes are tried when the axis of the turn has no split worth making.
-    pub next_axis: bool,
+    /// Which axes are searched.
+    pub axes: Axes,
+    /// What the sides of a split cost.
+    pub areas: Areas,
     /// How a split's gain is judged.
     pub accounting: Accounting,
     /// Threads for the build; 0 is as many as the machine has.
@@ -67,7 +89,8 @@ impl Default for BuildOptions {
             cost_primitive: 1.0,
             grain: 16,
             max_depth: None,
-            next_axis: true,
+            axes: Axes::Best,
+            areas: Areas::Surface,
             accounting: Accounting::Local,
             jobs: 0,
             delegate: 32,
@@ -90,7 +113,8 @@ impl BuildOptions {
             cost_interior: 1.0,
             grain: 1,
             max_depth: Some(64),
-            next_axis: false,
+            axes: Axes::Turn,
+            areas: Areas::Proportional,
             accounting: Accounting::Global,
             jobs: 1,
             ..BuildOptions::default()

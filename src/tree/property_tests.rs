@@ -30,7 +30,7 @@ fn trees(g: &Geometry) -> Vec<Tree> {
     let mut trees: Vec<Tree> = builders.map(|b| Tree::build(g, &BuildOptions::of(b))).into();
     let strict = BuildOptions {
         accounting: Accounting::Local,
-        next_axis: true,
+        axes: Axes::TurnThenNext,
         ..BuildOptions::strict(Builder::Fsah)
     };
     trees.push(Tree::build(g, &strict));
@@ -58,6 +58,33 @@ fn assert_agreement(g: &Geometry, pulses: &[RayBundle]) {
                     p.direction(i)
                 );
                 assert_eq!(tree.nearest(g, p.origin, p.direction(i)), *hit, "tree {n}, single ray {i}");
+            }
+        }
+        assert_groups_agree(n, tree, g, pulses, &expected);
+    }
+}
+
+/// So do groups, on every instruction set.
+fn assert_groups_agree(n: usize, tree: &Tree, g: &Geometry, pulses: &[RayBundle], expected: &[Vec<Option<Hit>>]) {
+    let mut hits = Hits::default();
+    for rays in [1, 2, 7, 19] {
+        let mut group = RayGroup::new(rays);
+        let members = || pulses.iter().zip(expected).filter(|(p, _)| p.len() == rays);
+        for (p, _) in members() {
+            group.push(p.origin, |x, y, z| {
+                x.copy_from_slice(&p.x);
+                y.copy_from_slice(&p.y);
+                z.copy_from_slice(&p.z);
+            });
+        }
+        for level in simd::Level::available() {
+            tree.trace_group_on(level, g, &group, &mut hits);
+            for (i, (p, expected)) in members().enumerate() {
+                for (r, hit) in expected.iter().enumerate() {
+                    let at = i * group.stride() + r;
+                    let found = (hits.primitive[at] != Hits::MISS).then(|| Hit { t: hits.t[at], primitive: hits.primitive[at] });
+                    assert_eq!(found, *hit, "{level:?}, tree {n}, ray {r} of pulse {i} from {} to {}", p.origin, p.direction(r));
+                }
             }
         }
     }
@@ -125,6 +152,15 @@ fn pulses(g: &Geometry, aims: &[(DVec3, usize, u8, f64)]) -> Vec<RayBundle> {
             let aim = if kind & 4 == 0 { target - origin } else { DVec3::AXES[which % 3] };
             let aim = if aim == DVec3::ZERO { DVec3::X } else { aim };
             bundle(origin, &if kind & 8 == 0 { cone(unit(aim), width, 19) } else { vec![aim] })
+        })
+        .flat_map(|b| {
+            // Neighbours of each pulse, so that groups come about.
+            let beside = |n: u32| {
+                let step = DVec3::new(0.01, 0.02, -0.015) * f64::from(n);
+                let turned = |i| unit(b.direction(i) + step * 0.1);
+                bundle(b.origin + step, &(0..b.len()).map(turned).collect::<Vec<_>>())
+            };
+            [b.clone(), beside(1), beside(2), b.clone(), beside(7)]
         })
         .collect()
 }

@@ -32,7 +32,94 @@ impl RayBundle {
     }
 }
 
-/// First hits of a bundle, by ray. A miss has `t = ∞` and primitive [`Hits::MISS`].
+/// The rays of many pulses, emitted one after the other, each with its own origin and the same number of rays.
+///
+/// The kernel traces neighbouring pulses together; their order decides nothing but the speed, which is best when the
+/// footprints of consecutive pulses touch. Directions are stored in rows of [`RayGroup::stride`] numbers per pulse.
+#[derive(Clone, Debug, Default)]
+pub struct RayGroup {
+    rays: usize,
+    origins: Vec<DVec3>,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    z: Vec<f64>,
+}
+
+impl RayGroup {
+    /// Lanes of a row are a multiple of this.
+    pub(super) const LANES: usize = 8;
+
+    /// No pulses yet, of `rays` rays each.
+    pub fn new(rays: usize) -> RayGroup {
+        RayGroup { rays, ..RayGroup::default() }
+    }
+
+    /// Forgets all pulses and sets the number of rays of those to come; memory is kept.
+    pub fn clear(&mut self, rays: usize) {
+        self.rays = rays;
+        self.origins.clear();
+        for d in [&mut self.x, &mut self.y, &mut self.z] {
+            d.clear();
+        }
+    }
+
+    /// Appends a pulse from `origin`. `fill` gets the x, y and z of its directions, [`RayGroup::rays`] numbers each, to
+    /// write all of them.
+    pub fn push(&mut self, origin: DVec3, fill: impl FnOnce(&mut [f64], &mut [f64], &mut [f64])) {
+        let (start, rays) = (self.x.len(), self.rays);
+        let end = start + self.stride();
+        self.origins.push(origin);
+        for d in [&mut self.x, &mut self.y, &mut self.z] {
+            d.resize(end, 0.0);
+        }
+        let row = start..start + rays;
+        fill(&mut self.x[row.clone()], &mut self.y[row.clone()], &mut self.z[row.clone()]);
+        // Lanes beyond the last ray repeat it, so that a row is as wide as its rays.
+        for d in [&mut self.x, &mut self.y, &mut self.z] {
+            if let Some(&last) = d[row.clone()].last() {
+                d[row.end..].fill(last);
+            }
+        }
+    }
+
+    /// Number of pulses.
+    pub fn len(&self) -> usize {
+        self.origins.len()
+    }
+
+    /// Whether there is no pulse.
+    pub fn is_empty(&self) -> bool {
+        self.origins.is_empty()
+    }
+
+    /// Rays of each pulse.
+    pub fn rays(&self) -> usize {
+        self.rays
+    }
+
+    /// Places from one pulse's first ray to the next one's, here and in the [`Hits`] of the group.
+    pub fn stride(&self) -> usize {
+        self.rays.next_multiple_of(RayGroup::LANES)
+    }
+
+    /// Origin of a pulse, m, frame of the geometry.
+    pub fn origin(&self, pulse: usize) -> DVec3 {
+        self.origins[pulse]
+    }
+
+    /// Direction of ray `ray` of a pulse.
+    pub fn direction(&self, pulse: usize, ray: usize) -> DVec3 {
+        let at = pulse * self.stride() + ray;
+        DVec3::new(self.x[at], self.y[at], self.z[at])
+    }
+
+    /// All directions along one axis, by whole registers.
+    pub(super) fn lanes(&self, axis: usize) -> &[[f64; RayGroup::LANES]] {
+        [&self.x, &self.y, &self.z][axis].as_chunks().0
+    }
+}
+
+/// First hits of a bundle, by ray, or of a group, by pulse and ray. A miss has `t = ∞` and primitive [`Hits::MISS`].
 #[derive(Clone, Debug, Default)]
 pub struct Hits {
     /// Distance along each ray, m.

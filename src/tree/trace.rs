@@ -1,34 +1,13 @@
-//! One beam through the tree, and the verdicts on what it meets.
+//! Single rays.
 
 use super::beam::{Beam, LOOSE};
 use super::block::Block;
 use super::build::DEEPEST;
-use super::bundle::Bundle;
 use super::intersect::{cube, triangle};
-use super::{Geometry, Hit, Hits, RayBundle, Tree};
+use super::{Geometry, Hit, Hits, Tree};
 use crate::geom::DVec3;
 
 impl Tree {
-    /// First hits of all rays of a bundle; `hits` is resized and overwritten.
-    ///
-    /// The tree is walked once for the whole bundle when its rays share the axis along which they are longest, as those
-    /// of a pulse do, and ray by ray otherwise; the hits are the same.
-    pub fn trace(&self, geometry: &Geometry, rays: &RayBundle, hits: &mut Hits) {
-        hits.reset(rays.len());
-        let directions = (0..rays.len()).map(|i| rays.direction(i));
-        if let Some(beam) = Beam::of(&self.frame, rays.origin, directions) {
-            let mut bundle = Bundle::new(geometry, rays, hits, &beam, self.frame.scale);
-            self.walk(&beam, |block, mask, limit| bundle.test(block, mask, limit));
-            return;
-        }
-        for i in 0..rays.len() {
-            if let Some(hit) = self.nearest(geometry, rays.origin, rays.direction(i)) {
-                hits.t[i] = hit.t;
-                hits.primitive[i] = hit.primitive;
-            }
-        }
-    }
-
     /// First hit of the ray `origin + t·direction`, t > 0 in units of `direction`.
     pub fn nearest(&self, geometry: &Geometry, origin: DVec3, direction: DVec3) -> Option<Hit> {
         self.nearest_where(geometry, origin, direction, |_| true)

@@ -8,7 +8,7 @@ use crate::tree::Geometry;
 use crate::tree::block::append_leaf;
 use crate::tree::frame::Frame;
 use crate::tree::node::KdNode;
-use crate::tree::options::{Accounting, BuildOptions, Builder, Statistics};
+use crate::tree::options::{Accounting, Axes, BuildOptions, Builder, Statistics};
 
 /// Builds a kd-tree over `prims`. The tree is the same for any number of threads.
 pub(crate) fn build_kd(
@@ -110,13 +110,19 @@ impl Build<'_> {
         if prims.len() < options.min_primitives.max(2) || depth >= self.max_depth {
             return None;
         }
-        let turns = if options.next_axis && options.builder != Builder::AxisSah { 3 } else { 1 };
-        (0..turns).find_map(|turn| {
-            let split = self.search.split(prims, cell, (depth as usize + turn) % 3)?;
+        let turn = depth as usize;
+        let worth_making = |split: Split| {
             let counts = count(prims, split.axis, split.position);
             self.accepts(ledger, cell, &split, prims.len(), counts)
                 .then(|| (split, partition(prims, &split, counts)))
-        })
+        };
+        let on = |axis: usize| self.search.on_axis(prims, cell, axis % 3);
+        match options.axes {
+            _ if options.builder == Builder::AxisSah => self.search.on_best_axis(prims, cell).and_then(worth_making),
+            Axes::Best => self.search.on_best_axis(prims, cell).and_then(worth_making),
+            Axes::Turn => on(turn).and_then(worth_making),
+            Axes::TurnThenNext => (turn..turn + 3).filter_map(on).find_map(worth_making),
+        }
     }
 
     fn accepts(
@@ -130,7 +136,8 @@ impl Build<'_> {
         if self.search.options.builder == Builder::Median {
             return nl != n && nr != n;
         }
-        ledger.accepts(self.search.options, &Proposal { area: cell.area, r: split.r, counts: [n, nl, nr] })
+        let chances = self.search.chances(cell, split.axis, split.r);
+        ledger.accepts(self.search.options, &Proposal { area: cell.area, chances, counts: [n, nl, nr] })
     }
 }
 

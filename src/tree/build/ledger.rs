@@ -93,8 +93,8 @@ impl Sums {
 pub(crate) struct Proposal {
     /// Area of the node.
     pub area: f64,
-    /// Share of the lower child.
-    pub r: f64,
+    /// Chances of a ray to meet the lower and the upper child.
+    pub chances: [f64; 2],
     /// Primitives in the node, in the lower and in the upper child.
     pub counts: [usize; 3],
 }
@@ -124,9 +124,9 @@ impl Ledger {
         let (ci, cl, co) = (options.cost_interior, options.cost_leaf, options.cost_primitive);
         let [n, nl, nr] = split.counts.map(|c| c.next_multiple_of(options.grain.max(1)) as f64);
         match self {
-            Ledger::Local => ci + co * (split.r * nl + (1.0 - split.r) * nr) < co * n,
+            Ledger::Local => ci + co * (split.chances[0] * nl + split.chances[1] * nr) < co * n,
             Ledger::Global { interior, leaves, primitives, total, root } => {
-                let (left, right) = (split.r * split.area, (1.0 - split.r) * split.area);
+                let (left, right) = (split.chances[0] * split.area, split.chances[1] * split.area);
                 let i = *interior + ci * split.area;
                 let l = *leaves + (cl * (left + right) - cl * split.area);
                 let o = *primitives + (co * (left * nl + right * nr) - co * split.area * n);

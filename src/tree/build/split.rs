@@ -3,7 +3,10 @@
 use super::prim::Prim;
 use crate::tree::Geometry;
 use crate::tree::frame::Frame;
-use crate::tree::options::{BuildOptions, Builder};
+use crate::tree::options::{Areas, BuildOptions, Builder};
+
+/// Most bins of a histogram.
+const MAX_BINS: usize = 1024;
 
 /// A node's box and its area, the latter by the proportional rule of spec §1.4.
 #[derive(Clone, Copy, Debug)]
@@ -60,23 +63,33 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The split of the builder in use on `axis`, or on the best axis where the builder compares them; `None` when the
-    /// cell has no extent there.
-    pub fn split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+    /// The split of the builder in use on `axis`; `None` when the cell has no extent there.
+    pub fn on_axis(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         match self.options.builder {
             Builder::Median => self.median_split(prims, cell, axis),
-            Builder::Sah => self.sah_split(prims, cell, axis),
-            Builder::AxisSah => (0..3)
-                .filter_map(|a| self.sah_split(prims, cell, a))
-                .reduce(|best, s| if s.loss < best.loss { s } else { best }),
-            Builder::Fsah => fsah_split(prims, cell, axis, self.options.bins.clamp(2, 1024)),
+            Builder::Sah | Builder::AxisSah => self.sah_split(prims, cell, axis),
+            Builder::Fsah => self.fsah_split(prims, cell, axis),
         }
+    }
+
+    /// The split of least loss over all axes, the first of equals.
+    pub fn on_best_axis(&self, prims: &[Prim], cell: &Cell) -> Option<Split> {
+        (0..3)
+            .filter_map(|a| self.on_axis(prims, cell, a))
+            .reduce(|best, s| if s.loss < best.loss { s } else { best })
+    }
+
+    /// Expected number of tests after a split: each side's count, rounded up to the grain, by its chance to be met.
+    pub fn loss(&self, chances: [f64; 2], counts: [usize; 2]) -> f64 {
+        let [l, r] = counts.map(|n| n.next_multiple_of(self.options.grain.max(1)) as f64);
+        chances[0] * l + chances[1] * r
     }
 
     fn median_split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let p = self.object_median(prims, axis);
         let r = share(cell, axis, p)?;
-        Some(Split { axis, position: p, r, loss: 0.0 })
+        // Of three medians the one in the longest side is best.
+        Some(Split { axis, position: p, r, loss: cell.lo[axis] - cell.hi[axis] })
     }
 
     fn sah_split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
@@ -89,13 +102,57 @@ impl Search<'_> {
         for i in 0..n {
             let p = start + i as f64 * step;
             let r = share(cell, axis, p)?;
-            let [nl, nr] = count(prims, axis, p);
-            let loss = r * nl as f64 + (1.0 - r) * nr as f64;
+            let loss = self.loss(self.chances(cell, axis, r), count(prims, axis, p));
             if best.is_none_or(|s| loss < s.loss) {
                 best = Some(Split { axis, position: p, r, loss });
             }
         }
         best
+    }
+
+    /// The best boundary of min/max histograms (spec §1.11), bins clamped at both ends.
+    fn fsah_split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+        let (a, b) = (cell.lo[axis], cell.hi[axis]);
+        if b <= a {
+            return None;
+        }
+        let bins = self.options.bins.clamp(2, MAX_BINS);
+        let mut starts = [0u32; MAX_BINS];
+        let mut ends = [0u32; MAX_BINS];
+        let (width, m) = (b - a, bins as f64);
+        // A float to integer cast saturates, which is the lower clamp.
+        let bin = |v: f32| (((f64::from(v) - a) / width * m) as usize).min(bins - 1);
+        for o in prims {
+            starts[bin(o.lo[axis])] += 1;
+            ends[bin(o.hi[axis])] += 1;
+        }
+        let (mut below, mut above) = (0, prims.len());
+        let (mut best, mut loss) = (0, self.loss([0.0, 1.0], [0, above]));
+        for i in 1..=bins {
+            below += starts[i - 1] as usize;
+            above -= ends[i - 1] as usize;
+            let here = self.loss(self.chances(cell, axis, i as f64 / m), [below, above]);
+            if here < loss {
+                (best, loss) = (i, here);
+            }
+        }
+        let r = best as f64 / m;
+        let position = if best == bins { b } else { a + r * width };
+        Some(Split { axis, position, r, loss })
+    }
+
+    /// How likely a ray that meets the cell meets the lower and the upper side of a split.
+    pub fn chances(&self, cell: &Cell, axis: usize, r: f64) -> [f64; 2] {
+        match self.options.areas {
+            Areas::Proportional => [r, 1.0 - r],
+            Areas::Surface => {
+                let side = |a: usize| cell.hi[a] - cell.lo[a];
+                let (along, u, v) = (side(axis), side((axis + 1) % 3), side((axis + 2) % 3));
+                let area = |length: f64| length * (u + v) + u * v;
+                let whole = area(along);
+                if whole > 0.0 { [area(r * along) / whole, area((1.0 - r) * along) / whole] } else { [r, 1.0 - r] }
+            }
+        }
     }
 
     /// The centroid at place ⌊N/2⌋ in descending order.
@@ -128,34 +185,3 @@ pub(crate) fn count(prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
     })
 }
 
-/// The best boundary of min/max histograms (spec §1.11), bins clamped at both ends.
-pub(crate) fn fsah_split(prims: &[Prim], cell: &Cell, axis: usize, bins: usize) -> Option<Split> {
-    let (a, b) = (cell.lo[axis], cell.hi[axis]);
-    if b <= a {
-        return None;
-    }
-    let mut starts = [0u32; 1024];
-    let mut ends = [0u32; 1024];
-    let (width, m) = (b - a, bins as f64);
-    // A float to integer cast saturates, which is the lower clamp.
-    let bin = |v: f32| (((f64::from(v) - a) / width * m) as usize).min(bins - 1);
-    for o in prims {
-        starts[bin(o.lo[axis])] += 1;
-        ends[bin(o.hi[axis])] += 1;
-    }
-    let n = prims.len() as f64;
-    let (mut best, mut loss) = (0, n);
-    let (mut below, mut above) = (0.0, n);
-    for i in 1..=bins {
-        below += f64::from(starts[i - 1]);
-        above -= f64::from(ends[i - 1]);
-        let r = i as f64 / m;
-        let here = r * below + (1.0 - r) * above;
-        if here < loss {
-            (best, loss) = (i, here);
-        }
-    }
-    let r = best as f64 / m;
-    let position = if best == bins { b } else { a + r * width };
-    Some(Split { axis, position, r, loss })
-}

@@ -1,0 +1,320 @@
+//! Up to sixteen pulses as lanes: the filter of [`Beam`](crate::tree::beam::Beam) sixteen times, around one reference
+//! point, and the beam around all of them.
+
+use crate::tree::beam::FLATTEST;
+use crate::tree::frame::{Frame, above};
+use crate::tree::intersect::{SHORTEST, axes_by_dominance};
+use crate::tree::rays::RayGroup;
+use crate::tree::simd::Simd;
+use std::ops::Range;
+
+/// Pulses in a group.
+pub(crate) const GROUP: usize = 16;
+
+/// Covers the rounding of slopes, which are below one.
+const SLOPE_SLACK: f32 = 1e-6;
+
+/// Origins farther away than this (in scene radii) are not for single precision.
+const FARTHEST: f64 = 1e12;
+
+/// How far pulses of a group may be apart: each component of the direction, and the origin in metres.
+const NEIGHBOURS: (f64, f64) = (0.1, 2.0);
+
+/// A number for each pulse.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct PerPulse(pub [f32; GROUP]);
+
+/// One plane family of an axis, seen by lanes: depths are `(plane − from)·inverse`, an upper bound where `upper` says so.
+#[derive(Clone, Copy)]
+pub(crate) struct Side<S: Simd> {
+    pub from: PerPulse,
+    pub inverse: PerPulse,
+    pub upper: S::M,
+    pub lower: S::M,
+}
+
+/// The same for one beam.
+#[derive(Clone, Copy)]
+pub(crate) struct BeamSide {
+    pub from: f32,
+    pub inverse: f32,
+}
+
+/// A group of pulses that share the axis along which they run, and its sign.
+#[derive(Clone, Copy)]
+pub(crate) struct Lanes<S: Simd> {
+    /// Dominant axis, then the others.
+    pub axes: [usize; 3],
+    pub forward: f32,
+    /// Reference point in the tree's frame; no pulse starts behind it.
+    pub apex: [f32; 3],
+    /// Sum of all errors that do not scale with depth.
+    pub slack: f32,
+    /// Depth up to which slopes as seen from the apex mean nothing.
+    pub near: f32,
+    /// Slopes `[side axis][low, high]`.
+    pub slope: [[PerPulse; 2]; 2],
+    /// Offsets at depth 0 from the apex, likewise.
+    pub offset: [[PerPulse; 2]; 2],
+    /// Depth of each origin.
+    pub start: PerPulse,
+    /// Largest depth per unit of t, tree's frame.
+    pub steepness: [f64; GROUP],
+    /// `[axis][planes above the box, planes below it]`.
+    pub sides: [[Side<S>; 2]; 3],
+    /// The beam around all.
+    pub beam: [[BeamSide; 2]; 3],
+}
+
+/// How many pulses from `first` on are near enough to be traced together, at least 1.
+pub(crate) fn neighbours(rays: &RayGroup, first: usize) -> usize {
+    let (o, d) = (rays.origin(first), rays.direction(first, 0));
+    let last = (first + GROUP).min(rays.len());
+    let near = |p: &usize| {
+        let (dd, oo) = ((rays.direction(*p, 0) - d).abs(), (rays.origin(*p) - o).abs());
+        dd.max_element() <= NEIGHBOURS.0 && oo.max_element() <= NEIGHBOURS.1
+    };
+    1 + (first + 1..last).take_while(near).count()
+}
+
+impl<S: Simd> Lanes<S> {
+    /// The lanes of some pulses, at most sixteen; lanes without a pulse repeat the first. `None` when they do not run
+    /// along one axis, or start out of reach.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    pub unsafe fn of(frame: &Frame, rays: &RayGroup, pulses: Range<usize>) -> Option<Lanes<S>> {
+        let axes = axes_by_dominance(rays.direction(pulses.start, 0));
+        let forward = if rays.direction(pulses.start, 0)[axes[0]] < 0.0 { -1.0 } else { 1.0 };
+        let start = Start::of(frame, rays, pulses.clone(), axes, forward)?;
+        // SAFETY: the caller vouches for the instruction set.
+        let spread = unsafe { Spread::of::<S>(rays, pulses.clone(), axes, forward) };
+        let slope = spread.slopes()?;
+        let offset = [0, 1].map(|side| {
+            let along = |end: usize| {
+                let mut x = PerPulse([0.0; GROUP]);
+                for l in 0..GROUP {
+                    // The higher slope makes the lower offset.
+                    x.0[l] = start.offset[side].0[l] - slope[side][1 - end].0[l] * start.depth.0[l];
+                }
+                x
+            };
+            [along(0), along(1)]
+        });
+        let steepness = spread.depth[1].0.map(|d| f64::from(d) * frame.scale * 1.000_000_2);
+        // SAFETY: as above.
+        unsafe {
+            let sides = sides::<S>(axes, forward as f32, &start, &slope, &offset);
+            let beam = sides_of_all(axes, forward as f32, &start, &slope, &offset);
+            Some(Lanes {
+                axes,
+                forward: forward as f32,
+                apex: start.apex,
+                slack: start.slack,
+                near: start.near,
+                slope,
+                offset,
+                start: start.depth,
+                steepness,
+                sides,
+                beam,
+            })
+        }
+    }
+}
+
+/// Where the pulses start.
+struct Start {
+    apex: [f32; 3],
+    slack: f32,
+    near: f32,
+    /// Sideways from the apex.
+    offset: [PerPulse; 2],
+    /// Forward from the apex.
+    depth: PerPulse,
+}
+
+impl Start {
+    #[inline(always)]
+    fn of(frame: &Frame, rays: &RayGroup, pulses: Range<usize>, axes: [usize; 3], forward: f64) -> Option<Start> {
+        let mut origins = [frame.local(rays.origin(pulses.start)); GROUP];
+        for (o, p) in origins.iter_mut().zip(pulses) {
+            *o = frame.local(rays.origin(p));
+        }
+        let [k, i, j] = axes;
+        let rearmost = origins.iter().fold(f64::INFINITY, |m, o| m.min(o[k] * forward));
+        let mut apex = origins[0].to_array().map(|x| x as f32);
+        apex[k] = ((rearmost as f32).next_down() * forward as f32).clamp(f32::MIN, f32::MAX);
+        let (mut offset, mut depth) = ([PerPulse([0.0; GROUP]); 2], PerPulse([0.0; GROUP]));
+        let (mut reach, mut spread) = (0.0f64, 0.0f64);
+        for (l, o) in origins.iter().enumerate() {
+            let from = [o[k] - f64::from(apex[k]), o[i] - f64::from(apex[i]), o[j] - f64::from(apex[j])];
+            depth.0[l] = (from[0] * forward) as f32;
+            offset[0].0[l] = from[1] as f32;
+            offset[1].0[l] = from[2] as f32;
+            reach = reach.max(o.abs().max_element());
+            spread = spread.max(from.iter().fold(0.0, |m, x| m.max(x.abs())));
+        }
+        let sound = reach < FARTHEST;
+        let slack = above(2.0 * Frame::ROUNDING + 1e-14 * (1.0 + reach) + 5e-7 * spread);
+        // Nearer than the offsets, an error of the depth is multiplied in offset / depth.
+        let near = 16.0 * slack + above(spread);
+        sound.then_some(Start { apex, slack, near, offset, depth })
+    }
+}
+
+/// How the directions of each pulse spread around its first.
+struct Spread {
+    /// Slopes of the first ray.
+    middle: [PerPulse; 2],
+    /// Least and greatest `d_a − middle·|d_k|`.
+    aside: [[PerPulse; 2]; 2],
+    /// Least and greatest `|d_k|`.
+    depth: [PerPulse; 2],
+}
+
+impl Spread {
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn of<S: Simd>(rays: &RayGroup, pulses: Range<usize>, axes: [usize; 3], forward: f64) -> Spread {
+        let [along, i, j] = axes.map(|a| rays.lanes(a));
+        let registers = rays.stride() / RayGroup::LANES;
+        let mut rows = [[[0.0f32; 16]; GROUP]; 3];
+        let mut middle = [PerPulse([0.0; GROUP]); 2];
+        for l in 0..GROUP {
+            // Lanes without a pulse repeat the first.
+            let pulse = if l < pulses.len() { pulses.start + l } else { pulses.start };
+            let row = pulse * registers..(pulse + 1) * registers;
+            let reciprocal = 1.0 / (along[row.start][0] * forward);
+            let (mi, mj) = (i[row.start][0] * reciprocal, j[row.start][0] * reciprocal);
+            (middle[0].0[l], middle[1].0[l]) = (mi as f32, mj as f32);
+            // SAFETY: the caller vouches for the instruction set.
+            unsafe {
+                let (mi, mj, sign, zero) = (S::dsplat(mi), S::dsplat(mj), S::dsplat(forward), S::dsplat(0.0));
+                let (mut least, mut greatest) = ([S::dsplat(f64::INFINITY); 3], [S::dsplat(f64::NEG_INFINITY); 3]);
+                for r in row {
+                    let depth = S::dmul(S::dload(&along[r]), sign);
+                    let wi = S::dsub(S::dload(&i[r]), S::dmul(mi, depth));
+                    let wj = S::dsub(S::dload(&j[r]), S::dmul(mj, depth));
+                    for (n, w) in [wi, wj, depth].into_iter().enumerate() {
+                        // A ray that is no number drops out here; its verdicts are misses.
+                        least[n] = S::dmin(w, least[n]);
+                        greatest[n] = S::dmax(w, greatest[n]);
+                    }
+                }
+                for n in 0..3 {
+                    S::store(&mut rows[n][l], S::narrow(least[n], S::dsub(zero, greatest[n])));
+                }
+            }
+        }
+        let mut ends = [[PerPulse([0.0; GROUP]); 2]; 3];
+        for (ends, rows) in ends.iter_mut().zip(&rows) {
+            // SAFETY: as above.
+            let minima = unsafe { S::row_minima(rows) };
+            for (end, minimum) in ends.iter_mut().zip(minima) {
+                // SAFETY: as above.
+                unsafe { S::store(&mut end.0, minimum) };
+            }
+            ends[1].0 = ends[1].0.map(|x| -x);
+        }
+        let [wi, wj, depth] = ends;
+        Spread { middle, aside: [wi, wj], depth }
+    }
+
+    /// Intervals of slopes; `None` unless every ray runs forward, well within the cone of its axis.
+    #[inline(always)]
+    fn slopes(&self) -> Option<[[PerPulse; 2]; 2]> {
+        let mut slope = [[PerPulse([0.0; GROUP]); 2]; 2];
+        let mut sound = true;
+        for side in 0..2 {
+            for l in 0..GROUP {
+                let (near, far) = (1.0 / self.depth[0].0[l], 1.0 / self.depth[1].0[l]);
+                let (w0, w1) = (self.aside[side][0].0[l], self.aside[side][1].0[l]);
+                let middle = self.middle[side].0[l];
+                let lo = middle + (w0 * near).min(w0 * far) - SLOPE_SLACK;
+                let hi = middle + (w1 * near).max(w1 * far) + SLOPE_SLACK;
+                sound &= lo > -1.0 + SLOPE_SLACK && hi < 1.0 - SLOPE_SLACK && w0 <= w1;
+                slope[side][0].0[l] = if lo.abs() < FLATTEST { -FLATTEST } else { lo };
+                slope[side][1].0[l] = if hi.abs() < FLATTEST { FLATTEST } else { hi };
+            }
+        }
+        for l in 0..GROUP {
+            sound &= self.depth[0].0[l] > SHORTEST_IN_LANES && self.depth[1].0[l] < f32::MAX;
+        }
+        sound.then_some(slope)
+    }
+}
+
+/// Shorter directions are traced one by one.
+const SHORTEST_IN_LANES: f32 = 1e-18;
+const _: () = assert!(SHORTEST < SHORTEST_IN_LANES as f64);
+
+/// # Safety
+/// As for [`Simd`].
+#[inline(always)]
+unsafe fn sides<S: Simd>(
+    [k, i, j]: [usize; 3],
+    forward: f32,
+    start: &Start,
+    slope: &[[PerPulse; 2]; 2],
+    offset: &[[PerPulse; 2]; 2],
+) -> [[Side<S>; 2]; 3] {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe {
+        let side = |from: [f32; GROUP], inverse: [f32; GROUP]| {
+            let (zero, v) = (S::splat(0.0), S::load(&inverse));
+            Side { from: PerPulse(from), inverse: PerPulse(inverse), upper: S::le(zero, v), lower: S::le(v, zero) }
+        };
+        let r = start.apex[k];
+        let [under, over] = [(r - start.slack).next_down(), (r + start.slack).next_up()];
+        // The planes below a box are bounds of the other kind.
+        let other = |s: Side<S>| Side { upper: s.lower, lower: s.upper, ..s };
+        let mut sides = [[side([under; GROUP], [forward; GROUP]), other(side([over; GROUP], [forward; GROUP]))]; 3];
+        for (n, a) in [i, j].into_iter().enumerate() {
+            let (mut under, mut over) = ([0.0; GROUP], [0.0; GROUP]);
+            for l in 0..GROUP {
+                under[l] = (start.apex[a] + (offset[n][0].0[l] - start.slack)).next_down();
+                over[l] = (start.apex[a] + (offset[n][1].0[l] + start.slack)).next_up();
+            }
+            sides[a] = [
+                side(under, slope[n][0].0.map(f32::recip)),
+                other(side(over, slope[n][1].0.map(f32::recip))),
+            ];
+        }
+        sides
+    }
+}
+
+/// The beam around all lanes.
+#[inline(always)]
+fn sides_of_all(
+    [k, i, j]: [usize; 3],
+    forward: f32,
+    start: &Start,
+    slope: &[[PerPulse; 2]; 2],
+    offset: &[[PerPulse; 2]; 2],
+) -> [[BeamSide; 2]; 3] {
+    let least = |x: &PerPulse| x.0.iter().fold(f32::INFINITY, |m, &x| if x < m { x } else { m });
+    let greatest = |x: &PerPulse| x.0.iter().fold(f32::NEG_INFINITY, |m, &x| if x > m { x } else { m });
+    let (r, slack) = (start.apex, start.slack);
+    let mut beam = [[
+        BeamSide { from: (r[k] - slack).next_down(), inverse: forward },
+        BeamSide { from: (r[k] + slack).next_up(), inverse: forward },
+    ]; 3];
+    for (n, a) in [i, j].into_iter().enumerate() {
+        beam[a] = [
+            BeamSide {
+                from: (r[a] + (least(&offset[n][0]) - slack)).next_down(),
+                inverse: 1.0 / least(&slope[n][0]),
+            },
+            BeamSide {
+                from: (r[a] + (greatest(&offset[n][1]) + slack)).next_up(),
+                inverse: 1.0 / greatest(&slope[n][1]),
+            },
+        ];
+    }
+    beam
+}

@@ -1,0 +1,134 @@
+//! A leaf against a group: which pulse meets which primitive, then the verdicts.
+
+use super::Kernel;
+use super::filter::{Seen, boxes_in_beam};
+use super::lanes::{BeamSide, GROUP};
+use super::verdict::{Rays, Triangle, hit_cube};
+use crate::tree::block::{Block, LANES};
+use crate::tree::simd::Simd;
+
+/// Pairs of a pulse and a lane of the block, `pulse · 16 + lane`, of which the first `count` are meant.
+struct Pairs {
+    pair: [u32; GROUP * LANES + LANES],
+    count: usize,
+}
+
+impl Pairs {
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn extend<S: Simd>(&mut self, pulse: usize, lanes: u32) {
+        if let Some(room) = self.pair[self.count..].first_chunk_mut() {
+            // SAFETY: the caller vouches for the instruction set.
+            unsafe { S::compress(lanes, (pulse * LANES) as u32, room) };
+        }
+        self.count += lanes.count_ones() as usize;
+    }
+}
+
+impl<S: Simd> Kernel<'_, S> {
+    /// Asks the pulses in `mask`, each within its range of depths, about a block.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    pub(super) unsafe fn block(&mut self, block: &Block, mask: u32, lo: &[f32; GROUP], hi: &[f32; GROUP]) {
+        let mut pairs = Pairs { pair: [0; GROUP * LANES + LANES], count: 0 };
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            if block.holds_cubes() {
+                self.pair_cubes(block, mask, hi, &mut pairs);
+            } else {
+                let seen = Seen::from(&self.lanes, block);
+                each(mask, |p| pairs.extend::<S>(p, seen.by(&self.lanes, p, [lo[p], hi[p]])));
+            }
+            if pairs.count == 0 {
+                return;
+            }
+            let mut touched = 0;
+            for &pair in &pairs.pair[..pairs.count] {
+                let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
+                self.verdict(pulse, block.id[lane]);
+                touched |= 1 << pulse;
+            }
+            each(touched, |p| self.lower_limit(p));
+        }
+    }
+
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn pair_cubes(&self, block: &Block, mask: u32, hi: &[f32; GROUP], pairs: &mut Pairs) {
+        each(mask, |p| {
+            let beam = self.lanes.sides.each_ref().map(|sides| {
+                sides.each_ref().map(|s| BeamSide { from: s.from.0[p], inverse: s.inverse.0[p] })
+            });
+            // SAFETY: the caller vouches for the instruction set.
+            unsafe {
+                let (met, _) = boxes_in_beam::<S>(&beam, &block.corner[0], &block.corner[1], hi[p]);
+                pairs.extend::<S>(p, met);
+            }
+        });
+    }
+
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn verdict(&mut self, pulse: usize, id: u32) {
+        let (number, triangles) = (id as usize, self.geometry.triangles.len());
+        let origin = self.rays.origin(self.first + pulse);
+        let first = (self.first + pulse) * self.registers;
+        let [k, ..] = self.lanes.axes;
+        if number >= triangles {
+            let cube = self.geometry.cubes[number - triangles];
+            (first..first + self.registers).for_each(|r| hit_cube(id, cube, origin, &mut self.rays_of(r)));
+            return;
+        }
+        let triangle = Triangle::new(id, self.geometry.triangle(number), origin);
+        let mut plane = None;
+        for r in first..first + self.registers {
+            // SAFETY: the caller vouches for the instruction set.
+            unsafe {
+                let axes = self.lanes.axes;
+                let forward = f64::from(self.lanes.forward);
+                let mut rays = self.rays_of(r);
+                let (strictly, maybe) = triangle.inside::<S>(axes, &rays);
+                if maybe != 0 {
+                    let plane = plane.get_or_insert_with(|| triangle.plane(k, forward));
+                    triangle.hit::<S>(plane, k, strictly, maybe, &mut rays);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn rays_of(&mut self, register: usize) -> Rays<'_> {
+        let [x, y, z] = self.directions.map(|d| &d[register]);
+        Rays { x, y, z, t: &mut self.t[register], id: &mut self.ids[register] }
+    }
+
+    /// Once all rays of a pulse have hit something, what lies behind the farthest of these hits is of no interest.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn lower_limit(&mut self, pulse: usize) {
+        let first = (self.first + pulse) * self.registers;
+        // SAFETY: the caller vouches for the instruction set.
+        let farthest = unsafe {
+            let rows = self.t[first..first + self.registers].iter();
+            S::dgreatest(rows.fold(S::dsplat(0.0), |m, t| S::dmax(m, S::dload(t))))
+        };
+        let depth = farthest * self.lanes.steepness[pulse] + f64::from(self.lanes.start.0[pulse]);
+        self.limit.0[pulse] = (depth * 1.000_000_4) as f32;
+    }
+}
+
+/// Calls `f` with the number of each one in the mask.
+#[inline(always)]
+pub(super) fn each(mut mask: u32, mut f: impl FnMut(usize)) {
+    while mask != 0 {
+        f(mask.trailing_zeros() as usize);
+        mask &= mask - 1;
+    }
+}

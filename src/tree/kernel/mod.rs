@@ -1,0 +1,164 @@
+//! Tracing many pulses: up to sixteen neighbours walk the tree together.
+//!
+//! A pulse alone is a handful of nodes and triangles, so that most of its time goes into mispredicted branches and
+//! waiting for memory. A group shares every decision among some hundred rays: lanes are the children of a node, then the
+//! pulses, then the triangles of a block, and at last the rays of one pulse for one triangle, where the verdicts fall.
+
+mod filter;
+mod lanes;
+mod leaf;
+mod verdict;
+mod walk;
+
+use super::rays::{Hits, RayGroup};
+use super::simd::{Level, portable::Portable};
+use super::{Geometry, RayBundle, Tree};
+use lanes::{GROUP, Lanes, PerPulse};
+use std::cell::RefCell;
+use std::ops::Range;
+
+impl Tree {
+    /// First hits of all rays of many pulses. Ray `r` of pulse `p` has its hit at `p · rays.stride() + r`; places between
+    /// rows hold nothing of interest. `hits` is resized and overwritten.
+    ///
+    /// Runs of neighbouring pulses are traced together, by the widest instructions that the machine has. The hits are
+    /// those of [`Tree::nearest`] for each ray, bit for bit.
+    pub fn trace_group(&self, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+        self.trace_group_on(Level::best(), geometry, rays, hits);
+    }
+
+    /// First hits of all rays of a bundle; `hits` is resized and overwritten. For many pulses
+    /// [`Tree::trace_group`] is several times faster.
+    pub fn trace(&self, geometry: &Geometry, rays: &RayBundle, hits: &mut Hits) {
+        thread_local! {
+            static PULSE: RefCell<RayGroup> = RefCell::default();
+        }
+        PULSE.with_borrow_mut(|pulse| {
+            pulse.clear(rays.len());
+            pulse.push(rays.origin, |x, y, z| {
+                x.copy_from_slice(&rays.x);
+                y.copy_from_slice(&rays.y);
+                z.copy_from_slice(&rays.z);
+            });
+            self.trace_group(geometry, pulse, hits);
+        });
+        hits.t.truncate(rays.len());
+        hits.primitive.truncate(rays.len());
+    }
+
+    /// [`Tree::trace_group`] on a given instruction set.
+    pub(super) fn trace_group_on(&self, level: Level, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+        hits.reset(rays.len() * rays.stride());
+        if rays.rays() == 0 {
+            return;
+        }
+        match level {
+            // SAFETY: plain Rust needs no target feature.
+            Level::Portable => unsafe { Kernel::<Portable>::trace(self, geometry, rays, hits) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the level is available only where the features are.
+            Level::Avx2 => unsafe { trace_avx2(self, geometry, rays, hits) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            Level::Avx512 => unsafe { trace_avx512(self, geometry, rays, hits) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn trace_avx2(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+    // SAFETY: this function carries the features.
+    unsafe { Kernel::<super::simd::avx2::Avx2>::trace(tree, geometry, rays, hits) }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+fn trace_avx512(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+    // SAFETY: this function carries the features.
+    unsafe { Kernel::<super::simd::avx512::Avx512>::trace(tree, geometry, rays, hits) }
+}
+
+/// A group of pulses on its way through the tree.
+struct Kernel<'a, S: super::simd::Simd> {
+    geometry: &'a Geometry,
+    rays: &'a RayGroup,
+    directions: [&'a [[f64; 8]]; 3],
+    t: &'a mut [[f64; 8]],
+    ids: &'a mut [[u32; 8]],
+    /// Registers per pulse.
+    registers: usize,
+    /// Number of the group's first pulse.
+    first: usize,
+    lanes: Lanes<S>,
+    /// Depth beyond which nothing can be nearer than what each pulse has hit.
+    limit: PerPulse,
+}
+
+impl<S: super::simd::Simd> Kernel<'_, S> {
+    /// # Safety
+    /// As for [`Simd`](super::simd::Simd).
+    #[inline(always)]
+    unsafe fn trace(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+        let mut first = 0;
+        while first < rays.len() {
+            let mut count = lanes::neighbours(rays, first);
+            loop {
+                // SAFETY: the caller vouches for the instruction set.
+                if unsafe { Kernel::<S>::trace_together(tree, geometry, rays, first..first + count, hits) } {
+                    break;
+                }
+                if count == 1 {
+                    trace_apart(tree, geometry, rays, first, hits);
+                    break;
+                }
+                // Perhaps the first alone has a dominant axis.
+                count = 1;
+            }
+            first += count;
+        }
+    }
+
+    /// Traces some pulses together, if they can be.
+    ///
+    /// # Safety
+    /// As for [`Simd`](super::simd::Simd).
+    #[inline(always)]
+    unsafe fn trace_together(
+        tree: &Tree,
+        geometry: &Geometry,
+        rays: &RayGroup,
+        pulses: Range<usize>,
+        hits: &mut Hits,
+    ) -> bool {
+        // SAFETY: the caller vouches for the instruction set.
+        let Some(lanes) = (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone()) }) else {
+            return false;
+        };
+        let mut kernel = Kernel {
+            geometry,
+            rays,
+            directions: [0, 1, 2].map(|a| rays.lanes(a)),
+            t: hits.t.as_chunks_mut().0,
+            ids: hits.primitive.as_chunks_mut().0,
+            registers: rays.stride() / RayGroup::LANES,
+            first: pulses.start,
+            lanes,
+            limit: PerPulse([f32::INFINITY; GROUP]),
+        };
+        // SAFETY: as above.
+        unsafe { kernel.walk(tree, pulses.len()) };
+        true
+    }
+}
+
+/// Traces one pulse ray by ray.
+#[cold]
+fn trace_apart(tree: &Tree, geometry: &Geometry, rays: &RayGroup, pulse: usize, hits: &mut Hits) {
+    for r in 0..rays.rays() {
+        if let Some(hit) = tree.nearest(geometry, rays.origin(pulse), rays.direction(pulse, r)) {
+            let at = pulse * rays.stride() + r;
+            (hits.t[at], hits.primitive[at]) = (hit.t, hit.primitive);
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! A group's walk through the nodes.
+
+use super::Kernel;
+use super::filter::{box_in_lanes, cut};
+use super::lanes::{GROUP, PerPulse};
+use crate::tree::Tree;
+use crate::tree::beam::LOOSE;
+use crate::tree::build::DEEPEST;
+use crate::tree::simd::Simd;
+
+/// A node to visit: the pulses that meet it, and at which depths.
+#[derive(Clone, Copy)]
+struct Visit {
+    node: u32,
+    pulses: u32,
+    lo: PerPulse,
+    hi: PerPulse,
+}
+
+impl<S: Simd> Kernel<'_, S> {
+    /// Walks the first `pulses` lanes through the tree, front to back.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    pub(super) unsafe fn walk(&mut self, tree: &Tree, pulses: usize) {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe { self.walk_kd(tree, (1u32 << pulses) - 1) }
+    }
+
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn walk_kd(&mut self, tree: &Tree, pulses: u32) {
+        let zero = PerPulse([0.0; GROUP]);
+        let mut stack = [Visit { node: 0, pulses: 0, lo: zero, hi: zero }; DEEPEST as usize + 1];
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let [lower, upper] = tree.bounds;
+            let pulses = pulses & box_in_lanes(&self.lanes, lower, upper, &self.limit);
+            let [lo, hi] = (0..3).fold([S::splat(0.0), S::splat(f32::INFINITY)], |range, a| {
+                let [range, _] = cut(&self.lanes, a, upper[a], range);
+                cut(&self.lanes, a, lower[a], range)[1]
+            });
+            stack[0].pulses = pulses;
+            S::store(&mut stack[0].lo.0, lo);
+            S::store(&mut stack[0].hi.0, hi);
+            let mut height = 1;
+            let loose = S::splat(LOOSE);
+            while height > 0 {
+                height -= 1;
+                let visit = &stack[height];
+                let (mut number, mut pulses) = (visit.node as usize, visit.pulses);
+                let (mut lo, mut hi) = (S::load(&visit.lo.0), S::load(&visit.hi.0));
+                let limit = S::mul(S::load(&self.limit.0), loose);
+                pulses &= S::bits(S::le(lo, limit));
+                while pulses != 0 {
+                    let node = tree.nodes[number];
+                    let Some(axis) = node.axis() else {
+                        let (mut from, mut to) = (PerPulse([0.0; GROUP]), PerPulse([0.0; GROUP]));
+                        S::store(&mut from.0, lo);
+                        for block in &tree.blocks[node.blocks()] {
+                            S::store(&mut to.0, S::min(hi, S::load(&self.limit.0)));
+                            self.block(block, pulses, &from.0, &to.0);
+                        }
+                        break;
+                    };
+                    let [lower, upper] = cut(&self.lanes, axis, node.position(), [lo, hi]);
+                    let met = |[lo, hi]: [S::F; 2]| {
+                        pulses & S::bits(S::le(lo, S::mul(hi, loose))) & S::bits(S::le(lo, limit))
+                    };
+                    let (in_lower, in_upper) = (met(lower), met(upper));
+                    let child = node.child();
+                    let ascends = self.lanes.beam[axis][0].inverse > 0.0 && self.lanes.beam[axis][1].inverse > 0.0;
+                    let (near, far) = if ascends {
+                        ((child, in_lower, lower), (child + 1, in_upper, upper))
+                    } else {
+                        ((child + 1, in_upper, upper), (child, in_lower, lower))
+                    };
+                    let next = if near.1 == 0 {
+                        far
+                    } else {
+                        if far.1 != 0 {
+                            let visit = &mut stack[height];
+                            visit.node = far.0 as u32;
+                            visit.pulses = far.1;
+                            S::store(&mut visit.lo.0, far.2[0]);
+                            S::store(&mut visit.hi.0, far.2[1]);
+                            height += 1;
+                        }
+                        near
+                    };
+                    (number, pulses, [lo, hi]) = next;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! AVX2: two registers for sixteen lanes.
+
+use super::Simd;
+use std::arch::x86_64::*;
+
+/// See the module.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx2;
+
+/// For each mask of eight lanes the lanes in it, in order.
+static LANES_OF: [[u32; 8]; 256] = {
+    let mut table = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut n) = (0, 0);
+        while lane < 8 {
+            if mask >> lane & 1 != 0 {
+                table[mask][n] = lane;
+                n += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+};
+
+macro_rules! pairwise {
+    ($name:ident, $op:ident, $v:ty) => {
+        #[inline(always)]
+        unsafe fn $name(a: [$v; 2], b: [$v; 2]) -> [$v; 2] {
+            // SAFETY: the trait asks callers for the target features.
+            unsafe { [$op(a[0], b[0]), $op(a[1], b[1])] }
+        }
+    };
+}
+
+// SAFETY (all functions): the trait asks callers for the target features; memory is reached through references only.
+impl Simd for Avx2 {
+    type F = [__m256; 2];
+    type M = [__m256; 2];
+    type D = [__m256d; 2];
+    type N = [__m256d; 2];
+
+    pairwise!(add, _mm256_add_ps, __m256);
+    pairwise!(sub, _mm256_sub_ps, __m256);
+    pairwise!(mul, _mm256_mul_ps, __m256);
+    pairwise!(div, _mm256_div_ps, __m256);
+    pairwise!(min, _mm256_min_ps, __m256);
+    pairwise!(max, _mm256_max_ps, __m256);
+    pairwise!(and, _mm256_and_ps, __m256);
+    pairwise!(or, _mm256_or_ps, __m256);
+    pairwise!(dadd, _mm256_add_pd, __m256d);
+    pairwise!(dsub, _mm256_sub_pd, __m256d);
+    pairwise!(dmul, _mm256_mul_pd, __m256d);
+    pairwise!(ddiv, _mm256_div_pd, __m256d);
+    pairwise!(dmin, _mm256_min_pd, __m256d);
+    pairwise!(dmax, _mm256_max_pd, __m256d);
+    pairwise!(dand, _mm256_and_pd, __m256d);
+    pairwise!(dor, _mm256_or_pd, __m256d);
+
+    #[inline(always)]
+    unsafe fn splat(x: f32) -> [__m256; 2] {
+        unsafe { [_mm256_set1_ps(x); 2] }
+    }
+    #[inline(always)]
+    unsafe fn load(x: &[f32; 16]) -> [__m256; 2] {
+        unsafe { [_mm256_loadu_ps(x.as_ptr()), _mm256_loadu_ps(x[8..].as_ptr())] }
+    }
+    #[inline(always)]
+    unsafe fn store(x: &mut [f32; 16], v: [__m256; 2]) {
+        unsafe {
+            _mm256_storeu_ps(x.as_mut_ptr(), v[0]);
+            _mm256_storeu_ps(x[8..].as_mut_ptr(), v[1]);
+        }
+    }
+    #[inline(always)]
+    unsafe fn le(a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+        unsafe { [_mm256_cmp_ps::<_CMP_LE_OQ>(a[0], b[0]), _mm256_cmp_ps::<_CMP_LE_OQ>(a[1], b[1])] }
+    }
+    #[inline(always)]
+    unsafe fn bits(m: [__m256; 2]) -> u32 {
+        unsafe { _mm256_movemask_ps(m[0]) as u32 | (_mm256_movemask_ps(m[1]) as u32) << 8 }
+    }
+    #[inline(always)]
+    unsafe fn min_where(m: [__m256; 2], a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+        unsafe { [0, 1].map(|i| _mm256_blendv_ps(a[i], _mm256_min_ps(b[i], a[i]), m[i])) }
+    }
+    #[inline(always)]
+    unsafe fn max_where(m: [__m256; 2], a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+        unsafe { [0, 1].map(|i| _mm256_blendv_ps(a[i], _mm256_max_ps(b[i], a[i]), m[i])) }
+    }
+    #[inline(always)]
+    unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [[__m256; 2]; 2] {
+        unsafe {
+            // Four rows become one register: in each half of it the rows' minima over four lanes.
+            let four = |r: usize, first: usize| {
+                let [a, b, c, d] = [0, 1, 2, 3].map(|i| _mm256_loadu_ps(rows[r + i][first..].as_ptr()));
+                let ab = _mm256_min_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+                let cd = _mm256_min_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+                let (ab, cd) = (_mm256_castps_pd(ab), _mm256_castps_pd(cd));
+                let (lo, hi) = (_mm256_unpacklo_pd(ab, cd), _mm256_unpackhi_pd(ab, cd));
+                _mm256_min_ps(_mm256_castpd_ps(lo), _mm256_castpd_ps(hi))
+            };
+            let eight = |r: usize, first: usize| {
+                let (v, w) = (four(r, first), four(r + 4, first));
+                _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(v, w), _mm256_permute2f128_ps::<0x31>(v, w))
+            };
+            [[eight(0, 0), eight(8, 0)], [eight(0, 8), eight(8, 8)]]
+        }
+    }
+    #[inline(always)]
+    unsafe fn compress(mask: u32, base: u32, out: &mut [u32; 16]) {
+        unsafe {
+            let base = _mm256_set1_epi32(base as i32);
+            let (low, high) = ((mask & 255) as usize, (mask >> 8 & 255) as usize);
+            let numbers = |m: usize| _mm256_loadu_si256(LANES_OF[m].as_ptr().cast());
+            let places = low.count_ones() as usize;
+            _mm256_storeu_si256(out.as_mut_ptr().cast(), _mm256_add_epi32(base, numbers(low)));
+            let upper = _mm256_add_epi32(base, _mm256_add_epi32(numbers(high), _mm256_set1_epi32(8)));
+            // At most eight places come before these eight.
+            _mm256_storeu_si256(out.as_mut_ptr().add(places).cast(), upper);
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn dsplat(x: f64) -> [__m256d; 2] {
+        unsafe { [_mm256_set1_pd(x); 2] }
+    }
+    #[inline(always)]
+    unsafe fn dload(x: &[f64; 8]) -> [__m256d; 2] {
+        unsafe { [_mm256_loadu_pd(x.as_ptr()), _mm256_loadu_pd(x[4..].as_ptr())] }
+    }
+    #[inline(always)]
+    unsafe fn dstore(x: &mut [f64; 8], v: [__m256d; 2]) {
+        unsafe {
+            _mm256_storeu_pd(x.as_mut_ptr(), v[0]);
+            _mm256_storeu_pd(x[4..].as_mut_ptr(), v[1]);
+        }
+    }
+    #[inline(always)]
+    unsafe fn dabs(a: [__m256d; 2]) -> [__m256d; 2] {
+        unsafe {
+            let sign = _mm256_set1_pd(-0.0);
+            [_mm256_andnot_pd(sign, a[0]), _mm256_andnot_pd(sign, a[1])]
+        }
+    }
+    #[inline(always)]
+    unsafe fn dlt(a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+        unsafe { [_mm256_cmp_pd::<_CMP_LT_OQ>(a[0], b[0]), _mm256_cmp_pd::<_CMP_LT_OQ>(a[1], b[1])] }
+    }
+    #[inline(always)]
+    unsafe fn dle(a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+        unsafe { [_mm256_cmp_pd::<_CMP_LE_OQ>(a[0], b[0]), _mm256_cmp_pd::<_CMP_LE_OQ>(a[1], b[1])] }
+    }
+    #[inline(always)]
+    unsafe fn dbits(m: [__m256d; 2]) -> u32 {
+        unsafe { _mm256_movemask_pd(m[0]) as u32 | (_mm256_movemask_pd(m[1]) as u32) << 4 }
+    }
+    #[inline(always)]
+    unsafe fn dselect(m: [__m256d; 2], a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+        unsafe { [_mm256_blendv_pd(b[0], a[0], m[0]), _mm256_blendv_pd(b[1], a[1], m[1])] }
+    }
+    #[inline(always)]
+    unsafe fn narrow(low: [__m256d; 2], high: [__m256d; 2]) -> [__m256; 2] {
+        unsafe { [low, high].map(|[a, b]| _mm256_set_m128(_mm256_cvtpd_ps(b), _mm256_cvtpd_ps(a))) }
+    }
+    #[inline(always)]
+    unsafe fn put(bits: u32, t: &mut [f64; 8], v: [__m256d; 2], ids: &mut [u32; 8], id: u32) {
+        unsafe {
+            let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let chosen = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits as i32), lane), lane);
+            _mm256_maskstore_epi32(ids.as_mut_ptr().cast(), chosen, _mm256_set1_epi32(id as i32));
+            let wide = [_mm256_castsi256_si128(chosen), _mm256_extracti128_si256::<1>(chosen)];
+            _mm256_maskstore_pd(t.as_mut_ptr(), _mm256_cvtepi32_epi64(wide[0]), v[0]);
+            _mm256_maskstore_pd(t[4..].as_mut_ptr(), _mm256_cvtepi32_epi64(wide[1]), v[1]);
+        }
+    }
+    #[inline(always)]
+    unsafe fn greater_ids(ids: &[u32; 8], id: u32) -> u32 {
+        unsafe {
+            let flip = _mm256_set1_epi32(i32::MIN);
+            let ids = _mm256_xor_si256(_mm256_loadu_si256(ids.as_ptr().cast()), flip);
+            let id = _mm256_xor_si256(_mm256_set1_epi32(id as i32), flip);
+            _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(ids, id))) as u32
+        }
+    }
+    #[inline(always)]
+    unsafe fn dgreatest(v: [__m256d; 2]) -> f64 {
+        unsafe {
+            let four = _mm256_max_pd(v[0], v[1]);
+            let two = _mm_max_pd(_mm256_castpd256_pd128(four), _mm256_extractf128_pd::<1>(four));
+            _mm_cvtsd_f64(_mm_max_sd(two, _mm_unpackhi_pd(two, two)))
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! AVX-512 (F, VL, BW, DQ): one register for sixteen lanes.
+
+use super::Simd;
+use std::arch::x86_64::*;
+
+/// See the module.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx512;
+
+// SAFETY (all functions): the trait asks callers for the target features; memory is reached through references only.
+impl Simd for Avx512 {
+    type F = __m512;
+    type M = __mmask16;
+    type D = __m512d;
+    type N = __mmask8;
+
+    #[inline(always)]
+    unsafe fn splat(x: f32) -> __m512 {
+        unsafe { _mm512_set1_ps(x) }
+    }
+    #[inline(always)]
+    unsafe fn load(x: &[f32; 16]) -> __m512 {
+        unsafe { _mm512_loadu_ps(x.as_ptr()) }
+    }
+    #[inline(always)]
+    unsafe fn store(x: &mut [f32; 16], v: __m512) {
+        unsafe { _mm512_storeu_ps(x.as_mut_ptr(), v) }
+    }
+    #[inline(always)]
+    unsafe fn add(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_add_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn sub(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn mul(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn div(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_div_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn min(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_min_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn max(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_max_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn le(a: __m512, b: __m512) -> __mmask16 {
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn and(a: __mmask16, b: __mmask16) -> __mmask16 {
+        a & b
+    }
+    #[inline(always)]
+    unsafe fn or(a: __mmask16, b: __mmask16) -> __mmask16 {
+        a | b
+    }
+    #[inline(always)]
+    unsafe fn bits(m: __mmask16) -> u32 {
+        u32::from(m)
+    }
+    #[inline(always)]
+    unsafe fn min_where(m: __mmask16, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_mask_min_ps(a, m, b, a) }
+    }
+    #[inline(always)]
+    unsafe fn max_where(m: __mmask16, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_mask_max_ps(a, m, b, a) }
+    }
+    #[inline(always)]
+    unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [__m512; 2] {
+        unsafe {
+            // Four rows become one register: in each quarter the rows' minima over that quarter.
+            let four = |r: usize| {
+                let [a, b, c, d] = [0, 1, 2, 3].map(|i| _mm512_loadu_ps(rows[r + i].as_ptr()));
+                let ab = _mm512_min_ps(_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
+                let cd = _mm512_min_ps(_mm512_unpacklo_ps(c, d), _mm512_unpackhi_ps(c, d));
+                let (ab, cd) = (_mm512_castps_pd(ab), _mm512_castps_pd(cd));
+                let (lo, hi) = (_mm512_unpacklo_pd(ab, cd), _mm512_unpackhi_pd(ab, cd));
+                _mm512_min_ps(_mm512_castpd_ps(lo), _mm512_castpd_ps(hi))
+            };
+            // Quarters 0, 2 (the halves' first parts) against 1, 3.
+            let eight = |v: __m512, w: __m512| {
+                _mm512_min_ps(
+                    _mm512_shuffle_f32x4::<0b10_00_10_00>(v, w),
+                    _mm512_shuffle_f32x4::<0b11_01_11_01>(v, w),
+                )
+            };
+            let (low, high) = (eight(four(0), four(4)), eight(four(8), four(12)));
+            [
+                _mm512_shuffle_f32x4::<0b10_00_10_00>(low, high),
+                _mm512_shuffle_f32x4::<0b11_01_11_01>(low, high),
+            ]
+        }
+    }
+    #[inline(always)]
+    unsafe fn compress(mask: u32, base: u32, out: &mut [u32; 16]) {
+        unsafe {
+            let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+            let numbers = _mm512_add_epi32(lanes, _mm512_set1_epi32(base as i32));
+            _mm512_storeu_si512(out.as_mut_ptr().cast(), _mm512_maskz_compress_epi32(mask as u16, numbers));
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn dsplat(x: f64) -> __m512d {
+        unsafe { _mm512_set1_pd(x) }
+    }
+    #[inline(always)]
+    unsafe fn dload(x: &[f64; 8]) -> __m512d {
+        unsafe { _mm512_loadu_pd(x.as_ptr()) }
+    }
+    #[inline(always)]
+    unsafe fn dstore(x: &mut [f64; 8], v: __m512d) {
+        unsafe { _mm512_storeu_pd(x.as_mut_ptr(), v) }
+    }
+    #[inline(always)]
+    unsafe fn dadd(a: __m512d, b: __m512d) -> __m512d {
+        unsafe { _mm512_add_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn dsub(a: __m512d, b: __m512d) -> __m512d {
+        unsafe { _mm512_sub_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn dmul(a: __m512d, b: __m512d) -> __m512d {
+        unsafe { _mm512_mul_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn ddiv(a: __m512d, b: __m512d) -> __m512d {
+        unsafe { _mm512_div_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn dmin(a: __m512d, b: __m512d) -> __m512d {
+        unsafe { _mm512_min_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn dmax(a: __m512d, b: __m512d) -> __m512d {
+        unsafe { _mm512_max_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn dabs(a: __m512d) -> __m512d {
+        unsafe { _mm512_abs_pd(a) }
+    }
+    #[inline(always)]
+    unsafe fn dlt(a: __m512d, b: __m512d) -> __mmask8 {
+        unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn dle(a: __m512d, b: __m512d) -> __mmask8 {
+        unsafe { _mm512_cmp_pd_mask::<_CMP_LE_OQ>(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn dand(a: __mmask8, b: __mmask8) -> __mmask8 {
+        a & b
+    }
+    #[inline(always)]
+    unsafe fn dor(a: __mmask8, b: __mmask8) -> __mmask8 {
+        a | b
+    }
+    #[inline(always)]
+    unsafe fn dbits(m: __mmask8) -> u32 {
+        u32::from(m)
+    }
+    #[inline(always)]
+    unsafe fn dselect(m: __mmask8, a: __m512d, b: __m512d) -> __m512d {
+        unsafe { _mm512_mask_blend_pd(m, b, a) }
+    }
+    #[inline(always)]
+    unsafe fn narrow(low: __m512d, high: __m512d) -> __m512 {
+        unsafe {
+            let (low, high) = (_mm512_cvtpd_ps(low), _mm512_cvtpd_ps(high));
+            _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high)
+        }
+    }
+    #[inline(always)]
+    unsafe fn put(bits: u32, t: &mut [f64; 8], v: __m512d, ids: &mut [u32; 8], id: u32) {
+        unsafe {
+            _mm512_mask_storeu_pd(t.as_mut_ptr(), bits as u8, v);
+            _mm256_mask_storeu_epi32(ids.as_mut_ptr().cast(), bits as u8, _mm256_set1_epi32(id as i32));
+        }
+    }
+    #[inline(always)]
+    unsafe fn greater_ids(ids: &[u32; 8], id: u32) -> u32 {
+        unsafe {
+            let ids = _mm256_loadu_si256(ids.as_ptr().cast());
+            u32::from(_mm256_cmpgt_epu32_mask(ids, _mm256_set1_epi32(id as i32)))
+        }
+    }
+    #[inline(always)]
+    unsafe fn dgreatest(v: __m512d) -> f64 {
+        unsafe { _mm512_reduce_max_pd(v) }
+    }
+}

@@ -1,0 +1,184 @@
+//! Plain Rust: the twin of the other sets, and the fallback.
+
+use super::Simd;
+
+/// See the module.
+#[derive(Clone, Copy)]
+pub(crate) struct Portable;
+
+#[inline(always)]
+fn map<T: Copy, U, const N: usize>(a: [T; N], b: [T; N], f: impl Fn(T, T) -> U) -> [U; N] {
+    std::array::from_fn(|i| f(a[i], b[i]))
+}
+
+#[inline(always)]
+fn mask<T: Copy, const N: usize>(a: [T; N], b: [T; N], f: impl Fn(T, T) -> bool) -> u32 {
+    (0..N).fold(0, |m, i| m | u32::from(f(a[i], b[i])) << i)
+}
+
+impl Simd for Portable {
+    type F = [f32; 16];
+    type M = u32;
+    type D = [f64; 8];
+    type N = u32;
+
+    #[inline(always)]
+    unsafe fn splat(x: f32) -> Self::F {
+        [x; 16]
+    }
+    #[inline(always)]
+    unsafe fn load(x: &[f32; 16]) -> Self::F {
+        *x
+    }
+    #[inline(always)]
+    unsafe fn store(x: &mut [f32; 16], v: Self::F) {
+        *x = v;
+    }
+    #[inline(always)]
+    unsafe fn add(a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| a + b)
+    }
+    #[inline(always)]
+    unsafe fn sub(a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| a - b)
+    }
+    #[inline(always)]
+    unsafe fn mul(a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    unsafe fn div(a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    unsafe fn min(a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    unsafe fn max(a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    unsafe fn le(a: Self::F, b: Self::F) -> u32 {
+        mask(a, b, |a, b| a <= b)
+    }
+    #[inline(always)]
+    unsafe fn and(a: u32, b: u32) -> u32 {
+        a & b
+    }
+    #[inline(always)]
+    unsafe fn or(a: u32, b: u32) -> u32 {
+        a | b
+    }
+    #[inline(always)]
+    unsafe fn bits(m: u32) -> u32 {
+        m
+    }
+    #[inline(always)]
+    unsafe fn min_where(m: u32, a: Self::F, b: Self::F) -> Self::F {
+        std::array::from_fn(|i| if m >> i & 1 != 0 && b[i] < a[i] { b[i] } else { a[i] })
+    }
+    #[inline(always)]
+    unsafe fn max_where(m: u32, a: Self::F, b: Self::F) -> Self::F {
+        std::array::from_fn(|i| if m >> i & 1 != 0 && b[i] > a[i] { b[i] } else { a[i] })
+    }
+    #[inline(always)]
+    unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [Self::F; 2] {
+        let least = |half: &[f32]| half.iter().fold(f32::INFINITY, |m, &x| if x < m { x } else { m });
+        [std::array::from_fn(|r| least(&rows[r][..8])), std::array::from_fn(|r| least(&rows[r][8..]))]
+    }
+    #[inline(always)]
+    unsafe fn compress(mut mask: u32, base: u32, out: &mut [u32; 16]) {
+        let mut n = 0;
+        while mask != 0 {
+            out[n & 15] = base + mask.trailing_zeros();
+            mask &= mask - 1;
+            n += 1;
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn dsplat(x: f64) -> Self::D {
+        [x; 8]
+    }
+    #[inline(always)]
+    unsafe fn dload(x: &[f64; 8]) -> Self::D {
+        *x
+    }
+    #[inline(always)]
+    unsafe fn dstore(x: &mut [f64; 8], v: Self::D) {
+        *x = v;
+    }
+    #[inline(always)]
+    unsafe fn dadd(a: Self::D, b: Self::D) -> Self::D {
+        map(a, b, |a, b| a + b)
+    }
+    #[inline(always)]
+    unsafe fn dsub(a: Self::D, b: Self::D) -> Self::D {
+        map(a, b, |a, b| a - b)
+    }
+    #[inline(always)]
+    unsafe fn dmul(a: Self::D, b: Self::D) -> Self::D {
+        map(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    unsafe fn ddiv(a: Self::D, b: Self::D) -> Self::D {
+        map(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    unsafe fn dmin(a: Self::D, b: Self::D) -> Self::D {
+        map(a, b, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    unsafe fn dmax(a: Self::D, b: Self::D) -> Self::D {
+        map(a, b, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    unsafe fn dabs(a: Self::D) -> Self::D {
+        a.map(f64::abs)
+    }
+    #[inline(always)]
+    unsafe fn dlt(a: Self::D, b: Self::D) -> u32 {
+        mask(a, b, |a, b| a < b)
+    }
+    #[inline(always)]
+    unsafe fn dle(a: Self::D, b: Self::D) -> u32 {
+        mask(a, b, |a, b| a <= b)
+    }
+    #[inline(always)]
+    unsafe fn dand(a: u32, b: u32) -> u32 {
+        a & b
+    }
+    #[inline(always)]
+    unsafe fn dor(a: u32, b: u32) -> u32 {
+        a | b
+    }
+    #[inline(always)]
+    unsafe fn dbits(m: u32) -> u32 {
+        m
+    }
+    #[inline(always)]
+    unsafe fn dselect(m: u32, a: Self::D, b: Self::D) -> Self::D {
+        std::array::from_fn(|i| if m >> i & 1 != 0 { a[i] } else { b[i] })
+    }
+    #[inline(always)]
+    unsafe fn narrow(low: Self::D, high: Self::D) -> Self::F {
+        std::array::from_fn(|i| if i < 8 { low[i] as f32 } else { high[i - 8] as f32 })
+    }
+    #[inline(always)]
+    unsafe fn put(bits: u32, t: &mut [f64; 8], v: Self::D, ids: &mut [u32; 8], id: u32) {
+        for i in 0..8 {
+            if bits >> i & 1 != 0 {
+                (t[i], ids[i]) = (v[i], id);
+            }
+        }
+    }
+    #[inline(always)]
+    unsafe fn greater_ids(ids: &[u32; 8], id: u32) -> u32 {
+        mask(*ids, [id; 8], |a, b| a > b)
+    }
+    #[inline(always)]
+    unsafe fn dgreatest(v: Self::D) -> f64 {
+        v.into_iter().fold(f64::NEG_INFINITY, |m, x| if x > m { x } else { m })
+    }
+}
