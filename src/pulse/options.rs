@@ -132,7 +132,7 @@ corrections! {
     count_kept_returns: true,
     /// Subrays may hit though the axis misses the scene's box (trap 11).
     no_axis_gate: true,
-    /// Moving parts stay visible outside the scene's first box (trap 12).
+    /// The scene has no box: moving parts stay visible wherever they go, and the axis need not meet it (trap 12).
     unbounded_scene: true,
     /// Rays go on through what lies nearer than the minimum range, for instruments inside a modelled hull (trap 10). Not
     /// part of the refined physics, since a near object really is in the way.

@@ -44,13 +44,20 @@ impl<'a> Physics<'a> {
         })
     }
 
-    /// The same physics over another version of the scene; looks once at every primitive.
+    /// The same physics over another version of the scene, in which parts may have moved out of [`Scene::bounds`]. Costs
+    /// nothing.
     pub fn over<'b>(&self, scene: &'b Scene, tree: &'b Tree) -> Physics<'b> {
+        let o = &self.options;
         Physics {
-            view: View { scene, tree, limits: limits(scene, &self.options), ..self.view },
-            gate: gate(scene, &self.options),
+            view: View {
+                scene,
+                tree,
+                limits: (!o.corrections.unbounded_scene).then_some(scene.bounds),
+                fixed_incidence: o.fixed_incidence,
+            },
+            gate: gate(scene, o),
             fleet: Arc::clone(&self.fleet),
-            options: self.options,
+            options: *o,
             range_noise: self.range_noise,
             waveform_noise: self.waveform_noise,
         }
@@ -69,18 +76,15 @@ impl<'a> Physics<'a> {
 
 /// The scene's box if something lies outside of it and must not be seen: what moved there since the scene was loaded.
 fn limits(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
-    let (all, b) = (scene.geometry.bounds(), scene.bounds);
-    let inside = all.is_empty() || (all.min.cmpge(b.min).all() && all.max.cmple(b.max).all());
-    (!o.corrections.unbounded_scene && !inside).then_some(b)
+    let (b, g) = (scene.bounds, &scene.geometry);
+    let within = |p: DVec3, half: f64| (p - half).cmpge(b.min).all() && (p + half).cmple(b.max).all();
+    let all = g.vertices.iter().all(|v| within(*v, 0.0)) && g.cubes.iter().all(|c| within(c.centre, c.half));
+    (!o.corrections.unbounded_scene && !all).then_some(b)
 }
 
-/// The box of spec pulse-physics §2.1, unless rays beside the axis count as well.
+/// The box of spec pulse-physics §2.1 that the axis must meet.
 fn gate(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
-    match (o.corrections.no_axis_gate, o.corrections.unbounded_scene) {
-        (true, _) => None,
-        (false, false) => Some(scene.bounds),
-        (false, true) => Some(scene.geometry.bounds()),
-    }
+    (!o.corrections.no_axis_gate && !o.corrections.unbounded_scene).then_some(scene.bounds)
 }
 
 /// Fires pulses one after the other. One per worker: it owns the memory, which stays from pulse to pulse.

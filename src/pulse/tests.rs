@@ -6,6 +6,7 @@ use crate::geom::{Aabb, DVec3, Rotation, radians};
 use crate::pipeline::Batch;
 use crate::scene::{Material, Reflection, Scene};
 use crate::survey::{Device, Survey};
+use proptest::prelude::*;
 
 fn legacy() -> PhysicsOptions {
     PhysicsOptions { legacy_energy: true, ..PhysicsOptions::helios() }
@@ -400,4 +401,60 @@ fn the_two_way_time_base_doubles_times_and_keeps_ranges() {
     assert!((batch.echoes[0].range - 100.0).abs() < 1e-9);
     let peak = batch.waveforms[0].start_ns + 6.0 * 0.25;
     assert!((peak - 200.0 / crate::geom::LIGHT_SPEED).abs() < 1e-6);
+}
+
+/// Values that no instrument has, among some that one may have.
+fn odd() -> impl Strategy<Value = f64> {
+    let values = [
+        0.0,
+        -0.0,
+        1.0,
+        -1.0,
+        0.25,
+        1e-9,
+        1e-300,
+        1e9,
+        1e300,
+        f64::MAX,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::NAN,
+    ];
+    prop::sample::select(values.to_vec())
+}
+
+proptest! {
+    #[test]
+    fn no_setting_makes_a_pulse_panic(
+        beam in prop::array::uniform8(prop::option::weighted(0.2, odd())),
+        detector in prop::array::uniform8(prop::option::weighted(0.2, odd())),
+        quality in 0u32..6, refined: bool, legacy_energy: bool, echo_width: bool, record_waveforms: bool,
+    ) {
+        let survey = tls_with(|d| {
+            let b = &mut d.beam;
+            let (w, r) = (&mut d.waveform, &mut d.detector);
+            let fields = [
+                &mut b.divergence, &mut b.pulse_length, &mut b.wavelength, &mut b.atmosphere_wavelength,
+                &mut b.average_power, &mut b.quality, &mut b.receiver_diameter, &mut b.visibility,
+            ];
+            fields.into_iter().zip(beam).for_each(|(f, v)| *f = v.unwrap_or(*f));
+            let fields = [
+                &mut r.accuracy, &mut r.range_min, &mut r.range_max, &mut r.threshold,
+                &mut w.bin, &mut w.window, &mut w.max_range, &mut b.efficiency,
+            ];
+            fields.into_iter().zip(detector).for_each(|(f, v)| *f = v.unwrap_or(*f));
+            w.quality = quality;
+        });
+        let base = if refined { PhysicsOptions::refined() } else { PhysicsOptions::helios() };
+        let options = PhysicsOptions { legacy_energy, echo_width, record_waveforms, ..base };
+        let scene = step(100.0, 105.0);
+        let tree = tree(&scene);
+        if let Ok(physics) = super::Physics::new(&scene, &tree, &survey, options) {
+            let mut batch = Batch::default();
+            if physics.shooter().fire(0, &in_frame(&scene, &pulse(Rotation::IDENTITY)), &mut batch).is_ok() {
+                prop_assert!(batch.echoes.iter().all(|e| e.return_number <= e.number_of_returns));
+                prop_assert_eq!(batch.samples.len(), batch.waveforms.iter().map(|w| w.samples).sum::<usize>());
+            }
+        }
+    }
 }
