@@ -1,3 +1,7 @@
 //! The program: parse, dispatch, exit status.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::from(vlscan::cli::main(std::env::args_os()))
+}

@@ -1,1 +1,47 @@
-//! The command line: one file per subcommand.
+//! The command line: one file per subcommand, and the edge where errors become reports and exit statuses.
+//!
+//! Data goes to stdout; messages, warnings and progress go to stderr.
+
+mod args;
+mod console;
+mod helios;
+mod interrupt;
+mod preview;
+mod run;
+mod scene;
+mod watch;
+
+pub use args::{Cli, Command, PhysicsProfile, RunArgs, TreeKind};
+pub use console::{Console, Verbosity};
+
+use crate::error::Error;
+use clap::Parser;
+use std::ffi::OsString;
+
+/// Runs the program with these arguments and returns its exit status: 0 done, 1 the machine failed, 2 wrong input or
+/// usage, 3 a scan frequency outside the scanner's limits, 130 interrupted.
+pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
+    let cli = match Cli::try_parse_from(helios::in_our_words(args)) {
+        Ok(cli) => cli,
+        Err(message) => {
+            // Help and version are answers, not errors; a closed pipe must not turn them into a panic.
+            let _ = message.print();
+            return if message.use_stderr() { 2 } else { 0 };
+        }
+    };
+    let console = Console::new(cli.verbosity());
+    let outcome = match &cli.command {
+        Command::Run(args) => run::run(args, &console),
+        Command::Scene(args) => scene::run(args, &console),
+        Command::Preview(args) => preview::run(args, &console),
+    };
+    match outcome {
+        Ok(()) => 0,
+        Err(error) => {
+            if !matches!(error, Error::ClosedPipe) {
+                console.failure(&error);
+            }
+            error.exit_status()
+        }
+    }
+}

@@ -12,22 +12,45 @@ const GPS_EPOCH: i64 = 315_964_809;
 /// # Errors
 /// What was found and what was expected, in one sentence.
 pub fn gps_start(text: &str) -> Result<f64, String> {
-    let text = text.trim();
-    let posix = if text.is_empty() {
-        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-        now.map_or(0, |d| d.as_secs() as i64)
-    } else if text.contains(':') {
-        utc_seconds(text)
-            .ok_or_else(|| format!("expected a time like 2024-01-31 12:00:00, found `{text}`"))?
-    } else {
-        let whole = text.split_once('.').map_or(text, |(whole, fraction)| {
-            if fraction.bytes().all(|b| b.is_ascii_digit()) { whole } else { text }
-        });
-        whole.parse().map_err(|_| {
-            format!("expected POSIX seconds or a time like 2024-01-31 12:00:00, found `{text}`")
-        })?
-    };
+    let posix = posix_seconds(text)?;
     Ok((posix.saturating_sub(GPS_EPOCH)).rem_euclid(WEEK_S) as f64 * 1e9)
+}
+
+/// Year and day of the year (from 1), in UTC, of the same texts as [`gps_start`] takes: the creation date of files, which
+/// must not depend on when a run is repeated.
+///
+/// # Errors
+/// As [`gps_start`].
+pub fn calendar_day(text: &str) -> Result<(u16, u16), String> {
+    let mut day = posix_seconds(text)?.div_euclid(86_400);
+    let mut year = 1970;
+    let days_in = |year: i64| if year % 4 == 0 && (year % 100 != 0 || year % 400 == 0) { 366 } else { 365 };
+    if !(0..=20_000_000).contains(&day) {
+        return Ok((0, 0));
+    }
+    while day >= days_in(year) {
+        day -= days_in(year);
+        year += 1;
+    }
+    Ok((u16::try_from(year).unwrap_or(0), day as u16 + 1))
+}
+
+fn posix_seconds(text: &str) -> Result<i64, String> {
+    let text = text.trim();
+    if text.is_empty() {
+        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        return Ok(now.map_or(0, |d| d.as_secs() as i64));
+    }
+    if text.contains(':') {
+        return utc_seconds(text)
+            .ok_or_else(|| format!("expected a time like 2024-01-31 12:00:00, found `{text}`"));
+    }
+    let whole = text.split_once('.').map_or(text, |(whole, fraction)| {
+        if fraction.bytes().all(|b| b.is_ascii_digit()) { whole } else { text }
+    });
+    whole
+        .parse()
+        .map_err(|_| format!("expected POSIX seconds or a time like 2024-01-31 12:00:00, found `{text}`"))
 }
 
 /// POSIX seconds of `YYYY-MM-DD hh:mm:ss` in UTC.
@@ -66,6 +89,15 @@ pub(super) fn elapsed_ns(now: f64, then: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn days_count_from_the_first_of_january() {
+        assert_eq!(calendar_day("2024-01-01 00:00:00"), Ok((2024, 1)));
+        assert_eq!(calendar_day("2024-12-31 23:59:59"), Ok((2024, 366)));
+        assert_eq!(calendar_day("0"), Ok((1970, 1)));
+        assert_eq!(calendar_day("951782400"), Ok((2000, 60)));
+        assert!(calendar_day("noon").is_err());
+    }
 
     #[test]
     fn start_times() {

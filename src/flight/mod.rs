@@ -12,7 +12,7 @@ mod pulse;
 mod settings;
 mod state;
 
-pub use clock::gps_start;
+pub use clock::{calendar_day, gps_start};
 pub use plan::{FlightOptions, FlightPlan};
 pub use pulse::{FlightSink, PoseSample, Pulse};
 pub use state::{FlightState, Step};

@@ -6,8 +6,7 @@ use super::peaks::PeakRule;
 use super::shape::{PulseShape, sample_count};
 use super::subray::Subrays;
 use crate::geom::LIGHT_SPEED;
-use crate::survey::formula::Formula;
-use crate::survey::{Device, Survey};
+use crate::survey::{Device, Formula, Survey};
 use crate::{Error, Result};
 use std::collections::HashMap;
 

@@ -269,14 +269,3 @@ fn range_noise(stream: &Stream, instrument: &Instrument, pulse: &Pulse, number: 
         None => noise,
     }
 }
-
-/// Stands in for the method of the same name until formulas have it.
-trait Evaluate {
-    fn eval(&self, t: f64) -> f64;
-}
-
-impl Evaluate for crate::survey::formula::Formula {
-    fn eval(&self, _: f64) -> f64 {
-        1.0
-    }
-}

@@ -6,12 +6,6 @@ use std::sync::Mutex;
 /// A piece of work that carries its own way to deliver the result.
 pub type Job = Box<dyn FnOnce() + Send>;
 
-/// Somebody who may take a job over.
-pub trait Offload: Send + Sync {
-    /// Takes the job, or hands it back for the caller to run itself. Never blocks.
-    fn try_run(&self, job: Job) -> Result<(), Job>;
-}
-
 /// A bounded queue of jobs that workers empty before they take the next chunk.
 #[derive(Debug)]
 pub struct JobQueue {
@@ -37,10 +31,9 @@ impl JobQueue {
     pub fn exit(&self) -> &Receiver<Job> {
         &self.exit
     }
-}
 
-impl Offload for JobQueue {
-    fn try_run(&self, job: Job) -> Result<(), Job> {
+    /// Takes the job, or hands it back for the caller to run itself. Never blocks.
+    pub fn try_run(&self, job: Job) -> Result<(), Job> {
         match self.entrance.lock() {
             Ok(entrance) => match entrance.as_ref() {
                 Some(sender) => sender.try_send(job).map_err(|e| match e {

@@ -15,7 +15,7 @@
 mod jobs;
 mod warehouse;
 
-pub use jobs::{Job, JobQueue, Offload};
+pub use jobs::{Job, JobQueue};
 pub use warehouse::{Collect, Feed, Settings, run};
 
 use std::sync::atomic::{AtomicBool, Ordering};

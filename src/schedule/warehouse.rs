@@ -215,7 +215,6 @@ fn collect<R, K: Collect<R>>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::schedule::Offload;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     struct Gather {

@@ -245,6 +245,7 @@ impl PlatformLayer {
     /// Reads a `<platformSettings>` on top of `base`.
     pub fn read(context: &Context, element: &Element, base: &PlatformLayer) -> PlatformLayer {
         let mut fields = Fields::new(context, element);
+        let smooth_turn = fields.flag("smoothTurn", base.smooth_turn);
         let layer = PlatformLayer {
             position: DVec3::new(
                 fields.number("x", base.position.x),
@@ -253,8 +254,9 @@ impl PlatformLayer {
             ),
             on_ground: fields.flag("onGround", base.on_ground),
             speed: fields.number("movePerSec_m", base.speed),
-            stop_and_turn: fields.flag("stopAndTurn", base.stop_and_turn),
-            smooth_turn: fields.flag("smoothTurn", base.smooth_turn),
+            // A template that turns smoothly passes on that it does not stop.
+            stop_and_turn: fields.flag("stopAndTurn", base.stop_and_turn) && !smooth_turn,
+            smooth_turn,
             slowdown: fields.flag("slowdownEnabled", base.slowdown),
             yaw_at_departure: fields.optional_angle("yawAtDeparture_deg"),
             trajectory: base.trajectory.with(&mut fields),
@@ -270,7 +272,7 @@ impl PlatformLayer {
             position: self.position,
             on_ground: self.on_ground,
             speed: self.speed,
-            stop_and_turn: self.stop_and_turn && !self.smooth_turn,
+            stop_and_turn: self.stop_and_turn,
             smooth_turn: self.smooth_turn,
             slowdown: self.slowdown,
             yaw_at_departure: self.yaw_at_departure,

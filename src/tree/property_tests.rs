@@ -65,7 +65,13 @@ fn assert_agreement(g: &Geometry, pulses: &[RayBundle]) {
 }
 
 /// So do groups, on every instruction set.
-fn assert_groups_agree(n: usize, tree: &Tree, g: &Geometry, pulses: &[RayBundle], expected: &[Vec<Option<Hit>>]) {
+fn assert_groups_agree(
+    n: usize,
+    tree: &Tree,
+    g: &Geometry,
+    pulses: &[RayBundle],
+    expected: &[Vec<Option<Hit>>],
+) {
     let mut hits = Hits::default();
     for rays in [1, 2, 7, 19] {
         let mut group = RayGroup::new(rays);
@@ -82,8 +88,15 @@ fn assert_groups_agree(n: usize, tree: &Tree, g: &Geometry, pulses: &[RayBundle]
             for (i, (p, expected)) in members().enumerate() {
                 for (r, hit) in expected.iter().enumerate() {
                     let at = i * group.stride() + r;
-                    let found = (hits.primitive[at] != Hits::MISS).then(|| Hit { t: hits.t[at], primitive: hits.primitive[at] });
-                    assert_eq!(found, *hit, "{level:?}, tree {n}, ray {r} of pulse {i} from {} to {}", p.origin, p.direction(r));
+                    let found = (hits.primitive[at] != Hits::MISS)
+                        .then(|| Hit { t: hits.t[at], primitive: hits.primitive[at] });
+                    assert_eq!(
+                        found,
+                        *hit,
+                        "{level:?}, tree {n}, ray {r} of pulse {i} from {} to {}",
+                        p.origin,
+                        p.direction(r)
+                    );
                 }
             }
         }

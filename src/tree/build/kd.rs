@@ -118,7 +118,9 @@ impl Build<'_> {
         };
         let on = |axis: usize| self.search.on_axis(prims, cell, axis % 3);
         match options.axes {
-            _ if options.builder == Builder::AxisSah => self.search.on_best_axis(prims, cell).and_then(worth_making),
+            _ if options.builder == Builder::AxisSah => {
+                self.search.on_best_axis(prims, cell).and_then(worth_making)
+            }
             Axes::Best => self.search.on_best_axis(prims, cell).and_then(worth_making),
             Axes::Turn => on(turn).and_then(worth_making),
             Axes::TurnThenNext => (turn..turn + 3).filter_map(on).find_map(worth_making),

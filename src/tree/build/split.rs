@@ -150,7 +150,11 @@ impl Search<'_> {
                 let (along, u, v) = (side(axis), side((axis + 1) % 3), side((axis + 2) % 3));
                 let area = |length: f64| length * (u + v) + u * v;
                 let whole = area(along);
-                if whole > 0.0 { [area(r * along) / whole, area((1.0 - r) * along) / whole] } else { [r, 1.0 - r] }
+                if whole > 0.0 {
+                    [area(r * along) / whole, area((1.0 - r) * along) / whole]
+                } else {
+                    [r, 1.0 - r]
+                }
             }
         }
     }
@@ -184,4 +188,3 @@ pub(crate) fn count(prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
         [l + usize::from(f64::from(o.lo[axis]) <= p), r + usize::from(f64::from(o.hi[axis]) > p)]
     })
 }
-

@@ -138,7 +138,13 @@ struct Start {
 
 impl Start {
     #[inline(always)]
-    fn of(frame: &Frame, rays: &RayGroup, pulses: Range<usize>, axes: [usize; 3], forward: f64) -> Option<Start> {
+    fn of(
+        frame: &Frame,
+        rays: &RayGroup,
+        pulses: Range<usize>,
+        axes: [usize; 3],
+        forward: f64,
+    ) -> Option<Start> {
         let mut origins = [frame.local(rays.origin(pulses.start)); GROUP];
         for (o, p) in origins.iter_mut().zip(pulses) {
             *o = frame.local(rays.origin(p));
@@ -194,7 +200,8 @@ impl Spread {
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
                 let (mi, mj, sign, zero) = (S::dsplat(mi), S::dsplat(mj), S::dsplat(forward), S::dsplat(0.0));
-                let (mut least, mut greatest) = ([S::dsplat(f64::INFINITY); 3], [S::dsplat(f64::NEG_INFINITY); 3]);
+                let (mut least, mut greatest) =
+                    ([S::dsplat(f64::INFINITY); 3], [S::dsplat(f64::NEG_INFINITY); 3]);
                 for r in row {
                     let depth = S::dmul(S::dload(&along[r]), sign);
                     let wi = S::dsub(S::dload(&i[r]), S::dmul(mi, depth));
@@ -266,13 +273,19 @@ unsafe fn sides<S: Simd>(
     unsafe {
         let side = |from: [f32; GROUP], inverse: [f32; GROUP]| {
             let (zero, v) = (S::splat(0.0), S::load(&inverse));
-            Side { from: PerPulse(from), inverse: PerPulse(inverse), upper: S::le(zero, v), lower: S::le(v, zero) }
+            Side {
+                from: PerPulse(from),
+                inverse: PerPulse(inverse),
+                upper: S::le(zero, v),
+                lower: S::le(v, zero),
+            }
         };
         let r = start.apex[k];
         let [under, over] = [(r - start.slack).next_down(), (r + start.slack).next_up()];
         // The planes below a box are bounds of the other kind.
         let other = |s: Side<S>| Side { upper: s.lower, lower: s.upper, ..s };
-        let mut sides = [[side([under; GROUP], [forward; GROUP]), other(side([over; GROUP], [forward; GROUP]))]; 3];
+        let mut sides =
+            [[side([under; GROUP], [forward; GROUP]), other(side([over; GROUP], [forward; GROUP]))]; 3];
         for (n, a) in [i, j].into_iter().enumerate() {
             let (mut under, mut over) = ([0.0; GROUP], [0.0; GROUP]);
             for l in 0..GROUP {

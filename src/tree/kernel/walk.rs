@@ -71,7 +71,8 @@ impl<S: Simd> Kernel<'_, S> {
                     };
                     let (in_lower, in_upper) = (met(lower), met(upper));
                     let child = node.child();
-                    let ascends = self.lanes.beam[axis][0].inverse > 0.0 && self.lanes.beam[axis][1].inverse > 0.0;
+                    let ascends =
+                        self.lanes.beam[axis][0].inverse > 0.0 && self.lanes.beam[axis][1].inverse > 0.0;
                     let (near, far) = if ascends {
                         ((child, in_lower, lower), (child + 1, in_upper, upper))
                     } else {

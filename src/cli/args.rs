@@ -1,0 +1,271 @@
+//! The command line as typed: nothing here touches the world.
+
+use super::Verbosity;
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Virtual laser scanning for Unix pipes.
+///
+/// Flies a LiDAR instrument over a virtual scene and emits the point cloud that it would have measured. Points go to files
+/// or stdout, messages and progress to stderr.
+#[derive(Debug, Parser)]
+#[command(name = "vlscan", version, propagate_version = true, max_term_width = 110)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Say what each stage does and how long it takes.
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub verbose: u8,
+    /// Say nothing but errors.
+    #[arg(short, long, global = true)]
+    pub quiet: bool,
+    /// Say nothing at all.
+    #[arg(long, global = true, hide = true)]
+    pub silent: bool,
+}
+
+impl Cli {
+    /// The verbosity that the flags ask for.
+    pub fn verbosity(&self) -> Verbosity {
+        match (self.silent, self.quiet, self.verbose) {
+            (true, _, _) => Verbosity::Silent,
+            (_, true, _) => Verbosity::Errors,
+            (_, _, 0) => Verbosity::Normal,
+            _ => Verbosity::Verbose,
+        }
+    }
+}
+
+/// Subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Fly a HELIOS++ survey (.xml) or a pipeline (.toml) and write its point cloud.
+    Run(Box<RunArgs>),
+    /// Make scenes to try things with.
+    Scene(SceneArgs),
+    /// Draw a point cloud from above and from the side.
+    Preview(PreviewArgs),
+}
+
+/// Which corrections of the reference's physics are on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PhysicsProfile {
+    /// Reproduce the reference program.
+    Helios,
+    /// Switch on all corrections.
+    Refined,
+}
+
+/// Which tree traces the rays; the points are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TreeKind {
+    /// kd-tree by min/max histograms of the surface area heuristic.
+    Fsah,
+}
+
+/// `vlscan run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The survey (.xml) or pipeline (.toml).
+    pub file: PathBuf,
+
+    /// Where the points go: a file (format from its extension; all legs in one), a folder (one file per leg), or - for
+    /// stdout. May be given more than once.
+    #[arg(short = 'o', long = "out", value_name = "PATH", help_heading = "Output")]
+    pub out: Vec<PathBuf>,
+    /// Format of the points, where no extension tells it.
+    #[arg(long, value_name = "FORMAT", value_parser = ["xyz", "las", "laz", "ply", "ply-ascii"], help_heading = "Output")]
+    pub format: Option<String>,
+    /// Write as HELIOS++ does: DIR/SURVEY/TIME/leg000_points.xyz and so on. [default without -o: output]
+    #[arg(long, value_name = "DIR", help_heading = "Output", conflicts_with = "out")]
+    pub output: Option<PathBuf>,
+    /// Overwrite files that exist, and write binary data to a terminal.
+    #[arg(long, help_heading = "Output")]
+    pub force: bool,
+    /// Write every digitised waveform.
+    #[arg(long, help_heading = "Output")]
+    pub waveforms: bool,
+    /// Write every emitted pulse.
+    #[arg(long, help_heading = "Output")]
+    pub pulses: bool,
+    /// One point file per device of a multi-channel scanner.
+    #[arg(long, help_heading = "Output")]
+    pub split_by_channel: bool,
+    /// Coordinate reference system of the scene as WKT, or a file that holds it; goes into LAS and LAZ headers.
+    #[arg(long, value_name = "WKT|FILE", help_heading = "Output")]
+    pub crs: Option<String>,
+    /// With --output: LAS 1.4 instead of text.
+    #[arg(long, help_heading = "Output")]
+    pub las_output: bool,
+    /// With --output: LAS 1.0 instead of text.
+    #[arg(long, help_heading = "Output")]
+    pub las10: bool,
+    /// With --output and LAS: compress it (LAZ).
+    #[arg(long, help_heading = "Output")]
+    pub zip_output: bool,
+    /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser where the scene is too wide for it]
+    #[arg(long, value_name = "METRES", help_heading = "Output")]
+    pub las_scale: Option<f64>,
+
+    /// Folder to look for scenes, scanners, platforms, geometry and spectra in; may be given more than once.
+    #[arg(long, value_name = "DIR", help_heading = "Input")]
+    pub assets: Vec<PathBuf>,
+    /// Replace the platform by a recorded trajectory (time,x,y,z,roll,pitch,yaw); - reads it from stdin as it arrives.
+    #[arg(long, value_name = "PATH", help_heading = "Input")]
+    pub trajectory: Option<PathBuf>,
+    /// Treat every warning about the input as an error.
+    #[arg(long, help_heading = "Input")]
+    pub strict: bool,
+    /// Accepted for compatibility: there is no scene cache to be ignored.
+    #[arg(long, hide = true)]
+    pub rebuild_scene: bool,
+    /// Accepted for compatibility: no scene cache is written.
+    #[arg(long, hide = true)]
+    pub no_scene_writing: bool,
+
+    /// Seed of all noise: an integer, a decimal number or "YYYY-MM-DD hh:mm:ss". [default: the survey's, else 0]
+    #[arg(long, value_name = "SEED", help_heading = "Simulation")]
+    pub seed: Option<String>,
+    /// Start of the GPS clock: "YYYY-MM-DD hh:mm:ss" (UTC), POSIX seconds, or "now". [default: 2024-01-01 00:00:00]
+    #[arg(long, value_name = "TIME", help_heading = "Simulation")]
+    pub gps_start: Option<String>,
+    /// Reproduce the reference program, or switch its known weaknesses off. [default: helios]
+    #[arg(long, value_name = "PROFILE", help_heading = "Simulation")]
+    pub physics: Option<PhysicsProfile>,
+    /// Fit a Gaussian to every echo and report its width; echoes narrower than 0.1 ns are dropped.
+    #[arg(long, help_heading = "Simulation")]
+    pub echo_width: bool,
+    /// Add noise to the written waveforms.
+    #[arg(long, help_heading = "Simulation")]
+    pub waveform_noise: bool,
+    /// Take every surface as hit at right angles.
+    #[arg(long, help_heading = "Simulation")]
+    pub fixed_incidence: bool,
+    /// Echo strengths by the older energy model.
+    #[arg(long, help_heading = "Simulation")]
+    pub legacy_energy: bool,
+    /// Ignore the platform's position and attitude noise.
+    #[arg(long, help_heading = "Simulation")]
+    pub no_platform_noise: bool,
+    /// Ignore the survey's random leg offsets.
+    #[arg(long, help_heading = "Simulation")]
+    pub no_leg_noise: bool,
+
+    /// Threads that compute; 0 or nothing = all. The points are the same for any number.
+    #[arg(short = 'j', long, value_name = "N", help_heading = "Speed")]
+    pub threads: Option<usize>,
+    /// Pulses per chunk. [default: 1024]
+    #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Speed")]
+    pub chunk_size: Option<i64>,
+    /// Chunks per worker that may wait. [default: 4]
+    #[arg(long, value_name = "N", help_heading = "Speed")]
+    pub warehouse_factor: Option<usize>,
+    /// The tree that traces the rays. [default: fsah]
+    #[arg(long, value_name = "TREE", help_heading = "Speed")]
+    pub tree: Option<TreeKind>,
+    /// Histogram bins of the tree builder. [default: 32]
+    #[arg(long, value_name = "N", help_heading = "Speed")]
+    pub tree_bins: Option<usize>,
+    /// Threads that build the tree; 0 or nothing = as --threads.
+    #[arg(long, value_name = "N", help_heading = "Speed")]
+    pub tree_jobs: Option<usize>,
+    /// Refuse scenes that need more memory than this, e.g. 4G.
+    #[arg(long, value_name = "SIZE", help_heading = "Speed")]
+    pub max_memory: Option<String>,
+
+    /// Show the progress as plain lines when stderr is no terminal.
+    #[arg(long, help_heading = "Messages")]
+    pub progress: bool,
+}
+
+/// `vlscan scene`.
+#[derive(Debug, Args)]
+pub struct SceneArgs {
+    /// What to do with scenes.
+    #[command(subcommand)]
+    pub command: SceneCommand,
+}
+
+/// Subcommands of `vlscan scene`.
+#[derive(Debug, Subcommand)]
+pub enum SceneCommand {
+    /// Make a procedural scene with a survey that scans it: OBJ, MTL, scene.xml, survey.xml.
+    Make(MakeArgs),
+}
+
+/// Kinds of procedural scenes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SceneKind {
+    /// Trees on rolling ground, scanned from an aeroplane.
+    Forest,
+    /// Hills, scanned from an aeroplane.
+    Terrain,
+    /// A furnished room, scanned from two tripod positions.
+    Room,
+}
+
+/// `vlscan scene make`.
+#[derive(Debug, Args)]
+pub struct MakeArgs {
+    /// What to make.
+    pub kind: SceneKind,
+    /// The folder that gets the files.
+    #[arg(short = 'o', long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Number of triangles, met within about one per cent; 250k and 10M are understood.
+    #[arg(short = 'n', long, value_name = "N", default_value = "100k")]
+    pub triangles: String,
+    /// Another seed makes another scene.
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
+    pub seed: u64,
+    /// Edge length of the scene in metres.
+    #[arg(long, value_name = "METRES")]
+    pub extent: Option<f64>,
+    /// Roughly how many pulses the survey emits.
+    #[arg(long, value_name = "N")]
+    pub pulses: Option<String>,
+    /// Forest: every tree is a part of its own, so that echoes carry the tree's number.
+    #[arg(long)]
+    pub separate_trees: bool,
+    /// Overwrite files that exist.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// What colours a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Colour {
+    /// Height.
+    Height,
+    /// Class of the surface.
+    Class,
+    /// Echo strength.
+    Intensity,
+    /// Part that was hit.
+    Object,
+    /// Number of the return.
+    Return,
+}
+
+/// `vlscan preview`.
+#[derive(Debug, Args)]
+pub struct PreviewArgs {
+    /// The points: .xyz, .las, .laz, .ply, or - for text on stdin.
+    pub points: PathBuf,
+    /// The picture (PNG); - for stdout.
+    #[arg(short = 'o', long, value_name = "PATH")]
+    pub out: PathBuf,
+    /// What colours the points.
+    #[arg(long, value_enum, default_value = "height")]
+    pub colour: Colour,
+    /// Width of the picture in pixels.
+    #[arg(long, value_name = "PIXELS", default_value_t = 1600)]
+    pub width: u32,
+    /// Height of the picture in pixels.
+    #[arg(long, value_name = "PIXELS", default_value_t = 1000)]
+    pub height: u32,
+    /// Overwrite a picture that exists.
+    #[arg(long)]
+    pub force: bool,
+}

@@ -1,0 +1,312 @@
+//! From arguments as typed and a file as written to a job with every choice made.
+
+use crate::cli::args::{PhysicsProfile, RunArgs};
+use crate::diag::Diagnostics;
+use crate::error::{Error, Result};
+use crate::flight::{self, FlightOptions};
+use crate::output::{LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat};
+use crate::pulse::PhysicsOptions;
+use crate::scene::LoadOptions;
+use crate::schedule;
+use crate::survey::{self, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
+use crate::tree::BuildOptions;
+use std::path::{Path, PathBuf};
+
+/// Start of the GPS clock when nobody asks for another: a fixed one, so that equal runs give equal bytes.
+const GPS_START: &str = "2024-01-01 00:00:00";
+
+/// Pulses per chunk: enough to make the queues' cost invisible, few enough to keep all threads busy on short legs.
+const CHUNK_SIZE: u32 = 1024;
+
+/// Everything that a run needs to know.
+pub struct Job {
+    pub survey: Survey,
+    pub strict: bool,
+    pub load: LoadOptions,
+    pub tree: BuildOptions,
+    pub flight: FlightOptions,
+    pub physics: PhysicsOptions,
+    pub output: OutputRequest,
+    pub schedule: schedule::Settings,
+    pub chunk_size: u32,
+    pub progress_lines: bool,
+}
+
+impl Job {
+    /// Reads the survey or pipeline and settles every choice: the command line first, then the file, then the default.
+    pub fn resolve(args: &RunArgs) -> Result<(Job, Diagnostics)> {
+        let stream = args.trajectory.clone().map(|path| PoseStream {
+            path,
+            rotation_spec: RotationSpec::Arinc705,
+            degrees: true,
+            columns: None,
+            separator: None,
+        });
+        let reading = ReadOptions { assets: args.assets.clone(), strict: args.strict, trajectory: stream };
+        let (mut survey, set, warnings) = read(&args.file, &reading)?;
+        if let Some(crs) = args.crs.as_deref().or(set.crs.as_deref()) {
+            survey.crs_wkt = Some(wkt(crs)?);
+        }
+        let seed = match args.seed.as_deref() {
+            Some(text) => survey::parse_seed(text).map_err(|e| Error::input(format!("--seed: {e}")))?,
+            None => set.seed.or(survey.seed).unwrap_or(0),
+        };
+        let gps = args.gps_start.clone().or(set.gps_start.clone()).unwrap_or_else(|| GPS_START.to_owned());
+        let gps = if gps == "now" { now() } else { gps };
+        let threads = threads(args.threads.or(set.threads));
+        let job = Job {
+            strict: args.strict || set.strict.unwrap_or(false),
+            load: LoadOptions {
+                wavelength_nm: survey.scanner.devices[0].beam.wavelength,
+                seed,
+                max_memory: max_memory(args.max_memory.as_deref())?.or(set.max_memory),
+                jobs: threads,
+                ..LoadOptions::default()
+            },
+            tree: BuildOptions {
+                bins: args.tree_bins.unwrap_or(BuildOptions::default().bins).clamp(2, 1024),
+                jobs: args.tree_jobs.filter(|&n| n > 0).unwrap_or(threads),
+                ..BuildOptions::default()
+            },
+            flight: FlightOptions {
+                seed,
+                platform_noise: !args.no_platform_noise && set.platform_noise.unwrap_or(true),
+                leg_noise: !args.no_leg_noise && set.leg_noise.unwrap_or(true),
+                gps_start_ns: flight::gps_start(&gps).map_err(|e| Error::input(format!("GPS start: {e}")))?,
+                ..FlightOptions::default()
+            },
+            physics: physics(args, &set, seed)?,
+            output: output(args, &set, &survey, &gps)?,
+            schedule: schedule::Settings {
+                threads,
+                factor: args.warehouse_factor.or(set.warehouse_factor).unwrap_or(4).clamp(1, 1 << 16),
+            },
+            chunk_size: chunk_size(args.chunk_size.or(set.chunk_size.and_then(|n| i64::try_from(n).ok())))?,
+            progress_lines: args.progress,
+            survey,
+        };
+        Ok((job, warnings))
+    }
+}
+
+fn read(path: &Path, reading: &ReadOptions) -> Result<(Survey, RunSettings, Diagnostics)> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        let (pipeline, warnings) = survey::read_pipeline(path, reading)?;
+        return Ok((pipeline.survey, pipeline.settings, warnings));
+    }
+    let (survey, warnings) = survey::read_survey(path, reading)?;
+    Ok((survey, RunSettings::default(), warnings))
+}
+
+fn threads(wanted: Option<usize>) -> usize {
+    match wanted {
+        Some(n) if n > 0 => n.min(1024),
+        _ => std::thread::available_parallelism().map_or(1, usize::from),
+    }
+}
+
+fn chunk_size(wanted: Option<i64>) -> Result<u32> {
+    match wanted {
+        None => Ok(CHUNK_SIZE),
+        // The reference marks a dynamic chunk size by its sign; its warehouse uses the absolute value.
+        Some(n) => match u32::try_from(n.unsigned_abs()) {
+            Ok(n @ 1..=16_777_216) => Ok(n),
+            _ => Err(Error::input(format!("--chunk-size: expected 1 to 16777216 pulses, found {n}"))),
+        },
+    }
+}
+
+fn physics(args: &RunArgs, set: &RunSettings, seed: u64) -> Result<PhysicsOptions> {
+    let refined = match (args.physics, set.physics.as_deref()) {
+        (Some(profile), _) => profile == PhysicsProfile::Refined,
+        (None, Some("refined")) => true,
+        (None, None | Some("helios")) => false,
+        (None, Some(other)) => {
+            return Err(Error::input(format!(
+                "physics: expected \"helios\" or \"refined\", found {other:?}"
+            )));
+        }
+    };
+    let profile = if refined { PhysicsOptions::refined() } else { PhysicsOptions::helios() };
+    let flag = |typed: bool, written: Option<bool>| typed || written.unwrap_or(false);
+    Ok(PhysicsOptions {
+        seed,
+        legacy_energy: flag(args.legacy_energy, set.legacy_energy),
+        fixed_incidence: flag(args.fixed_incidence, set.fixed_incidence),
+        echo_width: flag(args.echo_width, set.echo_width),
+        waveform_noise: flag(args.waveform_noise, set.waveform_noise),
+        record_waveforms: args.waveforms || wants(set, "waveforms"),
+        record_pulses: args.pulses || wants(set, "pulses"),
+        ..profile
+    })
+}
+
+fn output(args: &RunArgs, set: &RunSettings, survey: &Survey, gps: &str) -> Result<OutputRequest> {
+    let mut sinks = Vec::new();
+    if let Some(folder) = &args.output {
+        sinks.push((Target::Helios(folder.clone()), helios_format(args)));
+    } else if !args.out.is_empty() {
+        for path in &args.out {
+            sinks.push(sink(path, args.format.as_deref())?);
+        }
+    } else {
+        for s in set.sinks.iter().filter(|s| s.content == "points") {
+            let (target, format) = sink(&s.path, args.format.as_deref().or(s.format.as_deref()))?;
+            sinks.push((per_leg(target, s.per_leg), format));
+        }
+        if sinks.is_empty() {
+            sinks.push((Target::Helios(PathBuf::from("output")), helios_format(args)));
+        }
+    }
+    let trajectory = set.sinks.iter().find(|s| s.content == "trajectory").map(|s| {
+        let target = if is_stdout(&s.path) { Target::Stdout } else { Target::File(s.path.clone()) };
+        (per_leg(target, s.per_leg), TrajectoryFormat::Csv)
+    });
+    Ok(OutputRequest {
+        sinks,
+        waveforms: args.waveforms || wants(set, "waveforms"),
+        pulses: args.pulses || wants(set, "pulses"),
+        split_by_channel: args.split_by_channel,
+        trajectory,
+        las: LasSettings {
+            version: if args.las10 { LasVersion::V10 } else { LasVersion::V14 },
+            scale: args.las_scale,
+            ..LasSettings::default()
+        },
+        force: args.force,
+        crs_wkt: survey.crs_wkt.clone(),
+        creation: flight::calendar_day(gps).map_err(|e| Error::input(format!("GPS start: {e}")))?,
+        ..OutputRequest::default()
+    })
+}
+
+fn wants(set: &RunSettings, content: &str) -> bool {
+    set.sinks.iter().any(|s| s.content == content)
+}
+
+fn is_stdout(path: &Path) -> bool {
+    ["-", "STDOUT", "/dev/stdout"].iter().any(|name| path.as_os_str() == *name)
+}
+
+fn per_leg(target: Target, wanted: Option<bool>) -> Target {
+    match target {
+        Target::File(path) if wanted == Some(true) => Target::Directory(path),
+        other => other,
+    }
+}
+
+fn helios_format(args: &RunArgs) -> PointFormat {
+    match (args.las_output || args.las10, args.zip_output) {
+        (true, true) => PointFormat::Laz,
+        (true, false) => PointFormat::Las,
+        (false, _) => match args.format.as_deref().and_then(point_format) {
+            Some(format) => format,
+            None => PointFormat::Xyz,
+        },
+    }
+}
+
+fn sink(path: &Path, format: Option<&str>) -> Result<(Target, PointFormat)> {
+    let stream = is_stdout(path);
+    let extension = path.extension().and_then(|e| e.to_str());
+    let known = format.or(if stream { None } else { extension }).map(|name| {
+        point_format(name).ok_or_else(|| {
+            Error::input(format!(
+                "{}: no format is called {name:?}; choose xyz, las, laz, ply or ply-ascii",
+                path.display()
+            ))
+        })
+    });
+    let target = match (stream, extension) {
+        (true, _) => Target::Stdout,
+        (false, Some(_)) if !path.is_dir() => Target::File(path.to_path_buf()),
+        _ => Target::Directory(path.to_path_buf()),
+    };
+    match known {
+        Some(format) => Ok((target, format?)),
+        None => Ok((target, PointFormat::Xyz)),
+    }
+}
+
+fn point_format(name: &str) -> Option<PointFormat> {
+    Some(match name.to_ascii_lowercase().as_str() {
+        "xyz" | "txt" => PointFormat::Xyz,
+        "las" => PointFormat::Las,
+        "laz" => PointFormat::Laz,
+        "ply" => PointFormat::PlyBinary,
+        "ply-ascii" => PointFormat::PlyAscii,
+        _ => return None,
+    })
+}
+
+fn wkt(text: &str) -> Result<String> {
+    let path = Path::new(text);
+    let wkt = if path.is_file() {
+        std::fs::read_to_string(path).map_err(|e| Error::io("read", path, e))?
+    } else {
+        text.to_owned()
+    };
+    if wkt.trim_start().starts_with(|c: char| c.is_ascii_alphabetic()) && wkt.contains('[') {
+        Ok(wkt.trim().to_owned())
+    } else {
+        Err(Error::input(format!(
+            "--crs: expected WKT such as PROJCRS[...] or a file that holds it, found {text:?}"
+        )))
+    }
+}
+
+fn max_memory(text: Option<&str>) -> Result<Option<u64>> {
+    text.map(|t| {
+        count(t.trim_end_matches(['b', 'B']).trim_end_matches('i'))
+            .ok_or_else(|| Error::input(format!("--max-memory: expected a size such as 4G, found {t:?}")))
+    })
+    .transpose()
+}
+
+/// A whole number with an optional unit prefix: 250k, 1.5M, 4G.
+pub fn count(text: &str) -> Option<u64> {
+    let text = text.trim();
+    let (digits, factor) = match text.char_indices().last()? {
+        (at, 'k' | 'K') => (&text[..at], 1e3),
+        (at, 'm' | 'M') => (&text[..at], 1e6),
+        (at, 'g' | 'G') => (&text[..at], 1e9),
+        _ => (text, 1.0),
+    };
+    let n = digits.trim().parse::<f64>().ok()? * factor;
+    (n.is_finite() && (0.0..1e18).contains(&n)).then_some(n.round() as u64)
+}
+
+fn now() -> String {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    since.map_or(0, |d| d.as_secs()).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_take_unit_prefixes() {
+        assert_eq!(count("250k"), Some(250_000));
+        assert_eq!(count("1.5M"), Some(1_500_000));
+        assert_eq!(count("12"), Some(12));
+        assert_eq!(count("-3"), None);
+        assert_eq!(count("k"), None);
+        assert_eq!(count(""), None);
+        assert_eq!(max_memory(Some("4GiB")).unwrap(), Some(4_000_000_000));
+    }
+
+    #[test]
+    fn a_sink_is_a_stream_a_file_or_a_folder() {
+        assert!(matches!(sink(Path::new("-"), Some("laz")).unwrap(), (Target::Stdout, PointFormat::Laz)));
+        assert!(matches!(
+            sink(Path::new("a/b.PLY"), None).unwrap(),
+            (Target::File(_), PointFormat::PlyBinary)
+        ));
+        assert!(matches!(
+            sink(Path::new("folder"), Some("las")).unwrap(),
+            (Target::Directory(_), PointFormat::Las)
+        ));
+        assert!(sink(Path::new("a.e57"), None).is_err());
+    }
+}

@@ -1,0 +1,47 @@
+//! `vlscan scene`: scenes to try things with.
+
+use super::Console;
+use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
+use super::watch::amount;
+use crate::error::{Error, Result};
+use crate::scene::make::{Kind, MakeOptions, make};
+
+/// Runs `vlscan scene`.
+pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
+    match &args.command {
+        SceneCommand::Make(args) => make_scene(args, console),
+    }
+}
+
+fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
+    let kind = match args.kind {
+        SceneKind::Forest => Kind::Forest,
+        SceneKind::Terrain => Kind::Terrain,
+        SceneKind::Room => Kind::Room,
+    };
+    let triangles = super::run::count(&args.triangles).ok_or_else(|| {
+        Error::input(format!("--triangles: expected a number such as 250k, found {:?}", args.triangles))
+    })?;
+    let pulses = args.pulses.as_deref().map(|text| {
+        super::run::count(text)
+            .ok_or_else(|| Error::input(format!("--pulses: expected a number such as 2M, found {text:?}")))
+    });
+    let options = MakeOptions {
+        kind,
+        triangles,
+        seed: args.seed,
+        extent_m: args.extent,
+        pulses: pulses.transpose()?,
+        separate_trees: args.separate_trees,
+        overwrite: args.force,
+    };
+    let made = make(&options, &args.out, |_| {})?;
+    console.say(format!(
+        "{} triangles in {}; scan them ({} pulses) with: vlscan run {}",
+        amount(made.triangles as f64),
+        args.out.display(),
+        amount(made.pulses as f64),
+        made.survey.display()
+    ));
+    Ok(())
+}

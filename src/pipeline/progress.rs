@@ -1,0 +1,45 @@
+//! What has been done so far: plain atomics that the collector writes and a watcher reads.
+
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+
+/// Counters of a running flight.
+#[derive(Debug, Default)]
+pub struct Progress {
+    pulses: AtomicU64,
+    echoes: AtomicU64,
+    leg: AtomicU32,
+    done: AtomicU64,
+}
+
+/// The counters at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Snapshot {
+    /// Pulses fired and written.
+    pub pulses: u64,
+    /// Echoes written.
+    pub echoes: u64,
+    /// Number of the leg in the survey.
+    pub leg: u32,
+    /// Done part of the survey, 0–1; NaN when its end is not known.
+    pub done: f64,
+}
+
+impl Progress {
+    /// Adds a finished chunk.
+    pub fn add(&self, pulses: u64, echoes: u64, leg: u32, done: f64) {
+        self.pulses.fetch_add(pulses, Relaxed);
+        self.echoes.fetch_add(echoes, Relaxed);
+        self.leg.store(leg, Relaxed);
+        self.done.store(done.to_bits(), Relaxed);
+    }
+
+    /// The counters now.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            pulses: self.pulses.load(Relaxed),
+            echoes: self.echoes.load(Relaxed),
+            leg: self.leg.load(Relaxed),
+            done: f64::from_bits(self.done.load(Relaxed)),
+        }
+    }
+}

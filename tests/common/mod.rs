@@ -1,0 +1,96 @@
+//! What the whole-run tests share: the program, fixtures, temporary folders, other people's readers.
+#![allow(dead_code)] // each test binary uses its own part of this
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// The program under test, started in `folder`.
+pub fn vlscan(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_vlscan"));
+    command.current_dir(folder);
+    command
+}
+
+/// A file or folder of `fixtures/`.
+pub fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+/// An empty folder that goes away with the value.
+pub fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Runs the program with these arguments in `folder` and returns what it said.
+pub fn run(folder: &Path, args: &[&str]) -> Output {
+    vlscan(folder).args(args).stdin(Stdio::null()).output().expect("the program starts")
+}
+
+/// Like [`run`], and the program must succeed.
+pub fn succeed(folder: &Path, args: &[&str]) -> Output {
+    let output = run(folder, args);
+    assert!(output.status.success(), "vlscan {} failed:\n{}", args.join(" "), text(&output.stderr));
+    output
+}
+
+/// Runs the program with `input` on its stdin.
+pub fn feed(folder: &Path, args: &[&str], input: &[u8]) -> Output {
+    let mut child = vlscan(folder)
+        .args(args)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut stdin = child.stdin.take().expect("a pipe");
+    let input = input.to_vec();
+    let writer = std::thread::spawn(move || {
+        // The program may stop reading early.
+        let _ = stdin.write_all(&input);
+    });
+    let output = child.wait_with_output().expect("the program ends");
+    writer.join().expect("the writer ends");
+    output
+}
+
+/// Bytes as text for messages.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// All files below `folder` with their paths relative to it, sorted.
+pub fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut todo = vec![folder.to_path_buf()];
+    while let Some(dir) = todo.pop() {
+        for entry in std::fs::read_dir(&dir).expect("a readable folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                todo.push(path);
+            } else {
+                found.push(path.strip_prefix(folder).expect("a path below").to_path_buf());
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// A Python that has laspy and lazrs, or `None` (with a printed note) where there is none.
+pub fn python_with_laspy() -> Option<PathBuf> {
+    let candidates = [std::env::var("VLSCAN_PYTHON").ok(), Some("python3".to_owned())];
+    for python in candidates.into_iter().flatten() {
+        let works = Command::new(&python)
+            .args(["-c", "import laspy, lazrs"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .status()
+            .is_ok_and(|s| s.success());
+        if works {
+            return Some(python.into());
+        }
+    }
+    println!("skipped: no python3 with laspy and lazrs (pip install laspy lazrs)");
+    None
+}

@@ -1,0 +1,87 @@
+//! Streams: points on stdout, poses from stdin, formats as other programs read them.
+
+mod common;
+
+use common::{feed, fixture, folder, python_with_laspy, run, succeed, text};
+use std::fs;
+use std::process::Command;
+
+fn forest() -> String {
+    fixture("forest/survey.xml").to_str().unwrap().to_owned()
+}
+
+#[test]
+fn stdout_carries_the_same_points_as_the_file() {
+    let dir = folder();
+    for format in ["xyz", "las", "laz", "ply", "ply-ascii"] {
+        let name = format!("a.{}", if format == "ply-ascii" { "ascii.ply" } else { format });
+        succeed(dir.path(), &["run", &forest(), "-q", "-o", &name, "--format", format]);
+        let piped = run(dir.path(), &["run", &forest(), "-q", "-o", "-", "--format", format]);
+        assert!(piped.status.success(), "{}", text(&piped.stderr));
+        let file = fs::read(dir.path().join(&name)).unwrap();
+        assert!(file.len() > 1000);
+        assert!(piped.stdout == file, "{format} differs between a pipe and a file");
+        assert!(piped.stderr.is_empty(), "-q still says: {}", text(&piped.stderr));
+    }
+}
+
+#[test]
+fn poses_from_stdin_become_points() {
+    let dir = folder();
+    let poses = fs::read(fixture("flight.csv")).unwrap();
+    let pipeline = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/als.toml");
+    let pipeline = pipeline.to_str().unwrap();
+    let out = feed(dir.path(), &["run", pipeline, "--trajectory", "-", "-o", "-", "--format", "xyz"], &poses);
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let points = text(&out.stdout);
+    assert!(points.lines().count() > 1000, "only {} points", points.lines().count());
+    assert!(points.lines().all(|l| l.split(' ').count() == 11), "columns are missing");
+
+    // The same poses from a file, and with other chunks, give the same bytes.
+    let file = fixture("flight.csv");
+    let args = [
+        "run",
+        pipeline,
+        "--trajectory",
+        file.to_str().unwrap(),
+        "-o",
+        "-",
+        "--format",
+        "xyz",
+        "--chunk-size",
+        "64",
+    ];
+    let again = run(dir.path(), &args);
+    assert!(again.stdout == out.stdout, "a file and a pipe of the same poses differ");
+}
+
+#[test]
+fn las_and_laz_are_read_by_laspy() {
+    let Some(python) = python_with_laspy() else { return };
+    let dir = folder();
+    succeed(
+        dir.path(),
+        &["run", &forest(), "-q", "-o", "a.las", "-o", "a.laz", "-o", "a.xyz", "--seed", "3"],
+    );
+    let script = r#"
+import laspy, numpy as np
+text = np.loadtxt("a.xyz", usecols=(0, 1, 2, 3, 5, 6, 9, 10))
+for name in ("a.las", "a.laz"):
+    las = laspy.read(name)
+    h = las.header
+    assert h.version.minor == 4 and h.point_format.id == 6, (h.version, h.point_format)
+    assert len(las) == len(text) == h.point_count, (len(las), len(text), h.point_count)
+    xyz = np.column_stack([las.x, las.y, las.z])
+    assert np.abs(xyz - text[:, :3]).max() < 1.6e-4, np.abs(xyz - text[:, :3]).max()
+    assert np.allclose(h.mins, xyz.min(axis=0)) and np.allclose(h.maxs, xyz.max(axis=0))
+    assert (las.return_number == text[:, 4]).all() and (las.number_of_returns == text[:, 5]).all()
+    assert (las.classification == text[:, 6]).all()
+    assert np.abs(las.gps_time - text[:, 7]).max() < 1e-8
+    assert np.abs(las["heliosAmplitude"] - text[:, 3]).max() < 1e-4
+    counts = [int((las.return_number == i + 1).sum()) for i in range(15)]
+    assert list(h.number_of_points_by_return[:15]) == counts, (list(h.number_of_points_by_return), counts)
+    assert (las.point_source_id > 0).all() and np.ptp(las.scan_angle) > 0
+"#;
+    let judged = Command::new(python).arg("-c").arg(script).current_dir(dir.path()).output().unwrap();
+    assert!(judged.status.success(), "{}", text(&judged.stderr));
+}
