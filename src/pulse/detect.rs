@@ -111,7 +111,7 @@ mod tests {
     fn reflections(of: &[(f64, f64)]) -> Reflections {
         let mut all = Reflections::default();
         for (range, intensity) in of {
-            all.push(0, *range, 0, 1.0, *intensity);
+            all.push(0, (*range, *range), 0, 1.0, *intensity);
         }
         all
     }

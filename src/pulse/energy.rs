@@ -69,7 +69,6 @@ impl Energy {
     }
 
     /// Intensity of a reflection at `range` m in `ring` from a voxel with the cross-section `sigma` (§3.5).
-    #[cfg_attr(not(test), allow(dead_code))]
     pub fn of_cross_section(&self, ring: u32, range: f64, sigma: f64) -> f64 {
         let damping = self.legacy.damping(&[ring; LANES], &[range; LANES])[0];
         self.legacy.cross_section * sigma * damping / (range * range * range * range)

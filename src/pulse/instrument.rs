@@ -81,6 +81,7 @@ fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
         // The allowance lifts quotients that rounding left just below a whole number.
         window: if c.peak_neighbours { ((bins + 1e-9) as u64).max(2) } else { bins as u64 },
         weak_neighbours: c.weak_neighbours,
+        first_bin: c.clip_dead_zone,
     }
 }
 

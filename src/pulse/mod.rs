@@ -4,13 +4,14 @@
 //!
 //! ```text
 //! expand (subray) ─► trace (tree) ─► reflect ─► receive (waveform) ─► detect (peaks, fit) ─► emit (physics)
-//!                                       │ energy       │ shape
+//!                                  foliage, energy    shape
 //! ```
 
 mod detect;
 mod echo;
 mod energy;
 mod fit;
+mod foliage;
 mod instrument;
 mod options;
 mod peaks;

@@ -139,7 +139,8 @@ corrections! {
     see_through_near: false,
     /// Voxels without a leaf angle table have spherically distributed leaves, half the reference's extinction (trap 14).
     spherical_leaves: true,
-    /// Intensity and attribution of a voxel's echo belong to where the ray stopped, not to where it entered (trap 22).
+    /// Intensity, attribution and range limits of a voxel's echo go by where the ray stopped, not by where it entered (trap
+    /// 22).
     voxel_stop_point: true,
 }
 

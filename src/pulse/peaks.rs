@@ -11,6 +11,9 @@ pub(super) struct PeakRule {
     pub window: u64,
     /// Neighbours may lie below the threshold.
     pub weak_neighbours: bool,
+    /// Bin 0 is a neighbour like any other. For the reference it is nobody's left neighbour, which does no harm as long
+    /// as it holds the dark start of a pulse.
+    pub first_bin: bool,
 }
 
 impl PeakRule {
@@ -42,15 +45,20 @@ impl<'a> Peaks<'a> {
         let forbids = |other: &f64| !self.rule.admits(*other, top);
         self.rule.window >= 2
             && (bins.get(offset + 1).is_some_and(forbids)
-                || (i >= 2 && offset >= 1 && forbids(&bins[offset - 1])))
+                || (i > self.first_neighbour() && offset >= 1 && forbids(&bins[offset - 1])))
     }
 
-    /// Whether stored bin `i` of amplitude `top` is higher than its neighbours. Bin 0 is nobody's left neighbour.
+    /// Whether stored bin `i` of amplitude `top` is higher than its neighbours.
     fn stands_out(&self, i: u64, top: f64) -> bool {
         let reach = self.rule.window;
-        let left = i.saturating_sub(reach) + 1..i;
+        let left = (i + 1).saturating_sub(reach).max(self.first_neighbour())..i;
         let right = i + 1..i.saturating_add(reach).min(self.waveform.bins);
         self.all_admit(right, top) && self.all_admit(left, top)
+    }
+
+    /// The first bin that may be a left neighbour.
+    fn first_neighbour(&self) -> u64 {
+        u64::from(!self.rule.first_bin)
     }
 
     fn all_admit(&self, range: std::ops::Range<u64>, top: f64) -> bool {

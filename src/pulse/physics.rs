@@ -1,6 +1,7 @@
 //! The whole way of a pulse: expand → trace → reflect → receive → detect → emit.
 
 use super::detect::{Return, attribute, detect, order};
+use super::foliage::FreePaths;
 use super::instrument::{Fleet, Instrument};
 use super::reflect::{Probe, Reflections, View};
 use super::waveform::Waveform;
@@ -28,6 +29,7 @@ pub struct Physics<'a> {
     options: PhysicsOptions,
     range_noise: Stream,
     waveform_noise: Stream,
+    free_paths: Stream,
 }
 
 impl<'a> Physics<'a> {
@@ -35,12 +37,13 @@ impl<'a> Physics<'a> {
     /// without width) or no memory hold (millions of subrays or of pulse samples).
     pub fn new(scene: &'a Scene, tree: &'a Tree, survey: &Survey, o: PhysicsOptions) -> Result<Physics<'a>> {
         Ok(Physics {
-            view: View { scene, tree, limits: limits(scene, &o), fixed_incidence: o.fixed_incidence },
+            view: view(scene, tree, limits(scene, &o), &o),
             gate: gate(scene, &o),
             fleet: Arc::new(Fleet::new(survey, &o)?),
             options: o,
             range_noise: Stream::new(o.seed, Purpose::Range),
             waveform_noise: Stream::new(o.seed, Purpose::Waveform),
+            free_paths: Stream::new(o.seed, Purpose::FreePath),
         })
     }
 
@@ -49,17 +52,13 @@ impl<'a> Physics<'a> {
     pub fn over<'b>(&self, scene: &'b Scene, tree: &'b Tree) -> Physics<'b> {
         let o = &self.options;
         Physics {
-            view: View {
-                scene,
-                tree,
-                limits: (!o.corrections.unbounded_scene).then_some(scene.bounds),
-                fixed_incidence: o.fixed_incidence,
-            },
+            view: view(scene, tree, (!o.corrections.unbounded_scene).then_some(scene.bounds), o),
             gate: gate(scene, o),
             fleet: Arc::clone(&self.fleet),
             options: *o,
             range_noise: self.range_noise,
             waveform_noise: self.waveform_noise,
+            free_paths: self.free_paths,
         }
     }
 
@@ -72,6 +71,11 @@ impl<'a> Physics<'a> {
             receiver: Receiver::default(),
         }
     }
+}
+
+fn view<'a>(scene: &'a Scene, tree: &'a Tree, limits: Option<Aabb>, o: &PhysicsOptions) -> View<'a> {
+    let largest = scene.geometry.cubes.iter().fold(0.0f64, |largest, c| largest.max(c.half * 2.0));
+    View { scene, tree, limits, fixed_incidence: o.fixed_incidence, largest_cube: largest }
 }
 
 /// The scene's box if something lies outside of it and must not be seen: what moved there since the scene was loaded.
@@ -159,7 +163,9 @@ impl Receiver {
         batch: &mut Batch,
     ) -> Result<()> {
         let corrections = &instrument.corrections;
-        physics.view.reflect(instrument, rays, hits, &mut self.probe, &mut self.reflections);
+        let mut paths =
+            FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
+        physics.view.reflect(instrument, rays, hits, &mut paths, &mut self.probe, &mut self.reflections);
         if self.reflections.is_empty() {
             return Ok(());
         }

@@ -1,8 +1,9 @@
 //! From what the subrays hit to reflections (spec pulse-physics §2).
 
+use super::foliage::{self, FreePaths, Passage};
 use super::instrument::Instrument;
 use crate::geom::{Aabb, DVec3, unit};
-use crate::scene::{Material, Scene};
+use crate::scene::{Material, Scene, Voxel};
 use crate::tree::{Hits, RayBundle, Tree};
 
 /// How far behind a surface a ray goes on, m.
@@ -38,14 +39,22 @@ impl Reflections {
         self.ring.clear();
     }
 
-    /// Adds one; `strength` becomes an intensity later.
-    pub fn push(&mut self, ring: u32, range: f64, primitive: u32, cosine: f64, strength: f64) {
+    /// Adds one of a surface; its reflectance factor becomes an intensity later.
+    pub fn push(&mut self, ring: u32, (range, entry): (f64, f64), primitive: u32, cosine: f64, factor: f64) {
         self.range.push(range);
-        self.entry.push(range);
-        self.intensity.push(strength);
+        self.entry.push(entry);
+        self.intensity.push(factor);
         self.cosine.push(cosine);
         self.primitive.push(primitive);
         self.ring.push(ring);
+    }
+
+    /// Turns factors into intensities, and gives those in `foliage` (position, cross-section) theirs.
+    fn illuminate(&mut self, instrument: &Instrument, foliage: &[(usize, f64)]) {
+        instrument.energy.apply(&self.ring, &self.entry, &mut self.intensity);
+        for (i, sigma) in foliage {
+            self.intensity[*i] = instrument.energy.of_cross_section(self.ring[*i], self.entry[*i], *sigma);
+        }
     }
 
     /// Whether nothing was reflected.
@@ -65,14 +74,15 @@ pub(super) struct View<'a> {
     pub limits: Option<Aabb>,
     /// All surfaces face the beam.
     pub fixed_incidence: bool,
+    /// Edge of the largest cube, m.
+    pub largest_cube: f64,
 }
 
 /// Memory for the way of single rays.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Probe {
     ranges: Vec<f64>,
-    rays: RayBundle,
-    hits: Hits,
+    foliage: Vec<(usize, f64)>,
 }
 
 impl<'a> View<'a> {
@@ -82,21 +92,29 @@ impl<'a> View<'a> {
         instrument: &Instrument,
         rays: &RayBundle,
         hits: &Hits,
+        paths: &mut FreePaths,
         probe: &mut Probe,
         out: &mut Reflections,
     ) {
         out.clear();
+        probe.foliage.clear();
         measure(rays, hits, &mut probe.ranges);
+        let around = self.voxel_around(instrument, rays.origin);
         let mut face = Face::none();
         for (i, ring) in instrument.subrays.ring.iter().enumerate() {
+            let range = probe.ranges[i];
             let mut at = Encounter {
                 from: rays.origin,
                 t: hits.t[i],
                 primitive: hits.primitive[i],
-                range: probe.ranges[i],
+                range,
+                stop: range,
             };
-            if !self.stops_at(instrument, &at) {
-                match self.follow(instrument, rays.origin, rays.direction(i), at, probe) {
+            if around.is_some() || !self.stops_at(instrument, &at) {
+                if let Some(voxel) = around {
+                    at = Encounter { from: rays.origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 };
+                }
+                match self.follow(instrument, rays.origin, rays.direction(i), at, paths) {
                     Some(behind) => at = behind,
                     None => continue,
                 }
@@ -106,14 +124,30 @@ impl<'a> View<'a> {
             }
             let cosine =
                 if self.fixed_incidence { 1.0 } else { face.cosine(self.scene, &at, rays.direction(i)) };
-            out.push(*ring, at.range, at.primitive, cosine, face.material_factor(cosine));
+            if let Some(sigma) =
+                face.voxel.and(foliage::cross_section(self.scene, at.primitive, rays.direction(i)))
+            {
+                probe.foliage.push((out.range.len(), sigma));
+            }
+            let entry = if instrument.corrections.voxel_stop_point { at.stop } else { at.range };
+            out.push(*ring, (at.stop, entry), at.primitive, cosine, face.material_factor(cosine));
         }
-        instrument.energy.apply(&out.ring, &out.entry, &mut out.intensity);
+        out.illuminate(instrument, &probe.foliage);
+    }
+
+    /// The voxel of foliage around a pulse's origin, if it is to be seen at all.
+    fn voxel_around(&self, instrument: &Instrument, origin: DVec3) -> Option<u32> {
+        let b = self.scene.bounds;
+        let may = instrument.corrections.adjacent_voxels
+            && self.largest_cube > 0.0
+            && origin.cmpge(b.min).all()
+            && origin.cmple(b.max).all();
+        may.then(|| foliage::around(self.scene, self.tree, origin, self.largest_cube)).flatten()
     }
 
     /// Whether a ray that met this is reflected here, without further questions.
     fn stops_at(&self, instrument: &Instrument, at: &Encounter) -> bool {
-        at.primitive != Hits::MISS
+        (at.primitive as usize) < self.scene.geometry.triangles.len()
             && self.limits.is_none()
             && at.range >= instrument.range_min
             && at.range <= instrument.range_max
@@ -126,24 +160,57 @@ impl<'a> View<'a> {
         origin: DVec3,
         direction: DVec3,
         mut at: Encounter,
-        probe: &mut Probe,
+        paths: &mut FreePaths,
     ) -> Option<Encounter> {
+        let corrections = &instrument.corrections;
         loop {
             if at.primitive == Hits::MISS || !at.range.is_finite() {
                 return None;
             }
-            let next = match self.standing(&at, direction) {
+            // A ray that begins within foliage has no entry to go by.
+            let inside = at.t == 0.0;
+            let by_stop =
+                inside || corrections.voxel_stop_point && foliage::scatters(self.scene, at.primitive);
+            let (next, behind) = match self.standing(&at, direction) {
                 Standing::Beyond => return None,
-                Standing::Before(entry) => entry,
+                Standing::Before(entry) => (entry, None),
                 Standing::Inside if at.range > instrument.range_max => return None,
-                Standing::Inside if at.range >= instrument.range_min => return Some(at),
-                Standing::Inside if !instrument.corrections.see_through_near => return None,
-                Standing::Inside => at.point(direction) + direction * STEP_BEHIND,
+                Standing::Inside if at.range < instrument.range_min && !by_stop => {
+                    if !corrections.see_through_near {
+                        return None;
+                    }
+                    (at.point(direction) + direction * STEP_BEHIND, None)
+                }
+                Standing::Inside => {
+                    match foliage::pass(
+                        self.scene,
+                        corrections,
+                        at.primitive,
+                        (at.from, direction),
+                        at.t,
+                        paths,
+                    ) {
+                        Passage::Stops(0.0) => return Some(at),
+                        Passage::Stops(path) => {
+                            at.stop = distance((at.point(direction) + direction * path) - origin);
+                            at.range = if inside { at.stop } else { at.range };
+                            let within = at.stop >= instrument.range_min && at.stop <= instrument.range_max;
+                            return (within || !by_stop).then_some(at);
+                        }
+                        Passage::Lost => return None,
+                        Passage::Leaves(exit) if corrections.adjacent_voxels => {
+                            // Just before the exit, so that the next voxel's face still lies ahead.
+                            let back = STEP_BEHIND.min((exit - at.t) * 0.5);
+                            (at.from + direction * (exit - back), Some(at.primitive))
+                        }
+                        Passage::Leaves(exit) => (at.from + direction * exit + direction * STEP_BEHIND, None),
+                    }
+                }
             };
             if next == at.from {
                 return None;
             }
-            at = self.first_behind(next, direction, origin, probe);
+            at = self.first_behind(next, direction, origin, behind);
         }
     }
 
@@ -166,22 +233,20 @@ impl<'a> View<'a> {
         }
     }
 
-    /// What a ray meets first from a point on its way on; `origin` is the pulse's.
-    fn first_behind(&self, from: DVec3, direction: DVec3, origin: DVec3, probe: &mut Probe) -> Encounter {
-        let Probe { rays, hits, .. } = probe;
-        rays.origin = from;
-        for (lane, component) in
-            [(&mut rays.x, direction.x), (&mut rays.y, direction.y), (&mut rays.z, direction.z)]
-        {
-            lane.clear();
-            lane.push(component);
-        }
-        self.tree.trace(&self.scene.geometry, rays, hits);
-        let mut at = Encounter { from, t: hits.t[0], primitive: hits.primitive[0], range: f64::INFINITY };
-        if at.primitive != Hits::MISS {
-            at.range = distance(at.point(direction) - origin);
-        }
-        at
+    /// What a ray meets first from a point on its way on, other than what it has just left; `origin` is the pulse's.
+    fn first_behind(&self, from: DVec3, direction: DVec3, origin: DVec3, left: Option<u32>) -> Encounter {
+        let hit = self.tree.nearest_where(&self.scene.geometry, from, direction, |i| Some(i) != left);
+        let Some(hit) = hit else {
+            return Encounter {
+                from,
+                t: f64::INFINITY,
+                primitive: Hits::MISS,
+                range: f64::INFINITY,
+                stop: f64::INFINITY,
+            };
+        };
+        let range = distance((from + direction * hit.t) - origin);
+        Encounter { from, t: hit.t, primitive: hit.primitive, range, stop: range }
     }
 }
 
@@ -194,8 +259,10 @@ struct Encounter {
     t: f64,
     /// What it met, or [`Hits::MISS`].
     primitive: u32,
-    /// Distance from the pulse's origin, m.
+    /// Distance of the entry from the pulse's origin, m.
     range: f64,
+    /// Distance of what reflects the ray from there, m: behind the entry in foliage.
+    stop: f64,
 }
 
 impl Encounter {
@@ -234,22 +301,27 @@ fn distance(d: DVec3) -> f64 {
 struct Face<'a> {
     primitive: u32,
     material: Option<&'a Material>,
-    /// Unit normal of a triangle; a cube has none of its own.
+    /// Unit normal of a triangle or of a cube that has one.
     normal: Option<DVec3>,
+    /// Attributes of a cube.
+    voxel: Option<&'a Voxel>,
 }
 
 impl<'a> Face<'a> {
     fn none() -> Face<'a> {
-        Face { primitive: Hits::MISS, material: None, normal: None }
+        Face { primitive: Hits::MISS, material: None, normal: None, voxel: None }
     }
 
     fn of(scene: &'a Scene, primitive: u32) -> Face<'a> {
         let i = primitive as usize;
-        let normal = (i < scene.geometry.triangles.len()).then(|| {
+        let voxel = scene.voxel(primitive);
+        let normal = if i < scene.geometry.triangles.len() {
             let [a, b, c] = scene.geometry.triangle(i);
-            unit((b - a).cross(c - a))
-        });
-        Face { primitive, material: Some(scene.material_of(primitive)), normal }
+            Some(unit((b - a).cross(c - a)))
+        } else {
+            voxel.and_then(Voxel::normal)
+        };
+        Face { primitive, material: Some(scene.material_of(primitive)), normal, voxel }
     }
 
     /// Cosine of the incidence angle (§2.4).
@@ -283,9 +355,9 @@ fn face_of_cube(p: DVec3, half: f64) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pulse::testkit::{half_white, tls_instrument, tree};
-    use crate::scene::{Part, Surface};
-    use crate::tree::Cube;
+    use crate::pulse::testkit::{foliage, tls_instrument, tree};
+    use crate::rng::{Purpose, Stream};
+    use crate::scene::VoxelKind;
 
     #[test]
     fn the_nearest_face_of_a_cube_gives_its_normal() {
@@ -297,31 +369,22 @@ mod tests {
 
     #[test]
     fn opaque_cubes_reflect_like_their_nearest_face() {
-        let mut scene = Scene {
-            surface_of: vec![0],
-            surfaces: vec![Surface { part: 0, material: 0 }],
-            parts: vec![Part { id: "1".to_owned() }],
-            materials: vec![half_white()],
-            ..Scene::default()
-        };
-        scene.geometry.cubes.push(Cube { centre: DVec3::new(0.0, 10.5, 0.0), half: 0.5 });
-        scene.bounds = scene.geometry.bounds();
+        let scene = foliage(&[(10.0, 0.0, VoxelKind::Opaque)], None);
         let tree = tree(&scene);
-        let view = View { scene: &scene, tree: &tree, limits: Some(scene.bounds), fixed_incidence: false };
+        let view =
+            View { scene: &scene, tree: &tree, limits: None, fixed_incidence: false, largest_cube: 1.0 };
         let mut instrument = tls_instrument(5.0);
         instrument.subrays = crate::pulse::subray::Subrays::new(0.0, 1);
-        let direction = unit(DVec3::new(0.0, 10.0, 0.1));
-        let rays = RayBundle {
-            origin: DVec3::ZERO,
-            x: vec![direction.x],
-            y: vec![direction.y],
-            z: vec![direction.z],
-        };
-        let hits = Hits { t: vec![10.0 / direction.y], primitive: vec![0] };
+        let d = unit(DVec3::new(0.0, 10.0, 0.1));
+        let rays = RayBundle { origin: DVec3::ZERO, x: vec![d.x], y: vec![d.y], z: vec![d.z] };
+        let mut hits = Hits::default();
+        tree.trace(&scene.geometry, &rays, &mut hits);
+        let mut paths =
+            FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
         let mut out = Reflections::default();
-        view.reflect(&instrument, &rays, &hits, &mut Probe::default(), &mut out);
+        view.reflect(&instrument, &rays, &hits, &mut paths, &mut Probe::default(), &mut out);
         assert_eq!(out.primitive, [0]);
-        assert!((out.range[0] - 10.0 / direction.y).abs() < 1e-12);
-        assert!((out.cosine[0] - direction.y).abs() < 1e-15);
+        assert!((out.range[0] - 10.0 / d.y).abs() < 1e-12);
+        assert!((out.cosine[0] - d.y).abs() < 1e-15);
     }
 }

@@ -6,10 +6,11 @@ use super::{Echo, Physics, PhysicsOptions};
 use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3, Rotation};
 use crate::pipeline::Batch;
-use crate::scene::{Material, Part, Reflection, Scene, Surface};
+use crate::scene::{LadTable, Material, Part, Reflection, Scene, Surface, Voxel, VoxelKind};
 use crate::survey::*;
-use crate::tree::{Geometry, Tree};
+use crate::tree::{BuildOptions, Builder, Cube, Geometry, Tree};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// The beam of the worked examples (spec pulse-physics §3.6), of 5 ns.
 pub fn tls_beam() -> Beam {
@@ -135,7 +136,7 @@ pub fn rectangles(material: Material, of: &[[DVec3; 3]]) -> Scene {
         geometry.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         scene.surfaces.push(Surface { part, material: 0 });
         scene.surface_of.extend([part, part]);
-        scene.parts.push(Part { id: (part + 1).to_string() });
+        scene.parts.push(Part { id: (part + 1).to_string(), lad: None });
     }
     scene.materials.push(material);
     scene.bounds = Aabb::EMPTY;
@@ -145,6 +146,23 @@ pub fn rectangles(material: Material, of: &[[DVec3; 3]]) -> Scene {
         scene.bounds = geometry.bounds();
     }
     scene.geometry = geometry;
+    scene
+}
+
+/// A scene of a column of cubes of 1 m along +y, as (start, density, kind), and of a wall at 120 m if there are more than
+/// four. All cubes are one part, with that leaf angle table.
+pub fn foliage(cubes: &[(f64, f64, VoxelKind)], lad: Option<LadTable>) -> Scene {
+    let walls = [wall(-20.0, 20.0, 120.0)];
+    let mut scene = rectangles(half_white(), if cubes.len() > 4 { &walls } else { &[] });
+    let first = -scene.shift;
+    scene.surfaces.push(Surface { part: scene.parts.len() as u32, material: 0 });
+    scene.parts.push(Part { id: "foliage".to_owned(), lad: lad.map(Arc::new) });
+    for (y, density, kind) in cubes {
+        scene.geometry.cubes.push(Cube { centre: first + DVec3::new(0.0, y + 0.5, 0.0), half: 0.5 });
+        scene.voxels.push(Voxel::of_plants(*density, *kind));
+        scene.surface_of.push(scene.surfaces.len() as u32 - 1);
+    }
+    scene.bounds = scene.geometry.bounds();
     scene
 }
 
@@ -168,8 +186,8 @@ pub fn pulse(attitude: Rotation) -> Pulse {
 }
 
 /// The tree over a scene.
-pub fn tree(_scene: &Scene) -> Tree {
-    Tree::default()
+pub fn tree(scene: &Scene) -> Tree {
+    Tree::build(&scene.geometry, &BuildOptions::of(Builder::Median))
 }
 
 /// What one pulse along +y yields.

@@ -53,7 +53,8 @@ impl Waveform {
             if !instrument.corrections.clip_dead_zone {
                 return false;
             }
-            start = blind;
+            // Rounding must not put the first bin before the minimum range.
+            start = if c * blind < instrument.range_min { blind.next_up() } else { blind };
         }
         self.start = start;
         self.bins = ((end / bin).ceil() - (start / bin).ceil()) as u64;

@@ -1,0 +1,209 @@
+//! Voxels of foliage: whether a ray stops in one, and where (spec pulse-physics §2.5, §2.6).
+
+use super::options::Corrections;
+use crate::geom::DVec3;
+use crate::rng::Stream;
+use crate::scene::{LadTable, Scene, VoxelKind};
+use crate::tree::{Cube, Hits, Tree};
+use libm::log;
+use std::f64::consts::TAU;
+
+/// Projection of spherically distributed leaves.
+const SPHERICAL: f64 = 0.5;
+
+/// The free paths of a pulse: one draw per voxel of foliage met, in the order of subrays.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FreePaths {
+    /// Where the draws come from.
+    pub stream: Stream,
+    /// Index of the device.
+    pub device: u32,
+    /// Number of the pulse.
+    pub pulse: u64,
+    /// Draws so far.
+    pub drawn: u32,
+}
+
+impl FreePaths {
+    /// Length of the next free path through foliage of extinction `sigma` (1/m), m: exponentially distributed, ∞ when
+    /// the draw is 0.
+    fn next(&mut self, sigma: f64) -> f64 {
+        let u = self.stream.uniform(self.device, self.pulse, self.drawn);
+        self.drawn = self.drawn.wrapping_add(1);
+        -log(u) / sigma
+    }
+}
+
+/// What a voxel does to a ray that enters it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Passage {
+    /// The ray is reflected that many metres behind its entry.
+    Stops(f64),
+    /// The ray leaves the voxel that far from where the current stretch of it began.
+    Leaves(f64),
+    /// The ray is lost: there is no way out of the voxel ahead.
+    Lost,
+}
+
+/// How a ray along `direction`, which began at `from` and enters primitive `i` at `entry` metres, fares in it.
+pub(super) fn pass(
+    scene: &Scene,
+    corrections: &Corrections,
+    i: u32,
+    (from, direction): (DVec3, DVec3),
+    entry: f64,
+    paths: &mut FreePaths,
+) -> Passage {
+    let Some(voxel) = scene.voxel(i) else { return Passage::Stops(0.0) };
+    if voxel.kind == VoxelKind::Opaque {
+        return Passage::Stops(0.0);
+    }
+    let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangles.len()], from, direction);
+    if exit.is_nan() || exit <= 0.0 {
+        return Passage::Lost;
+    }
+    if voxel.kind == VoxelKind::Transparent {
+        return Passage::Leaves(exit);
+    }
+    let sigma = extinction(voxel.density, leaf_angles(scene, i), corrections, direction);
+    if sigma.is_nan() || sigma == 0.0 {
+        return Passage::Leaves(exit);
+    }
+    let path = paths.next(sigma);
+    if path > exit - entry { Passage::Leaves(exit) } else { Passage::Stops(path) }
+}
+
+/// Whether rays stop within primitive `i` rather than where they enter it.
+pub(super) fn scatters(scene: &Scene, i: u32) -> bool {
+    scene.voxel(i).is_some_and(|v| v.kind == VoxelKind::Transmittive)
+}
+
+/// The leaf angle table of the part that primitive `i` belongs to.
+fn leaf_angles(scene: &Scene, i: u32) -> Option<&LadTable> {
+    scene.parts[scene.part_of(i) as usize].lad.as_deref()
+}
+
+/// Cross-section that a voxel presents to the radar equation: that of its foliage if its part has a leaf angle table
+/// (§3.5), `None` if its surface reflects like any other.
+pub(super) fn cross_section(scene: &Scene, i: u32, direction: DVec3) -> Option<f64> {
+    let voxel = scene.voxel(i)?;
+    let table = leaf_angles(scene, i)?;
+    Some(voxel.density * table.g(direction) / TAU)
+}
+
+/// Extinction of foliage of a density along `direction`, 1/m.
+fn extinction(density: f64, table: Option<&LadTable>, corrections: &Corrections, direction: DVec3) -> f64 {
+    match table {
+        Some(table) => density * table.g(direction) / TAU,
+        None if corrections.spherical_leaves => density * SPHERICAL,
+        None => density,
+    }
+}
+
+/// Where a ray leaves a cube, in metres from `from`.
+fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
+    let mut nearest = f64::INFINITY;
+    for axis in 0..3 {
+        let a = (cube.centre[axis] - cube.half - from[axis]) / direction[axis];
+        let b = (cube.centre[axis] + cube.half - from[axis]) / direction[axis];
+        let far = if a > b { a } else { b };
+        if far < nearest {
+            nearest = far;
+        }
+    }
+    nearest
+}
+
+/// The voxel of foliage that contains `point`, if any: no ray that begins there ever enters it. `size` is the edge of the
+/// scene's largest cube.
+pub(super) fn around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Option<u32> {
+    let first_cube = scene.geometry.triangles.len();
+    let contains = |i: u32| {
+        let cube = (i as usize).checked_sub(first_cube).map(|c| scene.geometry.cubes[c]);
+        cube.is_some_and(|c| (point - c.centre).abs().cmplt(DVec3::splat(c.half)).all())
+            && scene.voxel(i).is_some_and(|v| v.kind != VoxelKind::Opaque)
+    };
+    let before = point - DVec3::Y * (2.0 * size);
+    tree.nearest_where(&scene.geometry, before, DVec3::Y, contains)
+        .map(|h| h.primitive)
+        .filter(|i| *i != Hits::MISS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::unit;
+    use crate::pulse::testkit::{foliage, tree};
+    use crate::rng::Purpose;
+
+    fn paths() -> FreePaths {
+        FreePaths { stream: Stream::new(1, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 }
+    }
+
+    #[test]
+    fn a_ray_leaves_a_cube_where_the_slabs_end() {
+        // spec pulse-physics §2.8 (a), with a cube instead of the box
+        let cube = Cube { centre: DVec3::new(0.0, 10.0, 0.0), half: 1.0 };
+        assert_eq!(exit(&cube, DVec3::ZERO, DVec3::Y), 11.0);
+        assert_eq!(exit(&cube, DVec3::new(0.0, 10.0, 0.0), DVec3::Y), 1.0, "from within");
+        assert_eq!(exit(&cube, DVec3::new(0.0, 20.0, 0.0), DVec3::Y), -9.0, "behind");
+        let diagonal = unit(DVec3::ONE);
+        let from = DVec3::new(-1.0, 9.0, -1.0);
+        assert!((exit(&cube, from, diagonal) - 12f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn extinctions_of_the_worked_example() {
+        // spec pulse-physics §2.8 (c), (g)
+        let none = Corrections::NONE;
+        let table = LadTable::new([(DVec3::Z, 2.4), (DVec3::X, 3.4), (-DVec3::Z, 2.4)]);
+        let tilted = extinction(1.0, table.as_ref(), &none, DVec3::new(0.6, 0.0, 0.8));
+        assert!((tilted - 0.447172157).abs() < 1e-9);
+        assert!((extinction(1.0, table.as_ref(), &none, DVec3::Y) - 0.541126807).abs() < 1e-9);
+        assert_eq!(extinction(1.0, None, &none, DVec3::Y), 1.0);
+        let spherical = Corrections { spherical_leaves: true, ..none };
+        assert_eq!(extinction(1.0, None, &spherical, DVec3::Y), 0.5);
+    }
+
+    #[test]
+    fn free_paths_are_exponential() {
+        let mut p = paths();
+        let n = 20_000;
+        let beyond = (0..n).filter(|_| p.next(1.0) > 1.0).count() as f64 / f64::from(n);
+        assert!((beyond - 0.367879441).abs() < 0.012, "{beyond}");
+        assert_eq!(p.drawn, n as u32);
+    }
+
+    #[test]
+    fn only_foliage_draws() {
+        use VoxelKind::*;
+        let scene = foliage(
+            &[
+                (10.0, 1.0, Opaque),
+                (20.0, 1.0, Transparent),
+                (30.0, 0.0, Transmittive),
+                (40.0, f64::NAN, Transmittive),
+            ],
+            None,
+        );
+        let mut p = paths();
+        let mut at =
+            |i: u32, entry| pass(&scene, &Corrections::NONE, i, (-scene.shift, DVec3::Y), entry, &mut p);
+        assert_eq!(at(0, 10.0), Passage::Stops(0.0));
+        assert!(matches!(at(1, 20.0), Passage::Leaves(x) if (x - 21.0).abs() < 1e-12));
+        assert!(matches!(at(2, 30.0), Passage::Leaves(_)));
+        assert!(matches!(at(3, 40.0), Passage::Leaves(_)));
+        assert_eq!(p.drawn, 0);
+        let behind = (DVec3::Y * 500.0, DVec3::Y);
+        assert_eq!(pass(&scene, &Corrections::NONE, 1, behind, 1.0, &mut p), Passage::Lost);
+    }
+
+    #[test]
+    fn the_voxel_around_a_point_is_found() {
+        let scene = foliage(&[(10.0, 1.0, VoxelKind::Transmittive), (11.0, 1.0, VoxelKind::Opaque)], None);
+        let find = |y: f64| around(&scene, &tree(&scene), DVec3::Y * y - scene.shift, 1.0);
+        assert_eq!(find(10.5), Some(0));
+        assert_eq!(find(11.5), None, "opaque ones are left alone");
+        assert_eq!(find(9.5), None);
+    }
+}
