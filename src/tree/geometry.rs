@@ -34,8 +34,10 @@ impl Geometry {
     }
 
     /// The corners of triangle `i`.
+    #[inline]
     pub fn triangle(&self, i: usize) -> [DVec3; 3] {
-        self.triangles[i].map(|v| self.vertices[v as usize])
+        let [a, b, c] = self.triangles[i];
+        [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
     /// The box around primitive `i`.

@@ -1,9 +1,9 @@
 //! Boxes and blocks of triangles against a group's pulses; the reasoning is that of [`crate::tree::beam`].
 
-use super::lanes::{BeamSide, Lanes, PerPulse};
+use super::lanes::{BeamSide, Lanes, PerPulse, Side};
 use crate::tree::beam::LOOSE;
 use crate::tree::block::{Block, LANES};
-use crate::tree::simd::Simd;
+use crate::tree::simd::{Simd, each_of};
 
 /// Sixteen boxes against one beam from depth 0 to `limit`: a mask of lanes and the depths of entry.
 ///
@@ -23,11 +23,7 @@ pub(super) unsafe fn boxes_in_beam<S: Simd>(
             let [under, over] = &beam[a];
             let u = S::mul(S::sub(S::load(&upper[a]), S::splat(under.from)), S::splat(under.inverse));
             let o = S::mul(S::sub(S::load(&lower[a]), S::splat(over.from)), S::splat(over.inverse));
-            if under.inverse > 0.0 {
-                leave = S::min(u, leave)
-            } else {
-                enter = S::max(u, enter)
-            }
+            if under.inverse > 0.0 { leave = S::min(u, leave) } else { enter = S::max(u, enter) }
             if over.inverse > 0.0 { enter = S::max(o, enter) } else { leave = S::min(o, leave) }
         }
         (S::bits(S::le(enter, S::mul(leave, S::splat(LOOSE)))), enter)
@@ -39,22 +35,18 @@ pub(super) unsafe fn boxes_in_beam<S: Simd>(
 /// # Safety
 /// As for [`Simd`].
 #[inline(always)]
-pub(super) unsafe fn box_in_lanes<S: Simd>(
-    lanes: &Lanes<S>,
-    lower: [f32; 3],
-    upper: [f32; 3],
-    limit: &PerPulse,
-) -> u32 {
+pub(super) unsafe fn box_in_lanes<S: Simd>(lanes: &Lanes<S>, lower: [f32; 3], upper: [f32; 3], limit: &PerPulse) -> u32 {
     // SAFETY: the caller vouches for the instruction set.
     unsafe {
         let (mut enter, mut leave) = (S::splat(0.0), S::load(&limit.0));
         for a in 0..3 {
             let [under, over] = &lanes.sides[a];
-            for (side, plane) in [(under, upper[a]), (over, lower[a])] {
-                let x = S::mul(S::sub(S::splat(plane), S::load(&side.from.0)), S::load(&side.inverse.0));
-                leave = S::min_where(side.upper, leave, x);
-                enter = S::max_where(side.lower, enter, x);
-            }
+            let u = depth_of(under, upper[a]);
+            leave = S::min_where(under.upper, leave, u);
+            enter = S::max_where(under.lower, enter, u);
+            let o = depth_of(over, lower[a]);
+            leave = S::min_where(over.upper, leave, o);
+            enter = S::max_where(over.lower, enter, o);
         }
         S::bits(S::le(enter, S::mul(leave, S::splat(LOOSE))))
     }
@@ -65,19 +57,41 @@ pub(super) unsafe fn box_in_lanes<S: Simd>(
 /// # Safety
 /// As for [`Simd`].
 #[inline(always)]
-pub(super) unsafe fn cut<S: Simd>(
-    lanes: &Lanes<S>,
-    axis: usize,
-    plane: f32,
-    [lo, hi]: [S::F; 2],
-) -> [[S::F; 2]; 2] {
+pub(super) unsafe fn cut<S: Simd>(lanes: &Lanes<S>, axis: usize, plane: f32, [lo, hi]: [S::F; 2]) -> [[S::F; 2]; 2] {
     // SAFETY: the caller vouches for the instruction set.
     unsafe {
-        lanes.sides[axis].each_ref().map(|side| {
-            let x = S::mul(S::sub(S::splat(plane), S::load(&side.from.0)), S::load(&side.inverse.0));
+        each_of!([0, 1], n => {
+            let side = &lanes.sides[axis][n];
+            let x = depth_of(side, plane);
             [S::max_where(side.lower, lo, x), S::min_where(side.upper, hi, x)]
         })
     }
+}
+
+/// The depths at which the pulses meet a plane.
+///
+/// # Safety
+/// As for [`Simd`].
+#[inline(always)]
+unsafe fn depth_of<S: Simd>(side: &Side<S>, plane: f32) -> S::F {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe { S::mul(S::sub(S::splat(plane), S::load(&side.from.0)), S::load(&side.inverse.0)) }
+}
+
+/// # Safety
+/// As for [`Simd`].
+#[inline(always)]
+unsafe fn least<S: Simd>(v: [S::F; 3]) -> S::F {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe { S::min(S::min(v[0], v[1]), v[2]) }
+}
+
+/// # Safety
+/// As for [`Simd`].
+#[inline(always)]
+unsafe fn greatest<S: Simd>(v: [S::F; 3]) -> S::F {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe { S::max(S::max(v[0], v[1]), v[2]) }
 }
 
 /// Triangles of a block as seen from the group's apex.
@@ -102,24 +116,25 @@ impl<S: Simd> Seen<S> {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let [k, i, j] = lanes.axes;
-            let [rk, ri, rj] = [k, i, j].map(|a| S::splat(lanes.apex[a]));
+            let r = [S::splat(lanes.apex[k]), S::splat(lanes.apex[i]), S::splat(lanes.apex[j])];
             let c = &block.corner;
             let (sign, one) = (S::splat(lanes.forward), S::splat(1.0));
-            let s = [0, 1, 2].map(|v| S::mul(S::sub(S::load(&c[v][k]), rk), sign));
-            let inv = s.map(|s| S::div(one, s));
-            let x = [0, 1, 2].map(|v| S::mul(S::sub(S::load(&c[v][i]), ri), inv[v]));
-            let y = [0, 1, 2].map(|v| S::mul(S::sub(S::load(&c[v][j]), rj), inv[v]));
-            let least = |v: [S::F; 3]| S::min(S::min(v[0], v[1]), v[2]);
-            let greatest = |v: [S::F; 3]| S::max(S::max(v[0], v[1]), v[2]);
-            let (near, far, four) = (least(s), greatest(s), S::splat(4.0 * lanes.slack));
+            let s = each_of!([0, 1, 2], v => S::mul(S::sub(S::load(&c[v][k]), r[0]), sign));
+            let inv = each_of!([0, 1, 2], v => S::div(one, s[v]));
+            let x = each_of!([0, 1, 2], v => S::mul(S::sub(S::load(&c[v][i]), r[1]), inv[v]));
+            let y = each_of!([0, 1, 2], v => S::mul(S::sub(S::load(&c[v][j]), r[2]), inv[v]));
+            let (near, far, four) = (least::<S>(s), greatest::<S>(s), S::splat(4.0 * lanes.slack));
             // Wherever slopes count all depths are positive, and the nearest corner has the greatest reciprocal.
-            let (inverse_near, inverse_far) = (greatest(inv), least(inv));
+            let (inverse_near, inverse_far) = (greatest::<S>(inv), least::<S>(inv));
             let pad = S::add(S::mul(four, inverse_near), S::splat(1e-6));
             let mut inverse = [[0.0; LANES]; 2];
             S::store(&mut inverse[0], inverse_near);
             S::store(&mut inverse[1], inverse_far);
             Seen {
-                slope: [x, y].map(|v| [S::sub(least(v), pad), S::add(greatest(v), pad)]),
+                slope: [
+                    [S::sub(least::<S>(x), pad), S::add(greatest::<S>(x), pad)],
+                    [S::sub(least::<S>(y), pad), S::add(greatest::<S>(y), pad)],
+                ],
                 inverse,
                 near: S::sub(S::mul(near, S::splat(2.0 - LOOSE)), four),
                 far: S::add(S::mul(far, S::splat(LOOSE)), four),
@@ -140,17 +155,15 @@ impl<S: Simd> Seen<S> {
             overlap = S::and(overlap, S::le(S::splat(lo), self.far));
             let mut inside = overlap;
             for side in 0..2 {
-                // Seen from the apex, a pulse that starts aside has its offset shrink with depth.
-                let end = |end: usize| {
+                let ends = each_of!([0, 1], end => {
                     let offset = lanes.offset[side][end].0[p];
+                    // Seen from the apex, a pulse that starts aside has its offset shrink with depth.
                     let at = usize::from((offset < 0.0) != (end == 0));
-                    S::add(
-                        S::splat(lanes.slope[side][end].0[p]),
-                        S::mul(S::splat(offset), S::load(&self.inverse[at])),
-                    )
-                };
-                inside = S::and(inside, S::le(self.slope[side][0], end(1)));
-                inside = S::and(inside, S::le(end(0), self.slope[side][1]));
+                    let aside = S::mul(S::splat(offset), S::load(&self.inverse[at]));
+                    S::add(S::splat(lanes.slope[side][end].0[p]), aside)
+                });
+                inside = S::and(inside, S::le(self.slope[side][0], ends[1]));
+                inside = S::and(inside, S::le(ends[0], self.slope[side][1]));
             }
             S::bits(S::or(inside, S::and(overlap, self.beside)))
         }

@@ -5,7 +5,7 @@ use crate::tree::beam::FLATTEST;
 use crate::tree::frame::{Frame, above};
 use crate::tree::intersect::{SHORTEST, axes_by_dominance};
 use crate::tree::rays::RayGroup;
-use crate::tree::simd::Simd;
+use crate::tree::simd::{Simd, each_of};
 use std::ops::Range;
 
 /// Pulses in a group.
@@ -92,17 +92,16 @@ impl<S: Simd> Lanes<S> {
         // SAFETY: the caller vouches for the instruction set.
         let spread = unsafe { Spread::of::<S>(rays, pulses.clone(), axes, forward) };
         let slope = spread.slopes()?;
-        let offset = [0, 1].map(|side| {
-            let along = |end: usize| {
-                let mut x = PerPulse([0.0; GROUP]);
+        let mut offset = [[PerPulse([0.0; GROUP]); 2]; 2];
+        for side in 0..2 {
+            for end in 0..2 {
                 for l in 0..GROUP {
                     // The higher slope makes the lower offset.
-                    x.0[l] = start.offset[side].0[l] - slope[side][1 - end].0[l] * start.depth.0[l];
+                    let back = slope[side][1 - end].0[l] * start.depth.0[l];
+                    offset[side][end].0[l] = start.offset[side].0[l] - back;
                 }
-                x
-            };
-            [along(0), along(1)]
-        });
+            }
+        }
         let steepness = spread.depth[1].0.map(|d| f64::from(d) * frame.scale * 1.000_000_2);
         // SAFETY: as above.
         unsafe {
@@ -138,13 +137,7 @@ struct Start {
 
 impl Start {
     #[inline(always)]
-    fn of(
-        frame: &Frame,
-        rays: &RayGroup,
-        pulses: Range<usize>,
-        axes: [usize; 3],
-        forward: f64,
-    ) -> Option<Start> {
+    fn of(frame: &Frame, rays: &RayGroup, pulses: Range<usize>, axes: [usize; 3], forward: f64) -> Option<Start> {
         let mut origins = [frame.local(rays.origin(pulses.start)); GROUP];
         for (o, p) in origins.iter_mut().zip(pulses) {
             *o = frame.local(rays.origin(p));
@@ -200,17 +193,15 @@ impl Spread {
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
                 let (mi, mj, sign, zero) = (S::dsplat(mi), S::dsplat(mj), S::dsplat(forward), S::dsplat(0.0));
-                let (mut least, mut greatest) =
-                    ([S::dsplat(f64::INFINITY); 3], [S::dsplat(f64::NEG_INFINITY); 3]);
+                let (mut least, mut greatest) = ([S::dsplat(f64::INFINITY); 3], [S::dsplat(f64::NEG_INFINITY); 3]);
                 for r in row {
                     let depth = S::dmul(S::dload(&along[r]), sign);
                     let wi = S::dsub(S::dload(&i[r]), S::dmul(mi, depth));
                     let wj = S::dsub(S::dload(&j[r]), S::dmul(mj, depth));
-                    for (n, w) in [wi, wj, depth].into_iter().enumerate() {
-                        // A ray that is no number drops out here; its verdicts are misses.
-                        least[n] = S::dmin(w, least[n]);
-                        greatest[n] = S::dmax(w, greatest[n]);
-                    }
+                    let w = [wi, wj, depth];
+                    // A ray that is no number drops out here; its verdicts are misses.
+                    least = each_of!([0, 1, 2], n => S::dmin(w[n], least[n]));
+                    greatest = each_of!([0, 1, 2], n => S::dmax(w[n], greatest[n]));
                 }
                 for n in 0..3 {
                     S::store(&mut rows[n][l], S::narrow(least[n], S::dsub(zero, greatest[n])));
@@ -218,14 +209,13 @@ impl Spread {
             }
         }
         let mut ends = [[PerPulse([0.0; GROUP]); 2]; 3];
-        for (ends, rows) in ends.iter_mut().zip(&rows) {
+        for n in 0..3 {
             // SAFETY: as above.
-            let minima = unsafe { S::row_minima(rows) };
-            for (end, minimum) in ends.iter_mut().zip(minima) {
-                // SAFETY: as above.
-                unsafe { S::store(&mut end.0, minimum) };
+            unsafe {
+                let [least, negated] = S::row_minima(&rows[n]);
+                S::store(&mut ends[n][0].0, least);
+                S::store(&mut ends[n][1].0, S::sub(S::splat(0.0), negated));
             }
-            ends[1].0 = ends[1].0.map(|x| -x);
         }
         let [wi, wj, depth] = ends;
         Spread { middle, aside: [wi, wj], depth }
@@ -259,6 +249,27 @@ impl Spread {
 const SHORTEST_IN_LANES: f32 = 1e-18;
 const _: () = assert!(SHORTEST < SHORTEST_IN_LANES as f64);
 
+impl<S: Simd> Side<S> {
+    /// Planes above a box where `above`, else planes below it.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn new(from: [f32; GROUP], slope: &[f32; GROUP], above: bool) -> Side<S> {
+        let mut side = [0.0; GROUP];
+        for l in 0..GROUP {
+            side[l] = 1.0 / slope[l];
+        }
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let (zero, v) = (S::splat(0.0), S::load(&side));
+            let (up, down) = (S::le(zero, v), S::le(v, zero));
+            let (upper, lower) = if above { (up, down) } else { (down, up) };
+            Side { from: PerPulse(from), inverse: PerPulse(side), upper, lower }
+        }
+    }
+}
+
 /// # Safety
 /// As for [`Simd`].
 #[inline(always)]
@@ -269,33 +280,21 @@ unsafe fn sides<S: Simd>(
     slope: &[[PerPulse; 2]; 2],
     offset: &[[PerPulse; 2]; 2],
 ) -> [[Side<S>; 2]; 3] {
+    let r = start.apex[k];
     // SAFETY: the caller vouches for the instruction set.
     unsafe {
-        let side = |from: [f32; GROUP], inverse: [f32; GROUP]| {
-            let (zero, v) = (S::splat(0.0), S::load(&inverse));
-            Side {
-                from: PerPulse(from),
-                inverse: PerPulse(inverse),
-                upper: S::le(zero, v),
-                lower: S::le(v, zero),
-            }
-        };
-        let r = start.apex[k];
-        let [under, over] = [(r - start.slack).next_down(), (r + start.slack).next_up()];
-        // The planes below a box are bounds of the other kind.
-        let other = |s: Side<S>| Side { upper: s.lower, lower: s.upper, ..s };
-        let mut sides =
-            [[side([under; GROUP], [forward; GROUP]), other(side([over; GROUP], [forward; GROUP]))]; 3];
-        for (n, a) in [i, j].into_iter().enumerate() {
+        let mut sides = [[
+            Side::new([(r - start.slack).next_down(); GROUP], &[forward; GROUP], true),
+            Side::new([(r + start.slack).next_up(); GROUP], &[forward; GROUP], false),
+        ]; 3];
+        for n in 0..2 {
+            let a = [i, j][n];
             let (mut under, mut over) = ([0.0; GROUP], [0.0; GROUP]);
             for l in 0..GROUP {
                 under[l] = (start.apex[a] + (offset[n][0].0[l] - start.slack)).next_down();
                 over[l] = (start.apex[a] + (offset[n][1].0[l] + start.slack)).next_up();
             }
-            sides[a] = [
-                side(under, slope[n][0].0.map(f32::recip)),
-                other(side(over, slope[n][1].0.map(f32::recip))),
-            ];
+            sides[a] = [Side::new(under, &slope[n][0].0, true), Side::new(over, &slope[n][1].0, false)];
         }
         sides
     }

@@ -8,12 +8,14 @@ use crate::tree::block::{Block, LANES};
 use crate::tree::simd::Simd;
 
 /// Pairs of a pulse and a lane of the block, `pulse · 16 + lane`, of which the first `count` are meant.
-struct Pairs {
+pub(super) struct Pairs {
     pair: [u32; GROUP * LANES + LANES],
     count: usize,
 }
 
 impl Pairs {
+    pub const NONE: Pairs = Pairs { pair: [0; GROUP * LANES + LANES], count: 0 };
+
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
@@ -33,42 +35,50 @@ impl<S: Simd> Kernel<'_, S> {
     /// As for [`Simd`].
     #[inline(always)]
     pub(super) unsafe fn block(&mut self, block: &Block, mask: u32, lo: &[f32; GROUP], hi: &[f32; GROUP]) {
-        let mut pairs = Pairs { pair: [0; GROUP * LANES + LANES], count: 0 };
+        self.scratch.pairs.count = 0;
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             if block.holds_cubes() {
-                self.pair_cubes(block, mask, hi, &mut pairs);
+                self.pair_cubes(block, mask, hi);
             } else {
                 let seen = Seen::from(&self.lanes, block);
-                each(mask, |p| pairs.extend::<S>(p, seen.by(&self.lanes, p, [lo[p], hi[p]])));
+                let mut rest = mask;
+                while rest != 0 {
+                    let p = rest.trailing_zeros() as usize;
+                    self.scratch.pairs.extend::<S>(p, seen.by(&self.lanes, p, [lo[p], hi[p]]));
+                    rest &= rest - 1;
+                }
             }
-            if pairs.count == 0 {
-                return;
-            }
-            let mut touched = 0;
-            for &pair in &pairs.pair[..pairs.count] {
+            let mut touched = 0u32;
+            for n in 0..self.scratch.pairs.count {
+                let pair = self.scratch.pairs.pair[n];
                 let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
                 self.verdict(pulse, block.id[lane]);
                 touched |= 1 << pulse;
             }
-            each(touched, |p| self.lower_limit(p));
+            while touched != 0 {
+                self.lower_limit(touched.trailing_zeros() as usize);
+                touched &= touched - 1;
+            }
         }
     }
 
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn pair_cubes(&self, block: &Block, mask: u32, hi: &[f32; GROUP], pairs: &mut Pairs) {
-        each(mask, |p| {
+    unsafe fn pair_cubes(&mut self, block: &Block, mut mask: u32, hi: &[f32; GROUP]) {
+        while mask != 0 {
+            let p = mask.trailing_zeros() as usize;
             let beam = self.lanes.sides.each_ref().map(|sides| {
                 sides.each_ref().map(|s| BeamSide { from: s.from.0[p], inverse: s.inverse.0[p] })
             });
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
                 let (met, _) = boxes_in_beam::<S>(&beam, &block.corner[0], &block.corner[1], hi[p]);
-                pairs.extend::<S>(p, met);
+                self.scratch.pairs.extend::<S>(p, met);
             }
-        });
+            mask &= mask - 1;
+        }
     }
 
     /// # Safety
@@ -85,17 +95,15 @@ impl<S: Simd> Kernel<'_, S> {
             return;
         }
         let triangle = Triangle::new(id, self.geometry.triangle(number), origin);
-        let mut plane = None;
+        let (axes, forward) = (self.lanes.axes, f64::from(self.lanes.forward));
+        let plane = triangle.plane(k, forward);
         for r in first..first + self.registers {
+            let mut rays = self.rays_of(r);
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
-                let axes = self.lanes.axes;
-                let forward = f64::from(self.lanes.forward);
-                let mut rays = self.rays_of(r);
                 let (strictly, maybe) = triangle.inside::<S>(axes, &rays);
                 if maybe != 0 {
-                    let plane = plane.get_or_insert_with(|| triangle.plane(k, forward));
-                    triangle.hit::<S>(plane, k, strictly, maybe, &mut rays);
+                    triangle.hit::<S>(&plane, k, strictly, maybe, &mut rays);
                 }
             }
         }
@@ -116,19 +124,13 @@ impl<S: Simd> Kernel<'_, S> {
         let first = (self.first + pulse) * self.registers;
         // SAFETY: the caller vouches for the instruction set.
         let farthest = unsafe {
-            let rows = self.t[first..first + self.registers].iter();
-            S::dgreatest(rows.fold(S::dsplat(0.0), |m, t| S::dmax(m, S::dload(t))))
+            let mut farthest = S::dsplat(0.0);
+            for t in &self.t[first..first + self.registers] {
+                farthest = S::dmax(farthest, S::dload(t));
+            }
+            S::dgreatest(farthest)
         };
         let depth = farthest * self.lanes.steepness[pulse] + f64::from(self.lanes.start.0[pulse]);
         self.limit.0[pulse] = (depth * 1.000_000_4) as f32;
-    }
-}
-
-/// Calls `f` with the number of each one in the mask.
-#[inline(always)]
-pub(super) fn each(mut mask: u32, mut f: impl FnMut(usize)) {
-    while mask != 0 {
-        f(mask.trailing_zeros() as usize);
-        mask &= mask - 1;
     }
 }

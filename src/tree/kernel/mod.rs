@@ -93,6 +93,13 @@ struct Kernel<'a, S: super::simd::Simd> {
     lanes: Lanes<S>,
     /// Depth beyond which nothing can be nearer than what each pulse has hit.
     limit: PerPulse,
+    scratch: &'a mut Scratch,
+}
+
+/// What a walk needs room for, cleared by nobody.
+struct Scratch {
+    stack: [walk::Visit; walk::HEIGHT],
+    pairs: leaf::Pairs,
 }
 
 impl<S: super::simd::Simd> Kernel<'_, S> {
@@ -100,12 +107,13 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
     /// As for [`Simd`](super::simd::Simd).
     #[inline(always)]
     unsafe fn trace(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+        let mut scratch = Scratch { stack: [walk::Visit::NOWHERE; walk::HEIGHT], pairs: leaf::Pairs::NONE };
         let mut first = 0;
         while first < rays.len() {
             let mut count = lanes::neighbours(rays, first);
             loop {
                 // SAFETY: the caller vouches for the instruction set.
-                if unsafe { Kernel::<S>::trace_together(tree, geometry, rays, first..first + count, hits) } {
+                if unsafe { Kernel::<S>::trace_together(tree, geometry, rays, first..first + count, hits, &mut scratch) } {
                     break;
                 }
                 if count == 1 {
@@ -130,6 +138,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
         rays: &RayGroup,
         pulses: Range<usize>,
         hits: &mut Hits,
+        scratch: &mut Scratch,
     ) -> bool {
         // SAFETY: the caller vouches for the instruction set.
         let Some(lanes) = (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone()) }) else {
@@ -145,6 +154,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             first: pulses.start,
             lanes,
             limit: PerPulse([f32::INFINITY; GROUP]),
+            scratch,
         };
         // SAFETY: as above.
         unsafe { kernel.walk(tree, pulses.len()) };

@@ -5,7 +5,7 @@
 use crate::geom::DVec3;
 use crate::tree::geometry::Cube;
 use crate::tree::intersect::{self, DEPTH_SLACK, EDGE_ON};
-use crate::tree::simd::Simd;
+use crate::tree::simd::{Simd, each_of};
 
 /// Eight rays: directions and the nearest hits so far.
 pub(super) struct Rays<'a> {
@@ -61,7 +61,8 @@ pub(super) struct Triangle {
 impl Triangle {
     #[inline(always)]
     pub fn new(id: u32, corners: [DVec3; 3], origin: DVec3) -> Triangle {
-        Triangle { id, origin, corners, from: corners.map(|c| (c - origin).to_array()) }
+        let from = each_of!([0, 1, 2], v => (corners[v] - origin).to_array());
+        Triangle { id, origin, corners, from }
     }
 
     /// Which rays are surely inside, and which may be; axes by dominance.
@@ -72,12 +73,12 @@ impl Triangle {
     pub unsafe fn inside<S: Simd>(&self, [k, i, j]: [usize; 3], rays: &Rays) -> (S::N, u32) {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
-            let [dk, di, dj] = [k, i, j].map(|a| S::dload(rays.along(a)));
-            let across = |p: &[f64; 3]| {
-                let [pk, pi, pj] = [k, i, j].map(|a| S::dsplat(p[a]));
+            let (dk, di, dj) = (S::dload(rays.along(k)), S::dload(rays.along(i)), S::dload(rays.along(j)));
+            let [(xa, ya), (xb, yb), (xc, yc)] = each_of!([0, 1, 2], v => {
+                let p = &self.from[v];
+                let (pk, pi, pj) = (S::dsplat(p[k]), S::dsplat(p[i]), S::dsplat(p[j]));
                 (S::dsub(S::dmul(pi, dk), S::dmul(pk, di)), S::dsub(S::dmul(pj, dk), S::dmul(pk, dj)))
-            };
-            let [(xa, ya), (xb, yb), (xc, yc)] = self.from.each_ref().map(across);
+            });
             let (u0, u1) = (S::dmul(xb, yc), S::dmul(yb, xc));
             let (v0, v1) = (S::dmul(xc, ya), S::dmul(yc, xa));
             let (w0, w1) = (S::dmul(xa, yb), S::dmul(ya, xb));
@@ -96,7 +97,7 @@ impl Triangle {
         let (e1, e2) = (b - a, c - a);
         let s = [-self.from[0][0], -self.from[0][1], -self.from[0][2]];
         let q = [s[1] * e1.z - s[2] * e1.y, s[2] * e1.x - s[0] * e1.z, s[0] * e1.y - s[1] * e1.x];
-        let depths = self.from.map(|p| p[k] * forward);
+        let depths = each_of!([0, 1, 2], v => self.from[v][k] * forward);
         let nearest = depths[0].min(depths[1]).min(depths[2]);
         let farthest = depths[0].max(depths[1]).max(depths[2]);
         Plane {
@@ -117,10 +118,13 @@ impl Triangle {
     pub unsafe fn hit<S: Simd>(&self, plane: &Plane, k: usize, strictly: S::N, maybe: u32, rays: &mut Rays) {
         // SAFETY: the caller vouches for the instruction set.
         let mut rest = unsafe {
-            let d = [0, 1, 2].map(|a| S::dload(rays.along(a)));
-            let (e1, e2) = (plane.e1.map(|x| S::dsplat(x)), plane.e2.map(|x| S::dsplat(x)));
-            let minor = |u: usize, v: usize| S::dsub(S::dmul(d[u], e2[v]), S::dmul(d[v], e2[u]));
-            let h = [minor(1, 2), minor(2, 0), minor(0, 1)];
+            let d = each_of!([0, 1, 2], a => S::dload(rays.along(a)));
+            let e1 = each_of!([0, 1, 2], a => S::dsplat(plane.e1[a]));
+            let e2 = each_of!([0, 1, 2], a => S::dsplat(plane.e2[a]));
+            let h = each_of!([0, 1, 2], a => {
+                let (u, v) = ((a + 1) % 3, (a + 2) % 3);
+                S::dsub(S::dmul(d[u], e2[v]), S::dmul(d[v], e2[u]))
+            });
             let det = S::dadd(S::dadd(S::dmul(h[0], e1[0]), S::dmul(h[1], e1[1])), S::dmul(h[2], e1[2]));
             let t = S::ddiv(S::dsplat(plane.numerator), det);
             let along = S::dabs(S::dload(rays.along(k)));

@@ -6,16 +6,24 @@ use super::lanes::{GROUP, PerPulse};
 use crate::tree::Tree;
 use crate::tree::beam::LOOSE;
 use crate::tree::build::DEEPEST;
-use crate::tree::simd::Simd;
+use crate::tree::simd::{Simd, each_of};
 
 /// A node to visit: the pulses that meet it, and at which depths.
 #[derive(Clone, Copy)]
-struct Visit {
+pub(super) struct Visit {
     node: u32,
     pulses: u32,
     lo: PerPulse,
     hi: PerPulse,
 }
+
+impl Visit {
+    pub const NOWHERE: Visit =
+        Visit { node: 0, pulses: 0, lo: PerPulse([0.0; GROUP]), hi: PerPulse([0.0; GROUP]) };
+}
+
+/// Most visits that wait at a time.
+pub(super) const HEIGHT: usize = DEEPEST as usize + 1;
 
 impl<S: Simd> Kernel<'_, S> {
     /// Walks the first `pulses` lanes through the tree, front to back.
@@ -32,24 +40,24 @@ impl<S: Simd> Kernel<'_, S> {
     /// As for [`Simd`].
     #[inline(always)]
     unsafe fn walk_kd(&mut self, tree: &Tree, pulses: u32) {
-        let zero = PerPulse([0.0; GROUP]);
-        let mut stack = [Visit { node: 0, pulses: 0, lo: zero, hi: zero }; DEEPEST as usize + 1];
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let [lower, upper] = tree.bounds;
             let pulses = pulses & box_in_lanes(&self.lanes, lower, upper, &self.limit);
-            let [lo, hi] = (0..3).fold([S::splat(0.0), S::splat(f32::INFINITY)], |range, a| {
-                let [range, _] = cut(&self.lanes, a, upper[a], range);
-                cut(&self.lanes, a, lower[a], range)[1]
-            });
-            stack[0].pulses = pulses;
-            S::store(&mut stack[0].lo.0, lo);
-            S::store(&mut stack[0].hi.0, hi);
+            let mut range = [S::splat(0.0), S::splat(f32::INFINITY)];
+            for a in 0..3 {
+                range = cut(&self.lanes, a, upper[a], range)[0];
+                range = cut(&self.lanes, a, lower[a], range)[1];
+            }
+            let [lo, hi] = range;
+            self.scratch.stack[0] = Visit { pulses, ..Visit::NOWHERE };
+            S::store(&mut self.scratch.stack[0].lo.0, lo);
+            S::store(&mut self.scratch.stack[0].hi.0, hi);
             let mut height = 1;
             let loose = S::splat(LOOSE);
             while height > 0 {
                 height -= 1;
-                let visit = &stack[height];
+                let visit = &self.scratch.stack[height];
                 let (mut number, mut pulses) = (visit.node as usize, visit.pulses);
                 let (mut lo, mut hi) = (S::load(&visit.lo.0), S::load(&visit.hi.0));
                 let limit = S::mul(S::load(&self.limit.0), loose);
@@ -66,10 +74,10 @@ impl<S: Simd> Kernel<'_, S> {
                         break;
                     };
                     let [lower, upper] = cut(&self.lanes, axis, node.position(), [lo, hi]);
-                    let met = |[lo, hi]: [S::F; 2]| {
-                        pulses & S::bits(S::le(lo, S::mul(hi, loose))) & S::bits(S::le(lo, limit))
-                    };
-                    let (in_lower, in_upper) = (met(lower), met(upper));
+                    let [in_lower, in_upper] = each_of!([0, 1], n => {
+                        let [lo, hi] = [lower, upper][n];
+                        pulses & S::bits(S::and(S::le(lo, S::mul(hi, loose)), S::le(lo, limit)))
+                    });
                     let child = node.child();
                     let ascends =
                         self.lanes.beam[axis][0].inverse > 0.0 && self.lanes.beam[axis][1].inverse > 0.0;
@@ -82,7 +90,7 @@ impl<S: Simd> Kernel<'_, S> {
                         far
                     } else {
                         if far.1 != 0 {
-                            let visit = &mut stack[height];
+                            let visit = &mut self.scratch.stack[height];
                             visit.node = far.0 as u32;
                             visit.pulses = far.1;
                             S::store(&mut visit.lo.0, far.2[0]);

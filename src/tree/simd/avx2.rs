@@ -1,6 +1,6 @@
 //! AVX2: two registers for sixteen lanes.
 
-use super::Simd;
+use super::{Simd, each_of};
 use std::arch::x86_64::*;
 
 /// See the module.
@@ -33,6 +33,23 @@ macro_rules! pairwise {
             unsafe { [$op(a[0], b[0]), $op(a[1], b[1])] }
         }
     };
+}
+
+/// Eight lanes of four rows as one register: in each half the rows' minima over four lanes.
+///
+/// # Safety
+/// As for [`Simd`].
+#[inline(always)]
+unsafe fn four_rows(rows: &[[f32; 16]; 16], first: usize, lane: usize) -> __m256 {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe {
+        let [a, b, c, d] = each_of!([0, 1, 2, 3], i => _mm256_loadu_ps(rows[first + i][lane..lane + 8].as_ptr()));
+        let ab = _mm256_min_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+        let cd = _mm256_min_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+        let (ab, cd) = (_mm256_castps_pd(ab), _mm256_castps_pd(cd));
+        let (lo, hi) = (_mm256_unpacklo_pd(ab, cd), _mm256_unpackhi_pd(ab, cd));
+        _mm256_min_ps(_mm256_castpd_ps(lo), _mm256_castpd_ps(hi))
+    }
 }
 
 // SAFETY (all functions): the trait asks callers for the target features; memory is reached through references only.
@@ -84,40 +101,31 @@ impl Simd for Avx2 {
     }
     #[inline(always)]
     unsafe fn min_where(m: [__m256; 2], a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
-        unsafe { [0, 1].map(|i| _mm256_blendv_ps(a[i], _mm256_min_ps(b[i], a[i]), m[i])) }
+        unsafe { each_of!([0, 1], i => _mm256_blendv_ps(a[i], _mm256_min_ps(b[i], a[i]), m[i])) }
     }
     #[inline(always)]
     unsafe fn max_where(m: [__m256; 2], a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
-        unsafe { [0, 1].map(|i| _mm256_blendv_ps(a[i], _mm256_max_ps(b[i], a[i]), m[i])) }
+        unsafe { each_of!([0, 1], i => _mm256_blendv_ps(a[i], _mm256_max_ps(b[i], a[i]), m[i])) }
     }
     #[inline(always)]
     unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [[__m256; 2]; 2] {
         unsafe {
-            // Four rows become one register: in each half of it the rows' minima over four lanes.
-            let four = |r: usize, first: usize| {
-                let [a, b, c, d] = [0, 1, 2, 3].map(|i| _mm256_loadu_ps(rows[r + i][first..].as_ptr()));
-                let ab = _mm256_min_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
-                let cd = _mm256_min_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
-                let (ab, cd) = (_mm256_castps_pd(ab), _mm256_castps_pd(cd));
-                let (lo, hi) = (_mm256_unpacklo_pd(ab, cd), _mm256_unpackhi_pd(ab, cd));
-                _mm256_min_ps(_mm256_castpd_ps(lo), _mm256_castpd_ps(hi))
-            };
-            let eight = |r: usize, first: usize| {
-                let (v, w) = (four(r, first), four(r + 4, first));
+            each_of!([0, 1], half => each_of!([0, 1], n => {
+                let (v, w) = (four_rows(rows, 8 * n, 8 * half), four_rows(rows, 8 * n + 4, 8 * half));
                 _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(v, w), _mm256_permute2f128_ps::<0x31>(v, w))
-            };
-            [[eight(0, 0), eight(8, 0)], [eight(0, 8), eight(8, 8)]]
+            }))
         }
     }
     #[inline(always)]
     unsafe fn compress(mask: u32, base: u32, out: &mut [u32; 16]) {
         unsafe {
-            let base = _mm256_set1_epi32(base as i32);
             let (low, high) = ((mask & 255) as usize, (mask >> 8 & 255) as usize);
-            let numbers = |m: usize| _mm256_loadu_si256(LANES_OF[m].as_ptr().cast());
+            let [lower, upper] = each_of!([0, 1], half => {
+                let lanes = _mm256_loadu_si256(LANES_OF[[low, high][half]].as_ptr().cast());
+                _mm256_add_epi32(lanes, _mm256_set1_epi32((base + 8 * half as u32) as i32))
+            });
             let places = low.count_ones() as usize;
-            _mm256_storeu_si256(out.as_mut_ptr().cast(), _mm256_add_epi32(base, numbers(low)));
-            let upper = _mm256_add_epi32(base, _mm256_add_epi32(numbers(high), _mm256_set1_epi32(8)));
+            _mm256_storeu_si256(out.as_mut_ptr().cast(), lower);
             // At most eight places come before these eight.
             _mm256_storeu_si256(out.as_mut_ptr().add(places).cast(), upper);
         }
@@ -130,13 +138,6 @@ impl Simd for Avx2 {
     #[inline(always)]
     unsafe fn dload(x: &[f64; 8]) -> [__m256d; 2] {
         unsafe { [_mm256_loadu_pd(x.as_ptr()), _mm256_loadu_pd(x[4..].as_ptr())] }
-    }
-    #[inline(always)]
-    unsafe fn dstore(x: &mut [f64; 8], v: [__m256d; 2]) {
-        unsafe {
-            _mm256_storeu_pd(x.as_mut_ptr(), v[0]);
-            _mm256_storeu_pd(x[4..].as_mut_ptr(), v[1]);
-        }
     }
     #[inline(always)]
     unsafe fn dabs(a: [__m256d; 2]) -> [__m256d; 2] {
@@ -158,12 +159,13 @@ impl Simd for Avx2 {
         unsafe { _mm256_movemask_pd(m[0]) as u32 | (_mm256_movemask_pd(m[1]) as u32) << 4 }
     }
     #[inline(always)]
-    unsafe fn dselect(m: [__m256d; 2], a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
-        unsafe { [_mm256_blendv_pd(b[0], a[0], m[0]), _mm256_blendv_pd(b[1], a[1], m[1])] }
-    }
-    #[inline(always)]
     unsafe fn narrow(low: [__m256d; 2], high: [__m256d; 2]) -> [__m256; 2] {
-        unsafe { [low, high].map(|[a, b]| _mm256_set_m128(_mm256_cvtpd_ps(b), _mm256_cvtpd_ps(a))) }
+        unsafe {
+            [
+                _mm256_set_m128(_mm256_cvtpd_ps(low[1]), _mm256_cvtpd_ps(low[0])),
+                _mm256_set_m128(_mm256_cvtpd_ps(high[1]), _mm256_cvtpd_ps(high[0])),
+            ]
+        }
     }
     #[inline(always)]
     unsafe fn put(bits: u32, t: &mut [f64; 8], v: [__m256d; 2], ids: &mut [u32; 8], id: u32) {

@@ -1,11 +1,28 @@
 //! AVX-512 (F, VL, BW, DQ): one register for sixteen lanes.
 
-use super::Simd;
+use super::{Simd, each_of};
 use std::arch::x86_64::*;
 
 /// See the module.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512;
+
+/// Four rows as one register: in each quarter the rows' minima over that quarter.
+///
+/// # Safety
+/// As for [`Simd`].
+#[inline(always)]
+unsafe fn four_rows(rows: &[[f32; 16]; 16], first: usize) -> __m512 {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe {
+        let [a, b, c, d] = each_of!([0, 1, 2, 3], i => _mm512_loadu_ps(rows[first + i].as_ptr()));
+        let ab = _mm512_min_ps(_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
+        let cd = _mm512_min_ps(_mm512_unpacklo_ps(c, d), _mm512_unpackhi_ps(c, d));
+        let (ab, cd) = (_mm512_castps_pd(ab), _mm512_castps_pd(cd));
+        let (lo, hi) = (_mm512_unpacklo_pd(ab, cd), _mm512_unpackhi_pd(ab, cd));
+        _mm512_min_ps(_mm512_castpd_ps(lo), _mm512_castpd_ps(hi))
+    }
+}
 
 // SAFETY (all functions): the trait asks callers for the target features; memory is reached through references only.
 impl Simd for Avx512 {
@@ -77,26 +94,18 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [__m512; 2] {
         unsafe {
-            // Four rows become one register: in each quarter the rows' minima over that quarter.
-            let four = |r: usize| {
-                let [a, b, c, d] = [0, 1, 2, 3].map(|i| _mm512_loadu_ps(rows[r + i].as_ptr()));
-                let ab = _mm512_min_ps(_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
-                let cd = _mm512_min_ps(_mm512_unpacklo_ps(c, d), _mm512_unpackhi_ps(c, d));
-                let (ab, cd) = (_mm512_castps_pd(ab), _mm512_castps_pd(cd));
-                let (lo, hi) = (_mm512_unpacklo_pd(ab, cd), _mm512_unpackhi_pd(ab, cd));
-                _mm512_min_ps(_mm512_castpd_ps(lo), _mm512_castpd_ps(hi))
-            };
             // Quarters 0, 2 (the halves' first parts) against 1, 3.
-            let eight = |v: __m512, w: __m512| {
+            let fours = each_of!([0, 1, 2, 3], n => four_rows(rows, 4 * n));
+            let eights = each_of!([0, 1], n => {
+                let (v, w) = (fours[2 * n], fours[2 * n + 1]);
                 _mm512_min_ps(
                     _mm512_shuffle_f32x4::<0b10_00_10_00>(v, w),
                     _mm512_shuffle_f32x4::<0b11_01_11_01>(v, w),
                 )
-            };
-            let (low, high) = (eight(four(0), four(4)), eight(four(8), four(12)));
+            });
             [
-                _mm512_shuffle_f32x4::<0b10_00_10_00>(low, high),
-                _mm512_shuffle_f32x4::<0b11_01_11_01>(low, high),
+                _mm512_shuffle_f32x4::<0b10_00_10_00>(eights[0], eights[1]),
+                _mm512_shuffle_f32x4::<0b11_01_11_01>(eights[0], eights[1]),
             ]
         }
     }
@@ -116,10 +125,6 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn dload(x: &[f64; 8]) -> __m512d {
         unsafe { _mm512_loadu_pd(x.as_ptr()) }
-    }
-    #[inline(always)]
-    unsafe fn dstore(x: &mut [f64; 8], v: __m512d) {
-        unsafe { _mm512_storeu_pd(x.as_mut_ptr(), v) }
     }
     #[inline(always)]
     unsafe fn dadd(a: __m512d, b: __m512d) -> __m512d {
@@ -168,10 +173,6 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn dbits(m: __mmask8) -> u32 {
         u32::from(m)
-    }
-    #[inline(always)]
-    unsafe fn dselect(m: __mmask8, a: __m512d, b: __m512d) -> __m512d {
-        unsafe { _mm512_mask_blend_pd(m, b, a) }
     }
     #[inline(always)]
     unsafe fn narrow(low: __m512d, high: __m512d) -> __m512 {

@@ -10,6 +10,18 @@ pub(crate) mod avx2;
 pub(crate) mod avx512;
 pub(crate) mod portable;
 
+/// The array of `$e` for `$i` in 0, 1, 2 (or as many as given). Closures, and with them `map` and `fold`, do not carry the
+/// target features of the function that they are inlined into until it is too late; this needs none.
+macro_rules! each_of {
+    ([$($n:literal),+], $i:ident => $e:expr) => {
+        [$({
+            let $i: usize = $n;
+            $e
+        }),+]
+    };
+}
+pub(crate) use each_of;
+
 /// An instruction set that the kernel is compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Level {
@@ -82,7 +94,6 @@ pub(crate) trait Simd: Copy {
 
     unsafe fn dsplat(x: f64) -> Self::D;
     unsafe fn dload(x: &[f64; 8]) -> Self::D;
-    unsafe fn dstore(x: &mut [f64; 8], v: Self::D);
     unsafe fn dadd(a: Self::D, b: Self::D) -> Self::D;
     unsafe fn dsub(a: Self::D, b: Self::D) -> Self::D;
     unsafe fn dmul(a: Self::D, b: Self::D) -> Self::D;
@@ -95,7 +106,6 @@ pub(crate) trait Simd: Copy {
     unsafe fn dand(a: Self::N, b: Self::N) -> Self::N;
     unsafe fn dor(a: Self::N, b: Self::N) -> Self::N;
     unsafe fn dbits(m: Self::N) -> u32;
-    unsafe fn dselect(m: Self::N, a: Self::D, b: Self::D) -> Self::D;
     /// Both vectors as one of `f32`, rounded to nearest.
     unsafe fn narrow(low: Self::D, high: Self::D) -> Self::F;
     /// Stores the lanes of `v`, and `id`, where `bits` has a one.

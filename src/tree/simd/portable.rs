@@ -106,10 +106,6 @@ impl Simd for Portable {
         *x
     }
     #[inline(always)]
-    unsafe fn dstore(x: &mut [f64; 8], v: Self::D) {
-        *x = v;
-    }
-    #[inline(always)]
     unsafe fn dadd(a: Self::D, b: Self::D) -> Self::D {
         map(a, b, |a, b| a + b)
     }
@@ -156,10 +152,6 @@ impl Simd for Portable {
     #[inline(always)]
     unsafe fn dbits(m: u32) -> u32 {
         m
-    }
-    #[inline(always)]
-    unsafe fn dselect(m: u32, a: Self::D, b: Self::D) -> Self::D {
-        std::array::from_fn(|i| if m >> i & 1 != 0 { a[i] } else { b[i] })
     }
     #[inline(always)]
     unsafe fn narrow(low: Self::D, high: Self::D) -> Self::F {
