@@ -116,7 +116,7 @@ fn flat_meshes_are_split_along_their_extent() {
 #[test]
 fn every_builder_gives_the_published_hits_with_its_own_defaults() {
     let g = mesh(1.0);
-    for builder in [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah] {
+    for builder in [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah, Builder::Bvh] {
         assert_published_hits(&Tree::build(&g, &BuildOptions::of(builder)), &g);
     }
 }

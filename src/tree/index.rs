@@ -1,11 +1,11 @@
 //! The tree as its users see it.
 
 use super::block::{Block, LANES};
-use super::build::{build_kd, collect, frame_of};
+use super::build::{build_kd, build_wide, collect, frame_of};
 use super::frame::Frame;
 use super::geometry::Geometry;
-use super::node::KdNode;
-use super::options::{BuildOptions, Statistics};
+use super::node::{KdNode, WideNode};
+use super::options::{BuildOptions, Builder, Statistics};
 use rayon::prelude::*;
 
 /// Spatial index over a [`Geometry`]: answers which primitive rays hit first.
@@ -17,9 +17,16 @@ pub struct Tree {
     pub(super) frame: Frame,
     /// Lower and upper corner of everything, in the tree's frame.
     pub(super) bounds: [[f32; 3]; 2],
-    pub(super) nodes: Vec<KdNode>,
+    pub(super) nodes: Nodes,
     pub(super) blocks: Vec<Block>,
     statistics: Statistics,
+}
+
+/// The nodes of either kind of tree.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Nodes {
+    Kd(Vec<KdNode>),
+    Wide(Vec<WideNode>),
 }
 
 impl Tree {
@@ -40,7 +47,11 @@ impl Tree {
 
     /// Bytes that the tree occupies, the geometry not counted.
     pub fn memory(&self) -> usize {
-        size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..]) + size_of::<Tree>()
+        let nodes = match &self.nodes {
+            Nodes::Kd(n) => size_of_val(&n[..]),
+            Nodes::Wide(n) => size_of_val(&n[..]),
+        };
+        nodes + size_of_val(&self.blocks[..]) + size_of::<Tree>()
     }
 }
 
@@ -50,7 +61,16 @@ fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
     let bounds = prims.iter().fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[lo, hi], p| {
         [[0, 1, 2].map(|a| lo[a].min(p.lo[a])), [0, 1, 2].map(|a| hi[a].max(p.hi[a]))]
     });
-    let (arena, statistics) = build_kd(geometry, frame, prims, options);
-    let blocks = arena.slots.par_chunks(LANES).map(|ids| Block::of(geometry, &frame, ids)).collect();
-    Tree { frame, bounds, nodes: arena.nodes, blocks, statistics }
+    let (nodes, slots, statistics) = match options.builder {
+        Builder::Bvh => {
+            let (arena, statistics) = build_wide(geometry.triangles.len(), &frame, prims, options);
+            (Nodes::Wide(arena.nodes), arena.slots, statistics)
+        }
+        _ => {
+            let (arena, statistics) = build_kd(geometry, frame, prims, options);
+            (Nodes::Kd(arena.nodes), arena.slots, statistics)
+        }
+    };
+    let blocks = slots.par_chunks(LANES).map(|ids| Block::of(geometry, &frame, ids)).collect();
+    Tree { frame, bounds, nodes, blocks, statistics }
 }

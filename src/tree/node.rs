@@ -1,4 +1,6 @@
-//! Nodes of the kd-tree, eight bytes each.
+//! Nodes: of the kd-tree, eight bytes each, and of the wide tree, sixteen children each.
+
+use super::block::LANES;
 
 /// An interior node or a leaf. The two children of an interior node are neighbours in the array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +62,72 @@ fn pack(number: usize, tag: u32) -> u32 {
     (number as u32) << 2 | tag
 }
 
+/// A node of the wide tree: sixteen boxes side by side, in the tree's frame. Unused lanes hold an inside-out box, which
+/// nothing meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct WideNode {
+    /// Lower corners by axis and lane.
+    pub lower: [[f32; LANES]; 3],
+    /// Upper corners.
+    pub upper: [[f32; LANES]; 3],
+    /// What is in the boxes.
+    pub child: [WideChild; LANES],
+}
+
+impl WideNode {
+    /// A node without children.
+    pub const EMPTY: WideNode = WideNode {
+        lower: [[f32::INFINITY; LANES]; 3],
+        upper: [[f32::NEG_INFINITY; LANES]; 3],
+        child: [WideChild(0); LANES],
+    };
+
+    /// Puts a child and its box in a lane.
+    pub fn set(&mut self, lane: usize, lower: [f32; 3], upper: [f32; 3], child: WideChild) {
+        for a in 0..3 {
+            self.lower[a][lane] = lower[a];
+            self.upper[a][lane] = upper[a];
+        }
+        self.child[lane] = child;
+    }
+}
+
+/// A node of the wide tree or a block of primitives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct WideChild(u32);
+
+const BLOCK: u32 = 1 << 31;
+
+impl WideChild {
+    /// Node number `n`.
+    pub fn node(n: usize) -> WideChild {
+        assert!(n < BLOCK as usize, "a tree of more than 2^31 nodes");
+        WideChild(n as u32)
+    }
+
+    /// Block number `n`.
+    pub fn block(n: usize) -> WideChild {
+        assert!(n < BLOCK as usize, "a tree of more than 2^31 blocks");
+        WideChild(n as u32 | BLOCK)
+    }
+
+    /// `Ok` with the number of a node, `Err` with that of a block.
+    #[inline(always)]
+    pub fn number(self) -> Result<usize, usize> {
+        let n = (self.0 & !BLOCK) as usize;
+        if self.0 & BLOCK == 0 { Ok(n) } else { Err(n) }
+    }
+
+    /// The same child where nodes and blocks are numbered from these offsets on.
+    pub fn moved(self, nodes: usize, blocks: usize) -> WideChild {
+        match self.number() {
+            Ok(n) => WideChild::node(n + nodes),
+            Err(n) => WideChild::block(n + blocks),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -73,5 +141,8 @@ mod tests {
         assert_eq!((l.axis(), l.blocks()), (None, 77..80));
         assert_eq!(l.moved(5, 1000).blocks(), 1077..1080);
         assert_eq!(size_of::<KdNode>(), 8);
+        assert_eq!(size_of::<WideNode>(), 448);
+        assert_eq!(WideChild::node(4).moved(5, 1000).number(), Ok(9));
+        assert_eq!(WideChild::block(4).moved(5, 1000).number(), Err(1004));
     }
 }

@@ -10,8 +10,10 @@ pub enum Builder {
     /// As [`Builder::Sah`] on the best of the three axes.
     AxisSah,
     /// Kd-tree by the surface area heuristic over min/max histograms, axes in turn (spec §1.11).
-    #[default]
     Fsah,
+    /// Hierarchy of bounding boxes with sixteen children per node: the fastest and smallest.
+    #[default]
+    Bvh,
 }
 
 /// How a split's gain is judged (spec §1.12).
@@ -44,7 +46,7 @@ pub enum Areas {
     Surface,
 }
 
-/// Settings of a build.
+/// Settings of a build. Those of splits and costs are for kd-trees; [`Builder::Bvh`] has its own rules.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
     /// Which builder.

@@ -26,7 +26,7 @@ fn bundle(origin: DVec3, directions: &[DVec3]) -> RayBundle {
 }
 
 fn trees(g: &Geometry) -> Vec<Tree> {
-    let builders = [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah];
+    let builders = [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah, Builder::Bvh];
     let mut trees: Vec<Tree> = builders.map(|b| Tree::build(g, &BuildOptions::of(b))).into();
     let strict = BuildOptions {
         accounting: Accounting::Local,
@@ -303,7 +303,7 @@ fn a_filter_looks_behind_what_it_refuses() {
 #[test]
 fn the_tree_does_not_depend_on_threads() {
     let g = ball(DVec3::ZERO, 60, 80, 5);
-    for builder in [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah] {
+    for builder in [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah, Builder::Bvh] {
         let build = |jobs| Tree::build(&g, &BuildOptions { jobs, ..BuildOptions::of(builder) });
         let (one, many) = (build(1), build(4));
         assert_eq!(one.nodes, many.nodes);

@@ -1,9 +1,11 @@
 //! Single rays.
 
 use super::beam::{Beam, LOOSE};
-use super::block::Block;
-use super::build::DEEPEST;
+use super::block::{Block, LANES};
+use super::build::{DEEPEST, DEEPEST_WIDE};
+use super::index::Nodes;
 use super::intersect::{cube, triangle};
+use super::node::{KdNode, WideChild, WideNode};
 use super::{Geometry, Hit, Hits, Tree};
 use crate::geom::DVec3;
 
@@ -54,10 +56,18 @@ impl Tree {
         best
     }
 
-    /// Walks front to back through the leaves that the beam meets, up to the depth `limit` that `visit` may lower, and
+    /// Walks through the leaves that the beam meets, nearest first, up to the depth `limit` that `visit` may lower, and
     /// shows it the blocks with the lanes that rays of the beam might hit.
     #[inline(always)]
-    fn walk(&self, beam: &Beam, mut visit: impl FnMut(&Block, u32, &mut f32)) {
+    fn walk(&self, beam: &Beam, visit: impl FnMut(&Block, u32, &mut f32)) {
+        match &self.nodes {
+            Nodes::Kd(nodes) => self.walk_kd(nodes, beam, visit),
+            Nodes::Wide(nodes) => self.walk_wide(nodes, beam, visit),
+        }
+    }
+
+    #[inline(always)]
+    fn walk_kd(&self, nodes: &[KdNode], beam: &Beam, mut visit: impl FnMut(&Block, u32, &mut f32)) {
         let mut limit = f32::INFINITY;
         let mut stack = [(0u32, [0.0f32; 2]); DEEPEST as usize + 1];
         stack[0] = (0, beam.within(&self.bounds[0], &self.bounds[1]));
@@ -65,11 +75,17 @@ impl Tree {
         while height > 0 {
             height -= 1;
             let (mut number, mut range) = stack[height];
-            if !(range[0] <= range[1].min(limit) * LOOSE) {
-                continue;
-            }
-            let mut node = self.nodes[number as usize];
-            while let Some(axis) = node.axis() {
+            while is_met(range, limit) {
+                let node = nodes[number as usize];
+                let Some(axis) = node.axis() else {
+                    for block in &self.blocks[node.blocks()] {
+                        let mask = candidates(beam, block, [range[0], range[1].min(limit)]);
+                        if mask != 0 {
+                            visit(block, mask, &mut limit);
+                        }
+                    }
+                    break;
+                };
                 let [lower, upper] = beam.cut(axis, node.position(), range);
                 let child = node.child() as u32;
                 let (near, far) = if beam.ascends(axis) {
@@ -77,22 +93,50 @@ impl Tree {
                 } else {
                     ((child + 1, upper), (child, lower))
                 };
-                let takes = |r: [f32; 2]| r[0] <= r[1].min(limit) * LOOSE;
-                match (takes(near.1), takes(far.1)) {
-                    (true, true) => {
+                if is_met(near.1, limit) {
+                    if is_met(far.1, limit) {
                         stack[height] = far;
                         height += 1;
-                        (number, range) = near;
                     }
-                    (true, false) => (number, range) = near,
-                    (false, true) => (number, range) = far,
-                    (false, false) => break,
+                    (number, range) = near;
+                } else {
+                    (number, range) = far;
                 }
-                node = self.nodes[number as usize];
             }
-            if node.axis().is_none() {
-                for block in &self.blocks[node.blocks()] {
-                    let mask = self.candidates(beam, block, [range[0], range[1].min(limit)]);
+        }
+    }
+
+    #[inline(always)]
+    fn walk_wide(&self, nodes: &[WideNode], beam: &Beam, mut visit: impl FnMut(&Block, u32, &mut f32)) {
+        let mut limit = f32::INFINITY;
+        let mut stack = [(WideChild::node(0), 0.0f32); WIDE_STACK];
+        let mut height = 1;
+        while height > 0 {
+            height -= 1;
+            let (child, enter) = stack[height];
+            if enter > limit * LOOSE {
+                continue;
+            }
+            match child.number() {
+                Ok(number) => {
+                    let node = &nodes[number];
+                    let (mut met, depths) = beam.boxes(&node.lower, &node.upper, limit);
+                    let floor = height;
+                    while met != 0 {
+                        let lane = met.trailing_zeros() as usize;
+                        let mut at = height;
+                        while at > floor && stack[at - 1].1 < depths[lane] {
+                            stack[at] = stack[at - 1];
+                            at -= 1;
+                        }
+                        stack[at] = (node.child[lane], depths[lane]);
+                        height += 1;
+                        met &= met - 1;
+                    }
+                }
+                Err(number) => {
+                    let block = &self.blocks[number];
+                    let mask = candidates(beam, block, [0.0, limit]);
                     if mask != 0 {
                         visit(block, mask, &mut limit);
                     }
@@ -100,14 +144,23 @@ impl Tree {
             }
         }
     }
+}
 
-    #[inline(always)]
-    fn candidates(&self, beam: &Beam, block: &Block, range: [f32; 2]) -> u32 {
-        if block.holds_cubes() {
-            beam.boxes(&block.corner[0], &block.corner[1], range[1]).0
-        } else {
-            beam.triangles(block, range)
-        }
+/// Visits that may wait at a time in the wide tree: every level leaves up to fifteen.
+pub(super) const WIDE_STACK: usize = DEEPEST_WIDE as usize * (LANES - 1) + LANES;
+
+/// Whether a beam can be anywhere within a range of depths up to the limit.
+#[inline(always)]
+fn is_met([lo, hi]: [f32; 2], limit: f32) -> bool {
+    lo <= hi.min(limit) * LOOSE
+}
+
+#[inline(always)]
+fn candidates(beam: &Beam, block: &Block, range: [f32; 2]) -> u32 {
+    if block.holds_cubes() {
+        beam.boxes(&block.corner[0], &block.corner[1], range[1]).0
+    } else {
+        beam.triangles(block, range)
     }
 }
 

@@ -4,9 +4,11 @@ mod kd;
 mod ledger;
 mod prim;
 mod split;
+mod wide;
 
 pub(crate) use kd::{DEEPEST, build_kd};
 pub(crate) use prim::{collect, frame_of};
+pub(crate) use wide::{DEEPEST_WIDE, build_wide};
 
 use super::node::KdNode;
 

@@ -68,7 +68,7 @@ impl Search<'_> {
         match self.options.builder {
             Builder::Median => self.median_split(prims, cell, axis),
             Builder::Sah | Builder::AxisSah => self.sah_split(prims, cell, axis),
-            Builder::Fsah => self.fsah_split(prims, cell, axis),
+            Builder::Fsah | Builder::Bvh => self.fsah_split(prims, cell, axis),
         }
     }
 

@@ -99,6 +99,7 @@ struct Kernel<'a, S: super::simd::Simd> {
 /// What a walk needs room for, cleared by nobody.
 struct Scratch {
     stack: [walk::Visit; walk::HEIGHT],
+    wide: [walk::WideVisit; walk::WIDE_HEIGHT],
     pairs: leaf::Pairs,
 }
 
@@ -107,7 +108,11 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
     /// As for [`Simd`](super::simd::Simd).
     #[inline(always)]
     unsafe fn trace(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
-        let mut scratch = Scratch { stack: [walk::Visit::NOWHERE; walk::HEIGHT], pairs: leaf::Pairs::NONE };
+        let mut scratch = Scratch {
+            stack: [walk::Visit::NOWHERE; walk::HEIGHT],
+            wide: [walk::WideVisit::nowhere(); walk::WIDE_HEIGHT],
+            pairs: leaf::Pairs::NONE,
+        };
         let mut first = 0;
         while first < rays.len() {
             let mut count = lanes::neighbours(rays, first);
@@ -144,6 +149,8 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
         let Some(lanes) = (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone()) }) else {
             return false;
         };
+        let mut limit = PerPulse([f32::NEG_INFINITY; GROUP]);
+        limit.0[..pulses.len()].fill(f32::INFINITY);
         let mut kernel = Kernel {
             geometry,
             rays,
@@ -153,7 +160,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             registers: rays.stride() / RayGroup::LANES,
             first: pulses.start,
             lanes,
-            limit: PerPulse([f32::INFINITY; GROUP]),
+            limit,
             scratch,
         };
         // SAFETY: as above.

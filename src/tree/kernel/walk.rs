@@ -1,11 +1,14 @@
 //! A group's walk through the nodes.
 
 use super::Kernel;
-use super::filter::{box_in_lanes, cut};
+use super::filter::{box_in_lanes, boxes_in_beam, cut};
 use super::lanes::{GROUP, PerPulse};
 use crate::tree::Tree;
 use crate::tree::beam::LOOSE;
 use crate::tree::build::DEEPEST;
+use crate::tree::index::Nodes;
+use crate::tree::node::{KdNode, WideChild, WideNode};
+use crate::tree::trace::WIDE_STACK;
 use crate::tree::simd::{Simd, each_of};
 
 /// A node to visit: the pulses that meet it, and at which depths.
@@ -33,13 +36,19 @@ impl<S: Simd> Kernel<'_, S> {
     #[inline(always)]
     pub(super) unsafe fn walk(&mut self, tree: &Tree, pulses: usize) {
         // SAFETY: the caller vouches for the instruction set.
-        unsafe { self.walk_kd(tree, (1u32 << pulses) - 1) }
+        unsafe {
+            let pulses = (1u32 << pulses) - 1;
+            match &tree.nodes {
+                Nodes::Kd(nodes) => self.walk_kd(tree, nodes, pulses),
+                Nodes::Wide(nodes) => self.walk_wide(tree, nodes, pulses),
+            }
+        }
     }
 
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn walk_kd(&mut self, tree: &Tree, pulses: u32) {
+    unsafe fn walk_kd(&mut self, tree: &Tree, nodes: &[KdNode], pulses: u32) {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let [lower, upper] = tree.bounds;
@@ -63,7 +72,7 @@ impl<S: Simd> Kernel<'_, S> {
                 let limit = S::mul(S::load(&self.limit.0), loose);
                 pulses &= S::bits(S::le(lo, limit));
                 while pulses != 0 {
-                    let node = tree.nodes[number];
+                    let node = nodes[number];
                     let Some(axis) = node.axis() else {
                         let (mut from, mut to) = (PerPulse([0.0; GROUP]), PerPulse([0.0; GROUP]));
                         S::store(&mut from.0, lo);
@@ -104,4 +113,73 @@ impl<S: Simd> Kernel<'_, S> {
             }
         }
     }
+
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn walk_wide(&mut self, tree: &Tree, nodes: &[WideNode], pulses: u32) {
+        self.scratch.wide[0] = WideVisit { child: WideChild::node(0), enter: 0.0, pulses };
+        let mut height = 1;
+        let mut depths = [0.0; GROUP];
+        while height > 0 {
+            height -= 1;
+            let WideVisit { child, enter, pulses } = self.scratch.wide[height];
+            // SAFETY: the caller vouches for the instruction set.
+            unsafe {
+                let limit = S::load(&self.limit.0);
+                let pulses = pulses & S::bits(S::le(S::splat(enter), S::mul(limit, S::splat(LOOSE))));
+                if pulses == 0 {
+                    continue;
+                }
+                let number = match child.number() {
+                    Ok(number) => number,
+                    Err(number) => {
+                        let limit = self.limit.0;
+                        self.block(&tree.blocks[number], pulses, &[0.0; GROUP], &limit);
+                        continue;
+                    }
+                };
+                let node = &nodes[number];
+                let (mut met, enter) =
+                    boxes_in_beam::<S>(&self.lanes.beam, &node.lower, &node.upper, S::greatest(limit));
+                S::store(&mut depths, enter);
+                let floor = height;
+                while met != 0 {
+                    let lane = met.trailing_zeros() as usize;
+                    met &= met - 1;
+                    let lower = [node.lower[0][lane], node.lower[1][lane], node.lower[2][lane]];
+                    let upper = [node.upper[0][lane], node.upper[1][lane], node.upper[2][lane]];
+                    let pulses = pulses & box_in_lanes(&self.lanes, lower, upper, &self.limit);
+                    if pulses == 0 {
+                        continue;
+                    }
+                    let stack = &mut self.scratch.wide;
+                    let mut at = height;
+                    while at > floor && stack[at - 1].enter < depths[lane] {
+                        stack[at] = stack[at - 1];
+                        at -= 1;
+                    }
+                    stack[at] = WideVisit { child: node.child[lane], enter: depths[lane], pulses };
+                    height += 1;
+                }
+            }
+        }
+    }
 }
+
+/// A child in the wide tree to visit: the pulses that meet it, and the least depth of that.
+#[derive(Clone, Copy)]
+pub(super) struct WideVisit {
+    child: WideChild,
+    enter: f32,
+    pulses: u32,
+}
+
+impl WideVisit {
+    pub fn nowhere() -> WideVisit {
+        WideVisit { child: WideChild::node(0), enter: 0.0, pulses: 0 }
+    }
+}
+
+/// Most visits that wait at a time in the wide tree.
+pub(super) const WIDE_HEIGHT: usize = WIDE_STACK;

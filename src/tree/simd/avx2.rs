@@ -132,6 +132,16 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    unsafe fn greatest(v: [__m256; 2]) -> f32 {
+        unsafe {
+            let eight = _mm256_max_ps(v[0], v[1]);
+            let four = _mm_max_ps(_mm256_castps256_ps128(eight), _mm256_extractf128_ps::<1>(eight));
+            let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
+        }
+    }
+
+    #[inline(always)]
     unsafe fn dsplat(x: f64) -> [__m256d; 2] {
         unsafe { [_mm256_set1_pd(x); 2] }
     }

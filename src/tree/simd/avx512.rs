@@ -119,6 +119,11 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    unsafe fn greatest(v: __m512) -> f32 {
+        unsafe { _mm512_reduce_max_ps(v) }
+    }
+
+    #[inline(always)]
     unsafe fn dsplat(x: f64) -> __m512d {
         unsafe { _mm512_set1_pd(x) }
     }

@@ -92,6 +92,9 @@ pub(crate) trait Simd: Copy {
     /// Writes `base + lane` for the lanes in `mask` to consecutive places; all sixteen places may be written.
     unsafe fn compress(mask: u32, base: u32, out: &mut [u32; 16]);
 
+    /// The greatest lane.
+    unsafe fn greatest(v: Self::F) -> f32;
+
     unsafe fn dsplat(x: f64) -> Self::D;
     unsafe fn dload(x: &[f64; 8]) -> Self::D;
     unsafe fn dadd(a: Self::D, b: Self::D) -> Self::D;

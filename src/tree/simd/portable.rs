@@ -98,6 +98,11 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    unsafe fn greatest(v: Self::F) -> f32 {
+        v.into_iter().fold(f32::NEG_INFINITY, |m, x| if x > m { x } else { m })
+    }
+
+    #[inline(always)]
     unsafe fn dsplat(x: f64) -> Self::D {
         [x; 8]
     }
