@@ -11,10 +11,12 @@ use crate::tree::simd::Simd;
 pub(super) struct Pairs {
     pair: [u32; GROUP * LANES + LANES],
     count: usize,
+    /// Lanes in any pair.
+    lanes: u32,
 }
 
 impl Pairs {
-    pub const NONE: Pairs = Pairs { pair: [0; GROUP * LANES + LANES], count: 0 };
+    pub const NONE: Pairs = Pairs { pair: [0; GROUP * LANES + LANES], count: 0, lanes: 0 };
 
     /// # Safety
     /// As for [`Simd`].
@@ -25,6 +27,7 @@ impl Pairs {
             unsafe { S::compress(lanes, (pulse * LANES) as u32, room) };
         }
         self.count += lanes.count_ones() as usize;
+        self.lanes |= lanes;
     }
 }
 
@@ -36,6 +39,7 @@ impl<S: Simd> Kernel<'_, S> {
     #[inline(always)]
     pub(super) unsafe fn block(&mut self, block: &Block, mask: u32, lo: &[f32; GROUP], hi: &[f32; GROUP]) {
         self.scratch.pairs.count = 0;
+        self.scratch.pairs.lanes = 0;
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             if block.holds_cubes() {
@@ -49,11 +53,21 @@ impl<S: Simd> Kernel<'_, S> {
                     rest &= rest - 1;
                 }
             }
+            let mut lanes = self.scratch.pairs.lanes;
+            // All at once, so that they come from memory side by side.
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize;
+                lanes &= lanes - 1;
+                let number = block.id[lane] as usize;
+                if number < self.geometry.triangles.len() {
+                    self.scratch.corners[lane] = self.geometry.triangle(number);
+                }
+            }
             let mut touched = 0u32;
             for n in 0..self.scratch.pairs.count {
                 let pair = self.scratch.pairs.pair[n];
                 let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
-                self.verdict(pulse, block.id[lane]);
+                self.verdict(pulse, block.id[lane], lane);
                 touched |= 1 << pulse;
             }
             while touched != 0 {
@@ -84,7 +98,7 @@ impl<S: Simd> Kernel<'_, S> {
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn verdict(&mut self, pulse: usize, id: u32) {
+    unsafe fn verdict(&mut self, pulse: usize, id: u32, lane: usize) {
         let (number, triangles) = (id as usize, self.geometry.triangles.len());
         let origin = self.rays.origin(self.first + pulse);
         let first = (self.first + pulse) * self.registers;
@@ -94,7 +108,7 @@ impl<S: Simd> Kernel<'_, S> {
             (first..first + self.registers).for_each(|r| hit_cube(id, cube, origin, &mut self.rays_of(r)));
             return;
         }
-        let triangle = Triangle::new(id, self.geometry.triangle(number), origin);
+        let triangle = Triangle::new(id, self.scratch.corners[lane], origin);
         let (axes, forward) = (self.lanes.axes, f64::from(self.lanes.forward));
         let plane = triangle.plane(k, forward);
         for r in first..first + self.registers {

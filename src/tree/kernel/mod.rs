@@ -12,7 +12,9 @@ mod walk;
 
 use super::rays::{Hits, RayGroup};
 use super::simd::{Level, portable::Portable};
+use super::block::LANES;
 use super::{Geometry, RayBundle, Tree};
+use crate::geom::DVec3;
 use lanes::{GROUP, Lanes, PerPulse};
 use std::cell::RefCell;
 use std::ops::Range;
@@ -101,6 +103,8 @@ struct Scratch {
     stack: [walk::Visit; walk::HEIGHT],
     wide: [walk::WideVisit; walk::WIDE_HEIGHT],
     pairs: leaf::Pairs,
+    /// Corners of a block's triangles.
+    corners: [[DVec3; 3]; LANES],
 }
 
 impl<S: super::simd::Simd> Kernel<'_, S> {
@@ -112,6 +116,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             stack: [walk::Visit::NOWHERE; walk::HEIGHT],
             wide: [walk::WideVisit::nowhere(); walk::WIDE_HEIGHT],
             pairs: leaf::Pairs::NONE,
+            corners: [[DVec3::ZERO; 3]; LANES],
         };
         let mut first = 0;
         while first < rays.len() {

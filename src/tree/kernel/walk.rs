@@ -9,7 +9,7 @@ use crate::tree::build::DEEPEST;
 use crate::tree::index::Nodes;
 use crate::tree::node::{KdNode, WideChild, WideNode};
 use crate::tree::trace::WIDE_STACK;
-use crate::tree::simd::{Simd, each_of};
+use crate::tree::simd::{Simd, each_of, prefetch};
 
 /// A node to visit: the pulses that meet it, and at which depths.
 #[derive(Clone, Copy)]
@@ -152,6 +152,10 @@ impl<S: Simd> Kernel<'_, S> {
                     let pulses = pulses & box_in_lanes(&self.lanes, lower, upper, &self.limit);
                     if pulses == 0 {
                         continue;
+                    }
+                    match node.child[lane].number() {
+                        Ok(number) => prefetch(&nodes[number]),
+                        Err(number) => prefetch(&tree.blocks[number]),
                     }
                     let stack = &mut self.scratch.wide;
                     let mut at = height;

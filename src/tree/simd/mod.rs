@@ -56,6 +56,19 @@ impl Level {
     }
 }
 
+/// Asks for the memory of `x` ahead of its use.
+#[inline(always)]
+pub(crate) fn prefetch<T>(x: &T) {
+    #[cfg(target_arch = "x86_64")]
+    for line in (0..size_of::<T>()).step_by(64) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a prefetch reads nothing, and the address lies within `x`.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(x).cast::<i8>().add(line)) }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = x;
+}
+
 /// Operations of an instruction set. `F` are sixteen `f32`, `D` eight `f64`; `M` and `N` are their masks.
 ///
 /// # Safety
