@@ -135,6 +135,11 @@ impl Fleet {
         Ok(fleet)
     }
 
+    /// Number of devices.
+    pub fn devices(&self) -> usize {
+        self.devices
+    }
+
     /// The instrument that fires as `device` in `leg` (position among the survey's legs).
     pub fn instrument(&self, leg: u32, device: u32) -> Result<&Instrument> {
         let known = (device as usize) < self.devices;

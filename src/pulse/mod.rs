@@ -1,10 +1,10 @@
 //! From the ray of a pulse to its echoes: subrays, energy, waveform, detection.
 //!
-//! A pulse takes this way; each stage is a function from plain values to plain values:
+//! Pulses take this way, many at a time up to the tracing and one by one behind it:
 //!
 //! ```text
-//! expand (subray) ─► trace (tree) ─► reflect ─► receive (waveform) ─► detect (peaks, fit) ─► emit (physics)
-//!                                  foliage, energy    shape
+//! aim (subray) ─► trace (tree) ─► reflect ─► receive (waveform) ─► detect (peaks, fit) ─► emit (physics)
+//!                               foliage, energy    shape
 //! ```
 
 mod detect;

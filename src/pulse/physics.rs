@@ -3,7 +3,7 @@
 use super::detect::{Return, attribute, detect, order};
 use super::foliage::FreePaths;
 use super::instrument::{Fleet, Instrument};
-use super::reflect::{Probe, Reflections, View};
+use super::reflect::{Probe, Reflections, Shot, View};
 use super::waveform::Waveform;
 use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
 use crate::flight::Pulse;
@@ -12,7 +12,7 @@ use crate::pipeline::Batch;
 use crate::rng::{Purpose, Stream};
 use crate::scene::Scene;
 use crate::survey::Survey;
-use crate::tree::{Hits, RayBundle, Tree};
+use crate::tree::{Hits, RayGroup, Tree};
 use crate::{Error, Result};
 use std::sync::Arc;
 
@@ -64,12 +64,8 @@ impl<'a> Physics<'a> {
 
     /// A shooter for one worker.
     pub fn shooter(&self) -> Shooter<'_> {
-        Shooter {
-            physics: self,
-            rays: RayBundle::default(),
-            hits: Hits::default(),
-            receiver: Receiver::default(),
-        }
+        let volleys = vec![Volley::default(); self.fleet.devices()];
+        Shooter { physics: self, volleys, places: Vec::new(), receiver: Receiver::default() }
     }
 }
 
@@ -91,13 +87,25 @@ fn gate(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
     (!o.corrections.no_axis_gate && !o.corrections.unbounded_scene).then_some(scene.bounds)
 }
 
-/// Fires pulses one after the other. One per worker: it owns the memory, which stays from pulse to pulse.
+/// Pulses that are traced together, over all devices.
+const VOLLEY: usize = 128;
+
+/// Fires pulses. One per worker: it owns the memory, which stays from pulse to pulse.
 #[derive(Clone, Debug)]
 pub struct Shooter<'p> {
     physics: &'p Physics<'p>,
-    rays: RayBundle,
-    hits: Hits,
+    /// One per device, whose neighbouring pulses hit neighbouring things.
+    volleys: Vec<Volley>,
+    /// Place of each pulse in its device's volley; `None` if its axis misses the scene.
+    places: Vec<Option<usize>>,
     receiver: Receiver,
+}
+
+/// Pulses of one device on their way.
+#[derive(Clone, Debug, Default)]
+struct Volley {
+    rays: RayGroup,
+    hits: Hits,
 }
 
 /// Memory of everything behind the tracing.
@@ -112,22 +120,64 @@ struct Receiver {
 }
 
 impl Shooter<'_> {
-    /// Fires `pulse`, emitted in leg `leg` (position among the survey's legs), and appends what it yields to `batch`.
-    /// Fails if the survey has no such leg or device, or if a waveform is too long to be recorded.
+    /// Fires `pulses`, emitted one after the other in leg `leg` (position among the survey's legs), and appends what they
+    /// yield to `batch` in their order. What a pulse yields does not depend on those fired with it; many at once are
+    /// traced several times faster. Fails if the survey has no such leg or device, or if a waveform is too long to be
+    /// recorded.
+    pub fn fire_all(&mut self, leg: u32, pulses: &[Pulse], batch: &mut Batch) -> Result<()> {
+        pulses.chunks(VOLLEY).try_for_each(|pulses| {
+            self.aim(leg, pulses)?;
+            self.trace();
+            self.receive(leg, pulses, batch)
+        })
+    }
+
+    /// [`Shooter::fire_all`] of one pulse.
     pub fn fire(&mut self, leg: u32, pulse: &Pulse, batch: &mut Batch) -> Result<()> {
+        self.fire_all(leg, std::slice::from_ref(pulse), batch)
+    }
+
+    /// Expands pulses into subrays.
+    fn aim(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
+        let Shooter { physics, volleys, places, .. } = self;
+        volleys.iter_mut().for_each(|v| v.rays.clear(0));
+        places.clear();
+        for pulse in pulses {
+            let subrays = &physics.fleet.instrument(leg, pulse.device)?.subrays;
+            places.push(meets(physics.gate, pulse.origin, axis(pulse)).then(|| {
+                let rays = &mut volleys[pulse.device as usize].rays;
+                if rays.is_empty() {
+                    rays.clear(subrays.len());
+                }
+                rays.push(pulse.origin, |x, y, z| subrays.expand(&pulse.attitude, x, y, z));
+                rays.len() - 1
+            }));
+        }
+        Ok(())
+    }
+
+    fn trace(&mut self) {
+        let View { scene, tree, .. } = self.physics.view;
+        for volley in self.volleys.iter_mut().filter(|v| !v.rays.is_empty()) {
+            tree.trace_group(&scene.geometry, &volley.rays, &mut volley.hits);
+        }
+    }
+
+    /// Turns hits into records.
+    fn receive(&mut self, leg: u32, pulses: &[Pulse], batch: &mut Batch) -> Result<()> {
         let physics = self.physics;
-        let instrument = physics.fleet.instrument(leg, pulse.device)?;
-        let axis = axis(pulse);
-        if physics.options.record_pulses {
-            batch.pulses.push(pulse_record(pulse, axis));
+        for (pulse, place) in pulses.iter().zip(&self.places) {
+            if physics.options.record_pulses {
+                batch.pulses.push(pulse_record(pulse));
+            }
+            if let Some(place) = *place {
+                let volley = &self.volleys[pulse.device as usize];
+                let instrument = physics.fleet.instrument(leg, pulse.device)?;
+                let shot = Shot::of(&volley.rays, &volley.hits, place);
+                self.receiver.receive(physics, instrument, pulse, shot, batch)?;
+            }
         }
-        if !meets(physics.gate, pulse.origin, axis) {
-            return Ok(());
-        }
-        self.rays.origin = pulse.origin;
-        instrument.subrays.expand(&pulse.attitude, &mut self.rays);
-        physics.view.tree.trace(&physics.view.scene.geometry, &self.rays, &mut self.hits);
-        self.receiver.receive(physics, instrument, pulse, (&self.rays, &self.hits), batch)
+        Ok(())
     }
 }
 
@@ -136,10 +186,10 @@ fn axis(pulse: &Pulse) -> DVec3 {
     pulse.attitude.forward() + DVec3::ZERO
 }
 
-fn pulse_record(pulse: &Pulse, direction: DVec3) -> PulseRecord {
+fn pulse_record(pulse: &Pulse) -> PulseRecord {
     PulseRecord {
         origin: pulse.origin,
-        direction,
+        direction: axis(pulse),
         time_ns: pulse.time_ns,
         number: pulse.number,
         device: pulse.device,
@@ -159,13 +209,13 @@ impl Receiver {
         physics: &Physics,
         instrument: &Instrument,
         pulse: &Pulse,
-        (rays, hits): (&RayBundle, &Hits),
+        shot: Shot,
         batch: &mut Batch,
     ) -> Result<()> {
         let corrections = &instrument.corrections;
         let mut paths =
             FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
-        physics.view.reflect(instrument, rays, hits, &mut paths, &mut self.probe, &mut self.reflections);
+        physics.view.reflect(instrument, shot, &mut paths, &mut self.probe, &mut self.reflections);
         if self.reflections.is_empty() {
             return Ok(());
         }

@@ -4,7 +4,7 @@ use super::foliage::{self, FreePaths, Passage};
 use super::instrument::Instrument;
 use crate::geom::{Aabb, DVec3, unit};
 use crate::scene::{Material, Scene, Voxel};
-use crate::tree::{Hits, RayBundle, Tree};
+use crate::tree::{Hits, RayGroup, Tree};
 
 /// How far behind a surface a ray goes on, m.
 const STEP_BEHIND: f64 = 1e-5;
@@ -78,6 +78,48 @@ pub(super) struct View<'a> {
     pub largest_cube: f64,
 }
 
+/// The traced subrays of a pulse.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shot<'a> {
+    /// Where all of them began, m.
+    pub origin: DVec3,
+    directions: [&'a [f64]; 3],
+    t: &'a [f64],
+    primitive: &'a [u32],
+}
+
+impl<'a> Shot<'a> {
+    /// Pulse `pulse` of a group and what it hit.
+    pub fn of(group: &'a RayGroup, hits: &'a Hits, pulse: usize) -> Shot<'a> {
+        let row = pulse * group.stride()..pulse * group.stride() + group.rays();
+        Shot {
+            origin: group.origin(pulse),
+            directions: group.directions(pulse),
+            t: &hits.t[row.clone()],
+            primitive: &hits.primitive[row],
+        }
+    }
+
+    fn direction(&self, i: usize) -> DVec3 {
+        let [x, y, z] = self.directions;
+        DVec3::new(x[i], y[i], z[i])
+    }
+
+    /// Distance of every hit from the origin, of the point that it has in the scene's frame: that rounding decides which
+    /// ranges are equal (§4.2).
+    fn measure(&self, ranges: &mut Vec<f64>) {
+        let n = self.t.len();
+        ranges.resize(n, 0.0);
+        let (o, [x, y, z]) = (self.origin, self.directions);
+        let (x, y, z, t) = (&x[..n], &y[..n], &z[..n], &self.t[..n]);
+        for (i, range) in ranges[..n].iter_mut().enumerate() {
+            let (dx, dy, dz) =
+                ((o.x + x[i] * t[i]) - o.x, (o.y + y[i] * t[i]) - o.y, (o.z + z[i] * t[i]) - o.z);
+            *range = (dx * dx + dy * dy + dz * dz).sqrt();
+        }
+    }
+}
+
 /// Memory for the way of single rays.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Probe {
@@ -90,31 +132,30 @@ impl<'a> View<'a> {
     pub fn reflect(
         &self,
         instrument: &Instrument,
-        rays: &RayBundle,
-        hits: &Hits,
+        shot: Shot,
         paths: &mut FreePaths,
         probe: &mut Probe,
         out: &mut Reflections,
     ) {
         out.clear();
         probe.foliage.clear();
-        measure(rays, hits, &mut probe.ranges);
-        let around = self.voxel_around(instrument, rays.origin);
+        shot.measure(&mut probe.ranges);
+        let around = self.voxel_around(instrument, shot.origin);
         let mut face = Face::none();
         for (i, ring) in instrument.subrays.ring.iter().enumerate() {
             let range = probe.ranges[i];
             let mut at = Encounter {
-                from: rays.origin,
-                t: hits.t[i],
-                primitive: hits.primitive[i],
+                from: shot.origin,
+                t: shot.t[i],
+                primitive: shot.primitive[i],
                 range,
                 stop: range,
             };
             if around.is_some() || !self.stops_at(instrument, &at) {
                 if let Some(voxel) = around {
-                    at = Encounter { from: rays.origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 };
+                    at = Encounter { from: shot.origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 };
                 }
-                match self.follow(instrument, rays.origin, rays.direction(i), at, paths) {
+                match self.follow(instrument, shot.origin, shot.direction(i), at, paths) {
                     Some(behind) => at = behind,
                     None => continue,
                 }
@@ -123,9 +164,9 @@ impl<'a> View<'a> {
                 face = Face::of(self.scene, at.primitive);
             }
             let cosine =
-                if self.fixed_incidence { 1.0 } else { face.cosine(self.scene, &at, rays.direction(i)) };
+                if self.fixed_incidence { 1.0 } else { face.cosine(self.scene, &at, shot.direction(i)) };
             if let Some(sigma) =
-                face.voxel.and(foliage::cross_section(self.scene, at.primitive, rays.direction(i)))
+                face.voxel.and(foliage::cross_section(self.scene, at.primitive, shot.direction(i)))
             {
                 probe.foliage.push((out.range.len(), sigma));
             }
@@ -279,19 +320,6 @@ enum Standing {
     Beyond,
 }
 
-/// Distance of every hit from the origin, of the point that it has in the scene's frame: that rounding decides which
-/// ranges are equal (§4.2).
-fn measure(rays: &RayBundle, hits: &Hits, ranges: &mut Vec<f64>) {
-    let n = rays.len().min(hits.t.len());
-    ranges.resize(n, 0.0);
-    let o = rays.origin;
-    let (x, y, z, t) = (&rays.x[..n], &rays.y[..n], &rays.z[..n], &hits.t[..n]);
-    for (i, range) in ranges[..n].iter_mut().enumerate() {
-        let (dx, dy, dz) = ((o.x + x[i] * t[i]) - o.x, (o.y + y[i] * t[i]) - o.y, (o.z + z[i] * t[i]) - o.z);
-        *range = (dx * dx + dy * dy + dz * dz).sqrt();
-    }
-}
-
 /// √(x² + y² + z²), added in this order.
 fn distance(d: DVec3) -> f64 {
     (d.x * d.x + d.y * d.y + d.z * d.z).sqrt()
@@ -376,13 +404,14 @@ mod tests {
         let mut instrument = tls_instrument(5.0);
         instrument.subrays = crate::pulse::subray::Subrays::new(0.0, 1);
         let d = unit(DVec3::new(0.0, 10.0, 0.1));
-        let rays = RayBundle { origin: DVec3::ZERO, x: vec![d.x], y: vec![d.y], z: vec![d.z] };
+        let mut rays = RayGroup::new(1);
+        rays.push(DVec3::ZERO, |x, y, z| (x[0], y[0], z[0]) = (d.x, d.y, d.z));
         let mut hits = Hits::default();
-        tree.trace(&scene.geometry, &rays, &mut hits);
+        tree.trace_group(&scene.geometry, &rays, &mut hits);
         let mut paths =
             FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
         let mut out = Reflections::default();
-        view.reflect(&instrument, &rays, &hits, &mut paths, &mut Probe::default(), &mut out);
+        view.reflect(&instrument, Shot::of(&rays, &hits, 0), &mut paths, &mut Probe::default(), &mut out);
         assert_eq!(out.primitive, [0]);
         assert!((out.range[0] - 10.0 / d.y).abs() < 1e-12);
         assert!((out.cosine[0] - d.y).abs() < 1e-15);

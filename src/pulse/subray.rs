@@ -1,7 +1,6 @@
 //! The beam as rings of subrays (spec pulse-physics §1).
 
 use crate::geom::Rotation;
-use crate::tree::RayBundle;
 use std::f64::consts::TAU;
 
 /// The subrays of a device relative to its beam axis, ring by ring from the axis outwards.
@@ -49,18 +48,15 @@ impl Subrays {
         self.ring.len()
     }
 
-    /// Writes the directions of all subrays under `attitude`; the origin is the caller's.
+    /// Writes x, y and z of the directions of all subrays under `attitude`.
     ///
     /// The direction is the image of +Y under the product of the quaternions, rounded in the order of
     /// [`Rotation::after`] and [`Rotation::apply`]: which subrays of a symmetric surface tie in range depends on the
     /// last digits (§4.2). A zero component is always +0, so that no slab test takes the sign of a zero for a side.
-    pub fn expand(&self, attitude: &Rotation, rays: &mut RayBundle) {
+    pub fn expand(&self, attitude: &Rotation, dx: &mut [f64], dy: &mut [f64], dz: &mut [f64]) {
         let n = self.len();
-        rays.x.resize(n, 0.0);
-        rays.y.resize(n, 0.0);
-        rays.z.resize(n, 0.0);
         let (w, x, y, z) = (&self.w[..n], &self.x[..n], &self.y[..n], &self.z[..n]);
-        let (dx, dy, dz) = (&mut rays.x[..n], &mut rays.y[..n], &mut rays.z[..n]);
+        let (dx, dy, dz) = (&mut dx[..n], &mut dy[..n], &mut dz[..n]);
         let (aw, a) = (attitude.w, attitude.u);
         for i in 0..n {
             let qw = aw * w[i] - (a.x * x[i] + a.y * y[i] + a.z * z[i]);
@@ -80,10 +76,12 @@ mod tests {
     use crate::geom::DVec3;
     use proptest::prelude::*;
 
-    fn fan(divergence: f64, rings: u32, attitude: Rotation) -> RayBundle {
-        let mut rays = RayBundle::default();
-        Subrays::new(divergence, rings).expand(&attitude, &mut rays);
-        rays
+    fn fan(divergence: f64, rings: u32, attitude: Rotation) -> Vec<DVec3> {
+        let subrays = Subrays::new(divergence, rings);
+        let n = subrays.len();
+        let (mut x, mut y, mut z) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        subrays.expand(&attitude, &mut x, &mut y, &mut z);
+        (0..n).map(|i| DVec3::new(x[i], y[i], z[i])).collect()
     }
 
     #[test]
@@ -108,19 +106,18 @@ mod tests {
             (10, [1.99999998667e-4, 0.99999998, 4.1e-20]),
         ];
         for (i, d) in expected {
-            let difference = (rays.direction(i) - DVec3::from(d)).length();
-            assert!(difference < 1e-14, "subray {i}: {} is not {d:?}", rays.direction(i));
+            let difference = (rays[i] - DVec3::from(d)).length();
+            assert!(difference < 1e-14, "subray {i}: {} is not {d:?}", rays[i]);
         }
         // The quaternion route leaves this trace of rounding, which decides ties between ranges.
-        assert!((rays.z[10] - 4.1e-20).abs() < 5e-22, "{:e}", rays.z[10]);
+        assert!((rays[10].z - 4.1e-20).abs() < 5e-22, "{:e}", rays[10].z);
     }
 
     #[test]
     fn no_component_is_a_negative_zero() {
         for attitude in [Rotation::about_x(-1.0), Rotation::about_z(-2.0), Rotation::about_y(-0.5)] {
-            let rays = fan(3e-4, 3, attitude);
-            for i in 0..rays.len() {
-                assert!(rays.direction(i).to_array().iter().all(|c| c.to_bits() != (-0.0f64).to_bits()));
+            for ray in fan(3e-4, 3, attitude) {
+                assert!(ray.to_array().iter().all(|c| c.to_bits() != (-0.0f64).to_bits()));
             }
         }
     }
@@ -136,7 +133,7 @@ mod tests {
                 for k in 0..rays_in_ring(ring) {
                     let phi = (TAU / f64::from(rays_in_ring(ring))) * f64::from(k);
                     let s = Rotation::about_y(phi).after(Rotation::about_x(ring_angle(divergence, rings, ring)));
-                    prop_assert_eq!(rays.direction(i), attitude.after(s).forward());
+                    prop_assert_eq!(rays[i], attitude.after(s).forward());
                     i += 1;
                 }
             }

@@ -113,6 +113,12 @@ impl RayGroup {
         DVec3::new(self.x[at], self.y[at], self.z[at])
     }
 
+    /// Directions of a pulse: x, y and z of each.
+    pub fn directions(&self, pulse: usize) -> [&[f64]; 3] {
+        let row = pulse * self.stride()..pulse * self.stride() + self.rays;
+        [&self.x, &self.y, &self.z].map(|d| &d[row.clone()])
+    }
+
     /// All directions along one axis, by whole registers.
     pub(super) fn lanes(&self, axis: usize) -> &[[f64; RayGroup::LANES]] {
         [&self.x, &self.y, &self.z][axis].as_chunks().0

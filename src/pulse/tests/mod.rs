@@ -370,6 +370,38 @@ fn a_waveform_too_long_to_record_is_an_error_and_its_points_are_not() {
 }
 
 #[test]
+fn pulses_yield_the_same_alone_and_together() {
+    let scene =
+        rectangles(half_white(), &[wall(-20.0, 0.1, 100.0), wall(0.0, 20.0, 40.0), wall(-3.0, -1.0, 20.0)]);
+    let mut second = tls_device(4.0);
+    second.waveform.quality = 2;
+    second.detector.accuracy = 0.01;
+    let survey = survey(vec![tls_device(5.0), second]);
+    let options = PhysicsOptions { record_waveforms: true, record_pulses: true, ..PhysicsOptions::helios() };
+    let pulses: Vec<_> = (0..700)
+        .map(|i| {
+            let turn = Rotation::about_z(f64::from(i % 350) * 1e-3 - 0.2).after(Rotation::about_x(0.1));
+            let p = crate::flight::Pulse { number: i as u64 / 2 + 1, device: i as u32 % 2, ..pulse(turn) };
+            in_frame(&scene, &p)
+        })
+        .collect();
+    let tree = tree(&scene);
+    let physics = super::Physics::new(&scene, &tree, &survey, options).unwrap();
+    let (mut together, mut alone) = (Batch::default(), Batch::default());
+    physics.shooter().fire_all(0, &pulses, &mut together).unwrap();
+    let mut shooter = physics.shooter();
+    for p in &pulses {
+        shooter.fire(0, p, &mut alone).unwrap();
+    }
+    assert!(together.echoes.len() > 500 && together.pulses.len() == 700);
+    assert_eq!(together.echoes, alone.echoes);
+    assert_eq!(together.waveforms, alone.waveforms);
+    assert_eq!(together.samples, alone.samples);
+    assert_eq!(together.pulses, alone.pulses);
+    assert!(together.pulses.iter().zip(&pulses).all(|(r, p)| (r.number, r.device) == (p.number, p.device)));
+}
+
+#[test]
 fn an_empty_scene_and_pulses_without_numbers_yield_nothing() {
     let empty = rectangles(half_white(), &[]);
     for options in [PhysicsOptions::helios(), PhysicsOptions::refined()] {
