@@ -24,48 +24,47 @@ pub struct Measured {
 pub struct Worker<'a> {
     flight: &'a FlightPlan,
     output: &'a OutputPlan,
-    gun: Gun<'a>,
-}
-
-/// Fires every pulse of the replayed steps.
-struct Gun<'a> {
     shooter: Shooter<'a>,
+    pulses: Vec<Pulse>,
     batch: Batch,
-    outcome: Result<()>,
 }
 
-impl FlightSink for Gun<'_> {
+/// Keeps what the replayed steps yield.
+struct Replay<'w> {
+    pulses: &'w mut Vec<Pulse>,
+    poses: &'w mut Vec<PoseSample>,
+}
+
+impl FlightSink for Replay<'_> {
     fn pulse(&mut self, pulse: impl FnOnce() -> Pulse) {
-        if self.outcome.is_ok() {
-            self.outcome = self.shooter.fire(self.batch.leg, &pulse(), &mut self.batch);
-        }
+        self.pulses.push(pulse());
     }
 
     fn pose(&mut self, pose: impl FnOnce() -> PoseSample) {
-        self.batch.poses.push(pose());
+        self.poses.push(pose());
     }
 }
 
 impl<'a> Worker<'a> {
     /// A worker with empty scratch memory.
     pub fn new(flight: &'a FlightPlan, physics: &'a Physics<'a>, output: &'a OutputPlan) -> Worker<'a> {
-        let gun = Gun { shooter: physics.shooter(), batch: Batch::default(), outcome: Ok(()) };
-        Worker { flight, output, gun }
+        Worker { flight, output, shooter: physics.shooter(), pulses: Vec::new(), batch: Batch::default() }
     }
 
-    /// Replays the chunk's steps, fires the pulses and encodes the echoes.
+    /// Replays the chunk's steps, fires the pulses together and encodes the echoes.
     pub fn measure(&mut self, chunk: Chunk) -> Result<Measured> {
         let Chunk { start: mut state, steps, pulses, leg, done } = chunk;
-        self.gun.batch.clear(leg);
+        self.pulses.clear();
+        self.batch.clear(leg);
+        let mut replay = Replay { pulses: &mut self.pulses, poses: &mut self.batch.poses };
         for _ in 0..steps {
-            state.step(self.flight, &mut self.gun)?;
+            state.step(self.flight, &mut replay)?;
         }
-        std::mem::replace(&mut self.gun.outcome, Ok(()))?;
-        let batch = &self.gun.batch;
+        self.shooter.fire_all(leg, &self.pulses, &mut self.batch)?;
         Ok(Measured {
-            encoded: self.output.encode(batch),
+            encoded: self.output.encode(&self.batch),
             pulses: u64::from(pulses),
-            echoes: batch.echoes.len() as u64,
+            echoes: self.batch.echoes.len() as u64,
             leg,
             done,
         })
