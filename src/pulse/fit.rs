@@ -57,26 +57,46 @@ struct Sums {
 impl Sums {
     fn over(waveform: &Waveform, (from, to): (u64, u64), p: &[f64; 4]) -> Sums {
         let mut sums = Sums::default();
+        let bell = Bell::new(p);
         let mut done = from;
         for (first, bins) in waveform.segments() {
             let (start, end) = (first.clamp(done, to), (first + bins.len() as u64).clamp(done, to));
-            sums.add_dark(done, start, p);
-            for i in start..end {
-                sums.add(i as f64, bins[(i - first) as usize], p);
-            }
+            sums.add_dark(done, start, &bell);
+            sums.add_run(start, end, |i| bins[(i - first) as usize], &bell);
             done = end.max(start);
         }
-        sums.add_dark(done, to, p);
+        sums.add_dark(done, to, &bell);
         sums
     }
 
-    /// A bin `x` of height `f`.
-    fn add(&mut self, x: f64, f: f64, p: &[f64; 4]) {
-        let distance = x - p[2];
-        let u = distance / p[3];
-        let bell = exp(-(u * u));
-        let slope = 2.0 * p[1] / (p[3] * p[3]) * distance * bell;
-        self.accumulate([1.0, bell, slope, slope * u], f - (p[0] + p[1] * bell));
+    /// Bins `start` up to `end`, whose heights `f` tells. The bell is followed bin by bin, from the one nearest to its top
+    /// outwards both ways, so that no rounding grows.
+    fn add_run(&mut self, start: u64, end: u64, f: impl Fn(u64) -> f64, bell: &Bell) {
+        if start >= end {
+            return;
+        }
+        let top = (bell.centre.round().max(0.0) as u64).clamp(start, end - 1);
+        let height = bell.at(top);
+        let (mut b, mut ratio) = (height, bell.towards(top, 1.0));
+        for i in top..end {
+            self.add(i, f(i), b, bell);
+            b *= ratio;
+            ratio *= bell.curvature;
+        }
+        let (mut b, mut ratio) = (height, bell.towards(top, -1.0));
+        for i in (start..top).rev() {
+            b *= ratio;
+            ratio *= bell.curvature;
+            self.add(i, f(i), b, bell);
+        }
+    }
+
+    /// Bin `i` of height `f`, where the bell is `b` high.
+    fn add(&mut self, i: u64, f: f64, b: f64, bell: &Bell) {
+        let distance = i as f64 - bell.centre;
+        let slope = bell.steepness * distance * b;
+        let j = [1.0, b, slope, slope * (distance * bell.inverse_width)];
+        self.accumulate(j, f - (bell.pedestal + bell.height * b));
     }
 
     fn accumulate(&mut self, j: [f64; 4], r: f64) {
@@ -90,19 +110,19 @@ impl Sums {
     }
 
     /// Empty bins. Where the bell has vanished only the pedestal matters, and all such bins are alike.
-    fn add_dark(&mut self, from: u64, to: u64, p: &[f64; 4]) {
-        let foot = p[3].abs() * UNDERFLOW.sqrt();
-        let near = |x: f64| if x.is_nan() { from } else { (x.max(0.0) as u64).clamp(from, to.max(from)) };
-        let (start, end) =
-            if foot.is_nan() { (from, from) } else { (near(p[2] - foot), near(p[2] + foot + 1.0)) };
-        for i in start..end {
-            self.add(i as f64, 0.0, p);
+    fn add_dark(&mut self, from: u64, to: u64, bell: &Bell) {
+        if from >= to {
+            return;
         }
-        let alike = (to.saturating_sub(from) - (end - start)) as f64;
+        let near = |x: f64| if x.is_nan() { from } else { (x.max(0.0) as u64).clamp(from, to) };
+        let foot = bell.inverse_width.abs().recip() * UNDERFLOW.sqrt();
+        let (start, end) = (near(bell.centre - foot), near(bell.centre + foot + 1.0));
+        self.add_run(start, end, |_| 0.0, bell);
+        let alike = (to - from - end.saturating_sub(start)) as f64;
         if alike > 0.0 {
             self.normal[0][0] += alike;
-            self.gradient[0] -= alike * p[0];
-            self.error += alike * (p[0] * p[0]);
+            self.gradient[0] -= alike * bell.pedestal;
+            self.error += alike * (bell.pedestal * bell.pedestal);
         }
     }
 
@@ -140,6 +160,47 @@ impl Sums {
             step[row] = (m[row][4] - known) / m[row][row];
         }
         Some(step)
+    }
+}
+
+/// The fitted curve: a pedestal and a Gaussian bell.
+#[derive(Clone, Copy, Debug)]
+struct Bell {
+    pedestal: f64,
+    height: f64,
+    centre: f64,
+    inverse_width: f64,
+    /// 1/width².
+    narrowness: f64,
+    /// 2·height/width².
+    steepness: f64,
+    /// Factor between the factors from bin to bin.
+    curvature: f64,
+}
+
+impl Bell {
+    fn new(p: &[f64; 4]) -> Bell {
+        let narrowness = 1.0 / (p[3] * p[3]);
+        Bell {
+            pedestal: p[0],
+            height: p[1],
+            centre: p[2],
+            inverse_width: 1.0 / p[3],
+            narrowness,
+            steepness: 2.0 * p[1] * narrowness,
+            curvature: exp(-2.0 * narrowness),
+        }
+    }
+
+    /// Relative height in bin `i`.
+    fn at(&self, i: u64) -> f64 {
+        let distance = i as f64 - self.centre;
+        exp(-(distance * distance * self.narrowness))
+    }
+
+    /// Height in the next bin up (`way` 1) or down (−1), relative to bin `i`.
+    fn towards(&self, i: u64, way: f64) -> f64 {
+        exp(-((2.0 * way * (i as f64 - self.centre) + 1.0) * self.narrowness))
     }
 }
 
@@ -201,14 +262,22 @@ mod tests {
 
     #[test]
     fn empty_bins_count_alike_whether_stored_or_not() {
-        let p = [0.3, 2.0, 5.0, 1.5];
-        let mut by_one = Sums::default();
-        for i in 0..1000 {
-            by_one.add(f64::from(i), 0.0, &p);
-        }
-        let mut at_once = Sums::default();
-        at_once.add_dark(0, 1000, &p);
+        let bell = Bell::new(&[0.3, 2.0, 5.0, 1.5]);
+        let (mut by_one, mut at_once) = (Sums::default(), Sums::default());
+        by_one.add_run(0, 1000, |_| 0.0, &bell);
+        at_once.add_dark(0, 1000, &bell);
         assert!((by_one.error - at_once.error).abs() < 1e-9);
         assert_eq!(by_one.normal, at_once.normal);
+    }
+
+    #[test]
+    fn the_bell_followed_bin_by_bin_is_the_bell() {
+        for (centre, width) in [(40.3, 5.0), (-3.0, 20.0), (90.0, 0.7), (33.5, 1e9), (200.0, 90.0)] {
+            let bell = Bell::new(&[0.0, 1.0, centre, width]);
+            let mut followed = Sums::default();
+            followed.add_run(0, 80, |_| 0.0, &bell);
+            let sum: f64 = (0..80).map(|i| bell.at(i)).sum();
+            assert!((followed.normal[1][0] - sum).abs() <= 1e-11 * sum, "{centre} {width}");
+        }
     }
 }
