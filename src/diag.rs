@@ -185,6 +185,12 @@ impl Diagnostic {
         self
     }
 
+    /// The lines where it stands, as far as they are kept: that of its place and those of its repeats.
+    pub fn lines(&self) -> impl Iterator<Item = usize> {
+        let own = self.place.as_ref().map(|p| p.line);
+        own.into_iter().chain(self.also_in_lines.iter().copied())
+    }
+
     fn repeat(&mut self, times: usize, lines: &[usize]) {
         self.repeats += times;
         let free = MAX_LINES.saturating_sub(self.also_in_lines.len());

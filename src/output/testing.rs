@@ -37,7 +37,7 @@ pub(super) fn scene() -> Scene {
     Scene {
         shift: DVec3::new(500_000.25, 5_400_000.5, 300.125),
         bounds: Aabb { min: DVec3::splat(-1000.0), max: DVec3::splat(1000.0) },
-        parts: ["0", "north", ""].map(|id| Part { id: id.to_owned() }).to_vec(),
+        parts: ["0", "north", ""].map(|id| Part { id: id.to_owned(), ..Part::default() }).to_vec(),
         ..Scene::default()
     }
 }
