@@ -100,6 +100,9 @@ pub(crate) struct WideChild(u32);
 const BLOCK: u32 = 1 << 31;
 
 impl WideChild {
+    /// The first node.
+    pub const ROOT: WideChild = WideChild(0);
+
     /// Node number `n`.
     pub fn node(n: usize) -> WideChild {
         assert!(n < BLOCK as usize, "a tree of more than 2^31 nodes");

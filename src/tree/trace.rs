@@ -109,7 +109,7 @@ impl Tree {
     #[inline(always)]
     fn walk_wide(&self, nodes: &[WideNode], beam: &Beam, mut visit: impl FnMut(&Block, u32, &mut f32)) {
         let mut limit = f32::INFINITY;
-        let mut stack = [(WideChild::node(0), 0.0f32); WIDE_STACK];
+        let mut stack = [(WideChild::ROOT, 0.0f32); WIDE_STACK];
         let mut height = 1;
         while height > 0 {
             height -= 1;

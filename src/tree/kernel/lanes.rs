@@ -65,6 +65,10 @@ pub(crate) struct Lanes<S: Simd> {
     pub sides: [[Side<S>; 2]; 3],
     /// The beam around all.
     pub beam: [[BeamSide; 2]; 3],
+    /// Slopes of each pulse's first ray, `[side axis]`.
+    pub middle: [[f64; GROUP]; 2],
+    /// Largest deviation from it.
+    pub width: [f64; GROUP],
 }
 
 /// How many pulses from `first` on are near enough to be traced together, at least 1.
@@ -85,12 +89,17 @@ impl<S: Simd> Lanes<S> {
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn of(frame: &Frame, rays: &RayGroup, pulses: Range<usize>) -> Option<Lanes<S>> {
+    pub unsafe fn of(
+        frame: &Frame,
+        rays: &RayGroup,
+        pulses: Range<usize>,
+        deviations: &mut [Deviations],
+    ) -> Option<Lanes<S>> {
         let axes = axes_by_dominance(rays.direction(pulses.start, 0));
         let forward = if rays.direction(pulses.start, 0)[axes[0]] < 0.0 { -1.0 } else { 1.0 };
         let start = Start::of(frame, rays, pulses.clone(), axes, forward)?;
         // SAFETY: the caller vouches for the instruction set.
-        let spread = unsafe { Spread::of::<S>(rays, pulses.clone(), axes, forward) };
+        let spread = unsafe { Spread::of::<S>(rays, pulses.clone(), axes, forward, deviations) };
         let slope = spread.slopes()?;
         let mut offset = [[PerPulse([0.0; GROUP]); 2]; 2];
         for side in 0..2 {
@@ -103,6 +112,11 @@ impl<S: Simd> Lanes<S> {
             }
         }
         let steepness = spread.depth[1].0.map(|d| f64::from(d) * frame.scale * 1.000_000_2);
+        let mut width = [0.0; GROUP];
+        for l in 0..GROUP {
+            let ends = spread.aside.map(|[lo, hi]| lo.0[l].abs().max(hi.0[l].abs()));
+            width[l] = f64::from(ends[0].max(ends[1]));
+        }
         // SAFETY: as above.
         unsafe {
             let sides = sides::<S>(axes, forward as f32, &start, &slope, &offset);
@@ -119,6 +133,8 @@ impl<S: Simd> Lanes<S> {
                 steepness,
                 sides,
                 beam,
+                middle: spread.middle,
+                width,
             })
         }
     }
@@ -164,47 +180,69 @@ impl Start {
     }
 }
 
+/// Slopes of a pulse's rays less those of its first, sixteen rays at a time: `[side axis]`.
+pub(crate) type Deviations = [[f32; 16]; 2];
+
 /// How the directions of each pulse spread around its first.
 struct Spread {
     /// Slopes of the first ray.
-    middle: [PerPulse; 2],
-    /// Least and greatest `d_a − middle·|d_k|`.
+    middle: [[f64; GROUP]; 2],
+    /// Least and greatest deviation from it.
     aside: [[PerPulse; 2]; 2],
     /// Least and greatest `|d_k|`.
     depth: [PerPulse; 2],
 }
 
 impl Spread {
+    /// Writes the deviations of all rays to `deviations`, so many registers per pulse that all fit.
+    ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn of<S: Simd>(rays: &RayGroup, pulses: Range<usize>, axes: [usize; 3], forward: f64) -> Spread {
+    unsafe fn of<S: Simd>(
+        rays: &RayGroup,
+        pulses: Range<usize>,
+        axes: [usize; 3],
+        forward: f64,
+        deviations: &mut [Deviations],
+    ) -> Spread {
         let [along, i, j] = axes.map(|a| rays.lanes(a));
         let registers = rays.stride() / RayGroup::LANES;
+        let wide = registers.div_ceil(2);
         let mut rows = [[[0.0f32; 16]; GROUP]; 3];
-        let mut middle = [PerPulse([0.0; GROUP]); 2];
-        for l in 0..GROUP {
-            // Lanes without a pulse repeat the first.
-            let pulse = if l < pulses.len() { pulses.start + l } else { pulses.start };
-            let row = pulse * registers..(pulse + 1) * registers;
-            let reciprocal = 1.0 / (along[row.start][0] * forward);
-            let (mi, mj) = (i[row.start][0] * reciprocal, j[row.start][0] * reciprocal);
-            (middle[0].0[l], middle[1].0[l]) = (mi as f32, mj as f32);
+        let mut middle = [[0.0; GROUP]; 2];
+        for l in 0..pulses.len() {
+            let row = (pulses.start + l) * registers;
+            let reciprocal = 1.0 / (along[row][0] * forward);
+            let (mi, mj) = (i[row][0] * reciprocal, j[row][0] * reciprocal);
+            (middle[0][l], middle[1][l]) = (mi, mj);
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
-                let (mi, mj, sign, zero) = (S::dsplat(mi), S::dsplat(mj), S::dsplat(forward), S::dsplat(0.0));
-                let (mut least, mut greatest) = ([S::dsplat(f64::INFINITY); 3], [S::dsplat(f64::NEG_INFINITY); 3]);
-                for r in row {
-                    let depth = S::dmul(S::dload(&along[r]), sign);
-                    let wi = S::dsub(S::dload(&i[r]), S::dmul(mi, depth));
-                    let wj = S::dsub(S::dload(&j[r]), S::dmul(mj, depth));
-                    let w = [wi, wj, depth];
+                let (mi, mj, sign) = (S::dsplat(mi), S::dsplat(mj), S::dsplat(forward));
+                let (zero, one) = (S::splat(0.0), S::splat(1.0));
+                let (mut least, mut greatest) = ([S::splat(f32::INFINITY); 3], [S::splat(f32::NEG_INFINITY); 3]);
+                for r in 0..wide {
+                    // An odd last register is taken twice.
+                    let (low, high) = (row + 2 * r, row + (2 * r + 1).min(registers - 1));
+                    let [low, high] = each_of!([0, 1], n => {
+                        let at = [low, high][n];
+                        let depth = S::dmul(S::dload(&along[at]), sign);
+                        let wi = S::dsub(S::dload(&i[at]), S::dmul(mi, depth));
+                        let wj = S::dsub(S::dload(&j[at]), S::dmul(mj, depth));
+                        [wi, wj, depth]
+                    });
+                    let [wi, wj, depth] = each_of!([0, 1, 2], n => S::narrow(low[n], high[n]));
+                    let shorter = S::div(one, depth);
+                    let w = [S::mul(wi, shorter), S::mul(wj, shorter), depth];
+                    let to = &mut deviations[l * wide + r];
+                    S::store(&mut to[0], w[0]);
+                    S::store(&mut to[1], w[1]);
                     // A ray that is no number drops out here; its verdicts are misses.
-                    least = each_of!([0, 1, 2], n => S::dmin(w[n], least[n]));
-                    greatest = each_of!([0, 1, 2], n => S::dmax(w[n], greatest[n]));
+                    least = each_of!([0, 1, 2], n => S::min(w[n], least[n]));
+                    greatest = each_of!([0, 1, 2], n => S::max(w[n], greatest[n]));
                 }
                 for n in 0..3 {
-                    S::store(&mut rows[n][l], S::narrow(least[n], S::dsub(zero, greatest[n])));
+                    S::store(&mut rows[n][l], S::fold_minima(least[n], S::sub(zero, greatest[n])));
                 }
             }
         }
@@ -215,6 +253,15 @@ impl Spread {
                 let [least, negated] = S::row_minima(&rows[n]);
                 S::store(&mut ends[n][0].0, least);
                 S::store(&mut ends[n][1].0, S::sub(S::splat(0.0), negated));
+            }
+        }
+        // Lanes without a pulse repeat the first.
+        for l in pulses.len()..GROUP {
+            for end in ends.iter_mut().flatten() {
+                end.0[l] = end.0[0];
+            }
+            for m in &mut middle {
+                m[l] = m[0];
             }
         }
         let [wi, wj, depth] = ends;
@@ -228,11 +275,9 @@ impl Spread {
         let mut sound = true;
         for side in 0..2 {
             for l in 0..GROUP {
-                let (near, far) = (1.0 / self.depth[0].0[l], 1.0 / self.depth[1].0[l]);
                 let (w0, w1) = (self.aside[side][0].0[l], self.aside[side][1].0[l]);
-                let middle = self.middle[side].0[l];
-                let lo = middle + (w0 * near).min(w0 * far) - SLOPE_SLACK;
-                let hi = middle + (w1 * near).max(w1 * far) + SLOPE_SLACK;
+                let middle = self.middle[side][l] as f32;
+                let (lo, hi) = (middle + w0 - SLOPE_SLACK, middle + w1 + SLOPE_SLACK);
                 sound &= lo > -1.0 + SLOPE_SLACK && hi < 1.0 - SLOPE_SLACK && w0 <= w1;
                 slope[side][0].0[l] = if lo.abs() < FLATTEST { -FLATTEST } else { lo };
                 slope[side][1].0[l] = if hi.abs() < FLATTEST { FLATTEST } else { hi };

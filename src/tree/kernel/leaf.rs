@@ -1,33 +1,64 @@
-//! A leaf against a group: which pulse meets which primitive, then the verdicts.
+//! A leaf against a group: which pulse meets which primitive, which ray, and where.
+//!
+//! Each step fills a flat list for the next one without branching on what it finds.
 
 use super::Kernel;
+use super::edges::{Corners, Edges};
 use super::filter::{Seen, boxes_in_beam};
 use super::lanes::{BeamSide, GROUP};
-use super::verdict::{Rays, Triangle, hit_cube};
+use super::verdict::{Plane, Rays, hit_cube};
 use crate::tree::block::{Block, LANES};
 use crate::tree::simd::Simd;
 
-/// Pairs of a pulse and a lane of the block, `pulse · 16 + lane`, of which the first `count` are meant.
-pub(super) struct Pairs {
-    pair: [u32; GROUP * LANES + LANES],
+/// Rays that are looked at together.
+const SPAN: usize = 32;
+
+/// Most pairs of a block.
+const PAIRS: usize = GROUP * LANES;
+
+/// The lists of a block.
+pub(super) struct Lists {
+    /// `pulse · 16 + lane`, of which the first `count` are meant. Writers may go one register beyond.
+    pairs: [u32; PAIRS + LANES],
     count: usize,
-    /// Lanes in any pair.
+    /// Lanes of the block in any pair, and their corners.
     lanes: u32,
+    /// Pulses in any pair.
+    pulses: u32,
+    corners: [Corners; LANES],
+    /// Pairs of which rays are inside, one place more than there can be.
+    inside: [Inside; PAIRS + 1],
 }
 
-impl Pairs {
-    pub const NONE: Pairs = Pairs { pair: [0; GROUP * LANES + LANES], count: 0, lanes: 0 };
+/// The rays of a span that pass within a triangle.
+#[derive(Clone, Copy)]
+struct Inside {
+    pair: u32,
+    strictly: u32,
+    maybe: u32,
+}
+
+impl Lists {
+    pub const EMPTY: Lists = Lists {
+        pairs: [0; PAIRS + LANES],
+        count: 0,
+        lanes: 0,
+        pulses: 0,
+        corners: [[[0.0; 4]; 3]; LANES],
+        inside: [Inside { pair: 0, strictly: 0, maybe: 0 }; PAIRS + 1],
+    };
 
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn extend<S: Simd>(&mut self, pulse: usize, lanes: u32) {
-        if let Some(room) = self.pair[self.count..].first_chunk_mut() {
+    unsafe fn pair<S: Simd>(&mut self, pulse: usize, lanes: u32) {
+        if let Some(room) = self.pairs[self.count..].first_chunk_mut() {
             // SAFETY: the caller vouches for the instruction set.
             unsafe { S::compress(lanes, (pulse * LANES) as u32, room) };
         }
         self.count += lanes.count_ones() as usize;
         self.lanes |= lanes;
+        self.pulses |= u32::from(lanes != 0) << pulse;
     }
 }
 
@@ -38,41 +69,42 @@ impl<S: Simd> Kernel<'_, S> {
     /// As for [`Simd`].
     #[inline(always)]
     pub(super) unsafe fn block(&mut self, block: &Block, mask: u32, lo: &[f32; GROUP], hi: &[f32; GROUP]) {
-        self.scratch.pairs.count = 0;
-        self.scratch.pairs.lanes = 0;
+        self.lists.count = 0;
+        self.lists.lanes = 0;
+        self.lists.pulses = 0;
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             if block.holds_cubes() {
                 self.pair_cubes(block, mask, hi);
+                self.hit_cubes(block);
             } else {
-                let seen = Seen::from(&self.lanes, block);
-                let mut rest = mask;
-                while rest != 0 {
-                    let p = rest.trailing_zeros() as usize;
-                    self.scratch.pairs.extend::<S>(p, seen.by(&self.lanes, p, [lo[p], hi[p]]));
-                    rest &= rest - 1;
+                self.pair_triangles(block, mask, lo, hi);
+                self.fetch_corners(block);
+                for span in 0..self.spans {
+                    let count = self.find_inside(span);
+                    self.hit_triangles(block, span, count);
                 }
             }
-            let mut lanes = self.scratch.pairs.lanes;
-            // All at once, so that they come from memory side by side.
-            while lanes != 0 {
-                let lane = lanes.trailing_zeros() as usize;
-                lanes &= lanes - 1;
-                let number = block.id[lane] as usize;
-                if number < self.geometry.triangles.len() {
-                    self.scratch.corners[lane] = self.geometry.triangle(number);
-                }
-            }
-            let mut touched = 0u32;
-            for n in 0..self.scratch.pairs.count {
-                let pair = self.scratch.pairs.pair[n];
-                let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
-                self.verdict(pulse, block.id[lane], lane);
-                touched |= 1 << pulse;
-            }
+            let mut touched = self.lists.pulses;
             while touched != 0 {
                 self.lower_limit(touched.trailing_zeros() as usize);
                 touched &= touched - 1;
+            }
+        }
+    }
+
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn pair_triangles(&mut self, block: &Block, mut mask: u32, lo: &[f32; GROUP], hi: &[f32; GROUP]) {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let seen = Seen::from(&self.lanes, block);
+            while mask != 0 {
+                let p = mask.trailing_zeros() as usize;
+                let met = seen.by(&self.lanes, p, [lo[p], hi[p]]);
+                self.lists.pair::<S>(p, met);
+                mask &= mask - 1;
             }
         }
     }
@@ -89,44 +121,99 @@ impl<S: Simd> Kernel<'_, S> {
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
                 let (met, _) = boxes_in_beam::<S>(&beam, &block.corner[0], &block.corner[1], hi[p]);
-                self.scratch.pairs.extend::<S>(p, met);
+                self.lists.pair::<S>(p, met);
             }
             mask &= mask - 1;
         }
     }
 
+    /// Gets the triangles of all pairs at once, so that they come from memory side by side.
+    #[inline(always)]
+    fn fetch_corners(&mut self, block: &Block) {
+        let mut lanes = self.lists.lanes;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            let [a, b, c] = self.geometry.triangle(block.id[lane] as usize);
+            self.lists.corners[lane] = [[a.x, b.x, c.x, 0.0], [a.y, b.y, c.y, 0.0], [a.z, b.z, c.z, 0.0]];
+            lanes &= lanes - 1;
+        }
+    }
+
+    /// Finds the rays of a span that pass within the triangles of the pairs; returns how many pairs have any.
+    ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn verdict(&mut self, pulse: usize, id: u32, lane: usize) {
-        let (number, triangles) = (id as usize, self.geometry.triangles.len());
-        let origin = self.rays.origin(self.first + pulse);
-        let first = (self.first + pulse) * self.registers;
-        let [k, ..] = self.lanes.axes;
-        if number >= triangles {
-            let cube = self.geometry.cubes[number - triangles];
-            (first..first + self.registers).for_each(|r| hit_cube(id, cube, origin, &mut self.rays_of(r)));
-            return;
-        }
-        let triangle = Triangle::new(id, self.scratch.corners[lane], origin);
-        let (axes, forward) = (self.lanes.axes, f64::from(self.lanes.forward));
-        let plane = triangle.plane(k, forward);
-        for r in first..first + self.registers {
-            let mut rays = self.rays_of(r);
+    unsafe fn find_inside(&mut self, span: usize) -> usize {
+        let (first, wide) = (2 * span, self.wide);
+        // Lanes that repeat the last ray count, or no limit would ever be lowered.
+        let lanes = (self.rays.stride() - span * SPAN).min(SPAN);
+        let valid = if lanes == SPAN { !0 } else { (1u32 << lanes) - 1 };
+        let mut count = 0;
+        for n in 0..self.lists.count {
+            let pair = self.lists.pairs[n];
+            let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
+            let origin = self.rays.origin(self.first + pulse).to_array();
             // SAFETY: the caller vouches for the instruction set.
-            unsafe {
-                let (strictly, maybe) = triangle.inside::<S>(axes, &rays);
-                if maybe != 0 {
-                    triangle.hit::<S>(&plane, k, strictly, maybe, &mut rays);
+            let (strictly, maybe) = unsafe {
+                let edges = Edges::of(&self.lanes, self.scale, pulse, &origin, &self.lists.corners[lane]);
+                let (mut strictly, mut maybe) = edges.inside::<S>(&self.deviations[pulse * wide + first]);
+                if first + 1 < wide {
+                    let (s, m) = edges.inside::<S>(&self.deviations[pulse * wide + first + 1]);
+                    (strictly, maybe) = (strictly | s << 16, maybe | m << 16);
                 }
+                (strictly & valid, maybe & valid)
+            };
+            self.lists.inside[count] = Inside { pair, strictly, maybe };
+            count += usize::from(maybe != 0);
+        }
+        count
+    }
+
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn hit_triangles(&mut self, block: &Block, span: usize, count: usize) {
+        let (k, forward) = (self.lanes.axes[0], f64::from(self.lanes.forward));
+        for n in 0..count {
+            let Inside { pair, mut strictly, mut maybe } = self.lists.inside[n];
+            let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
+            let origin = self.rays.origin(self.first + pulse).to_array();
+            let corners = self.lists.corners[lane];
+            let plane = Plane::of(block.id[lane], &corners, &origin, k, forward);
+            let mut register = (self.first + pulse) * self.registers + span * SPAN / 8;
+            while maybe != 0 {
+                if maybe & 255 != 0 {
+                    let mut rays = self.rays_of(register);
+                    // SAFETY: the caller vouches for the instruction set.
+                    unsafe { plane.hit::<S>(k, strictly & 255, maybe & 255, &mut rays, &corners, &origin) };
+                }
+                (strictly, maybe) = (strictly >> 8, maybe >> 8);
+                register += 1;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn hit_cubes(&mut self, block: &Block) {
+        for n in 0..self.lists.count {
+            let pair = self.lists.pairs[n] as usize;
+            let (pulse, id) = (self.first + pair / LANES, block.id[pair % LANES]);
+            let cube = self.geometry.cubes[id as usize - self.geometry.triangles.len()];
+            for register in pulse * self.registers..(pulse + 1) * self.registers {
+                hit_cube(id, cube, self.rays.origin(pulse), &mut self.rays_of(register));
             }
         }
     }
 
     #[inline(always)]
     fn rays_of(&mut self, register: usize) -> Rays<'_> {
-        let [x, y, z] = self.directions.map(|d| &d[register]);
-        Rays { x, y, z, t: &mut self.t[register], id: &mut self.ids[register] }
+        let d = &self.directions;
+        Rays {
+            directions: [&d[0][register], &d[1][register], &d[2][register]],
+            t: &mut self.t[register],
+            id: &mut self.ids[register],
+        }
     }
 
     /// Once all rays of a pulse have hit something, what lies behind the farthest of these hits is of no interest.

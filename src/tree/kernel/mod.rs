@@ -4,6 +4,7 @@
 //! waiting for memory. A group shares every decision among some hundred rays: lanes are the children of a node, then the
 //! pulses, then the triangles of a block, and at last the rays of one pulse for one triangle, where the verdicts fall.
 
+mod edges;
 mod filter;
 mod lanes;
 mod leaf;
@@ -12,10 +13,8 @@ mod walk;
 
 use super::rays::{Hits, RayGroup};
 use super::simd::{Level, portable::Portable};
-use super::block::LANES;
 use super::{Geometry, RayBundle, Tree};
-use crate::geom::DVec3;
-use lanes::{GROUP, Lanes, PerPulse};
+use lanes::{Deviations, GROUP, Lanes, PerPulse};
 use std::cell::RefCell;
 use std::ops::Range;
 
@@ -88,23 +87,27 @@ struct Kernel<'a, S: super::simd::Simd> {
     directions: [&'a [[f64; 8]]; 3],
     t: &'a mut [[f64; 8]],
     ids: &'a mut [[u32; 8]],
-    /// Registers per pulse.
+    /// Registers of eight rays per pulse, of sixteen, and spans.
     registers: usize,
+    wide: usize,
+    spans: usize,
     /// Number of the group's first pulse.
     first: usize,
     lanes: Lanes<S>,
+    deviations: &'a [Deviations],
+    /// Scene to tree.
+    scale: f64,
     /// Depth beyond which nothing can be nearer than what each pulse has hit.
     limit: PerPulse,
-    scratch: &'a mut Scratch,
+    stacks: &'a mut walk::Stacks,
+    lists: &'a mut leaf::Lists,
 }
 
-/// What a walk needs room for, cleared by nobody.
+/// What a walk needs room for; cleared by nobody.
 struct Scratch {
-    stack: [walk::Visit; walk::HEIGHT],
-    wide: [walk::WideVisit; walk::WIDE_HEIGHT],
-    pairs: leaf::Pairs,
-    /// Corners of a block's triangles.
-    corners: [[DVec3; 3]; LANES],
+    deviations: Vec<Deviations>,
+    stacks: walk::Stacks,
+    lists: leaf::Lists,
 }
 
 impl<S: super::simd::Simd> Kernel<'_, S> {
@@ -112,11 +115,11 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
     /// As for [`Simd`](super::simd::Simd).
     #[inline(always)]
     unsafe fn trace(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+        let wide = rays.stride().div_ceil(16);
         let mut scratch = Scratch {
-            stack: [walk::Visit::NOWHERE; walk::HEIGHT],
-            wide: [walk::WideVisit::nowhere(); walk::WIDE_HEIGHT],
-            pairs: leaf::Pairs::NONE,
-            corners: [[DVec3::ZERO; 3]; LANES],
+            deviations: vec![[[0.0; 16]; 2]; GROUP * wide],
+            stacks: walk::Stacks::EMPTY,
+            lists: leaf::Lists::EMPTY,
         };
         let mut first = 0;
         while first < rays.len() {
@@ -151,7 +154,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
         scratch: &mut Scratch,
     ) -> bool {
         // SAFETY: the caller vouches for the instruction set.
-        let Some(lanes) = (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone()) }) else {
+        let Some(lanes) = (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone(), &mut scratch.deviations) }) else {
             return false;
         };
         let mut limit = PerPulse([f32::NEG_INFINITY; GROUP]);
@@ -163,10 +166,15 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             t: hits.t.as_chunks_mut().0,
             ids: hits.primitive.as_chunks_mut().0,
             registers: rays.stride() / RayGroup::LANES,
+            wide: rays.stride().div_ceil(16),
+            spans: rays.stride().div_ceil(32),
             first: pulses.start,
             lanes,
+            deviations: &scratch.deviations,
+            scale: tree.frame.scale,
             limit,
-            scratch,
+            stacks: &mut scratch.stacks,
+            lists: &mut scratch.lists,
         };
         // SAFETY: as above.
         unsafe { kernel.walk(tree, pulses.len()) };

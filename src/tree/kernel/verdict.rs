@@ -1,7 +1,8 @@
-//! The verdicts of all rays of a pulse on one primitive, eight rays at a time: the arithmetic of
+//! The distances of a pulse's rays to one primitive, eight rays at a time: the arithmetic of
 //! [`intersect`](crate::tree::intersect), operation by operation, so that the bits are the same. Rays for which that
 //! arithmetic takes one of its rare turns are referred to it.
 
+use super::edges::Corners;
 use crate::geom::DVec3;
 use crate::tree::geometry::Cube;
 use crate::tree::intersect::{self, DEPTH_SLACK, EDGE_ON};
@@ -9,21 +10,14 @@ use crate::tree::simd::{Simd, each_of};
 
 /// Eight rays: directions and the nearest hits so far.
 pub(super) struct Rays<'a> {
-    pub x: &'a [f64; 8],
-    pub y: &'a [f64; 8],
-    pub z: &'a [f64; 8],
+    pub directions: [&'a [f64; 8]; 3],
     pub t: &'a mut [f64; 8],
     pub id: &'a mut [u32; 8],
 }
 
 impl Rays<'_> {
-    #[inline(always)]
-    fn along(&self, axis: usize) -> &[f64; 8] {
-        [self.x, self.y, self.z][axis]
-    }
-
     fn direction(&self, ray: usize) -> DVec3 {
-        DVec3::new(self.x[ray], self.y[ray], self.z[ray])
+        DVec3::new(self.directions[0][ray], self.directions[1][ray], self.directions[2][ray])
     }
 
     fn offer(&mut self, ray: usize, t: f64, id: u32) {
@@ -37,117 +31,20 @@ impl Rays<'_> {
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn offer_all<S: Simd>(&mut self, hit: S::N, t: S::D, id: u32) {
+    unsafe fn offer_all<S: Simd>(&mut self, hit: u32, t: S::D, id: u32) {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let best = S::dload(self.t);
-            let (nearer, equal) = (S::dbits(S::dlt(t, best)), S::dbits(S::dle(t, best)));
-            // Equal distances are rare, and so is a look at the numbers.
-            let ties = (equal & !nearer) & S::greater_ids(self.id, id);
-            S::put((nearer | ties) & S::dbits(hit), self.t, t, self.id, id);
-        }
-    }
-}
-
-/// A triangle seen from one pulse's origin.
-pub(super) struct Triangle {
-    id: u32,
-    origin: DVec3,
-    corners: [DVec3; 3],
-    /// Relative to the origin.
-    from: [[f64; 3]; 3],
-}
-
-impl Triangle {
-    #[inline(always)]
-    pub fn new(id: u32, corners: [DVec3; 3], origin: DVec3) -> Triangle {
-        let from = each_of!([0, 1, 2], v => (corners[v] - origin).to_array());
-        Triangle { id, origin, corners, from }
-    }
-
-    /// Which rays are surely inside, and which may be; axes by dominance.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
-    #[inline(always)]
-    pub unsafe fn inside<S: Simd>(&self, [k, i, j]: [usize; 3], rays: &Rays) -> (S::N, u32) {
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let (dk, di, dj) = (S::dload(rays.along(k)), S::dload(rays.along(i)), S::dload(rays.along(j)));
-            let [(xa, ya), (xb, yb), (xc, yc)] = each_of!([0, 1, 2], v => {
-                let p = &self.from[v];
-                let (pk, pi, pj) = (S::dsplat(p[k]), S::dsplat(p[i]), S::dsplat(p[j]));
-                (S::dsub(S::dmul(pi, dk), S::dmul(pk, di)), S::dsub(S::dmul(pj, dk), S::dmul(pk, dj)))
-            });
-            let (u0, u1) = (S::dmul(xb, yc), S::dmul(yb, xc));
-            let (v0, v1) = (S::dmul(xc, ya), S::dmul(yc, xa));
-            let (w0, w1) = (S::dmul(xa, yb), S::dmul(ya, xb));
-            let (lu, lv, lw) = (S::dlt(u1, u0), S::dlt(v1, v0), S::dlt(w1, w0));
-            let (ru, rv, rw) = (S::dlt(u0, u1), S::dlt(v0, v1), S::dlt(w0, w1));
-            let strictly = S::dor(S::dand(S::dand(lu, lv), lw), S::dand(S::dand(ru, rv), rw));
-            let outside = S::dand(S::dor(S::dor(lu, lv), lw), S::dor(S::dor(ru, rv), rw));
-            (strictly, !S::dbits(outside) & 255)
-        }
-    }
-
-    /// The constants of the distance.
-    #[inline(always)]
-    pub fn plane(&self, k: usize, forward: f64) -> Plane {
-        let [a, b, c] = self.corners;
-        let (e1, e2) = (b - a, c - a);
-        let s = [-self.from[0][0], -self.from[0][1], -self.from[0][2]];
-        let q = [s[1] * e1.z - s[2] * e1.y, s[2] * e1.x - s[0] * e1.z, s[0] * e1.y - s[1] * e1.x];
-        let depths = each_of!([0, 1, 2], v => self.from[v][k] * forward);
-        let nearest = depths[0].min(depths[1]).min(depths[2]);
-        let farthest = depths[0].max(depths[1]).max(depths[2]);
-        Plane {
-            e1: e1.to_array(),
-            e2: e2.to_array(),
-            numerator: e2.x * q[0] + e2.y * q[1] + e2.z * q[2],
-            nearest: nearest * (1.0 - DEPTH_SLACK),
-            farthest: farthest * (1.0 + DEPTH_SLACK),
-            least: EDGE_ON * e1.abs().max_element() * e2.abs().max_element(),
-        }
-    }
-
-    /// Distances of the rays inside; `strictly` and `maybe` are what [`Triangle::inside`] said.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
-    #[inline(always)]
-    pub unsafe fn hit<S: Simd>(&self, plane: &Plane, k: usize, strictly: S::N, maybe: u32, rays: &mut Rays) {
-        // SAFETY: the caller vouches for the instruction set.
-        let mut rest = unsafe {
-            let d = each_of!([0, 1, 2], a => S::dload(rays.along(a)));
-            let e1 = each_of!([0, 1, 2], a => S::dsplat(plane.e1[a]));
-            let e2 = each_of!([0, 1, 2], a => S::dsplat(plane.e2[a]));
-            let h = each_of!([0, 1, 2], a => {
-                let (u, v) = ((a + 1) % 3, (a + 2) % 3);
-                S::dsub(S::dmul(d[u], e2[v]), S::dmul(d[v], e2[u]))
-            });
-            let det = S::dadd(S::dadd(S::dmul(h[0], e1[0]), S::dmul(h[1], e1[1])), S::dmul(h[2], e1[2]));
-            let t = S::ddiv(S::dsplat(plane.numerator), det);
-            let along = S::dabs(S::dload(rays.along(k)));
-            let depth = S::dmul(t, along);
-            let faces = S::dle(S::dmul(S::dsplat(plane.least), along), S::dabs(det));
-            let within =
-                S::dand(S::dle(S::dsplat(plane.nearest), depth), S::dle(depth, S::dsplat(plane.farthest)));
-            let sound = S::dand(strictly, S::dand(faces, within));
-            rays.offer_all::<S>(S::dand(sound, S::dlt(S::dsplat(0.0), t)), t, self.id);
-            maybe & !S::dbits(sound)
-        };
-        while rest != 0 {
-            let ray = rest.trailing_zeros() as usize;
-            if let Some(t) = intersect::triangle(self.origin, rays.direction(ray), self.corners) {
-                rays.offer(ray, t, self.id);
-            }
-            rest &= rest - 1;
+            let (nearer, not_farther) = (S::dbits(S::dlt(t, best)), S::dbits(S::dle(t, best)));
+            let ties = (not_farther & !nearer) & S::greater_ids(self.id, id);
+            S::put((nearer | ties) & hit, self.t, t, self.id, id);
         }
     }
 }
 
 /// What the distances of all rays from one origin to a triangle share.
 pub(super) struct Plane {
+    id: u32,
     e1: [f64; 3],
     e2: [f64; 3],
     /// `e2·q`.
@@ -157,6 +54,80 @@ pub(super) struct Plane {
     farthest: f64,
     /// Smallest `det` of a triangle not seen edge-on, per unit of depth.
     least: f64,
+}
+
+impl Plane {
+    #[inline(always)]
+    pub fn of(id: u32, corners: &Corners, origin: &[f64; 3], k: usize, forward: f64) -> Plane {
+        let edge = |to: usize| each_of!([0, 1, 2], a => corners[a][to] - corners[a][0]);
+        let (e1, e2) = (edge(1), edge(2));
+        let s = each_of!([0, 1, 2], a => -(corners[a][0] - origin[a]));
+        let q = [s[1] * e1[2] - s[2] * e1[1], s[2] * e1[0] - s[0] * e1[2], s[0] * e1[1] - s[1] * e1[0]];
+        let depths = each_of!([0, 1, 2], v => (corners[k][v] - origin[k]) * forward);
+        let longest = |e: [f64; 3]| e[0].abs().max(e[1].abs()).max(e[2].abs());
+        Plane {
+            id,
+            numerator: e2[0] * q[0] + e2[1] * q[1] + e2[2] * q[2],
+            nearest: depths[0].min(depths[1]).min(depths[2]) * (1.0 - DEPTH_SLACK),
+            farthest: depths[0].max(depths[1]).max(depths[2]) * (1.0 + DEPTH_SLACK),
+            least: EDGE_ON * longest(e1) * longest(e2),
+            e1,
+            e2,
+        }
+    }
+
+    /// Distances of the rays that are `strictly` inside, and the verdicts on those that are not but `maybe`.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    pub unsafe fn hit<S: Simd>(
+        &self,
+        k: usize,
+        strictly: u32,
+        maybe: u32,
+        rays: &mut Rays,
+        corners: &Corners,
+        origin: &[f64; 3],
+    ) {
+        // SAFETY: the caller vouches for the instruction set.
+        let rest = unsafe {
+            let d = each_of!([0, 1, 2], a => S::dload(rays.directions[a]));
+            let e1 = each_of!([0, 1, 2], a => S::dsplat(self.e1[a]));
+            let e2 = each_of!([0, 1, 2], a => S::dsplat(self.e2[a]));
+            let h = each_of!([0, 1, 2], a => {
+                let (u, v) = ((a + 1) % 3, (a + 2) % 3);
+                S::dsub(S::dmul(d[u], e2[v]), S::dmul(d[v], e2[u]))
+            });
+            let det = S::dadd(S::dadd(S::dmul(h[0], e1[0]), S::dmul(h[1], e1[1])), S::dmul(h[2], e1[2]));
+            let t = S::ddiv(S::dsplat(self.numerator), det);
+            let along = S::dabs(S::dload(rays.directions[k]));
+            let depth = S::dmul(t, along);
+            let faces = S::dle(S::dmul(S::dsplat(self.least), along), S::dabs(det));
+            let within =
+                S::dand(S::dle(S::dsplat(self.nearest), depth), S::dle(depth, S::dsplat(self.farthest)));
+            let sound = strictly & S::dbits(S::dand(faces, within));
+            rays.offer_all::<S>(sound & S::dbits(S::dlt(S::dsplat(0.0), t)), t, self.id);
+            maybe & !sound
+        };
+        if rest != 0 {
+            self.ask(rest, rays, corners, origin);
+        }
+    }
+
+    /// The full verdict, ray by ray.
+    #[cold]
+    fn ask(&self, mut rest: u32, rays: &mut Rays, corners: &Corners, origin: &[f64; 3]) {
+        let corner = |v: usize| DVec3::new(corners[0][v], corners[1][v], corners[2][v]);
+        while rest != 0 {
+            let ray = rest.trailing_zeros() as usize;
+            let corners = [corner(0), corner(1), corner(2)];
+            if let Some(t) = intersect::triangle(DVec3::from(*origin), rays.direction(ray), corners) {
+                rays.offer(ray, t, self.id);
+            }
+            rest &= rest - 1;
+        }
+    }
 }
 
 /// Asks eight rays about a cube.

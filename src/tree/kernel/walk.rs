@@ -13,7 +13,7 @@ use crate::tree::simd::{Simd, each_of, prefetch};
 
 /// A node to visit: the pulses that meet it, and at which depths.
 #[derive(Clone, Copy)]
-pub(super) struct Visit {
+struct Visit {
     node: u32,
     pulses: u32,
     lo: PerPulse,
@@ -21,12 +21,20 @@ pub(super) struct Visit {
 }
 
 impl Visit {
-    pub const NOWHERE: Visit =
+    const NOWHERE: Visit =
         Visit { node: 0, pulses: 0, lo: PerPulse([0.0; GROUP]), hi: PerPulse([0.0; GROUP]) };
 }
 
-/// Most visits that wait at a time.
-pub(super) const HEIGHT: usize = DEEPEST as usize + 1;
+/// Visits that wait.
+pub(super) struct Stacks {
+    kd: [Visit; DEEPEST as usize + 1],
+    wide: [WideVisit; WIDE_STACK],
+}
+
+impl Stacks {
+    pub const EMPTY: Stacks =
+        Stacks { kd: [Visit::NOWHERE; DEEPEST as usize + 1], wide: [WideVisit::NOWHERE; WIDE_STACK] };
+}
 
 impl<S: Simd> Kernel<'_, S> {
     /// Walks the first `pulses` lanes through the tree, front to back.
@@ -59,14 +67,14 @@ impl<S: Simd> Kernel<'_, S> {
                 range = cut(&self.lanes, a, lower[a], range)[1];
             }
             let [lo, hi] = range;
-            self.scratch.stack[0] = Visit { pulses, ..Visit::NOWHERE };
-            S::store(&mut self.scratch.stack[0].lo.0, lo);
-            S::store(&mut self.scratch.stack[0].hi.0, hi);
+            self.stacks.kd[0] = Visit { pulses, ..Visit::NOWHERE };
+            S::store(&mut self.stacks.kd[0].lo.0, lo);
+            S::store(&mut self.stacks.kd[0].hi.0, hi);
             let mut height = 1;
             let loose = S::splat(LOOSE);
             while height > 0 {
                 height -= 1;
-                let visit = &self.scratch.stack[height];
+                let visit = &self.stacks.kd[height];
                 let (mut number, mut pulses) = (visit.node as usize, visit.pulses);
                 let (mut lo, mut hi) = (S::load(&visit.lo.0), S::load(&visit.hi.0));
                 let limit = S::mul(S::load(&self.limit.0), loose);
@@ -99,7 +107,7 @@ impl<S: Simd> Kernel<'_, S> {
                         far
                     } else {
                         if far.1 != 0 {
-                            let visit = &mut self.scratch.stack[height];
+                            let visit = &mut self.stacks.kd[height];
                             visit.node = far.0 as u32;
                             visit.pulses = far.1;
                             S::store(&mut visit.lo.0, far.2[0]);
@@ -118,12 +126,12 @@ impl<S: Simd> Kernel<'_, S> {
     /// As for [`Simd`].
     #[inline(always)]
     unsafe fn walk_wide(&mut self, tree: &Tree, nodes: &[WideNode], pulses: u32) {
-        self.scratch.wide[0] = WideVisit { child: WideChild::node(0), enter: 0.0, pulses };
+        self.stacks.wide[0] = WideVisit { pulses, ..WideVisit::NOWHERE };
         let mut height = 1;
         let mut depths = [0.0; GROUP];
         while height > 0 {
             height -= 1;
-            let WideVisit { child, enter, pulses } = self.scratch.wide[height];
+            let WideVisit { child, enter, pulses } = self.stacks.wide[height];
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
                 let limit = S::load(&self.limit.0);
@@ -157,7 +165,7 @@ impl<S: Simd> Kernel<'_, S> {
                         Ok(number) => prefetch(&nodes[number]),
                         Err(number) => prefetch(&tree.blocks[number]),
                     }
-                    let stack = &mut self.scratch.wide;
+                    let stack = &mut self.stacks.wide;
                     let mut at = height;
                     while at > floor && stack[at - 1].enter < depths[lane] {
                         stack[at] = stack[at - 1];
@@ -173,17 +181,12 @@ impl<S: Simd> Kernel<'_, S> {
 
 /// A child in the wide tree to visit: the pulses that meet it, and the least depth of that.
 #[derive(Clone, Copy)]
-pub(super) struct WideVisit {
+struct WideVisit {
     child: WideChild,
     enter: f32,
     pulses: u32,
 }
 
 impl WideVisit {
-    pub fn nowhere() -> WideVisit {
-        WideVisit { child: WideChild::node(0), enter: 0.0, pulses: 0 }
-    }
+    const NOWHERE: WideVisit = WideVisit { child: WideChild::ROOT, enter: 0.0, pulses: 0 };
 }
-
-/// Most visits that wait at a time in the wide tree.
-pub(super) const WIDE_HEIGHT: usize = WIDE_STACK;

@@ -58,6 +58,7 @@ impl Simd for Avx2 {
     type M = [__m256; 2];
     type D = [__m256d; 2];
     type N = [__m256d; 2];
+    type Q = __m256d;
 
     pairwise!(add, _mm256_add_ps, __m256);
     pairwise!(sub, _mm256_sub_ps, __m256);
@@ -71,10 +72,8 @@ impl Simd for Avx2 {
     pairwise!(dsub, _mm256_sub_pd, __m256d);
     pairwise!(dmul, _mm256_mul_pd, __m256d);
     pairwise!(ddiv, _mm256_div_pd, __m256d);
-    pairwise!(dmin, _mm256_min_pd, __m256d);
     pairwise!(dmax, _mm256_max_pd, __m256d);
     pairwise!(dand, _mm256_and_pd, __m256d);
-    pairwise!(dor, _mm256_or_pd, __m256d);
 
     #[inline(always)]
     unsafe fn splat(x: f32) -> [__m256; 2] {
@@ -106,6 +105,14 @@ impl Simd for Avx2 {
     #[inline(always)]
     unsafe fn max_where(m: [__m256; 2], a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
         unsafe { each_of!([0, 1], i => _mm256_blendv_ps(a[i], _mm256_max_ps(b[i], a[i]), m[i])) }
+    }
+    #[inline(always)]
+    unsafe fn lt(a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+        unsafe { [_mm256_cmp_ps::<_CMP_LT_OQ>(a[0], b[0]), _mm256_cmp_ps::<_CMP_LT_OQ>(a[1], b[1])] }
+    }
+    #[inline(always)]
+    unsafe fn fold_minima(low: [__m256; 2], high: [__m256; 2]) -> [__m256; 2] {
+        unsafe { [_mm256_min_ps(low[0], low[1]), _mm256_min_ps(high[0], high[1])] }
     }
     #[inline(always)]
     unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [[__m256; 2]; 2] {
@@ -204,5 +211,38 @@ impl Simd for Avx2 {
             let two = _mm_max_pd(_mm256_castpd256_pd128(four), _mm256_extractf128_pd::<1>(four));
             _mm_cvtsd_f64(_mm_max_sd(two, _mm_unpackhi_pd(two, two)))
         }
+    }
+
+    #[inline(always)]
+    unsafe fn qsplat(x: f64) -> __m256d {
+        unsafe { _mm256_set1_pd(x) }
+    }
+    #[inline(always)]
+    unsafe fn qload(x: &[f64; 4]) -> __m256d {
+        unsafe { _mm256_loadu_pd(x.as_ptr()) }
+    }
+    #[inline(always)]
+    unsafe fn qadd(a: __m256d, b: __m256d) -> __m256d {
+        unsafe { _mm256_add_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn qsub(a: __m256d, b: __m256d) -> __m256d {
+        unsafe { _mm256_sub_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn qmul(a: __m256d, b: __m256d) -> __m256d {
+        unsafe { _mm256_mul_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn qabs(a: __m256d) -> __m256d {
+        unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), a) }
+    }
+    #[inline(always)]
+    unsafe fn qturn(a: __m256d) -> __m256d {
+        unsafe { _mm256_permute4x64_pd::<0b11_00_10_01>(a) }
+    }
+    #[inline(always)]
+    unsafe fn qstore(x: &mut [f32; 4], v: __m256d) {
+        unsafe { _mm_storeu_ps(x.as_mut_ptr(), _mm256_cvtpd_ps(v)) }
     }
 }

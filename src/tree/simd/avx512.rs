@@ -30,6 +30,7 @@ impl Simd for Avx512 {
     type M = __mmask16;
     type D = __m512d;
     type N = __mmask8;
+    type Q = __m256d;
 
     #[inline(always)]
     unsafe fn splat(x: f32) -> __m512 {
@@ -92,6 +93,19 @@ impl Simd for Avx512 {
         unsafe { _mm512_mask_max_ps(a, m, b, a) }
     }
     #[inline(always)]
+    unsafe fn lt(a: __m512, b: __m512) -> __mmask16 {
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn fold_minima(low: __m512, high: __m512) -> __m512 {
+        unsafe {
+            _mm512_min_ps(
+                _mm512_shuffle_f32x4::<0b01_00_01_00>(low, high),
+                _mm512_shuffle_f32x4::<0b11_10_11_10>(low, high),
+            )
+        }
+    }
+    #[inline(always)]
     unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [__m512; 2] {
         unsafe {
             // Quarters 0, 2 (the halves' first parts) against 1, 3.
@@ -148,10 +162,6 @@ impl Simd for Avx512 {
         unsafe { _mm512_div_pd(a, b) }
     }
     #[inline(always)]
-    unsafe fn dmin(a: __m512d, b: __m512d) -> __m512d {
-        unsafe { _mm512_min_pd(a, b) }
-    }
-    #[inline(always)]
     unsafe fn dmax(a: __m512d, b: __m512d) -> __m512d {
         unsafe { _mm512_max_pd(a, b) }
     }
@@ -170,10 +180,6 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn dand(a: __mmask8, b: __mmask8) -> __mmask8 {
         a & b
-    }
-    #[inline(always)]
-    unsafe fn dor(a: __mmask8, b: __mmask8) -> __mmask8 {
-        a | b
     }
     #[inline(always)]
     unsafe fn dbits(m: __mmask8) -> u32 {
@@ -203,5 +209,38 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn dgreatest(v: __m512d) -> f64 {
         unsafe { _mm512_reduce_max_pd(v) }
+    }
+
+    #[inline(always)]
+    unsafe fn qsplat(x: f64) -> __m256d {
+        unsafe { _mm256_set1_pd(x) }
+    }
+    #[inline(always)]
+    unsafe fn qload(x: &[f64; 4]) -> __m256d {
+        unsafe { _mm256_loadu_pd(x.as_ptr()) }
+    }
+    #[inline(always)]
+    unsafe fn qadd(a: __m256d, b: __m256d) -> __m256d {
+        unsafe { _mm256_add_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn qsub(a: __m256d, b: __m256d) -> __m256d {
+        unsafe { _mm256_sub_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn qmul(a: __m256d, b: __m256d) -> __m256d {
+        unsafe { _mm256_mul_pd(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn qabs(a: __m256d) -> __m256d {
+        unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), a) }
+    }
+    #[inline(always)]
+    unsafe fn qturn(a: __m256d) -> __m256d {
+        unsafe { _mm256_permute4x64_pd::<0b11_00_10_01>(a) }
+    }
+    #[inline(always)]
+    unsafe fn qstore(x: &mut [f32; 4], v: __m256d) {
+        unsafe { _mm_storeu_ps(x.as_mut_ptr(), _mm256_cvtpd_ps(v)) }
     }
 }

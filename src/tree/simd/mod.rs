@@ -69,7 +69,8 @@ pub(crate) fn prefetch<T>(x: &T) {
     let _ = x;
 }
 
-/// Operations of an instruction set. `F` are sixteen `f32`, `D` eight `f64`; `M` and `N` are their masks.
+/// Operations of an instruction set. `F` are sixteen `f32`, `D` eight `f64`; `M` and `N` are their masks. `Q` are four
+/// `f64`.
 ///
 /// # Safety
 /// Every function may only run where the set's target features are available.
@@ -78,6 +79,7 @@ pub(crate) trait Simd: Copy {
     type M: Copy;
     type D: Copy;
     type N: Copy;
+    type Q: Copy;
 
     unsafe fn splat(x: f32) -> Self::F;
     unsafe fn load(x: &[f32; 16]) -> Self::F;
@@ -100,6 +102,10 @@ pub(crate) trait Simd: Copy {
     unsafe fn min_where(m: Self::M, a: Self::F, b: Self::F) -> Self::F;
     /// `m ? max(b, a) : a` by lane.
     unsafe fn max_where(m: Self::M, a: Self::F, b: Self::F) -> Self::F;
+    /// `a < b`, false when either is no number.
+    unsafe fn lt(a: Self::F, b: Self::F) -> Self::M;
+    /// One row of [`Simd::row_minima`]: eight minima over the lanes of `low`, eight over those of `high`.
+    unsafe fn fold_minima(low: Self::F, high: Self::F) -> Self::F;
     /// Minima within the lower and the upper eight lanes of sixteen rows, by row.
     unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [Self::F; 2];
     /// Writes `base + lane` for the lanes in `mask` to consecutive places; all sixteen places may be written.
@@ -114,13 +120,11 @@ pub(crate) trait Simd: Copy {
     unsafe fn dsub(a: Self::D, b: Self::D) -> Self::D;
     unsafe fn dmul(a: Self::D, b: Self::D) -> Self::D;
     unsafe fn ddiv(a: Self::D, b: Self::D) -> Self::D;
-    unsafe fn dmin(a: Self::D, b: Self::D) -> Self::D;
     unsafe fn dmax(a: Self::D, b: Self::D) -> Self::D;
     unsafe fn dabs(a: Self::D) -> Self::D;
     unsafe fn dlt(a: Self::D, b: Self::D) -> Self::N;
     unsafe fn dle(a: Self::D, b: Self::D) -> Self::N;
     unsafe fn dand(a: Self::N, b: Self::N) -> Self::N;
-    unsafe fn dor(a: Self::N, b: Self::N) -> Self::N;
     unsafe fn dbits(m: Self::N) -> u32;
     /// Both vectors as one of `f32`, rounded to nearest.
     unsafe fn narrow(low: Self::D, high: Self::D) -> Self::F;
@@ -130,4 +134,15 @@ pub(crate) trait Simd: Copy {
     unsafe fn greater_ids(ids: &[u32; 8], id: u32) -> u32;
     /// The greatest lane.
     unsafe fn dgreatest(v: Self::D) -> f64;
+
+    unsafe fn qsplat(x: f64) -> Self::Q;
+    unsafe fn qload(x: &[f64; 4]) -> Self::Q;
+    unsafe fn qadd(a: Self::Q, b: Self::Q) -> Self::Q;
+    unsafe fn qsub(a: Self::Q, b: Self::Q) -> Self::Q;
+    unsafe fn qmul(a: Self::Q, b: Self::Q) -> Self::Q;
+    unsafe fn qabs(a: Self::Q) -> Self::Q;
+    /// Lanes 1, 2, 0, 3.
+    unsafe fn qturn(a: Self::Q) -> Self::Q;
+    /// Rounded to nearest.
+    unsafe fn qstore(x: &mut [f32; 4], v: Self::Q);
 }

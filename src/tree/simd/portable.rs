@@ -21,6 +21,7 @@ impl Simd for Portable {
     type M = u32;
     type D = [f64; 8];
     type N = u32;
+    type Q = [f64; 4];
 
     #[inline(always)]
     unsafe fn splat(x: f32) -> Self::F {
@@ -83,6 +84,15 @@ impl Simd for Portable {
         std::array::from_fn(|i| if m >> i & 1 != 0 && b[i] > a[i] { b[i] } else { a[i] })
     }
     #[inline(always)]
+    unsafe fn lt(a: Self::F, b: Self::F) -> u32 {
+        mask(a, b, |a, b| a < b)
+    }
+    #[inline(always)]
+    unsafe fn fold_minima(low: Self::F, high: Self::F) -> Self::F {
+        let least = |a: f32, b: f32| if a < b { a } else { b };
+        std::array::from_fn(|i| if i < 8 { least(low[i], low[i + 8]) } else { least(high[i - 8], high[i]) })
+    }
+    #[inline(always)]
     unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [Self::F; 2] {
         let least = |half: &[f32]| half.iter().fold(f32::INFINITY, |m, &x| if x < m { x } else { m });
         [std::array::from_fn(|r| least(&rows[r][..8])), std::array::from_fn(|r| least(&rows[r][8..]))]
@@ -127,10 +137,6 @@ impl Simd for Portable {
         map(a, b, |a, b| a / b)
     }
     #[inline(always)]
-    unsafe fn dmin(a: Self::D, b: Self::D) -> Self::D {
-        map(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
     unsafe fn dmax(a: Self::D, b: Self::D) -> Self::D {
         map(a, b, |a, b| if a > b { a } else { b })
     }
@@ -149,10 +155,6 @@ impl Simd for Portable {
     #[inline(always)]
     unsafe fn dand(a: u32, b: u32) -> u32 {
         a & b
-    }
-    #[inline(always)]
-    unsafe fn dor(a: u32, b: u32) -> u32 {
-        a | b
     }
     #[inline(always)]
     unsafe fn dbits(m: u32) -> u32 {
@@ -177,5 +179,38 @@ impl Simd for Portable {
     #[inline(always)]
     unsafe fn dgreatest(v: Self::D) -> f64 {
         v.into_iter().fold(f64::NEG_INFINITY, |m, x| if x > m { x } else { m })
+    }
+
+    #[inline(always)]
+    unsafe fn qsplat(x: f64) -> Self::Q {
+        [x; 4]
+    }
+    #[inline(always)]
+    unsafe fn qload(x: &[f64; 4]) -> Self::Q {
+        *x
+    }
+    #[inline(always)]
+    unsafe fn qadd(a: Self::Q, b: Self::Q) -> Self::Q {
+        map(a, b, |a, b| a + b)
+    }
+    #[inline(always)]
+    unsafe fn qsub(a: Self::Q, b: Self::Q) -> Self::Q {
+        map(a, b, |a, b| a - b)
+    }
+    #[inline(always)]
+    unsafe fn qmul(a: Self::Q, b: Self::Q) -> Self::Q {
+        map(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    unsafe fn qabs(a: Self::Q) -> Self::Q {
+        a.map(f64::abs)
+    }
+    #[inline(always)]
+    unsafe fn qturn(a: Self::Q) -> Self::Q {
+        [a[1], a[2], a[0], a[3]]
+    }
+    #[inline(always)]
+    unsafe fn qstore(x: &mut [f32; 4], v: Self::Q) {
+        *x = v.map(|v| v as f32);
     }
 }
