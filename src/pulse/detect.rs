@@ -30,12 +30,13 @@ pub(super) fn order(
 ) {
     keys.clear();
     // The bits of floats that are not negative are ordered like the floats.
-    keys.extend(reflections.range.iter().zip(0..).map(|(r, i)| (r.to_bits(), i)));
+    keys.extend(reflections.ranges().iter().zip(0..).map(|(r, i)| (r.to_bits(), i)));
     keys.sort_unstable();
     out.clear();
+    let intensities = reflections.intensities();
     let mut last = None;
     for (bits, i) in keys.iter() {
-        let intensity = reflections.intensity[*i as usize];
+        let intensity = intensities[*i as usize];
         if last != Some(*bits) {
             out.push((f64::from_bits(*bits), intensity));
             last = Some(*bits);
@@ -86,7 +87,7 @@ pub(super) fn detect(
 /// (§4.7). A range that is no number belongs to the first.
 pub(super) fn attribute(reflections: &Reflections, range: f64) -> usize {
     let (mut best, mut least) = (0, f64::INFINITY);
-    for (i, entry) in reflections.entry.iter().enumerate() {
+    for (i, entry) in reflections.entries().iter().enumerate() {
         let off = (entry - range).abs();
         if off < least {
             (best, least) = (i, off);
@@ -110,8 +111,9 @@ mod tests {
 
     fn reflections(of: &[(f64, f64)]) -> Reflections {
         let mut all = Reflections::default();
+        all.clear(of.len());
         for (range, intensity) in of {
-            all.push(0, (*range, *range), 0, 1.0, *intensity);
+            all.add(0, (*range, *range), 0, 1.0, *intensity);
         }
         all
     }

@@ -243,7 +243,7 @@ impl Receiver {
         let scene = physics.view.scene;
         for (number, r) in (1..).zip(&self.returns) {
             let source = attribute(&self.reflections, r.range);
-            let primitive = self.reflections.primitive[source];
+            let primitive = self.reflections.primitives()[source];
             let mut range = r.range + pulse.range_error;
             if too_near(range, instrument) {
                 continue;
@@ -264,7 +264,7 @@ impl Receiver {
                 part: surface.part,
                 primitive,
                 classification: scene.materials[surface.material as usize].classification,
-                incidence_cosine: self.reflections.cosine[source],
+                incidence_cosine: self.reflections.cosines()[source],
                 scan_angle: pulse.scan_angle,
                 time_ns: pulse.time_ns,
             });

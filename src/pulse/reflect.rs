@@ -14,44 +14,45 @@ const BOX_SLACK: f64 = 1e-4;
 /// The reflections of a pulse in the order of its subrays, field by field.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reflections {
-    /// Range of what sends light back, m.
-    pub range: Vec<f64>,
-    /// Range at which the ray entered the primitive, m: what attribution goes by.
-    pub entry: Vec<f64>,
-    /// Received intensity.
-    pub intensity: Vec<f64>,
-    /// Cosine of the incidence angle.
-    pub cosine: Vec<f64>,
-    /// Number of the primitive.
-    pub primitive: Vec<u32>,
-    /// Ring of the subray.
+    /// How many there are; the fields are longer.
+    count: usize,
+    range: Vec<f64>,
+    entry: Vec<f64>,
+    intensity: Vec<f64>,
+    cosine: Vec<f64>,
+    primitive: Vec<u32>,
     ring: Vec<u32>,
 }
 
 impl Reflections {
-    /// Forgets all of them.
-    pub fn clear(&mut self) {
-        self.range.clear();
-        self.entry.clear();
-        self.intensity.clear();
-        self.cosine.clear();
-        self.primitive.clear();
-        self.ring.clear();
+    /// Forgets all of them and makes room for `most`.
+    pub fn clear(&mut self, most: usize) {
+        self.count = 0;
+        if self.range.len() < most {
+            for field in [&mut self.range, &mut self.entry, &mut self.intensity, &mut self.cosine] {
+                field.resize(most, 0.0);
+            }
+            self.primitive.resize(most, Hits::MISS);
+            self.ring.resize(most, 0);
+        }
     }
 
-    /// Adds one of a surface; its reflectance factor becomes an intensity later.
-    pub fn push(&mut self, ring: u32, (range, entry): (f64, f64), primitive: u32, cosine: f64, factor: f64) {
-        self.range.push(range);
-        self.entry.push(entry);
-        self.intensity.push(factor);
-        self.cosine.push(cosine);
-        self.primitive.push(primitive);
-        self.ring.push(ring);
+    /// Adds one; its reflectance factor becomes an intensity later.
+    pub fn add(&mut self, ring: u32, (range, entry): (f64, f64), primitive: u32, cosine: f64, factor: f64) {
+        let i = self.count;
+        self.range[i] = range;
+        self.entry[i] = entry;
+        self.intensity[i] = factor;
+        self.cosine[i] = cosine;
+        self.primitive[i] = primitive;
+        self.ring[i] = ring;
+        self.count += 1;
     }
 
     /// Turns factors into intensities, and gives those in `foliage` (position, cross-section) theirs.
     fn illuminate(&mut self, instrument: &Instrument, foliage: &[(usize, f64)]) {
-        instrument.energy.apply(&self.ring, &self.entry, &mut self.intensity);
+        let n = self.count;
+        instrument.energy.apply(&self.ring[..n], &self.entry[..n], &mut self.intensity[..n]);
         for (i, sigma) in foliage {
             self.intensity[*i] = instrument.energy.of_cross_section(self.ring[*i], self.entry[*i], *sigma);
         }
@@ -59,7 +60,32 @@ impl Reflections {
 
     /// Whether nothing was reflected.
     pub fn is_empty(&self) -> bool {
-        self.range.is_empty()
+        self.count == 0
+    }
+
+    /// Ranges of what sends light back, m.
+    pub fn ranges(&self) -> &[f64] {
+        &self.range[..self.count]
+    }
+
+    /// Ranges at which the rays entered the primitives, m: what attribution goes by.
+    pub fn entries(&self) -> &[f64] {
+        &self.entry[..self.count]
+    }
+
+    /// Received intensities.
+    pub fn intensities(&self) -> &[f64] {
+        &self.intensity[..self.count]
+    }
+
+    /// Cosines of the incidence angles.
+    pub fn cosines(&self) -> &[f64] {
+        &self.cosine[..self.count]
+    }
+
+    /// Numbers of the primitives.
+    pub fn primitives(&self) -> &[u32] {
+        &self.primitive[..self.count]
     }
 }
 
@@ -137,41 +163,41 @@ impl<'a> View<'a> {
         probe: &mut Probe,
         out: &mut Reflections,
     ) {
-        out.clear();
+        let rings = &instrument.subrays.ring;
+        out.clear(rings.len());
         probe.foliage.clear();
         shot.measure(&mut probe.ranges);
         let around = self.voxel_around(instrument, shot.origin);
+        let asks = around.is_some() || self.limits.is_some();
+        let triangles = self.scene.geometry.triangles.len();
         let mut face = Face::none();
-        for (i, ring) in instrument.subrays.ring.iter().enumerate() {
-            let range = probe.ranges[i];
-            let mut at = Encounter {
-                from: shot.origin,
-                t: shot.t[i],
-                primitive: shot.primitive[i],
-                range,
-                stop: range,
-            };
-            if around.is_some() || !self.stops_at(instrument, &at) {
-                if let Some(voxel) = around {
-                    at = Encounter { from: shot.origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 };
+        for (i, (ring, range)) in rings.iter().zip(&probe.ranges).enumerate() {
+            let (primitive, direction) = (shot.primitive[i], shot.direction(i));
+            let in_range = *range >= instrument.range_min && *range <= instrument.range_max;
+            if !asks && (primitive as usize) < triangles && in_range {
+                face.turn_to(self.scene, primitive);
+                let cosine = if self.fixed_incidence { 1.0 } else { face.plane_cosine(direction) };
+                out.add(*ring, (*range, *range), primitive, cosine, face.factor(cosine));
+            } else if primitive != Hits::MISS || around.is_some() {
+                let first = match around {
+                    None => {
+                        Encounter { from: shot.origin, t: shot.t[i], primitive, range: *range, stop: *range }
+                    }
+                    Some(voxel) => {
+                        Encounter { from: shot.origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 }
+                    }
+                };
+                let Some(at) = self.follow(instrument, shot.origin, direction, first, paths) else {
+                    continue;
+                };
+                face.turn_to(self.scene, at.primitive);
+                let cosine = if self.fixed_incidence { 1.0 } else { face.cosine(self.scene, &at, direction) };
+                if let Some(sigma) = foliage::cross_section(self.scene, at.primitive, direction) {
+                    probe.foliage.push((out.count, sigma));
                 }
-                match self.follow(instrument, shot.origin, shot.direction(i), at, paths) {
-                    Some(behind) => at = behind,
-                    None => continue,
-                }
+                let entry = if instrument.corrections.voxel_stop_point { at.stop } else { at.range };
+                out.add(*ring, (at.stop, entry), at.primitive, cosine, face.factor(cosine));
             }
-            if face.primitive != at.primitive {
-                face = Face::of(self.scene, at.primitive);
-            }
-            let cosine =
-                if self.fixed_incidence { 1.0 } else { face.cosine(self.scene, &at, shot.direction(i)) };
-            if let Some(sigma) =
-                face.voxel.and(foliage::cross_section(self.scene, at.primitive, shot.direction(i)))
-            {
-                probe.foliage.push((out.range.len(), sigma));
-            }
-            let entry = if instrument.corrections.voxel_stop_point { at.stop } else { at.range };
-            out.push(*ring, (at.stop, entry), at.primitive, cosine, face.material_factor(cosine));
         }
         out.illuminate(instrument, &probe.foliage);
     }
@@ -186,15 +212,8 @@ impl<'a> View<'a> {
         may.then(|| foliage::around(self.scene, self.tree, origin, self.largest_cube)).flatten()
     }
 
-    /// Whether a ray that met this is reflected here, without further questions.
-    fn stops_at(&self, instrument: &Instrument, at: &Encounter) -> bool {
-        (at.primitive as usize) < self.scene.geometry.triangles.len()
-            && self.limits.is_none()
-            && at.range >= instrument.range_min
-            && at.range <= instrument.range_max
-    }
-
     /// Follows a subray from what it met first to what reflects it (§2.7), or `None`.
+    #[inline(never)]
     fn follow(
         &self,
         instrument: &Instrument,
@@ -331,37 +350,43 @@ struct Face<'a> {
     material: Option<&'a Material>,
     /// Unit normal of a triangle or of a cube that has one.
     normal: Option<DVec3>,
-    /// Attributes of a cube.
-    voxel: Option<&'a Voxel>,
 }
 
 impl<'a> Face<'a> {
     fn none() -> Face<'a> {
-        Face { primitive: Hits::MISS, material: None, normal: None, voxel: None }
+        Face { primitive: Hits::MISS, material: None, normal: None }
     }
 
-    fn of(scene: &'a Scene, primitive: u32) -> Face<'a> {
+    fn turn_to(&mut self, scene: &'a Scene, primitive: u32) {
+        if self.primitive == primitive {
+            return;
+        }
         let i = primitive as usize;
-        let voxel = scene.voxel(primitive);
         let normal = if i < scene.geometry.triangles.len() {
             let [a, b, c] = scene.geometry.triangle(i);
             Some(unit((b - a).cross(c - a)))
         } else {
-            voxel.and_then(Voxel::normal)
+            scene.voxel(primitive).and_then(Voxel::normal)
         };
-        Face { primitive, material: Some(scene.material_of(primitive)), normal, voxel }
+        *self = Face { primitive, material: Some(scene.material_of(primitive)), normal };
     }
 
     /// Cosine of the incidence angle (§2.4).
     fn cosine(&self, scene: &Scene, at: &Encounter, direction: DVec3) -> f64 {
-        let normal = self.normal.unwrap_or_else(|| {
-            let cube = &scene.geometry.cubes[at.primitive as usize - scene.geometry.triangles.len()];
-            face_of_cube(at.point(direction) - cube.centre, cube.half)
-        });
-        normal.dot(direction).abs().min(1.0)
+        if self.normal.is_some() {
+            return self.plane_cosine(direction);
+        }
+        let cube = &scene.geometry.cubes[at.primitive as usize - scene.geometry.triangles.len()];
+        face_of_cube(at.point(direction) - cube.centre, cube.half).dot(direction).abs().min(1.0)
     }
 
-    fn material_factor(&self, cosine: f64) -> f64 {
+    /// The same of a primitive that has a normal.
+    fn plane_cosine(&self, direction: DVec3) -> f64 {
+        self.normal.map_or(1.0, |n| n.dot(direction).abs().min(1.0))
+    }
+
+    /// Reflectance factor.
+    fn factor(&self, cosine: f64) -> f64 {
         self.material.map_or(0.0, |m| m.factor(cosine))
     }
 }
@@ -412,8 +437,8 @@ mod tests {
             FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
         let mut out = Reflections::default();
         view.reflect(&instrument, Shot::of(&rays, &hits, 0), &mut paths, &mut Probe::default(), &mut out);
-        assert_eq!(out.primitive, [0]);
-        assert!((out.range[0] - 10.0 / d.y).abs() < 1e-12);
-        assert!((out.cosine[0] - d.y).abs() < 1e-15);
+        assert_eq!(out.primitives(), [0]);
+        assert!((out.ranges()[0] - 10.0 / d.y).abs() < 1e-12);
+        assert!((out.cosines()[0] - d.y).abs() < 1e-15);
     }
 }
