@@ -33,6 +33,9 @@ pub(super) struct LazStream {
     /// Chunks being compressed, in order.
     pending: VecDeque<Arc<Chunk>>,
     most_pending: usize,
+    /// Buffers of chunks that are written, for the next ones: megabytes that come and go would scatter the heap, and
+    /// long runs would need more memory than short ones.
+    spare: Vec<Buffers>,
     table: ChunkTable,
 }
 
@@ -50,6 +53,7 @@ impl LazStream {
             points: Vec::new(),
             pending: VecDeque::new(),
             most_pending,
+            spare: Vec::new(),
             table: ChunkTable::default(),
         })
     }
@@ -93,7 +97,9 @@ impl LazStream {
                 self.write(&chunk, medium)?;
             }
         }
-        let chunk = Arc::new(Chunk::new(mem::take(&mut self.points)));
+        let mut buffers = self.spare.pop().unwrap_or_default();
+        mem::swap(&mut self.points, &mut buffers.points);
+        let chunk = Arc::new(Chunk::new(buffers));
         self.pending.push_back(chunk.clone());
         let laszip = self.laszip.clone();
         if let Err(job) = offload.try_run(Box::new(move || chunk.compress(&laszip))) {
@@ -103,11 +109,22 @@ impl LazStream {
     }
 
     fn write(&mut self, chunk: &Chunk, medium: &mut Medium) -> Result<()> {
-        let bytes = chunk.result(&self.laszip)?;
-        let entry = ChunkTableEntry { point_count: CHUNK_POINTS as u64, byte_count: bytes.len() as u64 };
-        self.table.push(entry);
-        medium.append(&bytes)
+        let mut done = chunk.result(&self.laszip)?;
+        let byte_count = done.compressed.len() as u64;
+        self.table.push(ChunkTableEntry { point_count: CHUNK_POINTS as u64, byte_count });
+        medium.append(&done.compressed)?;
+        done.points.clear();
+        done.compressed.clear();
+        self.spare.push(done);
+        Ok(())
     }
+}
+
+/// Points of a chunk, and what they are compressed to.
+#[derive(Default)]
+struct Buffers {
+    points: Vec<u8>,
+    compressed: Vec<u8>,
 }
 
 /// A chunk on its way from points to compressed bytes. Whoever comes first compresses it: a worker that finds the time,
@@ -119,16 +136,16 @@ struct Chunk {
 }
 
 enum State {
-    Points(Vec<u8>),
+    Points(Buffers),
     BeingCompressed,
-    Compressed(Vec<u8>),
+    Compressed(Buffers),
     /// Compression failed, or the result was taken.
     Gone(String),
 }
 
 impl Chunk {
-    fn new(points: Vec<u8>) -> Chunk {
-        Chunk { state: Mutex::new(State::Points(points)), done: Condvar::new() }
+    fn new(buffers: Buffers) -> Chunk {
+        Chunk { state: Mutex::new(State::Points(buffers)), done: Condvar::new() }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -146,25 +163,25 @@ impl Chunk {
         if !matches!(*state, State::Points(_)) {
             return;
         }
-        let State::Points(points) = mem::replace(&mut *state, State::BeingCompressed) else { return };
+        let State::Points(mut buffers) = mem::replace(&mut *state, State::BeingCompressed) else { return };
         drop(state);
         let mut promise =
             Promise { chunk: self, outcome: State::Gone("compression of a chunk panicked".to_owned()) };
-        promise.outcome = match compress(&points, laszip) {
-            Ok(bytes) => State::Compressed(bytes),
+        promise.outcome = match compress(&buffers.points, mem::take(&mut buffers.compressed), laszip) {
+            Ok(compressed) => State::Compressed(Buffers { compressed, ..buffers }),
             Err(error) => State::Gone(format!("compression of a chunk: {error}")),
         };
     }
 
-    /// The compressed bytes; compresses them here if nobody has begun.
-    fn result(&self, laszip: &LazVlr) -> Result<Vec<u8>> {
+    /// The compressed points; compresses them here if nobody has begun.
+    fn result(&self, laszip: &LazVlr) -> Result<Buffers> {
         self.compress(laszip);
         let mut state = self.lock();
         while matches!(*state, State::BeingCompressed) {
             state = self.done.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         match mem::replace(&mut *state, State::Gone("a chunk was asked for twice".to_owned())) {
-            State::Compressed(bytes) => Ok(bytes),
+            State::Compressed(buffers) => Ok(buffers),
             State::Gone(reason) => Err(Error::Internal(reason)),
             State::Points(_) | State::BeingCompressed => Err(Error::Internal("a chunk went back".to_owned())),
         }
@@ -185,8 +202,9 @@ impl Drop for Promise<'_> {
     }
 }
 
-fn compress(points: &[u8], laszip: &LazVlr) -> laz::Result<Vec<u8>> {
-    let out = Vec::with_capacity(points.len() / 2);
+/// Compresses `points` into `out`, which is empty.
+fn compress(points: &[u8], mut out: Vec<u8>, laszip: &LazVlr) -> laz::Result<Vec<u8>> {
+    out.reserve(points.len() / 2);
     let layered = laszip.items().first().is_some_and(|item| item.version() >= 3);
     if layered {
         compress_with(LayeredPointRecordCompressor::new(out), points, laszip)
