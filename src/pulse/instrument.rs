@@ -140,6 +140,11 @@ impl Fleet {
         self.devices
     }
 
+    /// Most subrays that any device has.
+    pub fn most_rays(&self) -> usize {
+        self.instruments.iter().map(|i| i.subrays.len()).max().unwrap_or(0)
+    }
+
     /// The instrument that fires as `device` in `leg` (position among the survey's legs).
     pub fn instrument(&self, leg: u32, device: u32) -> Result<&Instrument> {
         let known = (device as usize) < self.devices;

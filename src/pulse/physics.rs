@@ -37,7 +37,17 @@ impl<'a> Physics<'a> {
     /// without width) or no memory hold (millions of subrays or of pulse samples).
     pub fn new(scene: &'a Scene, tree: &'a Tree, survey: &Survey, o: PhysicsOptions) -> Result<Physics<'a>> {
         Ok(Physics {
-            view: view(scene, tree, limits(scene, &o), &o),
+            view: View {
+                scene,
+                tree,
+                limits: limits(scene, &o),
+                fixed_incidence: o.fixed_incidence,
+                largest_cube: scene
+                    .geometry
+                    .cubes
+                    .iter()
+                    .fold(0.0, |largest, c| f64::max(largest, c.half * 2.0)),
+            },
             gate: gate(scene, &o),
             fleet: Arc::new(Fleet::new(survey, &o)?),
             options: o,
@@ -48,11 +58,16 @@ impl<'a> Physics<'a> {
     }
 
     /// The same physics over another version of the scene, in which parts may have moved out of [`Scene::bounds`]. Costs
-    /// nothing.
+    /// nothing; no cube may be larger than the first version's largest.
     pub fn over<'b>(&self, scene: &'b Scene, tree: &'b Tree) -> Physics<'b> {
         let o = &self.options;
         Physics {
-            view: view(scene, tree, (!o.corrections.unbounded_scene).then_some(scene.bounds), o),
+            view: View {
+                scene,
+                tree,
+                limits: (!o.corrections.unbounded_scene).then_some(scene.bounds),
+                ..self.view
+            },
             gate: gate(scene, o),
             fleet: Arc::clone(&self.fleet),
             options: *o,
@@ -69,11 +84,6 @@ impl<'a> Physics<'a> {
     }
 }
 
-fn view<'a>(scene: &'a Scene, tree: &'a Tree, limits: Option<Aabb>, o: &PhysicsOptions) -> View<'a> {
-    let largest = scene.geometry.cubes.iter().fold(0.0f64, |largest, c| largest.max(c.half * 2.0));
-    View { scene, tree, limits, fixed_incidence: o.fixed_incidence, largest_cube: largest }
-}
-
 /// The scene's box if something lies outside of it and must not be seen: what moved there since the scene was loaded.
 fn limits(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
     let (b, g) = (scene.bounds, &scene.geometry);
@@ -87,8 +97,10 @@ fn gate(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
     (!o.corrections.no_axis_gate && !o.corrections.unbounded_scene).then_some(scene.bounds)
 }
 
-/// Pulses that are traced together, over all devices.
+/// Most pulses that are traced together, over all devices.
 const VOLLEY: usize = 128;
+/// Most rays that are traced together, unless one pulse has more.
+const VOLLEY_RAYS: usize = 1 << 16;
 
 /// Fires pulses. One per worker: it owns the memory, which stays from pulse to pulse.
 #[derive(Clone, Debug)]
@@ -125,7 +137,8 @@ impl Shooter<'_> {
     /// traced several times faster. Fails if the survey has no such leg or device, or if a waveform is too long to be
     /// recorded.
     pub fn fire_all(&mut self, leg: u32, pulses: &[Pulse], batch: &mut Batch) -> Result<()> {
-        pulses.chunks(VOLLEY).try_for_each(|pulses| {
+        let together = VOLLEY_RAYS / self.physics.fleet.most_rays().max(1);
+        pulses.chunks(together.clamp(1, VOLLEY)).try_for_each(|pulses| {
             self.aim(leg, pulses)?;
             self.trace();
             self.receive(leg, pulses, batch)
