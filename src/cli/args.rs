@@ -133,6 +133,10 @@ pub struct RunArgs {
     /// Reproduce the reference program, or switch its known weaknesses off. [default: helios]
     #[arg(long, value_name = "PROFILE", help_heading = "Simulation")]
     pub physics: Option<PhysicsProfile>,
+    /// Switch single corrections on, by name with hyphens, e.g. sum-equal-ranges; a name after no- switches one off. An
+    /// unknown name lists them all.
+    #[arg(long, value_name = "NAME", value_delimiter = ',', help_heading = "Simulation")]
+    pub correct: Vec<String>,
     /// Fit a Gaussian to every echo and report its width; echoes narrower than 0.1 ns are dropped.
     #[arg(long, help_heading = "Simulation")]
     pub echo_width: bool,

@@ -30,7 +30,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let ground = |x, y| scene.ground_height(x, y);
     let (flight, warnings) = FlightPlan::new(&job.survey, scene.shift, &ground, &job.flight)?;
     console.warnings(&warnings.finish(job.strict)?);
-    let physics = Physics::new(&scene, &tree, &job.survey, job.physics.clone())?;
+    let physics = Physics::new(&scene, &tree, &job.survey, job.physics)?;
     let output =
         Arc::new(OutputPlan::new(job.output.clone(), &OutputContext { survey: &job.survey, scene: &scene })?);
     let poses = match &job.survey.platform.kind {

@@ -5,7 +5,7 @@ use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::{self, FlightOptions};
 use crate::output::{LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat};
-use crate::pulse::PhysicsOptions;
+use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::LoadOptions;
 use crate::schedule;
 use crate::survey::{self, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
@@ -128,6 +128,10 @@ fn physics(args: &RunArgs, set: &RunSettings, seed: u64) -> Result<PhysicsOption
         }
     };
     let profile = if refined { PhysicsOptions::refined() } else { PhysicsOptions::helios() };
+    let mut corrections = profile.corrections;
+    for name in &args.correct {
+        correct(&mut corrections, name)?;
+    }
     let flag = |typed: bool, written: Option<bool>| typed || written.unwrap_or(false);
     Ok(PhysicsOptions {
         seed,
@@ -137,8 +141,24 @@ fn physics(args: &RunArgs, set: &RunSettings, seed: u64) -> Result<PhysicsOption
         waveform_noise: flag(args.waveform_noise, set.waveform_noise),
         record_waveforms: args.waveforms || wants(set, "waveforms"),
         record_pulses: args.pulses || wants(set, "pulses"),
-        ..profile
+        corrections,
     })
+}
+
+/// Switches one correction on, or off where `no-` stands before its name.
+fn correct(corrections: &mut Corrections, name: &str) -> Result<()> {
+    let (wanted, bare) = name.strip_prefix("no-").map_or((true, name), |bare| (false, bare));
+    match corrections.by_name(&bare.replace('-', "_")) {
+        Some(correction) => *correction = wanted,
+        None => {
+            let known: Vec<String> = Corrections::NAMES.iter().map(|n| n.replace('_', "-")).collect();
+            let known = known.join(", ");
+            return Err(Error::input(format!(
+                "--correct: no correction is called {bare:?}; there are {known}"
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn output(args: &RunArgs, set: &RunSettings, survey: &Survey, gps: &str) -> Result<OutputRequest> {
@@ -294,6 +314,17 @@ mod tests {
         assert_eq!(count("k"), None);
         assert_eq!(count(""), None);
         assert_eq!(max_memory(Some("4GiB")).unwrap(), Some(4_000_000_000));
+    }
+
+    #[test]
+    fn corrections_go_by_name() {
+        let mut c = Corrections::NONE;
+        correct(&mut c, "sum-equal-ranges").unwrap();
+        assert_eq!(c, Corrections { sum_equal_ranges: true, ..Corrections::NONE });
+        correct(&mut c, "no-sum-equal-ranges").unwrap();
+        assert_eq!(c, Corrections::NONE);
+        let unknown = correct(&mut c, "sum").unwrap_err().to_string();
+        assert!(unknown.contains("sum-equal-ranges"), "{unknown}");
     }
 
     #[test]

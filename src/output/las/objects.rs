@@ -49,7 +49,9 @@ mod tests {
 
     #[test]
     fn texts_become_integers_that_no_part_has() {
-        let parts = |ids: &[&str]| ids.iter().map(|id| Part { id: (*id).to_owned(), ..Part::default() }).collect::<Vec<_>>();
+        let parts = |ids: &[&str]| {
+            ids.iter().map(|id| Part { id: (*id).to_owned(), ..Part::default() }).collect::<Vec<_>>()
+        };
         let objects = ObjectIds::new(&parts(&["3", "north", "0", "", "north", "03", "-5", "7 "]));
         assert_eq!(objects.ids, [3, 8, 0, 0, 8, 9, -5, 7]);
         let names = [(7, "7 "), (8, "north"), (9, "03")].map(|(n, id)| (n, id.to_owned()));
