@@ -139,8 +139,8 @@ fn physics(args: &RunArgs, set: &RunSettings, seed: u64) -> Result<PhysicsOption
         fixed_incidence: flag(args.fixed_incidence, set.fixed_incidence),
         echo_width: flag(args.echo_width, set.echo_width),
         waveform_noise: flag(args.waveform_noise, set.waveform_noise),
-        record_waveforms: args.waveforms || wants(set, "waveforms"),
-        record_pulses: args.pulses || wants(set, "pulses"),
+        record_waveforms: args.waveforms || set.waveforms.unwrap_or(false),
+        record_pulses: args.pulses || set.pulses.unwrap_or(false),
         corrections,
     })
 }
@@ -184,8 +184,8 @@ fn output(args: &RunArgs, set: &RunSettings, survey: &Survey, gps: &str) -> Resu
     });
     Ok(OutputRequest {
         sinks,
-        waveforms: args.waveforms || wants(set, "waveforms"),
-        pulses: args.pulses || wants(set, "pulses"),
+        waveforms: args.waveforms || set.waveforms.unwrap_or(false),
+        pulses: args.pulses || set.pulses.unwrap_or(false),
         split_by_channel: args.split_by_channel,
         trajectory,
         las: LasSettings {
@@ -198,10 +198,6 @@ fn output(args: &RunArgs, set: &RunSettings, survey: &Survey, gps: &str) -> Resu
         creation: flight::calendar_day(gps).map_err(|e| Error::input(format!("GPS start: {e}")))?,
         ..OutputRequest::default()
     })
-}
-
-fn wants(set: &RunSettings, content: &str) -> bool {
-    set.sinks.iter().any(|s| s.content == content)
 }
 
 fn is_stdout(path: &Path) -> bool {

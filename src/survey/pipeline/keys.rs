@@ -46,6 +46,10 @@ pub struct PipelineKeys {
     pub gps_start: Option<String>,
     /// Warnings are errors. Default: false.
     pub strict: Option<bool>,
+    /// Write every digitised waveform beside the first output that is a file or folder. Default: false.
+    pub waveforms: Option<bool>,
+    /// Write every emitted pulse beside the first output that is a file or folder. Default: false.
+    pub pulses: Option<bool>,
     /// More folders in which input files are looked for.
     pub assets: Vec<PathBuf>,
     /// What carries the scanner.
@@ -317,8 +321,6 @@ pub struct PhysicsKeys {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ScheduleKeys {
-    /// `warehouse` (the default), `dynamic`, `static` or `single`.
-    pub kind: Key<String>,
     /// Number of threads; 0 is one per core, the default.
     pub threads: Option<usize>,
     /// Pulses per chunk.
@@ -337,9 +339,9 @@ pub struct ScheduleKeys {
 pub struct OutputKeys {
     /// The file, or `-` for standard output; a folder with `per_leg`.
     pub path: Key<PathBuf>,
-    /// `points` (the default), `trajectory`, `waveforms` or `pulses`.
+    /// `points` (the default) or `trajectory`: the platform's poses as CSV, in the layout that `--trajectory` reads.
     pub content: Key<String>,
-    /// `xyz`, `las`, `laz`, `ply`, `arrow` or `parquet`. Default: from the extension, else `xyz`.
+    /// `xyz`, `las`, `laz`, `ply` or `ply-ascii`. Default: from the extension, else `xyz`.
     pub format: Key<String>,
     /// One file for each leg or strip. Default: false.
     pub per_leg: Option<bool>,

@@ -19,8 +19,6 @@ pub struct RunSettings {
     pub gps_start: Option<String>,
     /// Number of threads; 0 = one per core.
     pub threads: Option<usize>,
-    /// `warehouse`, `dynamic`, `static` or `single`.
-    pub schedule: Option<String>,
     /// Pulses per chunk, at least 1.
     pub chunk_size: Option<usize>,
     /// Chunks per thread in the warehouse, at least 1.
@@ -47,6 +45,10 @@ pub struct RunSettings {
     pub crs: Option<String>,
     /// Warnings are errors.
     pub strict: Option<bool>,
+    /// Write waveforms.
+    pub waveforms: Option<bool>,
+    /// Write pulses.
+    pub pulses: Option<bool>,
     /// Most memory for the scene, bytes.
     pub max_memory: Option<u64>,
 }
@@ -56,9 +58,9 @@ pub struct RunSettings {
 pub struct SinkSetting {
     /// File or folder, relative to the working directory; `-` is standard output.
     pub path: PathBuf,
-    /// `points`, `trajectory`, `waveforms` or `pulses`.
+    /// `points` or `trajectory`.
     pub content: String,
-    /// `xyz`, `las`, `laz`, `ply`, `arrow` or `parquet`.
+    /// `xyz`, `las`, `laz`, `ply` or `ply-ascii`.
     pub format: Option<String>,
     /// One file for each leg or strip.
     pub per_leg: Option<bool>,
@@ -80,7 +82,6 @@ pub(super) fn read_settings(context: &Context, source: &Source, keys: &PipelineK
         seed: read_seed(context, source, &keys.seed),
         gps_start: keys.gps_start.clone(),
         threads: schedule.threads,
-        schedule: one_of(&schedule.kind, &["warehouse", "dynamic", "static", "single"]),
         chunk_size: at_least_1(&schedule.chunk_size),
         warehouse_factor: at_least_1(&schedule.warehouse_factor),
         tree: one_of(&schedule.tree, &["fsah", "sah", "axis-sah", "median", "bvh"]),
@@ -94,6 +95,8 @@ pub(super) fn read_settings(context: &Context, source: &Source, keys: &PipelineK
         sinks: read_sinks(context, source, keys),
         crs: read_crs(context, source, &keys.crs),
         strict: keys.strict,
+        waveforms: keys.waveforms,
+        pulses: keys.pulses,
         max_memory: read_memory(context, source, &schedule.max_memory),
     }
 }
@@ -136,10 +139,8 @@ fn read_seed(context: &Context, source: &Source, key: &Key<Value>) -> Option<u64
 fn read_sinks(context: &Context, source: &Source, keys: &PipelineKeys) -> Vec<SinkSetting> {
     let mut sinks = Vec::new();
     for output in &keys.output {
-        let content =
-            one_of(context, source, &output.content, &["points", "trajectory", "waveforms", "pulses"]);
-        let format =
-            one_of(context, source, &output.format, &["xyz", "las", "laz", "ply", "arrow", "parquet"]);
+        let content = one_of(context, source, &output.content, &["points", "trajectory"]);
+        let format = one_of(context, source, &output.format, &["xyz", "las", "laz", "ply", "ply-ascii"]);
         let Some(path) = &output.path else {
             context.error_help(None, "an [[output]] needs the key `path`", "path = \"-\" is standard output");
             continue;

@@ -63,7 +63,6 @@ legacy_energy = true
 platform_noise = false
 
 [schedule]
-kind = "dynamic"
 threads = 3
 tree = "sah"
 max_memory = "2G"
@@ -113,10 +112,7 @@ fn every_table() {
     let [one, two] = &survey.legs[..] else { panic!("two legs") };
     assert_eq!((one.scanner.pulse_freq, one.scanner.scan_freq, one.platform.speed), (2000, 50.0, 30.0));
     assert_eq!((two.scanner.active, two.scanner.scan_freq, two.platform.position.x), (false, 60.0, 100.0));
-    assert_eq!(
-        (settings.threads, settings.schedule.as_deref(), settings.tree.as_deref()),
-        (Some(3), Some("dynamic"), Some("sah"))
-    );
+    assert_eq!((settings.threads, settings.tree.as_deref()), (Some(3), Some("sah")));
     assert_eq!(
         (settings.max_memory, settings.legacy_energy, settings.echo_width),
         (Some(2 << 30), Some(true), None)
