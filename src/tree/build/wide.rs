@@ -56,7 +56,11 @@ pub(crate) fn build_wide(
         max_leaf: s.max_leaf,
         min_leaf: s.min_leaf,
         root_area: 2.0 * area * metres * metres,
-        cost: if area > 0.0 { cost / area } else { options.cost_leaf + options.cost_primitive * count as f64 },
+        cost: if area > 0.0 {
+            cost / area
+        } else {
+            options.cost_leaf + options.cost_primitive * count as f64
+        },
     };
     if part.arena.nodes.is_empty() {
         part.arena.nodes.push(WideNode::EMPTY);
@@ -83,7 +87,11 @@ impl Bounds {
         let least = |a: f32, b: f32| if a < b { a } else { b };
         let greatest = |a: f32, b: f32| if a > b { a } else { b };
         Bounds {
-            lo: [least(self.lo[0], other.lo[0]), least(self.lo[1], other.lo[1]), least(self.lo[2], other.lo[2])],
+            lo: [
+                least(self.lo[0], other.lo[0]),
+                least(self.lo[1], other.lo[1]),
+                least(self.lo[2], other.lo[2]),
+            ],
             hi: [
                 greatest(self.hi[0], other.hi[0]),
                 greatest(self.hi[1], other.hi[1]),
@@ -293,7 +301,8 @@ fn build_node(mut ranges: Vec<Range>, depth: u32, delegate: usize) -> Part {
     let count: usize = ranges.iter().map(|r| r.prims.len()).sum();
     let bounds = ranges.iter().fold(Bounds::NOTHING, |b, r| b.union(&r.bounds));
     let boxes: Vec<Bounds> = ranges.iter().map(|r| r.bounds).collect();
-    let build = |r: Range| if r.is_full() { build_node(vec![r], depth + 1, delegate) } else { leaf(&r, depth + 1) };
+    let build =
+        |r: Range| if r.is_full() { build_node(vec![r], depth + 1, delegate) } else { leaf(&r, depth + 1) };
     let parts: Vec<Part> = if count >= delegate.max(FEW) {
         ranges.into_par_iter().map(build).collect()
     } else {

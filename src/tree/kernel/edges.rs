@@ -1,11 +1,12 @@
 //! Which rays of a pulse pass within a triangle, decided in single precision wherever that suffices.
 //!
-//! In coordinates sheared along the pulse's first ray, a ray that deviates from it by slopes `(δ_i, δ_j)` passes the edge
+//! Slopes are `d_i/d_k` and `d_j/d_k`. In coordinates sheared along the pulse's first ray, a ray that deviates from it by
+//! slopes `(δ_i, δ_j)` passes the edge
 //! from corner `p` to corner `q` on the side given by the sign of `E = c0 + c1·δ_i + c2·δ_j`, where
 //! `(c1, c2, c0) = p × q`. The three coefficients come from double precision, and as they are small for small triangles
 //! near the ray, so is the error of `E`. It is bounded; a ray within the bound of an edge is left undecided.
 
-use super::lanes::{Deviations, Lanes};
+use super::lanes::Deviations;
 use crate::tree::simd::{Simd, each_of};
 
 /// Corners of a triangle by axis; the fourth place is idle.
@@ -14,8 +15,23 @@ pub(super) type Corners = [[f64; 4]; 3];
 /// Rounding of the coefficients, the deviations and the evaluation, all in single precision, with room to spare.
 const SINGLE: f64 = 1.0 / (1u64 << 20) as f64;
 
-/// Rounding of sheared coordinates, here and in the verdict, relative to the corners' distance, with room to spare.
-const DOUBLE: f64 = 1.0 / (1u64 << 46) as f64;
+/// Rounding of sheared coordinates and their products, here and in the verdict, relative to the square of the corners'
+/// distance, with room to spare.
+const DOUBLE: f64 = 1.0 / (1u64 << 48) as f64;
+
+/// Whence a pulse looks.
+#[derive(Clone, Copy)]
+pub(super) struct Eye {
+    pub origin: [f64; 3],
+    /// Slopes of the first ray on the side axes.
+    pub middle: [f64; 2],
+    /// Largest deviation from them.
+    pub width: f64,
+}
+
+impl Eye {
+    pub const NOWHERE: Eye = Eye { origin: [0.0; 3], middle: [0.0; 2], width: 0.0 };
+}
 
 /// The edge functions of a triangle for one pulse; lanes are the edges.
 pub(super) struct Edges {
@@ -24,42 +40,33 @@ pub(super) struct Edges {
 }
 
 impl Edges {
-    /// The edges of a triangle as seen by pulse `p` from `origin`.
+    /// The edges of a triangle as a pulse sees them.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn of<S: Simd>(lanes: &Lanes<S>, scale: f64, p: usize, origin: &[f64; 3], corners: &Corners) -> Edges {
-        let [k, i, j] = lanes.axes;
+    pub unsafe fn of<S: Simd>([k, i, j]: [usize; 3], eye: &Eye, corners: &Corners) -> Edges {
         let mut coefficients = [[0.0; 4]; 4];
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
-            let forward = scale * f64::from(lanes.forward);
-            let z = S::qmul(S::qsub(S::qload(&corners[k]), S::qsplat(origin[k])), S::qsplat(forward));
-            let [x, y] = each_of!([0, 1], side => {
-                let a = [i, j][side];
-                let along = S::qmul(S::qsub(S::qload(&corners[a]), S::qsplat(origin[a])), S::qsplat(scale));
-                S::qsub(along, S::qmul(S::qsplat(lanes.middle[side][p]), z))
-            });
+            let z = S::qsub(S::qload(&corners[k]), S::qsplat(eye.origin[k]));
+            let x = S::qsub(S::qload(&corners[i]), S::qsplat(eye.origin[i]));
+            let y = S::qsub(S::qload(&corners[j]), S::qsplat(eye.origin[j]));
+            let x = S::qsub(x, S::qmul(S::qsplat(eye.middle[0]), z));
+            let y = S::qsub(y, S::qmul(S::qsplat(eye.middle[1]), z));
             let (xn, yn, zn) = (S::qturn(x), S::qturn(y), S::qturn(z));
-            let c = [
-                S::qsub(S::qmul(y, zn), S::qmul(z, yn)),
-                S::qsub(S::qmul(z, xn), S::qmul(x, zn)),
-                S::qsub(S::qmul(x, yn), S::qmul(y, xn)),
-            ];
-            let width = S::qsplat(lanes.width[p]);
-            let aside = S::qadd(S::qabs(x), S::qabs(y));
-            let distant = S::qabs(z);
-            let across = S::qadd(aside, S::qmul(width, distant));
-            let reach = S::qadd(aside, distant);
-            let both = S::qmul(S::qadd(across, S::qturn(across)), S::qadd(reach, S::qturn(reach)));
-            let tilt = S::qmul(S::qadd(S::qabs(c[0]), S::qabs(c[1])), width);
-            let single = S::qmul(S::qadd(S::qabs(c[2]), tilt), S::qsplat(SINGLE));
-            let error = S::qadd(single, S::qmul(both, S::qsplat(DOUBLE)));
-            for n in 0..3 {
-                S::qstore(&mut coefficients[n], c[n]);
-            }
-            S::qstore(&mut coefficients[3], error);
+            let c1 = S::qsub(S::qmul(y, zn), S::qmul(z, yn));
+            let c2 = S::qsub(S::qmul(z, xn), S::qmul(x, zn));
+            let c0 = S::qsub(S::qmul(x, yn), S::qmul(y, xn));
+            let reach = S::qadd(S::qabs(z), S::qadd(S::qabs(x), S::qabs(y)));
+            let reach = S::qadd(reach, S::qturn(reach));
+            let tilt = S::qmul(S::qadd(S::qabs(c1), S::qabs(c2)), S::qsplat(eye.width * SINGLE));
+            let single = S::qadd(S::qmul(S::qabs(c0), S::qsplat(SINGLE)), tilt);
+            let double = S::qmul(S::qmul(reach, reach), S::qsplat(DOUBLE));
+            S::qstore(&mut coefficients[0], c1);
+            S::qstore(&mut coefficients[1], c2);
+            S::qstore(&mut coefficients[2], c0);
+            S::qstore(&mut coefficients[3], S::qadd(single, double));
         }
         Edges { coefficients }
     }

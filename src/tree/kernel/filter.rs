@@ -23,7 +23,11 @@ pub(super) unsafe fn boxes_in_beam<S: Simd>(
             let [under, over] = &beam[a];
             let u = S::mul(S::sub(S::load(&upper[a]), S::splat(under.from)), S::splat(under.inverse));
             let o = S::mul(S::sub(S::load(&lower[a]), S::splat(over.from)), S::splat(over.inverse));
-            if under.inverse > 0.0 { leave = S::min(u, leave) } else { enter = S::max(u, enter) }
+            if under.inverse > 0.0 {
+                leave = S::min(u, leave)
+            } else {
+                enter = S::max(u, enter)
+            }
             if over.inverse > 0.0 { enter = S::max(o, enter) } else { leave = S::min(o, leave) }
         }
         (S::bits(S::le(enter, S::mul(leave, S::splat(LOOSE)))), enter)
@@ -35,7 +39,12 @@ pub(super) unsafe fn boxes_in_beam<S: Simd>(
 /// # Safety
 /// As for [`Simd`].
 #[inline(always)]
-pub(super) unsafe fn box_in_lanes<S: Simd>(lanes: &Lanes<S>, lower: [f32; 3], upper: [f32; 3], limit: &PerPulse) -> u32 {
+pub(super) unsafe fn box_in_lanes<S: Simd>(
+    lanes: &Lanes<S>,
+    lower: [f32; 3],
+    upper: [f32; 3],
+    limit: &PerPulse,
+) -> u32 {
     // SAFETY: the caller vouches for the instruction set.
     unsafe {
         let (mut enter, mut leave) = (S::splat(0.0), S::load(&limit.0));
@@ -57,7 +66,12 @@ pub(super) unsafe fn box_in_lanes<S: Simd>(lanes: &Lanes<S>, lower: [f32; 3], up
 /// # Safety
 /// As for [`Simd`].
 #[inline(always)]
-pub(super) unsafe fn cut<S: Simd>(lanes: &Lanes<S>, axis: usize, plane: f32, [lo, hi]: [S::F; 2]) -> [[S::F; 2]; 2] {
+pub(super) unsafe fn cut<S: Simd>(
+    lanes: &Lanes<S>,
+    axis: usize,
+    plane: f32,
+    [lo, hi]: [S::F; 2],
+) -> [[S::F; 2]; 2] {
     // SAFETY: the caller vouches for the instruction set.
     unsafe {
         each_of!([0, 1], n => {

@@ -1,6 +1,7 @@
 //! Up to sixteen pulses as lanes: the filter of [`Beam`](crate::tree::beam::Beam) sixteen times, around one reference
 //! point, and the beam around all of them.
 
+use super::edges::Eye;
 use crate::tree::beam::FLATTEST;
 use crate::tree::frame::{Frame, above};
 use crate::tree::intersect::{SHORTEST, axes_by_dominance};
@@ -65,10 +66,8 @@ pub(crate) struct Lanes<S: Simd> {
     pub sides: [[Side<S>; 2]; 3],
     /// The beam around all.
     pub beam: [[BeamSide; 2]; 3],
-    /// Slopes of each pulse's first ray, `[side axis]`.
-    pub middle: [[f64; GROUP]; 2],
-    /// Largest deviation from it.
-    pub width: [f64; GROUP],
+    /// What each pulse looks from.
+    pub eyes: [Eye; GROUP],
 }
 
 /// How many pulses from `first` on are near enough to be traced together, at least 1.
@@ -112,10 +111,14 @@ impl<S: Simd> Lanes<S> {
             }
         }
         let steepness = spread.depth[1].0.map(|d| f64::from(d) * frame.scale * 1.000_000_2);
-        let mut width = [0.0; GROUP];
-        for l in 0..GROUP {
+        let mut eyes = [Eye::NOWHERE; GROUP];
+        for (l, pulse) in pulses.enumerate() {
             let ends = spread.aside.map(|[lo, hi]| lo.0[l].abs().max(hi.0[l].abs()));
-            width[l] = f64::from(ends[0].max(ends[1]));
+            eyes[l] = Eye {
+                origin: rays.origin(pulse).to_array(),
+                middle: [spread.middle[0][l], spread.middle[1][l]],
+                width: f64::from(ends[0].max(ends[1])),
+            };
         }
         // SAFETY: as above.
         unsafe {
@@ -133,8 +136,7 @@ impl<S: Simd> Lanes<S> {
                 steepness,
                 sides,
                 beam,
-                middle: spread.middle,
-                width,
+                eyes,
             })
         }
     }
@@ -153,7 +155,13 @@ struct Start {
 
 impl Start {
     #[inline(always)]
-    fn of(frame: &Frame, rays: &RayGroup, pulses: Range<usize>, axes: [usize; 3], forward: f64) -> Option<Start> {
+    fn of(
+        frame: &Frame,
+        rays: &RayGroup,
+        pulses: Range<usize>,
+        axes: [usize; 3],
+        forward: f64,
+    ) -> Option<Start> {
         let mut origins = [frame.local(rays.origin(pulses.start)); GROUP];
         for (o, p) in origins.iter_mut().zip(pulses) {
             *o = frame.local(rays.origin(p));
@@ -180,15 +188,17 @@ impl Start {
     }
 }
 
-/// Slopes of a pulse's rays less those of its first, sixteen rays at a time: `[side axis]`.
+/// Slopes of a pulse's rays, `d_i/d_k` and `d_j/d_k`, less those of its first ray; sixteen rays at a time.
 pub(crate) type Deviations = [[f32; 16]; 2];
 
 /// How the directions of each pulse spread around its first.
 struct Spread {
-    /// Slopes of the first ray.
+    /// Slopes of the first ray, not turned forward.
     middle: [[f64; GROUP]; 2],
     /// Least and greatest deviation from it.
     aside: [[PerPulse; 2]; 2],
+    /// Sign of d_k.
+    forward: f32,
     /// Least and greatest `|d_k|`.
     depth: [PerPulse; 2],
 }
@@ -213,27 +223,28 @@ impl Spread {
         let mut middle = [[0.0; GROUP]; 2];
         for l in 0..pulses.len() {
             let row = (pulses.start + l) * registers;
-            let reciprocal = 1.0 / (along[row][0] * forward);
+            let reciprocal = 1.0 / along[row][0];
             let (mi, mj) = (i[row][0] * reciprocal, j[row][0] * reciprocal);
             (middle[0][l], middle[1][l]) = (mi, mj);
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
-                let (mi, mj, sign) = (S::dsplat(mi), S::dsplat(mj), S::dsplat(forward));
-                let (zero, one) = (S::splat(0.0), S::splat(1.0));
-                let (mut least, mut greatest) = ([S::splat(f32::INFINITY); 3], [S::splat(f32::NEG_INFINITY); 3]);
+                let (mi, mj) = (S::dsplat(mi), S::dsplat(mj));
+                let (zero, one, sign) = (S::splat(0.0), S::splat(1.0), S::splat(forward as f32));
+                let (mut least, mut greatest) =
+                    ([S::splat(f32::INFINITY); 3], [S::splat(f32::NEG_INFINITY); 3]);
                 for r in 0..wide {
                     // An odd last register is taken twice.
                     let (low, high) = (row + 2 * r, row + (2 * r + 1).min(registers - 1));
                     let [low, high] = each_of!([0, 1], n => {
                         let at = [low, high][n];
-                        let depth = S::dmul(S::dload(&along[at]), sign);
-                        let wi = S::dsub(S::dload(&i[at]), S::dmul(mi, depth));
-                        let wj = S::dsub(S::dload(&j[at]), S::dmul(mj, depth));
-                        [wi, wj, depth]
+                        let dk = S::dload(&along[at]);
+                        let wi = S::dsub(S::dload(&i[at]), S::dmul(mi, dk));
+                        let wj = S::dsub(S::dload(&j[at]), S::dmul(mj, dk));
+                        [wi, wj, dk]
                     });
-                    let [wi, wj, depth] = each_of!([0, 1, 2], n => S::narrow(low[n], high[n]));
-                    let shorter = S::div(one, depth);
-                    let w = [S::mul(wi, shorter), S::mul(wj, shorter), depth];
+                    let [wi, wj, dk] = each_of!([0, 1, 2], n => S::narrow(low[n], high[n]));
+                    let reciprocal = S::div(one, dk);
+                    let w = [S::mul(wi, reciprocal), S::mul(wj, reciprocal), S::mul(dk, sign)];
                     let to = &mut deviations[l * wide + r];
                     S::store(&mut to[0], w[0]);
                     S::store(&mut to[1], w[1]);
@@ -265,7 +276,7 @@ impl Spread {
             }
         }
         let [wi, wj, depth] = ends;
-        Spread { middle, aside: [wi, wj], depth }
+        Spread { middle, aside: [wi, wj], forward: forward as f32, depth }
     }
 
     /// Intervals of slopes; `None` unless every ray runs forward, well within the cone of its axis.
@@ -277,8 +288,9 @@ impl Spread {
             for l in 0..GROUP {
                 let (w0, w1) = (self.aside[side][0].0[l], self.aside[side][1].0[l]);
                 let middle = self.middle[side][l] as f32;
-                let (lo, hi) = (middle + w0 - SLOPE_SLACK, middle + w1 + SLOPE_SLACK);
-                sound &= lo > -1.0 + SLOPE_SLACK && hi < 1.0 - SLOPE_SLACK && w0 <= w1;
+                let (w0, w1) = ((middle + w0) * self.forward, (middle + w1) * self.forward);
+                let (lo, hi) = (w0.min(w1) - SLOPE_SLACK, w0.max(w1) + SLOPE_SLACK);
+                sound &= lo > -1.0 + SLOPE_SLACK && hi < 1.0 - SLOPE_SLACK && lo <= hi;
                 slope[side][0].0[l] = if lo.abs() < FLATTEST { -FLATTEST } else { lo };
                 slope[side][1].0[l] = if hi.abs() < FLATTEST { FLATTEST } else { hi };
             }

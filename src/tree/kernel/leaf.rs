@@ -6,7 +6,7 @@ use super::Kernel;
 use super::edges::{Corners, Edges};
 use super::filter::{Seen, boxes_in_beam};
 use super::lanes::{BeamSide, GROUP};
-use super::verdict::{Plane, Rays, hit_cube};
+use super::verdict::{Plane, Rays, Rows, hit_cube};
 use crate::tree::block::{Block, LANES};
 use crate::tree::simd::Simd;
 
@@ -153,10 +153,10 @@ impl<S: Simd> Kernel<'_, S> {
         for n in 0..self.lists.count {
             let pair = self.lists.pairs[n];
             let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
-            let origin = self.rays.origin(self.first + pulse).to_array();
             // SAFETY: the caller vouches for the instruction set.
             let (strictly, maybe) = unsafe {
-                let edges = Edges::of(&self.lanes, self.scale, pulse, &origin, &self.lists.corners[lane]);
+                let edges =
+                    Edges::of::<S>(self.lanes.axes, &self.lanes.eyes[pulse], &self.lists.corners[lane]);
                 let (mut strictly, mut maybe) = edges.inside::<S>(&self.deviations[pulse * wide + first]);
                 if first + 1 < wide {
                     let (s, m) = edges.inside::<S>(&self.deviations[pulse * wide + first + 1]);
@@ -175,22 +175,24 @@ impl<S: Simd> Kernel<'_, S> {
     #[inline(always)]
     unsafe fn hit_triangles(&mut self, block: &Block, span: usize, count: usize) {
         let (k, forward) = (self.lanes.axes[0], f64::from(self.lanes.forward));
+        // The same number of registers for every pair, so that no branch depends on who hits what.
+        let registers = (self.registers - span * SPAN / 8).min(SPAN / 8);
         for n in 0..count {
-            let Inside { pair, mut strictly, mut maybe } = self.lists.inside[n];
+            let Inside { pair, strictly, maybe } = self.lists.inside[n];
             let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
-            let origin = self.rays.origin(self.first + pulse).to_array();
-            let corners = self.lists.corners[lane];
-            let plane = Plane::of(block.id[lane], &corners, &origin, k, forward);
-            let mut register = (self.first + pulse) * self.registers + span * SPAN / 8;
-            while maybe != 0 {
-                if maybe & 255 != 0 {
-                    let mut rays = self.rays_of(register);
-                    // SAFETY: the caller vouches for the instruction set.
-                    unsafe { plane.hit::<S>(k, strictly & 255, maybe & 255, &mut rays, &corners, &origin) };
-                }
-                (strictly, maybe) = (strictly >> 8, maybe >> 8);
-                register += 1;
-            }
+            let corners = &self.lists.corners[lane];
+            let origin = &self.lanes.eyes[pulse].origin;
+            let plane = Plane::of(block.id[lane], corners, origin, k, forward);
+            let first = (self.first + pulse) * self.registers + span * SPAN / 8;
+            let row = first..first + registers;
+            let d = &self.directions;
+            let rays = Rows {
+                directions: [&d[0][row.clone()], &d[1][row.clone()], &d[2][row.clone()]],
+                t: &mut self.t[row.clone()],
+                id: &mut self.ids[row],
+            };
+            // SAFETY: the caller vouches for the instruction set.
+            unsafe { plane.hit::<S>(k, strictly, maybe, rays, corners, origin) };
         }
     }
 

@@ -95,8 +95,6 @@ struct Kernel<'a, S: super::simd::Simd> {
     first: usize,
     lanes: Lanes<S>,
     deviations: &'a [Deviations],
-    /// Scene to tree.
-    scale: f64,
     /// Depth beyond which nothing can be nearer than what each pulse has hit.
     limit: PerPulse,
     stacks: &'a mut walk::Stacks,
@@ -126,7 +124,16 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             let mut count = lanes::neighbours(rays, first);
             loop {
                 // SAFETY: the caller vouches for the instruction set.
-                if unsafe { Kernel::<S>::trace_together(tree, geometry, rays, first..first + count, hits, &mut scratch) } {
+                if unsafe {
+                    Kernel::<S>::trace_together(
+                        tree,
+                        geometry,
+                        rays,
+                        first..first + count,
+                        hits,
+                        &mut scratch,
+                    )
+                } {
                     break;
                 }
                 if count == 1 {
@@ -154,7 +161,9 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
         scratch: &mut Scratch,
     ) -> bool {
         // SAFETY: the caller vouches for the instruction set.
-        let Some(lanes) = (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone(), &mut scratch.deviations) }) else {
+        let Some(lanes) =
+            (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone(), &mut scratch.deviations) })
+        else {
             return false;
         };
         let mut limit = PerPulse([f32::NEG_INFINITY; GROUP]);
@@ -171,7 +180,6 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             first: pulses.start,
             lanes,
             deviations: &scratch.deviations,
-            scale: tree.frame.scale,
             limit,
             stacks: &mut scratch.stacks,
             lists: &mut scratch.lists,

@@ -15,6 +15,13 @@ pub(super) struct Rays<'a> {
     pub id: &'a mut [u32; 8],
 }
 
+/// Several registers of rays.
+pub(super) struct Rows<'a> {
+    pub directions: [&'a [[f64; 8]]; 3],
+    pub t: &'a mut [[f64; 8]],
+    pub id: &'a mut [[u32; 8]],
+}
+
 impl Rays<'_> {
     fn direction(&self, ray: usize) -> DVec3 {
         DVec3::new(self.directions[0][ray], self.directions[1][ray], self.directions[2][ray])
@@ -84,14 +91,33 @@ impl Plane {
     pub unsafe fn hit<S: Simd>(
         &self,
         k: usize,
-        strictly: u32,
-        maybe: u32,
-        rays: &mut Rays,
+        mut strictly: u32,
+        mut maybe: u32,
+        rays: Rows,
         corners: &Corners,
         origin: &[f64; 3],
     ) {
+        let [x, y, z] = rays.directions;
+        for ((((x, y), z), t), id) in x.iter().zip(y).zip(z).zip(rays.t).zip(rays.id) {
+            let mut rays = Rays { directions: [x, y, z], t, id };
+            // SAFETY: the caller vouches for the instruction set.
+            let sound = unsafe { self.distances::<S>(k, strictly & 255, &mut rays) };
+            let rest = maybe & 255 & !sound;
+            if rest != 0 {
+                self.ask(rest, &mut rays, corners, origin);
+            }
+            (strictly, maybe) = (strictly >> 8, maybe >> 8);
+        }
+    }
+
+    /// Distances of eight rays that are `strictly` inside; returns those for which they count.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn distances<S: Simd>(&self, k: usize, strictly: u32, rays: &mut Rays) -> u32 {
         // SAFETY: the caller vouches for the instruction set.
-        let rest = unsafe {
+        unsafe {
             let d = each_of!([0, 1, 2], a => S::dload(rays.directions[a]));
             let e1 = each_of!([0, 1, 2], a => S::dsplat(self.e1[a]));
             let e2 = each_of!([0, 1, 2], a => S::dsplat(self.e2[a]));
@@ -108,10 +134,7 @@ impl Plane {
                 S::dand(S::dle(S::dsplat(self.nearest), depth), S::dle(depth, S::dsplat(self.farthest)));
             let sound = strictly & S::dbits(S::dand(faces, within));
             rays.offer_all::<S>(sound & S::dbits(S::dlt(S::dsplat(0.0), t)), t, self.id);
-            maybe & !sound
-        };
-        if rest != 0 {
-            self.ask(rest, rays, corners, origin);
+            sound
         }
     }
 

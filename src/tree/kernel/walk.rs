@@ -8,8 +8,8 @@ use crate::tree::beam::LOOSE;
 use crate::tree::build::DEEPEST;
 use crate::tree::index::Nodes;
 use crate::tree::node::{KdNode, WideChild, WideNode};
-use crate::tree::trace::WIDE_STACK;
 use crate::tree::simd::{Simd, each_of, prefetch};
+use crate::tree::trace::WIDE_STACK;
 
 /// A node to visit: the pulses that meet it, and at which depths.
 #[derive(Clone, Copy)]

@@ -43,7 +43,8 @@ macro_rules! pairwise {
 unsafe fn four_rows(rows: &[[f32; 16]; 16], first: usize, lane: usize) -> __m256 {
     // SAFETY: the caller vouches for the instruction set.
     unsafe {
-        let [a, b, c, d] = each_of!([0, 1, 2, 3], i => _mm256_loadu_ps(rows[first + i][lane..lane + 8].as_ptr()));
+        let [a, b, c, d] =
+            each_of!([0, 1, 2, 3], i => _mm256_loadu_ps(rows[first + i][lane..lane + 8].as_ptr()));
         let ab = _mm256_min_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
         let cd = _mm256_min_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
         let (ab, cd) = (_mm256_castps_pd(ab), _mm256_castps_pd(cd));
