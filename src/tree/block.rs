@@ -15,34 +15,44 @@ pub(crate) struct Block {
     pub corner: [[[f32; LANES]; 3]; 3],
     /// Primitive numbers. All lanes in use are of one kind.
     pub id: [u32; LANES],
+    /// Numbers of the corners of triangles.
+    pub vertex: [[u32; LANES]; 3],
 }
 
 impl Block {
     /// The block of these primitives, [`Hits::MISS`] marking lanes to leave empty.
     pub fn of(geometry: &Geometry, frame: &Frame, ids: &[u32]) -> Block {
-        let mut block = Block { corner: [[[f32::NAN; LANES]; 3]; 3], id: [Hits::MISS; LANES] };
+        let mut block = Block {
+            corner: [[[f32::NAN; LANES]; 3]; 3],
+            id: [Hits::MISS; LANES],
+            vertex: [[0; LANES]; 3],
+        };
         if ids.first().is_some_and(|&id| id as usize >= geometry.triangles.len()) {
             block.corner[0] = [[f32::INFINITY; LANES]; 3];
             block.corner[1] = [[f32::NEG_INFINITY; LANES]; 3];
         }
         for (lane, &id) in ids.iter().enumerate().filter(|(_, id)| **id != Hits::MISS) {
             block.id[lane] = id;
-            let mut put = |corner: usize, p: [f32; 3]| {
-                for axis in 0..3 {
-                    block.corner[corner][axis][lane] = p[axis];
-                }
-            };
-            if (id as usize) < geometry.triangles.len() {
-                for (corner, p) in geometry.triangle(id as usize).into_iter().enumerate() {
-                    put(corner, frame.local(p).to_array().map(|x| x as f32));
+            let i = id as usize;
+            if i < geometry.triangles.len() {
+                for (corner, vertex) in geometry.triangles[i].into_iter().enumerate() {
+                    let p = frame.local(geometry.vertices[vertex as usize]);
+                    block.put(corner, lane, p.to_array().map(|x| x as f32));
+                    block.vertex[corner][lane] = vertex;
                 }
             } else {
-                let (lo, hi) = frame.local_box(&geometry.bounds_of(id as usize));
-                put(0, lo);
-                put(1, hi);
+                let (lo, hi) = frame.local_box(&geometry.bounds_of(i));
+                block.put(0, lane, lo);
+                block.put(1, lane, hi);
             }
         }
         block
+    }
+
+    fn put(&mut self, corner: usize, lane: usize, p: [f32; 3]) {
+        for (axis, x) in p.into_iter().enumerate() {
+            self.corner[corner][axis][lane] = x;
+        }
     }
 
     /// Whether the block's primitives are cubes, which have no third corner.

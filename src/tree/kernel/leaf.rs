@@ -133,7 +133,8 @@ impl<S: Simd> Kernel<'_, S> {
         let mut lanes = self.lists.lanes;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
-            let [a, b, c] = self.geometry.triangle(block.id[lane] as usize);
+            let vertex = |corner: usize| self.geometry.vertices[block.vertex[corner][lane] as usize];
+            let (a, b, c) = (vertex(0), vertex(1), vertex(2));
             self.lists.corners[lane] = [[a.x, b.x, c.x, 0.0], [a.y, b.y, c.y, 0.0], [a.z, b.z, c.z, 0.0]];
             lanes &= lanes - 1;
         }

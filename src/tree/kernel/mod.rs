@@ -53,31 +53,34 @@ impl Tree {
         if rays.rays() == 0 {
             return;
         }
-        match level {
+        thread_local! {
+            static SCRATCH: RefCell<Box<Scratch>> = RefCell::new(Box::new(Scratch::EMPTY));
+        }
+        SCRATCH.with_borrow_mut(|scratch| match level {
             // SAFETY: plain Rust needs no target feature.
-            Level::Portable => unsafe { Kernel::<Portable>::trace(self, geometry, rays, hits) },
+            Level::Portable => unsafe { Kernel::<Portable>::trace(self, geometry, rays, hits, scratch) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the level is available only where the features are.
-            Level::Avx2 => unsafe { trace_avx2(self, geometry, rays, hits) },
+            Level::Avx2 => unsafe { trace_avx2(self, geometry, rays, hits, scratch) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            Level::Avx512 => unsafe { trace_avx512(self, geometry, rays, hits) },
-        }
+            Level::Avx512 => unsafe { trace_avx512(self, geometry, rays, hits, scratch) },
+        });
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn trace_avx2(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+fn trace_avx2(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits, scratch: &mut Scratch) {
     // SAFETY: this function carries the features.
-    unsafe { Kernel::<super::simd::avx2::Avx2>::trace(tree, geometry, rays, hits) }
+    unsafe { Kernel::<super::simd::avx2::Avx2>::trace(tree, geometry, rays, hits, scratch) }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
-fn trace_avx512(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+fn trace_avx512(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits, scratch: &mut Scratch) {
     // SAFETY: this function carries the features.
-    unsafe { Kernel::<super::simd::avx512::Avx512>::trace(tree, geometry, rays, hits) }
+    unsafe { Kernel::<super::simd::avx512::Avx512>::trace(tree, geometry, rays, hits, scratch) }
 }
 
 /// A group of pulses on its way through the tree.
@@ -108,17 +111,18 @@ struct Scratch {
     lists: leaf::Lists,
 }
 
+impl Scratch {
+    const EMPTY: Scratch =
+        Scratch { deviations: Vec::new(), stacks: walk::Stacks::EMPTY, lists: leaf::Lists::EMPTY };
+}
+
 impl<S: super::simd::Simd> Kernel<'_, S> {
     /// # Safety
     /// As for [`Simd`](super::simd::Simd).
     #[inline(always)]
-    unsafe fn trace(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
+    unsafe fn trace(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits, scratch: &mut Scratch) {
         let wide = rays.stride().div_ceil(16);
-        let mut scratch = Scratch {
-            deviations: vec![[[0.0; 16]; 2]; GROUP * wide],
-            stacks: walk::Stacks::EMPTY,
-            lists: leaf::Lists::EMPTY,
-        };
+        scratch.deviations.resize(GROUP * wide, [[0.0; 16]; 2]);
         let mut first = 0;
         while first < rays.len() {
             let mut count = lanes::neighbours(rays, first);
@@ -131,7 +135,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
                         rays,
                         first..first + count,
                         hits,
-                        &mut scratch,
+                        scratch,
                     )
                 } {
                     break;

@@ -126,6 +126,7 @@ impl<S: Simd> Kernel<'_, S> {
     /// As for [`Simd`].
     #[inline(always)]
     unsafe fn walk_wide(&mut self, tree: &Tree, nodes: &[WideNode], pulses: u32) {
+        let single = pulses == 1;
         self.stacks.wide[0] = WideVisit { pulses, ..WideVisit::NOWHERE };
         let mut height = 1;
         let mut depths = [0.0; GROUP];
@@ -157,7 +158,9 @@ impl<S: Simd> Kernel<'_, S> {
                     met &= met - 1;
                     let lower = [node.lower[0][lane], node.lower[1][lane], node.lower[2][lane]];
                     let upper = [node.upper[0][lane], node.upper[1][lane], node.upper[2][lane]];
-                    let pulses = pulses & box_in_lanes(&self.lanes, lower, upper, &self.limit);
+                    // The beam around a single pulse is that pulse.
+                    let meeting = if single { !0 } else { box_in_lanes(&self.lanes, lower, upper, &self.limit) };
+                    let pulses = pulses & meeting;
                     if pulses == 0 {
                         continue;
                     }
