@@ -34,19 +34,22 @@ impl Eye {
 }
 
 /// The edge functions of a triangle for one pulse; lanes are the edges.
+#[derive(Clone, Copy)]
 pub(super) struct Edges {
-    /// `c1`, `c2`, `c0`, and the bound of the error.
-    coefficients: [[f32; 4]; 4],
+    /// `c1`, `c2`, `c0`, the bound of the error and its negative.
+    coefficients: [[f32; 4]; 5],
 }
 
 impl Edges {
-    /// The edges of a triangle as a pulse sees them.
+    pub const NONE: Edges = Edges { coefficients: [[0.0; 4]; 5] };
+
+    /// The edges of a triangle as a pulse sees them, written to `edges`; returns whether any of its rays may be inside.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn of<S: Simd>([k, i, j]: [usize; 3], eye: &Eye, corners: &Corners) -> Edges {
-        let mut coefficients = [[0.0; 4]; 4];
+    pub unsafe fn of<S: Simd>(edges: &mut Edges, [k, i, j]: [usize; 3], eye: &Eye, corners: &Corners) -> bool {
+        let coefficients = &mut edges.coefficients;
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let z = S::qsub(S::qload(&corners[k]), S::qsplat(eye.origin[k]));
@@ -60,15 +63,22 @@ impl Edges {
             let c0 = S::qsub(S::qmul(x, yn), S::qmul(y, xn));
             let reach = S::qadd(S::qabs(z), S::qadd(S::qabs(x), S::qabs(y)));
             let reach = S::qadd(reach, S::qturn(reach));
-            let tilt = S::qmul(S::qadd(S::qabs(c1), S::qabs(c2)), S::qsplat(eye.width * SINGLE));
-            let single = S::qadd(S::qmul(S::qabs(c0), S::qsplat(SINGLE)), tilt);
+            let tilt = S::qmul(S::qadd(S::qabs(c1), S::qabs(c2)), S::qsplat(eye.width));
+            let most = S::qadd(S::qabs(c0), tilt);
             let double = S::qmul(S::qmul(reach, reach), S::qsplat(DOUBLE));
+            let error = S::qadd(S::qmul(most, S::qsplat(SINGLE)), double);
+            let zero = S::qsplat(0.0);
             S::qstore(&mut coefficients[0], c1);
             S::qstore(&mut coefficients[1], c2);
             S::qstore(&mut coefficients[2], c0);
-            S::qstore(&mut coefficients[3], S::qadd(single, double));
+            S::qstore(&mut coefficients[3], error);
+            S::qstore(&mut coefficients[4], S::qsub(zero, error));
+            // The whole pulse is left of one edge and right of another.
+            let spread = S::qadd(tilt, error);
+            let left = S::qlt(spread, c0) & 7;
+            let right = S::qlt(c0, S::qsub(zero, spread)) & 7;
+            left == 0 || right == 0
         }
-        Edges { coefficients }
     }
 
     /// Of sixteen rays: those surely inside, and those not surely outside.
@@ -81,9 +91,10 @@ impl Edges {
         unsafe {
             let (di, dj) = (S::load(&deviations[0]), S::load(&deviations[1]));
             let [a, b, c] = each_of!([0, 1, 2], n => {
-                let [c1, c2, c0, error] = each_of!([0, 1, 2, 3], m => S::splat(self.coefficients[m][n]));
+                let [c1, c2, c0, error, negated] =
+                    each_of!([0, 1, 2, 3, 4], m => S::splat(self.coefficients[m][n]));
                 let e = S::add(S::add(S::mul(c1, di), S::mul(c2, dj)), c0);
-                (S::lt(error, e), S::lt(e, S::sub(S::splat(0.0), error)))
+                (S::lt(error, e), S::lt(e, negated))
             });
             let strictly = S::or(S::and(S::and(a.0, b.0), c.0), S::and(S::and(a.1, b.1), c.1));
             let outside = S::and(S::or(S::or(a.0, b.0), c.0), S::or(S::or(a.1, b.1), c.1));

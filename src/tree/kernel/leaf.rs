@@ -26,6 +26,8 @@ pub(super) struct Lists {
     /// Pulses in any pair.
     pulses: u32,
     corners: [Corners; LANES],
+    /// Of each pair, one place more than there can be.
+    edges: [Edges; PAIRS + 1],
     /// Pairs of which rays are inside, one place more than there can be.
     inside: [Inside; PAIRS + 1],
 }
@@ -45,6 +47,7 @@ impl Lists {
         lanes: 0,
         pulses: 0,
         corners: [[[0.0; 4]; 3]; LANES],
+        edges: [Edges::NONE; PAIRS + 1],
         inside: [Inside { pair: 0, strictly: 0, maybe: 0 }; PAIRS + 1],
     };
 
@@ -80,6 +83,7 @@ impl<S: Simd> Kernel<'_, S> {
             } else {
                 self.pair_triangles(block, mask, lo, hi);
                 self.fetch_corners(block);
+                self.find_edges();
                 for span in 0..self.spans {
                     let count = self.find_inside(span);
                     self.hit_triangles(block, span, count);
@@ -140,6 +144,25 @@ impl<S: Simd> Kernel<'_, S> {
         }
     }
 
+    /// Computes the edges of all pairs; drops the pairs of pulses that pass beside their triangle.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn find_edges(&mut self) {
+        let mut count = 0;
+        for n in 0..self.lists.count {
+            let pair = self.lists.pairs[n];
+            let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
+            let (eye, corners) = (&self.lanes.eyes[pulse], &self.lists.corners[lane]);
+            // SAFETY: the caller vouches for the instruction set.
+            let may_hit = unsafe { Edges::of::<S>(&mut self.lists.edges[count], self.lanes.axes, eye, corners) };
+            self.lists.pairs[count] = pair;
+            count += usize::from(may_hit);
+        }
+        self.lists.count = count;
+    }
+
     /// Finds the rays of a span that pass within the triangles of the pairs; returns how many pairs have any.
     ///
     /// # Safety
@@ -153,18 +176,15 @@ impl<S: Simd> Kernel<'_, S> {
         let mut count = 0;
         for n in 0..self.lists.count {
             let pair = self.lists.pairs[n];
-            let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
+            let (edges, row) = (&self.lists.edges[n], pair as usize / LANES * wide + first);
             // SAFETY: the caller vouches for the instruction set.
-            let (strictly, maybe) = unsafe {
-                let edges =
-                    Edges::of::<S>(self.lanes.axes, &self.lanes.eyes[pulse], &self.lists.corners[lane]);
-                let (mut strictly, mut maybe) = edges.inside::<S>(&self.deviations[pulse * wide + first]);
-                if first + 1 < wide {
-                    let (s, m) = edges.inside::<S>(&self.deviations[pulse * wide + first + 1]);
-                    (strictly, maybe) = (strictly | s << 16, maybe | m << 16);
-                }
-                (strictly & valid, maybe & valid)
-            };
+            let (mut strictly, mut maybe) = unsafe { edges.inside::<S>(&self.deviations[row]) };
+            if first + 1 < wide {
+                // SAFETY: as above.
+                let (s, m) = unsafe { edges.inside::<S>(&self.deviations[row + 1]) };
+                (strictly, maybe) = (strictly | s << 16, maybe | m << 16);
+            }
+            (strictly, maybe) = (strictly & valid, maybe & valid);
             self.lists.inside[count] = Inside { pair, strictly, maybe };
             count += usize::from(maybe != 0);
         }

@@ -243,6 +243,10 @@ impl Simd for Avx2 {
         unsafe { _mm256_permute4x64_pd::<0b11_00_10_01>(a) }
     }
     #[inline(always)]
+    unsafe fn qlt(a: __m256d, b: __m256d) -> u32 {
+        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(a, b)) as u32 }
+    }
+    #[inline(always)]
     unsafe fn qstore(x: &mut [f32; 4], v: __m256d) {
         unsafe { _mm_storeu_ps(x.as_mut_ptr(), _mm256_cvtpd_ps(v)) }
     }

@@ -143,6 +143,8 @@ pub(crate) trait Simd: Copy {
     unsafe fn qabs(a: Self::Q) -> Self::Q;
     /// Lanes 1, 2, 0, 3.
     unsafe fn qturn(a: Self::Q) -> Self::Q;
+    /// One bit per lane where `a < b`.
+    unsafe fn qlt(a: Self::Q, b: Self::Q) -> u32;
     /// Rounded to nearest.
     unsafe fn qstore(x: &mut [f32; 4], v: Self::Q);
 }

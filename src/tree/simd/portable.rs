@@ -210,6 +210,10 @@ impl Simd for Portable {
         [a[1], a[2], a[0], a[3]]
     }
     #[inline(always)]
+    unsafe fn qlt(a: Self::Q, b: Self::Q) -> u32 {
+        mask(a, b, |a, b| a < b)
+    }
+    #[inline(always)]
     unsafe fn qstore(x: &mut [f32; 4], v: Self::Q) {
         *x = v.map(|v| v as f32);
     }
