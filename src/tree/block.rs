@@ -22,11 +22,8 @@ pub(crate) struct Block {
 impl Block {
     /// The block of these primitives, [`Hits::MISS`] marking lanes to leave empty.
     pub fn of(geometry: &Geometry, frame: &Frame, ids: &[u32]) -> Block {
-        let mut block = Block {
-            corner: [[[f32::NAN; LANES]; 3]; 3],
-            id: [Hits::MISS; LANES],
-            vertex: [[0; LANES]; 3],
-        };
+        let mut block =
+            Block { corner: [[[f32::NAN; LANES]; 3]; 3], id: [Hits::MISS; LANES], vertex: [[0; LANES]; 3] };
         if ids.first().is_some_and(|&id| id as usize >= geometry.triangles.len()) {
             block.corner[0] = [[f32::INFINITY; LANES]; 3];
             block.corner[1] = [[f32::NEG_INFINITY; LANES]; 3];

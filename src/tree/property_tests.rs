@@ -57,7 +57,9 @@ fn assert_agreement(g: &Geometry, pulses: &[RayBundle]) {
                     p.origin,
                     p.direction(i)
                 );
-                assert_eq!(tree.nearest(g, p.origin, p.direction(i)), *hit, "tree {n}, single ray {i}");
+                let (o, d) = (p.origin, p.direction(i));
+                assert_eq!(tree.nearest(g, o, d), *hit, "tree {n}, single ray {i}");
+                assert_eq!(tree.nearest_where(g, o, d, |_| true), *hit, "tree {n}, filtered ray {i}");
             }
         }
         assert_groups_agree(n, tree, g, pulses, &expected);

@@ -10,12 +10,8 @@ use super::{Geometry, Hit, Hits, Tree};
 use crate::geom::DVec3;
 
 impl Tree {
-    /// First hit of the ray `origin + t·direction`, t > 0 in units of `direction`.
-    pub fn nearest(&self, geometry: &Geometry, origin: DVec3, direction: DVec3) -> Option<Hit> {
-        self.nearest_where(geometry, origin, direction, |_| true)
-    }
-
-    /// First hit among the primitives whose number `accept` approves.
+    /// First hit of the ray `origin + t·direction` among the primitives whose number `accept` approves, t > 0 in units of
+    /// `direction`. For all primitives [`Tree::nearest`] is faster.
     pub fn nearest_where(
         &self,
         geometry: &Geometry,

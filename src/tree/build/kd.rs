@@ -2,7 +2,7 @@
 
 use super::ledger::{Ledger, Proposal, Sums};
 use super::prim::Prim;
-use super::split::{Cell, Search, Split, count};
+use super::split::{Cell, Search, Split, count, partition};
 use super::{Arena, KdArena};
 use crate::tree::Geometry;
 use crate::tree::block::append_leaf;
@@ -141,20 +141,6 @@ impl Build<'_> {
         let chances = self.search.chances(cell, split.axis, split.r);
         ledger.accepts(self.search.options, &Proposal { area: cell.area, chances, counts: [n, nl, nr] })
     }
-}
-
-/// The primitives of either side in their order; those across the plane are in both.
-fn partition(prims: &[Prim], split: &Split, [nl, nr]: [usize; 2]) -> [Vec<Prim>; 2] {
-    let (mut left, mut right) = (Vec::with_capacity(nl), Vec::with_capacity(nr));
-    for o in prims {
-        if f64::from(o.lo[split.axis]) <= split.position {
-            left.push(*o);
-        }
-        if f64::from(o.hi[split.axis]) > split.position {
-            right.push(*o);
-        }
-    }
-    [left, right]
 }
 
 /// Puts a part, whose root is its node 0, in the place of node `slot`.

@@ -7,10 +7,32 @@ mod split;
 mod wide;
 
 pub(crate) use kd::{DEEPEST, build_kd};
-pub(crate) use prim::{collect, frame_of};
+pub(crate) use prim::{Prim, collect, frame_of};
 pub(crate) use wide::{DEEPEST_WIDE, build_wide};
 
 use super::node::KdNode;
+use rayon::prelude::*;
+
+/// Nodes of at least this many primitives are worked on by all threads: the upper levels, where there are fewer nodes
+/// than threads (spec §2.3).
+const MANY: usize = 1 << 16;
+
+/// Folds the primitives of a node, by all threads if they are many. `join` must not care about grouping.
+fn fold<T: Send>(
+    prims: &[Prim],
+    nothing: impl Fn() -> T + Sync + Send,
+    add: impl Fn(&mut T, &Prim) + Sync,
+    join: impl Fn(T, T) -> T + Sync + Send,
+) -> T {
+    let one = |prims: &[Prim]| {
+        let mut sum = nothing();
+        for p in prims {
+            add(&mut sum, p);
+        }
+        sum
+    };
+    if prims.len() < MANY { one(prims) } else { prims.par_chunks(MANY / 4).map(one).reduce(&nothing, join) }
+}
 
 /// A tree under construction: nodes, and the primitives of its leaves in whole blocks.
 #[derive(Debug, Default, PartialEq)]

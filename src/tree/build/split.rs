@@ -1,6 +1,7 @@
 //! Where to split a node: the four searches of spec §1.8 to §1.11.
 
 use super::prim::Prim;
+use super::{MANY, fold};
 use crate::tree::Geometry;
 use crate::tree::frame::Frame;
 use crate::tree::options::{Areas, BuildOptions, Builder};
@@ -19,13 +20,12 @@ pub(crate) struct Cell {
 impl Cell {
     /// The root's cell.
     pub fn around(prims: &[Prim]) -> Cell {
-        let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for p in prims {
-            for a in 0..3 {
-                lo[a] = lo[a].min(f64::from(p.lo[a]));
-                hi[a] = hi[a].max(f64::from(p.hi[a]));
-            }
-        }
+        let union = |(a, b): ([f32; 3], [f32; 3]), (c, d): ([f32; 3], [f32; 3])| {
+            ([0, 1, 2].map(|i| a[i].min(c[i])), [0, 1, 2].map(|i| b[i].max(d[i])))
+        };
+        let nothing = || ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        let (lo, hi) = fold(prims, nothing, |b, p| *b = union(*b, (p.lo, p.hi)), union);
+        let (mut lo, mut hi) = (lo.map(f64::from), hi.map(f64::from));
         if prims.is_empty() {
             (lo, hi) = ([0.0; 3], [0.0; 3]);
         }
@@ -117,15 +117,14 @@ impl Search<'_> {
             return None;
         }
         let bins = self.options.bins.clamp(2, MAX_BINS);
-        let mut starts = [0u32; MAX_BINS];
-        let mut ends = [0u32; MAX_BINS];
         let (width, m) = (b - a, bins as f64);
         // A float to integer cast saturates, which is the lower clamp.
         let bin = |v: f32| (((f64::from(v) - a) / width * m) as usize).min(bins - 1);
-        for o in prims {
-            starts[bin(o.lo[axis])] += 1;
-            ends[bin(o.hi[axis])] += 1;
-        }
+        let add = |h: &mut Histograms, o: &Prim| {
+            h.starts[bin(o.lo[axis])] += 1;
+            h.ends[bin(o.hi[axis])] += 1;
+        };
+        let Histograms { starts, ends } = fold(prims, || Histograms::empty(bins), add, Histograms::plus);
         let (mut below, mut above) = (0, prims.len());
         let (mut best, mut loss) = (0, self.loss([0.0, 1.0], [0, above]));
         for i in 1..=bins {
@@ -176,6 +175,24 @@ impl Search<'_> {
     }
 }
 
+/// How many primitives start and end in each bin.
+struct Histograms {
+    starts: Vec<u32>,
+    ends: Vec<u32>,
+}
+
+impl Histograms {
+    fn empty(bins: usize) -> Histograms {
+        Histograms { starts: vec![0; bins], ends: vec![0; bins] }
+    }
+
+    fn plus(mut self, other: Histograms) -> Histograms {
+        self.starts.iter_mut().zip(other.starts).for_each(|(a, b)| *a += b);
+        self.ends.iter_mut().zip(other.ends).for_each(|(a, b)| *a += b);
+        self
+    }
+}
+
 /// (p − a)/(b − a); `None` when the cell is flat on this axis.
 fn share(cell: &Cell, axis: usize, p: f64) -> Option<f64> {
     let (a, b) = (cell.lo[axis], cell.hi[axis]);
@@ -184,7 +201,27 @@ fn share(cell: &Cell, axis: usize, p: f64) -> Option<f64> {
 
 /// How many primitives go to the lower and to the upper side (spec §1.5).
 pub(crate) fn count(prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
-    prims.iter().fold([0, 0], |[l, r], o| {
-        [l + usize::from(f64::from(o.lo[axis]) <= p), r + usize::from(f64::from(o.hi[axis]) > p)]
-    })
+    let add = |n: &mut [usize; 2], o: &Prim| {
+        n[0] += usize::from(f64::from(o.lo[axis]) <= p);
+        n[1] += usize::from(f64::from(o.hi[axis]) > p);
+    };
+    fold(prims, || [0, 0], add, |a, b| [a[0] + b[0], a[1] + b[1]])
+}
+
+/// The primitives of either side in their order; those across the plane are in both.
+pub(crate) fn partition(prims: &[Prim], split: &Split, [nl, nr]: [usize; 2]) -> [Vec<Prim>; 2] {
+    let side = |lower: bool, count: usize| {
+        let mut side = Vec::with_capacity(count);
+        if lower {
+            side.extend(prims.iter().filter(|o| f64::from(o.lo[split.axis]) <= split.position));
+        } else {
+            side.extend(prims.iter().filter(|o| f64::from(o.hi[split.axis]) > split.position));
+        }
+        side
+    };
+    if prims.len() < MANY {
+        return [side(true, nl), side(false, nr)];
+    }
+    let (left, right) = rayon::join(|| side(true, nl), || side(false, nr));
+    [left, right]
 }

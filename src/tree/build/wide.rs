@@ -4,8 +4,8 @@
 //! sixteen and one does not fit into a block. Splits are the best of 32 bins of centroids per axis; what counts is the
 //! number of blocks, not of primitives, so blocks come out nearly full.
 
-use super::Arena;
 use super::prim::Prim;
+use super::{Arena, fold};
 use crate::tree::block::LANES;
 use crate::tree::frame::Frame;
 use crate::tree::node::{WideChild, WideNode};
@@ -17,9 +17,6 @@ const FREE_DEPTH: u32 = 24;
 
 /// Levels below the root that any tree may have: after [`FREE_DEPTH`], 16^8 primitives.
 pub(crate) const DEEPEST_WIDE: u32 = FREE_DEPTH + 8;
-
-/// Ranges of at least this many primitives are binned on all threads.
-const MANY: usize = 1 << 16;
 
 /// Nodes of fewer primitives are built by one thread.
 const FEW: usize = 4096;
@@ -117,17 +114,13 @@ struct Range<'a> {
 
 impl<'a> Range<'a> {
     fn of(prims: &'a mut [Prim]) -> Range<'a> {
-        let fold = |b: (Bounds, Bounds), p: &Prim| {
+        let add = |b: &mut (Bounds, Bounds), p: &Prim| {
             let c = centroid(p);
-            (b.0.union(&Bounds { lo: p.lo, hi: p.hi }), b.1.union(&Bounds { lo: c, hi: c }))
+            b.0 = b.0.union(&Bounds { lo: p.lo, hi: p.hi });
+            b.1 = b.1.union(&Bounds { lo: c, hi: c });
         };
-        let nothing = (Bounds::NOTHING, Bounds::NOTHING);
-        let (bounds, centroids) = if prims.len() < MANY {
-            prims.iter().fold(nothing, fold)
-        } else {
-            let chunks = prims.par_chunks(MANY / 4).map(|c| c.iter().fold(nothing, fold));
-            chunks.reduce(|| nothing, |a, b| (a.0.union(&b.0), a.1.union(&b.1)))
-        };
+        let nothing = || (Bounds::NOTHING, Bounds::NOTHING);
+        let (bounds, centroids) = fold(prims, nothing, add, |a, b| (a.0.union(&b.0), a.1.union(&b.1)));
         Range { prims, bounds, centroids }
     }
 
@@ -209,29 +202,21 @@ impl BinSplit {
 struct Histogram([[(u32, Bounds); BINS]; 3]);
 
 impl Histogram {
-    fn of(prims: &[Prim], axes: &[BinSplit; 3]) -> Histogram {
-        if prims.len() < MANY {
-            return Histogram::of_chunk(prims, axes);
-        }
-        let empty = || Histogram([[(0, Bounds::NOTHING); BINS]; 3]);
-        prims.par_chunks(MANY / 4).map(|c| Histogram::of_chunk(c, axes)).reduce(empty, |mut a, b| {
+    fn of(prims: &[Prim], axes: &[BinSplit; 3]) -> Box<Histogram> {
+        let add = |h: &mut Box<Histogram>, p: &Prim| {
+            let b = Bounds { lo: p.lo, hi: p.hi };
+            for (bins, split) in h.0.iter_mut().zip(axes) {
+                let bin = &mut bins[split.bin_of(p)];
+                *bin = (bin.0 + 1, bin.1.union(&b));
+            }
+        };
+        let plus = |mut a: Box<Histogram>, b: Box<Histogram>| {
             for (a, b) in a.0.as_flattened_mut().iter_mut().zip(b.0.as_flattened()) {
                 *a = (a.0 + b.0, a.1.union(&b.1));
             }
             a
-        })
-    }
-
-    fn of_chunk(prims: &[Prim], axes: &[BinSplit; 3]) -> Histogram {
-        let mut bins = [[(0, Bounds::NOTHING); BINS]; 3];
-        for p in prims {
-            let b = Bounds { lo: p.lo, hi: p.hi };
-            for (bins, split) in bins.iter_mut().zip(axes) {
-                let bin = &mut bins[split.bin_of(p)];
-                *bin = (bin.0 + 1, bin.1.union(&b));
-            }
-        }
-        Histogram(bins)
+        };
+        fold(prims, || Box::new(Histogram([[(0, Bounds::NOTHING); BINS]; 3])), add, plus)
     }
 
     /// Cost and number of the bin before which to split; `None` when all primitives are in one bin.

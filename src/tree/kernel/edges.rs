@@ -48,7 +48,12 @@ impl Edges {
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn of<S: Simd>(edges: &mut Edges, [k, i, j]: [usize; 3], eye: &Eye, corners: &Corners) -> bool {
+    pub unsafe fn of<S: Simd>(
+        edges: &mut Edges,
+        [k, i, j]: [usize; 3],
+        eye: &Eye,
+        corners: &Corners,
+    ) -> bool {
         let coefficients = &mut edges.coefficients;
         // SAFETY: the caller vouches for the instruction set.
         unsafe {

@@ -156,7 +156,8 @@ impl<S: Simd> Kernel<'_, S> {
             let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
             let (eye, corners) = (&self.lanes.eyes[pulse], &self.lists.corners[lane]);
             // SAFETY: the caller vouches for the instruction set.
-            let may_hit = unsafe { Edges::of::<S>(&mut self.lists.edges[count], self.lanes.axes, eye, corners) };
+            let may_hit =
+                unsafe { Edges::of::<S>(&mut self.lists.edges[count], self.lanes.axes, eye, corners) };
             self.lists.pairs[count] = pair;
             count += usize::from(may_hit);
         }

@@ -13,10 +13,17 @@ mod walk;
 
 use super::rays::{Hits, RayGroup};
 use super::simd::{Level, portable::Portable};
-use super::{Geometry, RayBundle, Tree};
+use super::{Geometry, Hit, RayBundle, Tree};
+use crate::geom::DVec3;
 use lanes::{Deviations, GROUP, Lanes, PerPulse};
 use std::cell::RefCell;
 use std::ops::Range;
+
+thread_local! {
+    /// A group of one pulse, and its hits.
+    static PULSE: RefCell<(RayGroup, Hits)> = RefCell::default();
+    static SCRATCH: RefCell<Box<Scratch>> = RefCell::new(Box::new(Scratch::EMPTY));
+}
 
 impl Tree {
     /// First hits of all rays of many pulses. Ray `r` of pulse `p` has its hit at `p · rays.stride() + r`; places between
@@ -31,10 +38,7 @@ impl Tree {
     /// First hits of all rays of a bundle; `hits` is resized and overwritten. For many pulses
     /// [`Tree::trace_group`] is several times faster.
     pub fn trace(&self, geometry: &Geometry, rays: &RayBundle, hits: &mut Hits) {
-        thread_local! {
-            static PULSE: RefCell<RayGroup> = RefCell::default();
-        }
-        PULSE.with_borrow_mut(|pulse| {
+        PULSE.with_borrow_mut(|(pulse, _)| {
             pulse.clear(rays.len());
             pulse.push(rays.origin, |x, y, z| {
                 x.copy_from_slice(&rays.x);
@@ -47,14 +51,23 @@ impl Tree {
         hits.primitive.truncate(rays.len());
     }
 
+    /// First hit of the ray `origin + t·direction`, t > 0 in units of `direction`. Directions are meant to be of about
+    /// unit length; one shorter than 1e-100 hits nothing.
+    pub fn nearest(&self, geometry: &Geometry, origin: DVec3, direction: DVec3) -> Option<Hit> {
+        PULSE.with_borrow_mut(|(pulse, hits)| {
+            pulse.clear(1);
+            pulse.push(origin, |x, y, z| (x[0], y[0], z[0]) = (direction.x, direction.y, direction.z));
+            self.trace_group(geometry, pulse, hits);
+            let (t, primitive) = (*hits.t.first()?, *hits.primitive.first()?);
+            (primitive != Hits::MISS).then_some(Hit { t, primitive })
+        })
+    }
+
     /// [`Tree::trace_group`] on a given instruction set.
     pub(super) fn trace_group_on(&self, level: Level, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
         hits.reset(rays.len() * rays.stride());
         if rays.rays() == 0 {
             return;
-        }
-        thread_local! {
-            static SCRATCH: RefCell<Box<Scratch>> = RefCell::new(Box::new(Scratch::EMPTY));
         }
         SCRATCH.with_borrow_mut(|scratch| match level {
             // SAFETY: plain Rust needs no target feature.
@@ -120,7 +133,13 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
     /// # Safety
     /// As for [`Simd`](super::simd::Simd).
     #[inline(always)]
-    unsafe fn trace(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits, scratch: &mut Scratch) {
+    unsafe fn trace(
+        tree: &Tree,
+        geometry: &Geometry,
+        rays: &RayGroup,
+        hits: &mut Hits,
+        scratch: &mut Scratch,
+    ) {
         let wide = rays.stride().div_ceil(16);
         scratch.deviations.resize(GROUP * wide, [[0.0; 16]; 2]);
         let mut first = 0;
@@ -129,14 +148,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             loop {
                 // SAFETY: the caller vouches for the instruction set.
                 if unsafe {
-                    Kernel::<S>::trace_together(
-                        tree,
-                        geometry,
-                        rays,
-                        first..first + count,
-                        hits,
-                        scratch,
-                    )
+                    Kernel::<S>::trace_together(tree, geometry, rays, first..first + count, hits, scratch)
                 } {
                     break;
                 }
@@ -198,7 +210,9 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
 #[cold]
 fn trace_apart(tree: &Tree, geometry: &Geometry, rays: &RayGroup, pulse: usize, hits: &mut Hits) {
     for r in 0..rays.rays() {
-        if let Some(hit) = tree.nearest(geometry, rays.origin(pulse), rays.direction(pulse, r)) {
+        if let Some(hit) =
+            tree.nearest_where(geometry, rays.origin(pulse), rays.direction(pulse, r), |_| true)
+        {
             let at = pulse * rays.stride() + r;
             (hits.t[at], hits.primitive[at]) = (hit.t, hit.primitive);
         }

@@ -159,7 +159,8 @@ impl<S: Simd> Kernel<'_, S> {
                     let lower = [node.lower[0][lane], node.lower[1][lane], node.lower[2][lane]];
                     let upper = [node.upper[0][lane], node.upper[1][lane], node.upper[2][lane]];
                     // The beam around a single pulse is that pulse.
-                    let meeting = if single { !0 } else { box_in_lanes(&self.lanes, lower, upper, &self.limit) };
+                    let meeting =
+                        if single { !0 } else { box_in_lanes(&self.lanes, lower, upper, &self.limit) };
                     let pulses = pulses & meeting;
                     if pulses == 0 {
                         continue;
