@@ -85,3 +85,16 @@ for name in ("a.las", "a.laz"):
     let judged = Command::new(python).arg("-c").arg(script).current_dir(dir.path()).output().unwrap();
     assert!(judged.status.success(), "{}", text(&judged.stderr));
 }
+
+#[test]
+fn a_written_trajectory_can_be_flown_again() {
+    let dir = folder();
+    let survey = fixture("terrain/survey.xml");
+    let survey = survey.to_str().unwrap();
+    succeed(dir.path(), &["run", survey, "-q", "-o", "a.xyz", "--trajectory-out", "flown.csv"]);
+    let poses = fs::read_to_string(dir.path().join("flown.csv")).unwrap();
+    assert!(poses.lines().count() > 2, "no poses in\n{poses}");
+    succeed(dir.path(), &["run", survey, "-q", "-o", "b.xyz", "--trajectory", "flown.csv"]);
+    let echoes = |name: &str| fs::read_to_string(dir.path().join(name)).unwrap().lines().count();
+    assert!(echoes("b.xyz") > 0, "the recorded flight sees nothing");
+}

@@ -89,6 +89,10 @@ pub struct RunArgs {
     /// Write every emitted pulse.
     #[arg(long, help_heading = "Output")]
     pub pulses: bool,
+    /// Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as --trajectory reads
+    /// it).
+    #[arg(long, value_name = "PATH", help_heading = "Output")]
+    pub trajectory_out: Option<PathBuf>,
     /// One point file per device of a multi-channel scanner.
     #[arg(long, help_heading = "Output")]
     pub split_by_channel: bool,

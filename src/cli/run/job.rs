@@ -178,9 +178,13 @@ fn output(args: &RunArgs, set: &RunSettings, survey: &Survey, gps: &str) -> Resu
             sinks.push((Target::Helios(PathBuf::from("output")), helios_format(args)));
         }
     }
-    let trajectory = set.sinks.iter().find(|s| s.content == "trajectory").map(|s| {
-        let target = if is_stdout(&s.path) { Target::Stdout } else { Target::File(s.path.clone()) };
-        (per_leg(target, s.per_leg), TrajectoryFormat::Csv)
+    let trajectory = match &args.trajectory_out {
+        Some(path) => Some((path, None)),
+        None => set.sinks.iter().find(|s| s.content == "trajectory").map(|s| (&s.path, s.per_leg)),
+    };
+    let trajectory = trajectory.map(|(path, apart)| {
+        let target = if is_stdout(path) { Target::Stdout } else { Target::File(path.clone()) };
+        (per_leg(target, apart), TrajectoryFormat::Csv)
     });
     Ok(OutputRequest {
         sinks,
