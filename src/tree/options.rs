@@ -86,7 +86,7 @@ impl Default for BuildOptions {
             bins: 32,
             candidates: 21,
             min_primitives: 17,
-            cost_interior: 4.0,
+            cost_interior: 8.0,
             cost_leaf: 1.0,
             cost_primitive: 1.0,
             grain: 16,
