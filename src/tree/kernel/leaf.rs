@@ -8,7 +8,7 @@ use super::filter::{Seen, boxes_in_beam};
 use super::lanes::{BeamSide, GROUP};
 use super::verdict::{Plane, Rays, Rows, hit_cube};
 use crate::tree::block::{Block, LANES};
-use crate::tree::simd::Simd;
+use crate::tree::simd::{Simd, prefetch};
 
 /// Rays that are looked at together.
 const SPAN: usize = 32;
@@ -51,6 +51,11 @@ impl Lists {
         inside: [Inside { pair: 0, strictly: 0, maybe: 0 }; PAIRS + 1],
     };
 
+    #[inline(always)]
+    fn clear(&mut self) {
+        (self.count, self.lanes, self.pulses) = (0, 0, 0);
+    }
+
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
@@ -65,23 +70,41 @@ impl Lists {
     }
 }
 
-impl<S: Simd> Kernel<'_, S> {
-    /// Asks the pulses in `mask`, each within its range of depths, about a block.
+impl<'a, S: Simd> Kernel<'a, S> {
+    /// Asks the pulses in `mask`, each within its range of depths, about a block. The answers come with the next block:
+    /// until then the corners of the triangles are on their way from memory.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub(super) unsafe fn block(&mut self, block: &Block, mask: u32, lo: &[f32; GROUP], hi: &[f32; GROUP]) {
-        self.lists.count = 0;
-        self.lists.lanes = 0;
-        self.lists.pulses = 0;
+    pub(super) unsafe fn block(&mut self, block: &'a Block, mask: u32, lo: &[f32; GROUP], hi: &[f32; GROUP]) {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            self.next.clear();
+            if block.holds_cubes() {
+                self.pair_cubes(block, mask, hi);
+            } else {
+                self.pair_triangles(block, mask, lo, hi);
+                self.order_corners(block);
+            }
+            self.settle();
+        }
+        self.pending = Some(block);
+        std::mem::swap(&mut self.next, &mut self.lists);
+    }
+
+    /// Finds the hits of the pairs of the block before.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    pub(super) unsafe fn settle(&mut self) {
+        let Some(block) = self.pending.take() else { return };
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             if block.holds_cubes() {
-                self.pair_cubes(block, mask, hi);
                 self.hit_cubes(block);
             } else {
-                self.pair_triangles(block, mask, lo, hi);
                 self.fetch_corners(block);
                 self.find_edges();
                 for span in 0..self.spans {
@@ -97,6 +120,19 @@ impl<S: Simd> Kernel<'_, S> {
         }
     }
 
+    /// Asks for the corners of the triangles of all new pairs.
+    #[inline(always)]
+    fn order_corners(&self, block: &Block) {
+        let mut lanes = self.next.lanes;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            for corner in &block.vertex {
+                prefetch(&self.geometry.vertices[corner[lane] as usize]);
+            }
+            lanes &= lanes - 1;
+        }
+    }
+
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
@@ -107,7 +143,7 @@ impl<S: Simd> Kernel<'_, S> {
             while mask != 0 {
                 let p = mask.trailing_zeros() as usize;
                 let met = seen.by(&self.lanes, p, [lo[p], hi[p]]);
-                self.lists.pair::<S>(p, met);
+                self.next.pair::<S>(p, met);
                 mask &= mask - 1;
             }
         }
@@ -125,7 +161,7 @@ impl<S: Simd> Kernel<'_, S> {
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
                 let (met, _) = boxes_in_beam::<S>(&beam, &block.corner[0], &block.corner[1], hi[p]);
-                self.lists.pair::<S>(p, met);
+                self.next.pair::<S>(p, met);
             }
             mask &= mask - 1;
         }

@@ -11,6 +11,7 @@ mod leaf;
 mod verdict;
 mod walk;
 
+use super::block::Block;
 use super::rays::{Hits, RayGroup};
 use super::simd::{Level, portable::Portable};
 use super::{Geometry, Hit, RayBundle, Tree};
@@ -114,19 +115,22 @@ struct Kernel<'a, S: super::simd::Simd> {
     /// Depth beyond which nothing can be nearer than what each pulse has hit.
     limit: PerPulse,
     stacks: &'a mut walk::Stacks,
+    /// The block whose pairs are in `lists`; those of the next go to `next`.
+    pending: Option<&'a Block>,
     lists: &'a mut leaf::Lists,
+    next: &'a mut leaf::Lists,
 }
 
 /// What a walk needs room for; cleared by nobody.
 struct Scratch {
     deviations: Vec<Deviations>,
     stacks: walk::Stacks,
-    lists: leaf::Lists,
+    lists: [leaf::Lists; 2],
 }
 
 impl Scratch {
     const EMPTY: Scratch =
-        Scratch { deviations: Vec::new(), stacks: walk::Stacks::EMPTY, lists: leaf::Lists::EMPTY };
+        Scratch { deviations: Vec::new(), stacks: walk::Stacks::EMPTY, lists: [leaf::Lists::EMPTY; 2] };
 }
 
 impl<S: super::simd::Simd> Kernel<'_, S> {
@@ -184,6 +188,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
         };
         let mut limit = PerPulse([f32::NEG_INFINITY; GROUP]);
         limit.0[..pulses.len()].fill(f32::INFINITY);
+        let [lists, next] = &mut scratch.lists;
         let mut kernel = Kernel {
             geometry,
             rays,
@@ -198,7 +203,9 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             deviations: &scratch.deviations,
             limit,
             stacks: &mut scratch.stacks,
-            lists: &mut scratch.lists,
+            pending: None,
+            lists,
+            next,
         };
         // SAFETY: as above.
         unsafe { kernel.walk(tree, pulses.len()) };

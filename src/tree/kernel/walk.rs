@@ -36,13 +36,13 @@ impl Stacks {
         Stacks { kd: [Visit::NOWHERE; DEEPEST as usize + 1], wide: [WideVisit::NOWHERE; WIDE_STACK] };
 }
 
-impl<S: Simd> Kernel<'_, S> {
+impl<'a, S: Simd> Kernel<'a, S> {
     /// Walks the first `pulses` lanes through the tree, front to back.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub(super) unsafe fn walk(&mut self, tree: &Tree, pulses: usize) {
+    pub(super) unsafe fn walk(&mut self, tree: &'a Tree, pulses: usize) {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let pulses = (1u32 << pulses) - 1;
@@ -50,13 +50,14 @@ impl<S: Simd> Kernel<'_, S> {
                 Nodes::Kd(nodes) => self.walk_kd(tree, nodes, pulses),
                 Nodes::Wide(nodes) => self.walk_wide(tree, nodes, pulses),
             }
+            self.settle();
         }
     }
 
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn walk_kd(&mut self, tree: &Tree, nodes: &[KdNode], pulses: u32) {
+    unsafe fn walk_kd(&mut self, tree: &'a Tree, nodes: &[KdNode], pulses: u32) {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let [lower, upper] = tree.bounds;
@@ -125,7 +126,7 @@ impl<S: Simd> Kernel<'_, S> {
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn walk_wide(&mut self, tree: &Tree, nodes: &[WideNode], pulses: u32) {
+    unsafe fn walk_wide(&mut self, tree: &'a Tree, nodes: &[WideNode], pulses: u32) {
         let single = pulses == 1;
         self.stacks.wide[0] = WideVisit { pulses, ..WideVisit::NOWHERE };
         let mut height = 1;
