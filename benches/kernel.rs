@@ -2,16 +2,19 @@
 //!
 //! `airborne`: 19 rays per pulse from 300 m above the ground, pulses 0.1 m apart along the line, lines 1 m apart.
 //! `terrestrial`: 19 rays per pulse from one point 1.7 m above the ground, in all directions, in vertical lines.
-//! Throughput counts rays. The rays of all pulses lie in memory before the clock starts.
+//! `group` traces 512 pulses by one call, `pulse` one. Throughput counts rays; all of them lie in memory, not in the
+//! cache, before the clock starts.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::hint::black_box;
 use vlscan::geom::{DVec3, Rotation, unit};
 use vlscan::rng::{Purpose, Stream};
-use vlscan::tree::{BuildOptions, Builder, Geometry, Hits, RayBundle, Tree};
+use vlscan::tree::{BuildOptions, Builder, Geometry, Hits, RayBundle, RayGroup, Tree};
 
-/// Rolling ground of 2 m cells over 200 m × 200 m, and trees of a trunk and a crown of leaves.
+const BUILDERS: [Builder; 5] = [Builder::Bvh, Builder::Fsah, Builder::AxisSah, Builder::Sah, Builder::Median];
+
+/// Rolling ground of 0.5 m cells over 200 m × 200 m, and trees of a trunk and a crown of leaves.
 fn forest(trees: usize, leaves: usize) -> Geometry {
     let draw = Stream::new(1, Purpose::SceneMaking);
     let u = |tree: usize, n: u64, which: u32| draw.uniform(tree as u32, n, which);
@@ -104,15 +107,30 @@ fn terrestrial() -> Vec<RayBundle> {
     (0..100).flat_map(line).collect()
 }
 
+/// The pulses of a chunk, whose hits then stay in the cache as they do in a run.
+fn chunks(pulses: &[RayBundle]) -> Vec<RayGroup> {
+    let chunk = |pulses: &[RayBundle]| {
+        let mut group = RayGroup::new(19);
+        for p in pulses {
+            group.push(p.origin, |x, y, z| {
+                x.copy_from_slice(&p.x);
+                y.copy_from_slice(&p.y);
+                z.copy_from_slice(&p.z);
+            });
+        }
+        group
+    };
+    pulses.chunks(512).map(chunk).collect()
+}
+
 fn builders(c: &mut Criterion, forest: &Geometry) {
     let mut group = c.benchmark_group("build");
     group.sample_size(10).throughput(Throughput::Elements(forest.len() as u64));
-    for builder in [Builder::Fsah] {
+    for builder in BUILDERS {
         for jobs in [1, 2] {
             let options = BuildOptions { jobs, ..BuildOptions::of(builder) };
-            group.bench_function(format!("{builder:?}/{jobs}").to_lowercase(), |b| {
-                b.iter(|| Tree::build(forest, &options))
-            });
+            let name = format!("{builder:?}/{jobs}").to_lowercase();
+            group.bench_function(name, |b| b.iter(|| Tree::build(forest, &options)));
         }
     }
 }
@@ -121,13 +139,21 @@ fn tracing(c: &mut Criterion, forest: &Geometry) {
     for (name, pulses) in [("airborne", airborne()), ("terrestrial", terrestrial())] {
         let mut group = c.benchmark_group(name);
         let rays: usize = pulses.iter().map(RayBundle::len).sum();
+        let chunks = chunks(&pulses);
         group.sample_size(10).throughput(Throughput::Elements(rays as u64));
-        for builder in [Builder::Fsah] {
+        for builder in BUILDERS {
             let tree = Tree::build(forest, &BuildOptions::of(builder));
-            let statistics = tree.statistics();
             let bytes = tree.memory() as f64 / forest.len() as f64;
-            println!("{builder:?}: {bytes:.0} bytes per triangle, {statistics:?}");
+            println!("{builder:?}: {bytes:.0} bytes per triangle, {:?}", tree.statistics());
             let mut hits = Hits::default();
+            group.bench_function(format!("{builder:?}/group").to_lowercase(), |b| {
+                b.iter(|| {
+                    for chunk in &chunks {
+                        tree.trace_group(forest, chunk, &mut hits);
+                        black_box(&hits);
+                    }
+                });
+            });
             group.bench_function(format!("{builder:?}/pulse").to_lowercase(), |b| {
                 b.iter(|| {
                     for p in &pulses {

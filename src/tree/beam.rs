@@ -9,6 +9,8 @@
 //! [`LOOSE`] covers. Errors that do not scale with `s` (rounded vertices and planes, the rounded apex) are collected in
 //! `slack`, by which the apex is widened. A beam therefore accepts whatever the verdict could accept.
 
+#![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
+
 use super::block::{Block, LANES};
 use super::frame::{Frame, above, below};
 use super::intersect::{SHORTEST, axes_by_dominance};

@@ -75,7 +75,7 @@ fn assert_groups_agree(
     expected: &[Vec<Option<Hit>>],
 ) {
     let mut hits = Hits::default();
-    for rays in [1, 2, 7, 19] {
+    for rays in [1, 2, 7, 19, 62] {
         let mut group = RayGroup::new(rays);
         let members = || pulses.iter().zip(expected).filter(|(p, _)| p.len() == rays);
         for (p, _) in members() {
@@ -183,7 +183,7 @@ fn pulses(g: &Geometry, aims: &[(DVec3, usize, u8, f64)]) -> Vec<RayBundle> {
 use glam::Vec3Swizzles;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(ProptestConfig::with_cases(80))]
 
     #[test]
     fn all_trees_agree_with_brute_force(
@@ -313,4 +313,30 @@ fn the_tree_does_not_depend_on_threads() {
         assert!(one.blocks.iter().zip(&many.blocks).all(|(a, b)| a.id == b.id));
         assert_eq!(one.blocks.len(), many.blocks.len());
     }
+}
+
+/// Neighbouring pulses with more rays than two registers hold, over triangles smaller than their footprint.
+#[test]
+fn wide_pulses_in_groups_agree() {
+    let g = ball(DVec3::new(1000.0, -2000.0, 50.0), 40, 60, 9);
+    let pulses: Vec<RayBundle> = (0..40)
+        .map(|i| {
+            let origin = g.vertices[0] + DVec3::new(0.02 * f64::from(i), 3.0 - 0.1 * f64::from(i), 20.0);
+            let axis = unit(g.vertices[30 * i as usize] - origin);
+            bundle(origin, &cone(axis, 3e-3 * f64::from(i % 7), if i < 20 { 62 } else { 19 }))
+        })
+        .collect();
+    assert_agreement(&g, &pulses);
+}
+
+#[test]
+fn the_statistics_of_the_wide_tree_are_its_own() {
+    let g = ball(DVec3::ZERO, 40, 60, 9);
+    let tree = Tree::build(&g, &BuildOptions::default());
+    let s = tree.statistics();
+    assert_eq!((s.primitives, s.references), (g.len(), g.len()));
+    assert!(s.max_leaf <= 16 && s.min_leaf >= 1 && s.leaves < g.len() / 12 && s.max_depth < 6, "{s:?}");
+    assert!(tree.memory() < 80 * g.len());
+    // A bumpy ball of radius 1 to 1.3 in its box.
+    assert!((s.root_area / (6.0 * 2.4f64.powi(2)) - 1.0).abs() < 0.2, "{s:?}");
 }

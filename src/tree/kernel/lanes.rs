@@ -1,7 +1,10 @@
 //! Up to sixteen pulses as lanes: the filter of [`Beam`](crate::tree::beam::Beam) sixteen times, around one reference
 //! point, and the beam around all of them.
 
+#![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
+
 use super::edges::Eye;
+use crate::geom::DVec3;
 use crate::tree::beam::FLATTEST;
 use crate::tree::frame::{Frame, above};
 use crate::tree::intersect::{SHORTEST, axes_by_dominance};
@@ -25,6 +28,28 @@ const NEIGHBOURS: (f64, f64) = (0.1, 2.0);
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub(crate) struct PerPulse(pub [f32; GROUP]);
+
+impl PerPulse {
+    /// Gives lanes from `used` on the number of the first.
+    #[inline(always)]
+    fn repeat_first(&mut self, used: usize) {
+        for l in used..GROUP {
+            self.0[l] = self.0[0];
+        }
+    }
+}
+
+/// A number not above `x`, by a unit in the last place or two. Unlike `next_down` this is three operations.
+#[inline(always)]
+fn lowered(x: f32) -> f32 {
+    x - (x.abs() * f32::EPSILON + f32::MIN_POSITIVE)
+}
+
+/// A number not below `x`.
+#[inline(always)]
+fn raised(x: f32) -> f32 {
+    x + (x.abs() * f32::EPSILON + f32::MIN_POSITIVE)
+}
 
 /// One plane family of an axis, seen by lanes: depths are `(plane − from)·inverse`, an upper bound where `upper` says so.
 #[derive(Clone, Copy)]
@@ -162,7 +187,8 @@ impl Start {
         axes: [usize; 3],
         forward: f64,
     ) -> Option<Start> {
-        let mut origins = [frame.local(rays.origin(pulses.start)); GROUP];
+        let mut origins = [DVec3::ZERO; GROUP];
+        let origins = &mut origins[..pulses.len()];
         for (o, p) in origins.iter_mut().zip(pulses) {
             *o = frame.local(rays.origin(p));
         }
@@ -180,6 +206,8 @@ impl Start {
             reach = reach.max(o.abs().max_element());
             spread = spread.max(from.iter().fold(0.0, |m, x| m.max(x.abs())));
         }
+        depth.repeat_first(origins.len());
+        offset.iter_mut().for_each(|o| o.repeat_first(origins.len()));
         let sound = reach < FARTHEST;
         let slack = above(2.0 * Frame::ROUNDING + 1e-14 * (1.0 + reach) + 5e-7 * spread);
         // Nearer than the offsets, an error of the depth is multiplied in offset / depth.
@@ -266,11 +294,10 @@ impl Spread {
                 S::store(&mut ends[n][1].0, S::sub(S::splat(0.0), negated));
             }
         }
-        // Lanes without a pulse repeat the first.
+        for end in ends.iter_mut().flatten() {
+            end.repeat_first(pulses.len());
+        }
         for l in pulses.len()..GROUP {
-            for end in ends.iter_mut().flatten() {
-                end.0[l] = end.0[0];
-            }
             for m in &mut middle {
                 m[l] = m[0];
             }
@@ -341,15 +368,15 @@ unsafe fn sides<S: Simd>(
     // SAFETY: the caller vouches for the instruction set.
     unsafe {
         let mut sides = [[
-            Side::new([(r - start.slack).next_down(); GROUP], &[forward; GROUP], true),
-            Side::new([(r + start.slack).next_up(); GROUP], &[forward; GROUP], false),
+            Side::new([lowered(r - start.slack); GROUP], &[forward; GROUP], true),
+            Side::new([raised(r + start.slack); GROUP], &[forward; GROUP], false),
         ]; 3];
         for n in 0..2 {
             let a = [i, j][n];
             let (mut under, mut over) = ([0.0; GROUP], [0.0; GROUP]);
             for l in 0..GROUP {
-                under[l] = (start.apex[a] + (offset[n][0].0[l] - start.slack)).next_down();
-                over[l] = (start.apex[a] + (offset[n][1].0[l] + start.slack)).next_up();
+                under[l] = lowered(start.apex[a] + (offset[n][0].0[l] - start.slack));
+                over[l] = raised(start.apex[a] + (offset[n][1].0[l] + start.slack));
             }
             sides[a] = [Side::new(under, &slope[n][0].0, true), Side::new(over, &slope[n][1].0, false)];
         }
@@ -370,17 +397,17 @@ fn sides_of_all(
     let greatest = |x: &PerPulse| x.0.iter().fold(f32::NEG_INFINITY, |m, &x| if x > m { x } else { m });
     let (r, slack) = (start.apex, start.slack);
     let mut beam = [[
-        BeamSide { from: (r[k] - slack).next_down(), inverse: forward },
-        BeamSide { from: (r[k] + slack).next_up(), inverse: forward },
+        BeamSide { from: lowered(r[k] - slack), inverse: forward },
+        BeamSide { from: raised(r[k] + slack), inverse: forward },
     ]; 3];
     for (n, a) in [i, j].into_iter().enumerate() {
         beam[a] = [
             BeamSide {
-                from: (r[a] + (least(&offset[n][0]) - slack)).next_down(),
+                from: lowered(r[a] + (least(&offset[n][0]) - slack)),
                 inverse: 1.0 / least(&slope[n][0]),
             },
             BeamSide {
-                from: (r[a] + (greatest(&offset[n][1]) + slack)).next_up(),
+                from: raised(r[a] + (greatest(&offset[n][1]) + slack)),
                 inverse: 1.0 / greatest(&slope[n][1]),
             },
         ];

@@ -1,4 +1,8 @@
 //! AVX2: two registers for sixteen lanes.
+#![expect(
+    clippy::undocumented_unsafe_blocks,
+    reason = "one reason for all: callers of the trait vouch for the target features, and memory is reached through references"
+)]
 
 use super::{Simd, each_of};
 use std::arch::x86_64::*;
@@ -29,7 +33,6 @@ macro_rules! pairwise {
     ($name:ident, $op:ident, $v:ty) => {
         #[inline(always)]
         unsafe fn $name(a: [$v; 2], b: [$v; 2]) -> [$v; 2] {
-            // SAFETY: the trait asks callers for the target features.
             unsafe { [$op(a[0], b[0]), $op(a[1], b[1])] }
         }
     };
@@ -41,7 +44,6 @@ macro_rules! pairwise {
 /// As for [`Simd`].
 #[inline(always)]
 unsafe fn four_rows(rows: &[[f32; 16]; 16], first: usize, lane: usize) -> __m256 {
-    // SAFETY: the caller vouches for the instruction set.
     unsafe {
         let [a, b, c, d] =
             each_of!([0, 1, 2, 3], i => _mm256_loadu_ps(rows[first + i][lane..lane + 8].as_ptr()));
@@ -53,7 +55,6 @@ unsafe fn four_rows(rows: &[[f32; 16]; 16], first: usize, lane: usize) -> __m256
     }
 }
 
-// SAFETY (all functions): the trait asks callers for the target features; memory is reached through references only.
 impl Simd for Avx2 {
     type F = [__m256; 2];
     type M = [__m256; 2];

@@ -1,4 +1,8 @@
 //! AVX-512 (F, VL, BW, DQ): one register for sixteen lanes.
+#![expect(
+    clippy::undocumented_unsafe_blocks,
+    reason = "one reason for all: callers of the trait vouch for the target features, and memory is reached through references"
+)]
 
 use super::{Simd, each_of};
 use std::arch::x86_64::*;
@@ -13,7 +17,6 @@ pub(crate) struct Avx512;
 /// As for [`Simd`].
 #[inline(always)]
 unsafe fn four_rows(rows: &[[f32; 16]; 16], first: usize) -> __m512 {
-    // SAFETY: the caller vouches for the instruction set.
     unsafe {
         let [a, b, c, d] = each_of!([0, 1, 2, 3], i => _mm512_loadu_ps(rows[first + i].as_ptr()));
         let ab = _mm512_min_ps(_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
@@ -24,7 +27,6 @@ unsafe fn four_rows(rows: &[[f32; 16]; 16], first: usize) -> __m512 {
     }
 }
 
-// SAFETY (all functions): the trait asks callers for the target features; memory is reached through references only.
 impl Simd for Avx512 {
     type F = __m512;
     type M = __mmask16;

@@ -148,3 +148,119 @@ pub(crate) trait Simd: Copy {
     /// Rounded to nearest.
     unsafe fn qstore(x: &mut [f32; 4], v: Self::Q);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::portable::Portable;
+    use super::*;
+    use crate::rng::{Purpose, Stream};
+
+    /// Results of every operation on the same inputs, as bits.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    unsafe fn trial<S: Simd>(round: u64) -> Vec<u64> {
+        let draw = Stream::new(3, Purpose::SceneMaking);
+        let number = |which: u32, n: usize| -> f64 {
+            let x = draw.uniform(which, round, n as u32) - 0.5;
+            // Equal, infinite and undefined numbers must be frequent.
+            match draw.bits(which, round, n as u32 + 1000)[0] % 12 {
+                0 => 0.25,
+                1 => f64::INFINITY,
+                2 => f64::NAN,
+                3 => -0.0,
+                _ => x,
+            }
+        };
+        let mut out = Vec::new();
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let singles = |which: u32| -> [f32; 16] { std::array::from_fn(|n| number(which, n) as f32) };
+            let (a, b) = (S::load(&singles(0)), S::load(&singles(1)));
+            let m = S::and(S::le(a, b), S::or(S::lt(b, a), S::le(a, a)));
+            let mut keep = |v: S::F| {
+                let mut x = [0.0; 16];
+                S::store(&mut x, v);
+                out.extend(x.map(|x| if x.is_nan() { 1 } else { u64::from(x.to_bits()) }));
+            };
+            for v in [S::add(a, b), S::sub(a, b), S::mul(a, b), S::div(a, b), S::min(a, b), S::max(a, b)] {
+                keep(v);
+            }
+            keep(S::min_where(m, a, b));
+            keep(S::max_where(m, a, b));
+            keep(S::splat(singles(0)[3]));
+            let whole =
+                |which: u32| S::load(&std::array::from_fn(|n| draw.uniform(which, round, n as u32) as f32));
+            keep(S::fold_minima(whole(2), whole(3)));
+            let rows = std::array::from_fn(|r| {
+                std::array::from_fn(|n| draw.uniform(4, round, (16 * r + n) as u32) as f32)
+            });
+            let [low, high] = S::row_minima(&rows);
+            keep(low);
+            keep(high);
+            out.push(u64::from(S::greatest(whole(2)).to_bits()));
+            out.extend([S::bits(m), S::bits(S::lt(a, b)), S::bits(S::le(b, a))].map(u64::from));
+            let mask = draw.bits(5, round, 0)[0] & 0xffff;
+            let mut places = [0; 16];
+            S::compress(mask, 160, &mut places);
+            out.extend(places[..mask.count_ones() as usize].iter().map(|&x| u64::from(x)));
+
+            let doubles = |which: u32| -> [f64; 8] { std::array::from_fn(|n| number(which, n)) };
+            let (a, b) = (S::dload(&doubles(6)), S::dload(&doubles(7)));
+            let ids: [u32; 8] = std::array::from_fn(|n| draw.bits(8, round, n as u32)[0] & 3);
+            for v in [
+                S::dadd(a, b),
+                S::dsub(a, b),
+                S::dmul(a, b),
+                S::ddiv(a, b),
+                S::dmax(a, b),
+                S::dabs(a),
+                S::dsplat(0.1),
+            ] {
+                let (mut t, mut id) = ([0.5; 8], ids);
+                S::put(mask & 255, &mut t, v, &mut id, 9);
+                out.extend(t.map(|x| if x.is_nan() { 1 } else { x.to_bits() }));
+                out.extend(id.map(u64::from));
+            }
+            out.extend(
+                [S::dbits(S::dlt(a, b)), S::dbits(S::dand(S::dle(a, b), S::dle(b, a)))].map(u64::from),
+            );
+            out.push(u64::from(S::greater_ids(&ids, 1)));
+            let fine = S::dload(&std::array::from_fn(|n| draw.uniform(9, round, n as u32)));
+            out.push(S::dgreatest(fine).to_bits());
+            let mut x = [0.0; 16];
+            S::store(&mut x, S::narrow(fine, S::dabs(a)));
+            out.extend(x.map(|x| if x.is_nan() { 1 } else { u64::from(x.to_bits()) }));
+
+            let four = |which: u32| S::qload(&std::array::from_fn(|n| number(which, n)));
+            let (a, b) = (four(10), four(11));
+            for v in [S::qadd(a, b), S::qsub(a, b), S::qmul(a, b), S::qabs(a), S::qturn(b), S::qsplat(0.7)] {
+                let mut x = [0.0; 4];
+                S::qstore(&mut x, v);
+                out.extend(x.map(|x| if x.is_nan() { 1 } else { u64::from(x.to_bits()) }));
+            }
+            out.push(u64::from(S::qlt(a, b)));
+        }
+        out
+    }
+
+    #[test]
+    fn all_sets_compute_the_same() {
+        for level in Level::available() {
+            for round in 0..500 {
+                // SAFETY: available means that the features are there.
+                let (expected, found) = unsafe {
+                    let found = match level {
+                        Level::Portable => trial::<Portable>(round),
+                        #[cfg(target_arch = "x86_64")]
+                        Level::Avx2 => trial::<avx2::Avx2>(round),
+                        #[cfg(target_arch = "x86_64")]
+                        Level::Avx512 => trial::<avx512::Avx512>(round),
+                    };
+                    (trial::<Portable>(round), found)
+                };
+                assert_eq!(expected, found, "{level:?}, round {round}");
+            }
+        }
+    }
+}
