@@ -1,6 +1,6 @@
 //! The command line as typed: nothing here touches the world.
 
-use super::Verbosity;
+use super::{LogTo, Verbosity};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -23,16 +23,35 @@ pub struct Cli {
     /// Say nothing at all.
     #[arg(long, global = true, hide = true)]
     pub silent: bool,
+    /// Say how long each stage takes, and errors.
+    #[arg(long, global = true, hide = true)]
+    pub times: bool,
+    /// Write all messages to helios_TIME.log in the working folder, too.
+    #[arg(long, global = true, hide = true)]
+    pub log_file: bool,
+    /// Write all messages to helios_TIME.log in the working folder and none to stderr.
+    #[arg(long, global = true, hide = true)]
+    pub log_file_only: bool,
 }
 
 impl Cli {
     /// The verbosity that the flags ask for.
     pub fn verbosity(&self) -> Verbosity {
-        match (self.silent, self.quiet, self.verbose) {
-            (true, _, _) => Verbosity::Silent,
-            (_, true, _) => Verbosity::Errors,
-            (_, _, 0) => Verbosity::Normal,
+        match (self.silent, self.quiet, self.verbose, self.times) {
+            (true, ..) => Verbosity::Silent,
+            (_, true, ..) => Verbosity::Errors,
+            (_, _, 0 | 1, true) => Verbosity::Times,
+            (_, _, 0, _) => Verbosity::Normal,
             _ => Verbosity::Verbose,
+        }
+    }
+
+    /// Where messages go.
+    pub fn log(&self) -> LogTo {
+        match (self.log_file, self.log_file_only) {
+            (_, true) => LogTo::File,
+            (true, _) => LogTo::Both,
+            _ => LogTo::Stderr,
         }
     }
 }
@@ -44,6 +63,8 @@ pub enum Command {
     Run(Box<RunArgs>),
     /// Make scenes to try things with.
     Scene(SceneArgs),
+    /// Expand compressed text (.bin) to the text that it holds.
+    Unzip(UnzipArgs),
     /// Draw a point cloud from above and from the side.
     Preview(PreviewArgs),
 }
@@ -60,8 +81,20 @@ pub enum PhysicsProfile {
 /// Which tree traces the rays; the points are the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum TreeKind {
-    /// kd-tree by min/max histograms of the surface area heuristic.
+    /// Wide hierarchy of boxes: the fastest and smallest.
+    Bvh,
+    /// kd-tree by min/max histograms of the surface area heuristic; 4 in the reference program.
+    #[value(alias = "4")]
     Fsah,
+    /// kd-tree by the surface area heuristic on the best axis; 3 in the reference program.
+    #[value(alias = "3")]
+    AxisSah,
+    /// kd-tree by the surface area heuristic; 2 in the reference program.
+    #[value(alias = "2")]
+    Sah,
+    /// kd-tree by the median; 1 in the reference program.
+    #[value(alias = "1")]
+    Median,
 }
 
 /// `vlscan run`.
@@ -75,7 +108,7 @@ pub struct RunArgs {
     #[arg(short = 'o', long = "out", value_name = "PATH", help_heading = "Output")]
     pub out: Vec<PathBuf>,
     /// Format of the points, where no extension tells it.
-    #[arg(long, value_name = "FORMAT", value_parser = ["xyz", "las", "laz", "ply", "ply-ascii"], help_heading = "Output")]
+    #[arg(long, value_name = "FORMAT", value_parser = ["xyz", "bin", "las", "laz", "ply", "ply-ascii"], help_heading = "Output")]
     pub format: Option<String>,
     /// Write as HELIOS++ does: DIR/SURVEY/TIME/leg000_points.xyz and so on. [default without -o: output]
     #[arg(long, value_name = "DIR", help_heading = "Output", conflicts_with = "out")]
@@ -105,7 +138,7 @@ pub struct RunArgs {
     /// With --output: LAS 1.0 instead of text.
     #[arg(long, help_heading = "Output")]
     pub las10: bool,
-    /// With --output and LAS: compress it (LAZ).
+    /// With --output: LAZ instead of LAS, and compressed text (.bin) instead of text; waveforms and pulses, too.
     #[arg(long, help_heading = "Output")]
     pub zip_output: bool,
     /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser where the scene is too wide for it]
@@ -169,15 +202,21 @@ pub struct RunArgs {
     /// Chunks per worker that may wait. [default: 4]
     #[arg(long, value_name = "N", help_heading = "Speed")]
     pub warehouse_factor: Option<usize>,
-    /// The tree that traces the rays. [default: fsah]
+    /// Accepted for compatibility: 0 and 1 stand for schedules of the reference program; the points are the same.
+    #[arg(long, hide = true, value_parser = ["0", "1"])]
+    pub parallelization: Option<String>,
+    /// The tree that traces the rays; the points are the same. [default: bvh]
     #[arg(long, value_name = "TREE", help_heading = "Speed")]
     pub tree: Option<TreeKind>,
-    /// Histogram bins of the tree builder. [default: 32]
+    /// Histogram bins (fsah) or candidates (sah, axis-sah) of the tree builder. [default: 32, 21]
     #[arg(long, value_name = "N", help_heading = "Speed")]
     pub tree_bins: Option<usize>,
     /// Threads that build the tree; 0 or nothing = as --threads.
     #[arg(long, value_name = "N", help_heading = "Speed")]
     pub tree_jobs: Option<usize>,
+    /// Threads for the upper nodes: one pool builds all nodes here, as large as the larger of this and --tree-jobs.
+    #[arg(long, value_name = "N", hide = true)]
+    pub kdt_geom_jobs: Option<usize>,
     /// Refuse scenes that need more memory than this, e.g. 4G.
     #[arg(long, value_name = "SIZE", help_heading = "Speed")]
     pub max_memory: Option<String>,
@@ -185,6 +224,19 @@ pub struct RunArgs {
     /// Show the progress as plain lines when stderr is no terminal.
     #[arg(long, help_heading = "Messages")]
     pub progress: bool,
+}
+
+/// `vlscan unzip`.
+#[derive(Debug, Args)]
+pub struct UnzipArgs {
+    /// The compressed text; - for stdin.
+    pub file: PathBuf,
+    /// The text; - for stdout.
+    #[arg(default_value = "-")]
+    pub out: PathBuf,
+    /// Overwrite a file that exists.
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// `vlscan scene`.

@@ -1,9 +1,12 @@
 //! What the user reads on stderr.
 
 use crate::diag::{Diagnostics, Severity};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use std::fmt::Display;
+use std::fs::{File, OpenOptions};
 use std::io::{IsTerminal, Write, stderr};
+use std::path::Path;
+use std::sync::Arc;
 
 /// How much the user wants to read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -12,6 +15,8 @@ pub enum Verbosity {
     Silent,
     /// Errors.
     Errors,
+    /// Errors and how long each stage took.
+    Times,
     /// Errors, warnings and the summary.
     #[default]
     Normal,
@@ -19,18 +24,51 @@ pub enum Verbosity {
     Verbose,
 }
 
-/// Writes messages to stderr.
-#[derive(Clone, Copy, Debug)]
+/// Where messages go. The file is `helios_<YYYY-MM-DD_hh-mm-ss>.log` in the working folder (spec outputs §10.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum LogTo {
+    /// To stderr.
+    #[default]
+    Stderr,
+    /// To stderr and the file.
+    Both,
+    /// To the file.
+    File,
+}
+
+/// Writes messages to stderr, or where [`Console::logging`] says.
+#[derive(Clone, Debug)]
 pub struct Console {
     verbosity: Verbosity,
     coloured: bool,
+    stderr: bool,
+    file: Option<Arc<File>>,
 }
 
 impl Console {
     /// A console of that verbosity; coloured when stderr is a terminal and `NO_COLOR` is not set.
     pub fn new(verbosity: Verbosity) -> Console {
         let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
-        Console { verbosity, coloured }
+        Console { verbosity, coloured, stderr: true, file: None }
+    }
+
+    /// The same console with messages going elsewhere. Within one second runs share a log file, line by line.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the log file cannot be opened.
+    pub fn logging(self, to: LogTo) -> Result<Console> {
+        if to == LogTo::Stderr {
+            return Ok(self);
+        }
+        let name = jiff::Zoned::now().strftime("helios_%Y-%m-%d_%H-%M-%S.log").to_string();
+        let file = OpenOptions::new().append(true).create(true).open(&name);
+        let file = file.map_err(|e| Error::io("write", Path::new(&name), e))?;
+        Ok(Console { coloured: false, stderr: to == LogTo::Both, file: Some(Arc::new(file)), ..self })
+    }
+
+    /// Whether a bar may be drawn on stderr.
+    pub fn draws(&self) -> bool {
+        self.stderr && self.shows(Verbosity::Normal)
     }
 
     /// Whether messages of that level are shown.
@@ -46,6 +84,12 @@ impl Console {
     /// One line for those who want to know more.
     pub fn detail(&self, message: impl Display) {
         self.line(Verbosity::Verbose, message);
+    }
+
+    /// One line of that level that tells how long something took.
+    pub fn took(&self, level: Verbosity, message: impl Display) {
+        let times = self.verbosity == Verbosity::Times;
+        self.line(if times { Verbosity::Times } else { level }, message);
     }
 
     /// All warnings, each with its place.
@@ -77,7 +121,12 @@ impl Console {
     }
 
     fn raw(&self, text: &str) {
-        // Nobody is left to be told when stderr is closed.
-        let _ = stderr().lock().write_all(text.as_bytes());
+        // Nobody is left to be told when stderr is closed or the log's disk is full.
+        if self.stderr {
+            let _ = stderr().lock().write_all(text.as_bytes());
+        }
+        if let Some(mut file) = self.file.as_deref() {
+            let _ = file.write_all(text.as_bytes());
+        }
     }
 }

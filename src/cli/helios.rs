@@ -1,75 +1,266 @@
-//! The reference program's option names, which are matched without regard to case.
+//! The reference program's command line, word for word (spec outputs-and-cli §9): its option names in any case, options
+//! before or after the survey, values that begin with a minus, the first of repeated values, `SURVEY.xml` without `run`.
 
-use std::ffi::OsString;
+use crate::error::{Error, Result};
+use std::ffi::{OsStr, OsString};
 
-/// Option names of the reference program that `vlscan run` takes, and our name for each (spec outputs-and-cli §9.2).
-const NAMES: &[(&str, &str)] = &[
-    ("--assets", "--assets"),
-    ("--output", "--output"),
-    ("--seed", "--seed"),
-    ("--gpsStartTime", "--gps-start"),
-    ("--splitByChannel", "--split-by-channel"),
-    ("--writeWaveform", "--waveforms"),
-    ("--writePulse", "--pulses"),
-    ("--calcEchowidth", "--echo-width"),
-    ("--fullwaveNoise", "--waveform-noise"),
-    ("--fixedIncidenceAngle", "--fixed-incidence"),
-    ("--lasOutput", "--las-output"),
-    ("--las10", "--las10"),
-    ("--zipOutput", "--zip-output"),
-    ("--lasScale", "--las-scale"),
-    ("--njobs", "--threads"),
-    ("--nthreads", "--threads"),
-    ("--chunkSize", "--chunk-size"),
-    ("--warehouseFactor", "--warehouse-factor"),
-    ("--rebuildScene", "--rebuild-scene"),
-    ("--noSceneWriting", "--no-scene-writing"),
-    ("--disablePlatformNoise", "--no-platform-noise"),
-    ("--disableLegNoise", "--no-leg-noise"),
-    ("--legacyEnergyModel", "--legacy-energy"),
-    ("--sahNodes", "--tree-bins"),
-    ("--kdtJobs", "--tree-jobs"),
-    ("--quiet", "--quiet"),
-    ("--silent", "--silent"),
+/// What follows the name of an option of the reference program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Takes {
+    /// Nothing; further occurrences say nothing new.
+    Nothing,
+    /// Nothing, and every occurrence counts.
+    NothingEachTime,
+    /// A value; the first occurrence wins.
+    Value,
+    /// A value; all occurrences count.
+    Values,
+}
+use Takes::{Nothing, NothingEachTime, Value, Values};
+
+/// Options of the reference program that `vlscan run` takes, and our name for each (spec outputs-and-cli §9.2).
+const NAMES: &[(&str, &str, Takes)] = &[
+    ("--assets", "--assets", Values),
+    ("--output", "--output", Value),
+    ("--seed", "--seed", Value),
+    ("--gpsStartTime", "--gps-start", Value),
+    ("--splitByChannel", "--split-by-channel", Nothing),
+    ("--writeWaveform", "--waveforms", Nothing),
+    ("--writePulse", "--pulses", Nothing),
+    ("--calcEchowidth", "--echo-width", Nothing),
+    ("--fullwaveNoise", "--waveform-noise", Nothing),
+    ("--fixedIncidenceAngle", "--fixed-incidence", Nothing),
+    ("--lasOutput", "--las-output", Nothing),
+    ("--las10", "--las10", Nothing),
+    ("--zipOutput", "--zip-output", Nothing),
+    ("--lasScale", "--las-scale", Value),
+    ("-j", "--threads", Value),
+    ("--njobs", "--threads", Value),
+    ("--nthreads", "--threads", Value),
+    ("--parallelization", "--parallelization", Value),
+    ("--chunkSize", "--chunk-size", Value),
+    ("--warehouseFactor", "--warehouse-factor", Value),
+    ("--rebuildScene", "--rebuild-scene", Nothing),
+    ("--noSceneWriting", "--no-scene-writing", Nothing),
+    ("--kdt", "--tree", Value),
+    ("--kdtJobs", "--tree-jobs", Value),
+    ("--kdtGeomJobs", "--kdt-geom-jobs", Value),
+    ("--sahNodes", "--tree-bins", Value),
+    ("--disablePlatformNoise", "--no-platform-noise", Nothing),
+    ("--disableLegNoise", "--no-leg-noise", Nothing),
+    ("--legacyEnergyModel", "--legacy-energy", Nothing),
+    ("--logFile", "--log-file", Nothing),
+    ("--logFileOnly", "--log-file-only", Nothing),
+    ("--silent", "--silent", Nothing),
+    ("-q", "--quiet", Nothing),
+    ("--quiet", "--quiet", Nothing),
+    ("-vt", "--times", Nothing),
+    ("-v", "--verbose", NothingEachTime),
+    ("-v2", "-vv", NothingEachTime),
+    ("-vv", "-vv", NothingEachTime),
+    ("-h", "--help", Nothing),
+    ("--help", "--help", Nothing),
 ];
 
-/// The arguments with the reference's option names replaced by ours; everything else is left as it is.
-pub fn in_our_words(args: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
-    let mut args: Vec<OsString> = args.into_iter().collect();
-    if args.get(1).is_none_or(|command| command != "run") {
-        return args;
+/// Options that only make sense in builds of the reference program with its own tests and windows.
+const REFUSED: &[(&str, &str)] = &[
+    ("--test", "there are no built-in self tests; `cargo test` in the source folder runs them"),
+    ("--testDir", "there are no built-in self tests; `cargo test` in the source folder runs them"),
+    ("--demo", "there are no demonstrations; `vlscan scene make` makes a scene with a survey to try"),
+    ("--demoSurvey", "there are no demonstrations; `vlscan scene make` makes a scene with a survey to try"),
+    ("--demoAssets", "there are no demonstrations; `vlscan scene make` makes a scene with a survey to try"),
+];
+
+/// The arguments with the reference's options replaced by ours, where they are for `run` or for no subcommand; all others
+/// are left as they are.
+///
+/// # Errors
+/// [`Error::Input`] for options that have no counterpart, with what to do instead.
+pub fn in_our_words(args: impl IntoIterator<Item = OsString>) -> Result<Vec<OsString>> {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let Some((program, words)) = args.split_first() else { return Ok(args) };
+    let subject = words.get(subject(words)).map(OsString::as_os_str);
+    let is_run = subject.is_some_and(|word| word == "run");
+    let is_survey = subject.is_some_and(is_xml);
+    let is_ours = subject.is_some() && !is_run && !is_survey;
+    // Those of the developers' builds take values that look like subjects.
+    let judged = if is_ours { &words[..1] } else { words };
+    if let Some((name, why)) = judged.iter().find_map(|word| named(REFUSED, word, |entry| entry.0)) {
+        return Err(Error::input(format!("{name}: {why}")));
     }
-    for arg in args.iter_mut().skip(2) {
-        let Some(text) = arg.to_str() else { continue };
-        if text == "--" {
+    if is_ours {
+        return Ok(args);
+    }
+    if words.iter().any(|word| is(word, "--version")) {
+        return Ok(vec![program.clone(), "--version".into()]);
+    }
+    if let Some(at) = words.iter().position(|word| is(word, "--unzip")) {
+        let files = words[at + 1..].iter().take(2).cloned();
+        return Ok([program.clone(), "unzip".into(), "--force".into()].into_iter().chain(files).collect());
+    }
+    if !is_run && !is_survey {
+        return Ok(args);
+    }
+    let mut ours = vec![program.clone(), "run".into()];
+    ours.extend(translated(words, is_run));
+    Ok(ours)
+}
+
+/// The words with our names of options; the first `run` is left out if there is one.
+fn translated(words: &[OsString], mut skip_run: bool) -> Vec<OsString> {
+    let mut ours: Vec<OsString> = Vec::with_capacity(words.len());
+    let mut seen: Vec<&str> = Vec::new();
+    let mut rest = words.iter();
+    while let Some(word) = rest.next() {
+        if word == "--" {
+            ours.push(word.clone());
+            ours.extend(rest.cloned());
             break;
         }
-        let translated = match text {
-            "-v2" => Some("-vv"),
-            _ => NAMES.iter().find(|(name, _)| name.eq_ignore_ascii_case(text)).map(|&(_, ours)| ours),
-        };
-        if let Some(ours) = translated {
-            *arg = ours.into();
+        if skip_run && word == "run" {
+            skip_run = false;
+            continue;
         }
+        let Some(&(_, name, takes)) = named(NAMES, word, |entry| entry.0) else {
+            ours.push(word.clone());
+            continue;
+        };
+        let mut option = OsString::from(name);
+        if matches!(takes, Value | Values)
+            && let Some(value) = rest.next()
+        {
+            option.push("=");
+            option.push(value);
+        }
+        if matches!(takes, NothingEachTime | Values) || !seen.contains(&name) {
+            ours.push(option);
+        }
+        seen.push(name);
     }
-    args
+    ours
+}
+
+/// Where the first word stands that is neither an option of the reference program nor its value, nor looks like an option.
+fn subject(words: &[OsString]) -> usize {
+    let mut at = 0;
+    while let Some(word) = words.get(at) {
+        at += match named(NAMES, word, |entry| entry.0) {
+            Some((_, _, Value | Values)) => 2,
+            Some(_) => 1,
+            None if is(word, "--unzip") => 3,
+            None if word.as_encoded_bytes().starts_with(b"-") => 1,
+            None => return at,
+        };
+    }
+    words.len()
+}
+
+fn named<'t, T>(table: &'t [T], word: &OsStr, name: impl Fn(&T) -> &str) -> Option<&'t T> {
+    table.iter().find(|entry| is(word, name(entry)))
+}
+
+fn is(word: &OsStr, name: &str) -> bool {
+    // `-V` asks for the version here and everywhere else.
+    word.eq_ignore_ascii_case(name) && word != "-V"
+}
+
+fn is_xml(word: &OsStr) -> bool {
+    std::path::Path::new(word).extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::{Cli, Command};
+    use crate::cli::{Cli, Command, TreeKind};
     use clap::Parser;
+
+    fn words(line: &str) -> Vec<OsString> {
+        line.split_whitespace().map(OsString::from).collect()
+    }
+
+    fn ours(line: &str) -> String {
+        let ours = in_our_words(words(line)).unwrap();
+        ours.iter().map(|w| w.to_str().unwrap()).collect::<Vec<_>>().join(" ")
+    }
+
+    fn run(line: &str) -> crate::cli::RunArgs {
+        let cli =
+            Cli::try_parse_from(in_our_words(words(line)).unwrap()).unwrap_or_else(|e| panic!("{line}: {e}"));
+        let Command::Run(run) = cli.command else { panic!("not a run: {line}") };
+        *run
+    }
 
     #[test]
     fn a_reference_command_line_is_understood() {
-        let line = "vlscan run s.xml --output out --assets a --assets b --SEED 43 --gpsStartTime 2022-01-01 \
+        let line = "s.xml --output out --assets a --assets b --SEED 43 --gpsStartTime 2022-01-01 \
                     --disablePlatformNoise --writeWaveform --lasoutput --zipOutput -j 2 -v2";
-        let cli = Cli::try_parse_from(in_our_words(line.split(' ').map(OsString::from))).unwrap();
-        let Command::Run(run) = cli.command else { panic!("not a run") };
-        assert_eq!(run.seed.as_deref(), Some("43"));
-        assert_eq!((run.assets.len(), run.threads), (2, Some(2)));
-        assert!(run.no_platform_noise && run.waveforms && run.las_output && run.zip_output && !run.pulses);
+        for line in [format!("vlscan run {line}"), format!("vlscan {line}")] {
+            let run = run(&line);
+            assert_eq!((run.seed.as_deref(), run.file.to_str()), (Some("43"), Some("s.xml")));
+            assert_eq!((run.assets.len(), run.threads), (2, Some(2)));
+            assert!(
+                run.no_platform_noise && run.waveforms && run.las_output && run.zip_output && !run.pulses
+            );
+        }
+    }
+
+    #[test]
+    fn options_stand_before_or_after_the_survey() {
+        for line in [
+            "vlscan --njobs 3 --kdt 2 s.xml --writePulse",
+            "vlscan -J 3 --writepulse run --KDT 2 s.xml",
+            "vlscan run s.xml --writePulse --kdt 2 --nThreads 3",
+        ] {
+            let run = run(line);
+            assert_eq!((run.threads, run.tree, run.pulses), (Some(3), Some(TreeKind::Sah), true), "{line}");
+        }
+    }
+
+    #[test]
+    fn the_first_value_wins_and_flags_may_be_repeated() {
+        let run =
+            run("vlscan s.xml --seed 1 --seed 2 -j 3 --njobs 4 --writePulse --writePulse --chunkSize -32");
+        assert_eq!((run.seed.as_deref(), run.threads, run.chunk_size), (Some("1"), Some(3), Some(-32)));
+        assert_eq!(ours("vlscan s.xml --assets a --assets b"), "vlscan run s.xml --assets=a --assets=b");
+    }
+
+    #[test]
+    fn a_missing_value_is_an_error() {
+        for line in ["vlscan s.xml --seed", "vlscan run s.xml --kdt"] {
+            assert!(Cli::try_parse_from(in_our_words(words(line)).unwrap()).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn other_subcommands_keep_their_words() {
+        for line in [
+            "vlscan preview --output x.xml",
+            "vlscan scene make forest --seed 1 --seed 2",
+            "vlscan",
+            "vlscan -V",
+        ] {
+            assert_eq!(ours(line), line);
+        }
+    }
+
+    #[test]
+    fn unzip_and_version_come_before_the_run() {
+        assert_eq!(ours("vlscan --unzip a.bin a.xyz"), "vlscan unzip --force a.bin a.xyz");
+        assert_eq!(ours("vlscan s.xml --UNZIP a.bin a.xyz"), "vlscan unzip --force a.bin a.xyz");
+        assert_eq!(ours("vlscan s.xml --Version --seed 1"), "vlscan --version");
+    }
+
+    #[test]
+    fn what_has_no_counterpart_is_refused_with_advice() {
+        for (line, advice) in [
+            ("vlscan --test", "cargo test"),
+            ("vlscan run s.xml --TestDir d", "cargo test"),
+            ("vlscan --demo box", "scene make"),
+            ("vlscan s.xml --demoSurvey d", "scene make"),
+        ] {
+            let message = in_our_words(words(line)).unwrap_err().to_string();
+            assert!(message.contains(advice), "{line}: {message}");
+        }
     }
 
     #[test]
@@ -77,12 +268,13 @@ mod tests {
         use clap::CommandFactory;
         let command = Cli::command();
         let run = command.find_subcommand("run").unwrap();
-        let longs: Vec<String> = run
+        let mut longs: Vec<String> = run
             .get_arguments()
             .chain(command.get_arguments())
             .filter_map(|a| a.get_long().map(|l| format!("--{l}")))
             .collect();
-        for (theirs, ours) in NAMES {
+        longs.extend(["-vv", "--help"].map(str::to_owned));
+        for (theirs, ours, _) in NAMES {
             assert!(longs.iter().any(|l| l == ours), "{theirs} leads to {ours}, which is no option");
         }
     }

@@ -9,19 +9,31 @@ mod interrupt;
 mod preview;
 mod run;
 mod scene;
+mod unzip;
 mod watch;
 
 pub use args::{Cli, Command, PhysicsProfile, RunArgs, TreeKind};
-pub use console::{Console, Verbosity};
+pub use console::{Console, LogTo, Verbosity};
 
 use crate::error::Error;
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use std::ffi::OsString;
 
 /// Runs the program with these arguments and returns its exit status: 0 done, 1 the machine failed, 2 wrong input or
 /// usage, 3 a scan frequency outside the scanner's limits, 130 interrupted.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let cli = match Cli::try_parse_from(helios::in_our_words(args)) {
+    let words = match helios::in_our_words(args) {
+        Ok(words) => words,
+        Err(error) => {
+            Console::new(Verbosity::Normal).failure(&error);
+            return error.exit_status();
+        }
+    };
+    if words.len() < 2 {
+        let _ = Cli::command().print_help();
+        return 0;
+    }
+    let cli = match Cli::try_parse_from(words) {
         Ok(cli) => cli,
         Err(message) => {
             // Help and version are answers, not errors; a closed pipe must not turn them into a panic.
@@ -29,10 +41,17 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
             return if message.use_stderr() { 2 } else { 0 };
         }
     };
-    let console = Console::new(cli.verbosity());
+    let console = match Console::new(cli.verbosity()).logging(cli.log()) {
+        Ok(console) => console,
+        Err(error) => {
+            Console::new(Verbosity::Normal).failure(&error);
+            return error.exit_status();
+        }
+    };
     let outcome = match &cli.command {
         Command::Run(args) => run::run(args, &console),
         Command::Scene(args) => scene::run(args, &console),
+        Command::Unzip(args) => unzip::run(args, &console),
         Command::Preview(args) => preview::run(args, &console),
     };
     match outcome {

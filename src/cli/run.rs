@@ -4,7 +4,7 @@ mod job;
 
 use super::args::RunArgs;
 use super::watch::{amount, duration, watched};
-use super::{Console, interrupt};
+use super::{Console, Verbosity, interrupt};
 use crate::error::{Error, Result};
 use crate::flight::FlightPlan;
 use crate::output::{FileKind, OutputContext, OutputPlan, Summary};
@@ -61,20 +61,22 @@ fn load_and_build(job: &Job, console: &Console) -> Result<(Scene, Tree)> {
     let started = Instant::now();
     let (scene, warnings) = scene::load(&job.survey.scene, &job.load)?;
     console.warnings(&warnings.finish(job.strict)?);
-    console.detail(format!(
-        "scene: {} parts, {} primitives, {:.1} MB, {:.2} s",
-        scene.parts.len(),
-        amount(scene.geometry.len() as f64),
-        scene.memory() as f64 / 1e6,
-        started.elapsed().as_secs_f64()
-    ));
+    console.took(
+        Verbosity::Verbose,
+        format!(
+            "scene: {} parts, {} primitives, {:.1} MB, {:.2} s",
+            scene.parts.len(),
+            amount(scene.geometry.len() as f64),
+            scene.memory() as f64 / 1e6,
+            started.elapsed().as_secs_f64()
+        ),
+    );
     let started = Instant::now();
     let tree = Tree::build(&scene.geometry, &job.tree);
-    console.detail(format!(
-        "tree: {:.1} MB, {:.2} s",
-        tree.memory() as f64 / 1e6,
-        started.elapsed().as_secs_f64()
-    ));
+    console.took(
+        Verbosity::Verbose,
+        format!("tree: {:.1} MB, {:.2} s", tree.memory() as f64 / 1e6, started.elapsed().as_secs_f64()),
+    );
     if interrupt::STOP.asked() {
         return Err(Error::Interrupted);
     }
@@ -91,12 +93,15 @@ fn report(console: &Console, summary: &Summary, pulses: u64, flying: f64, whole:
                 .say(format!("  warning: {} points do not fit the format and were left out", file.left_out));
         }
     }
-    console.say(format!(
-        "{} pulses, {} points in {} ({} pulses/s; {} with loading)",
-        amount(pulses as f64),
-        amount(summary.points as f64),
-        duration(flying),
-        amount(pulses as f64 / flying.max(1e-9)),
-        duration(whole)
-    ));
+    console.took(
+        Verbosity::Normal,
+        format!(
+            "{} pulses, {} points in {} ({} pulses/s; {} with loading)",
+            amount(pulses as f64),
+            amount(summary.points as f64),
+            duration(flying),
+            amount(pulses as f64 / flying.max(1e-9)),
+            duration(whole)
+        ),
+    );
 }

@@ -17,7 +17,7 @@ pub fn watched<T>(
     progress: &Progress,
     work: impl FnOnce() -> T,
 ) -> T {
-    let terminal = stderr().is_terminal();
+    let terminal = stderr().is_terminal() && console.draws();
     if !console.shows(Verbosity::Normal) || !(terminal || lines_wanted) {
         return work();
     }

@@ -100,7 +100,7 @@ impl OutputPlan {
         let Some(leg) = self.legs.get(batch.leg as usize) else { return };
         let ply = PlyFields { shift: self.shift, objects: &self.objects };
         match format {
-            PointFormat::Xyz => {
+            PointFormat::Xyz | PointFormat::Bin => {
                 let codec = XyzCodec { shift: self.shift, labels: &self.labels };
                 encode_points(&codec, leg, slots, batch, pieces);
             }

@@ -1,6 +1,8 @@
 //! One open output file of any format.
 
+use super::archive::ArchiveStream;
 use super::layout::Content;
+use super::layout::FilePlan;
 use super::laz::{self, LazStream};
 use super::medium::{Medium, Place};
 use super::offload::Offload;
@@ -27,6 +29,8 @@ pub(super) struct OutputFile {
 enum Body {
     /// Nothing that is known only at the end.
     Plain,
+    /// Lines as records of a compressed archive.
+    Archive(ArchiveStream),
     /// A header that counts and bounds the points.
     Las,
     Laz(LazVlr, LazStream),
@@ -37,10 +41,12 @@ enum Body {
 impl OutputFile {
     /// Opens a file and writes what comes before the first record. A header that is not known yet is left blank, so that
     /// the beginnings of a file do not pass for the whole.
-    pub fn open(plan: &OutputPlan, place: &Place, content: Content) -> Result<OutputFile> {
-        let counts = matches!(content, Content::Points(format) if format != PointFormat::Xyz);
+    pub fn open(plan: &OutputPlan, place: &Place, file: &FilePlan) -> Result<OutputFile> {
+        let content = file.content;
+        let counts = matches!(content, Content::Points(format) if format.counts());
         let mut medium = Medium::open(place, plan.force, counts)?;
         let body = match content {
+            _ if file.zipped => Body::Archive(ArchiveStream::begin(&mut medium)?),
             Content::Points(PointFormat::Las) => {
                 medium.append(&vec![0; plan.las.head(None, &Tally::EMPTY).len()])?;
                 Body::Las
@@ -79,6 +85,7 @@ impl OutputFile {
         self.tally.add(tally);
         match &mut self.body {
             Body::Laz(_, stream) => stream.append(bytes, &mut self.medium, offload)?,
+            Body::Archive(stream) => stream.append(bytes, &mut self.medium, offload)?,
             Body::Plain | Body::Las | Body::Ply(_) => self.medium.append(bytes)?,
         }
         if matches!(self.body, Body::Las | Body::Laz(..)) && self.tally.records > plan.las.most_points() {
@@ -105,6 +112,7 @@ impl OutputFile {
         let mut bounds = self.tally.bounds;
         match self.body {
             Body::Plain => {}
+            Body::Archive(stream) => stream.finish(&mut self.medium, offload)?,
             Body::Las => {
                 self.medium.patch(0, &plan.las.head(None, &self.tally))?;
                 bounds = plan.las.world(&bounds);

@@ -42,6 +42,8 @@ pub(super) enum Home {
 pub(super) struct FilePlan {
     pub home: Home,
     pub content: Content,
+    /// Whether it is compressed text.
+    pub zipped: bool,
     /// The last leg that writes into it.
     pub last_leg: usize,
     /// Number of the sink that asked for it; two sinks may not share a file.
@@ -98,6 +100,8 @@ pub(super) struct Layout {
     /// Files that more than one sink asks for.
     pub clashes: Vec<Home>,
     slots: BTreeMap<Home, u32>,
+    /// Waveforms and pulses are compressed.
+    zip: bool,
 }
 
 /// Where the files of one sink go.
@@ -112,7 +116,8 @@ enum Base {
 impl Layout {
     /// Lays out everything that is asked for.
     pub fn new(request: &OutputRequest, survey: &Survey) -> Layout {
-        let mut layout = Layout { routes: vec![Vec::new(); survey.legs.len()], ..Layout::default() };
+        let mut layout =
+            Layout { routes: vec![Vec::new(); survey.legs.len()], zip: request.zip, ..Layout::default() };
         let devices: Vec<String> = survey.scanner.devices.iter().map(|d| file_name(&d.id)).collect();
         let split = if request.split_by_channel && devices.len() > 1 { &devices[..] } else { &[] };
         let mut beside = None;
@@ -183,6 +188,7 @@ impl Layout {
 
     /// A product beside the points, with the reference's file names.
     fn product(&mut self, sink: usize, base: &Base, content: Content, survey: &Survey) {
+        let extension = if self.zips(content) { "bin" } else { "txt" };
         let suffix = match content {
             Content::Waveforms => "fullwave",
             Content::Pulses => "pulse",
@@ -192,11 +198,20 @@ impl Layout {
             let home = match base {
                 Base::Stdout => Home::Fixed(Place::Stdout),
                 Base::Single(path) => {
-                    Home::Fixed(Place::Path(with_suffix(path, &format!("_{suffix}"), Some("txt"))))
+                    Home::Fixed(Place::Path(with_suffix(path, &format!("_{suffix}"), Some(extension))))
                 }
-                _ => base.inside(format!("{}_{suffix}.txt", prefix(leg))),
+                _ => base.inside(format!("{}_{suffix}.{extension}", prefix(leg))),
             };
             self.route(sink, home, content, index);
+        }
+    }
+
+    /// Whether files of that content are compressed text.
+    fn zips(&self, content: Content) -> bool {
+        match content {
+            Content::Points(format) => format == PointFormat::Bin,
+            Content::Waveforms | Content::Pulses => self.zip,
+            Content::Trajectory(_) => false,
         }
     }
 
@@ -237,7 +252,8 @@ impl Layout {
             return slot;
         }
         let slot = self.files.len() as u32;
-        self.files.push(FilePlan { home: home.clone(), content, last_leg: leg, sink });
+        let zipped = self.zips(content);
+        self.files.push(FilePlan { home: home.clone(), content, zipped, last_leg: leg, sink });
         self.slots.insert(home, slot);
         slot
     }

@@ -1,6 +1,7 @@
 //! Compression of LAS points in chunks of fixed size, on other threads where there are any to spare. The bytes depend on
 //! the points only: not on batches, threads or who compressed what.
 
+use super::blocks::Blocks;
 use super::las::LasFormat;
 use super::medium::Medium;
 use super::offload::Offload;
@@ -8,9 +9,6 @@ use crate::error::{Error, Result};
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
 use laz::{LazVlr, LazVlrBuilder};
-use std::collections::VecDeque;
-use std::mem;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Points per chunk, as LASzip has it.
 const CHUNK_POINTS: usize = 50_000;
@@ -24,18 +22,13 @@ pub(super) fn laszip(format: &LasFormat) -> Result<LazVlr> {
 
 /// The compressed points of one file.
 pub(super) struct LazStream {
-    laszip: Arc<LazVlr>,
+    laszip: LazVlr,
     record: usize,
     /// Where the offset of the chunk table stands.
     start: u64,
     /// Points that make no whole chunk yet.
     points: Vec<u8>,
-    /// Chunks being compressed, in order.
-    pending: VecDeque<Arc<Chunk>>,
-    most_pending: usize,
-    /// Buffers of chunks that are written, for the next ones: megabytes that come and go would scatter the heap, and
-    /// long runs would need more memory than short ones.
-    spare: Vec<Buffers>,
+    chunks: Blocks,
     table: ChunkTable,
 }
 
@@ -44,16 +37,14 @@ impl LazStream {
     pub fn begin(laszip: LazVlr, record: u16, medium: &mut Medium) -> Result<LazStream> {
         let start = medium.len();
         medium.append(&(-1i64).to_le_bytes())?;
-        // A chunk takes a few megabytes, so no more of them than threads could work on.
-        let most_pending = std::thread::available_parallelism().map_or(2, |n| n.get()).clamp(2, 32);
+        let items = laszip.clone();
+        let how = move |points: &[u8], out| compress(points, out, &items).map_err(|e| e.to_string());
         Ok(LazStream {
-            laszip: Arc::new(laszip),
+            laszip,
             record: usize::from(record),
             start,
             points: Vec::new(),
-            pending: VecDeque::new(),
-            most_pending,
-            spare: Vec::new(),
+            chunks: Blocks::new(how),
             table: ChunkTable::default(),
         })
     }
@@ -80,9 +71,8 @@ impl LazStream {
         if !self.points.is_empty() {
             self.submit(medium, offload)?;
         }
-        while let Some(chunk) = self.pending.pop_front() {
-            self.write(&chunk, medium)?;
-        }
+        let table = &mut self.table;
+        self.chunks.finish(|bytes| write(bytes, table, medium))?;
         let offset = medium.len();
         let mut table = Vec::new();
         self.table.write_to(&mut table, &self.laszip).map_err(|e| Error::Internal(format!("LAZ: {e}")))?;
@@ -92,114 +82,14 @@ impl LazStream {
 
     /// Gives the collected points away for compression.
     fn submit(&mut self, medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
-        while self.pending.front().is_some_and(|c| c.is_done() || self.pending.len() >= self.most_pending) {
-            if let Some(chunk) = self.pending.pop_front() {
-                self.write(&chunk, medium)?;
-            }
-        }
-        let mut buffers = self.spare.pop().unwrap_or_default();
-        mem::swap(&mut self.points, &mut buffers.points);
-        let chunk = Arc::new(Chunk::new(buffers));
-        self.pending.push_back(chunk.clone());
-        let laszip = self.laszip.clone();
-        if let Err(job) = offload.try_run(Box::new(move || chunk.compress(&laszip))) {
-            job();
-        }
-        Ok(())
-    }
-
-    fn write(&mut self, chunk: &Chunk, medium: &mut Medium) -> Result<()> {
-        let mut done = chunk.result(&self.laszip)?;
-        let byte_count = done.compressed.len() as u64;
-        self.table.push(ChunkTableEntry { point_count: CHUNK_POINTS as u64, byte_count });
-        medium.append(&done.compressed)?;
-        done.points.clear();
-        done.compressed.clear();
-        self.spare.push(done);
-        Ok(())
+        let table = &mut self.table;
+        self.chunks.submit(&mut self.points, offload, |bytes| write(bytes, table, medium))
     }
 }
 
-/// Points of a chunk, and what they are compressed to.
-#[derive(Default)]
-struct Buffers {
-    points: Vec<u8>,
-    compressed: Vec<u8>,
-}
-
-/// A chunk on its way from points to compressed bytes. Whoever comes first compresses it: a worker that finds the time,
-/// or the writer when it needs the bytes. So the writer waits only for a worker that is at it, never for one that
-/// waits for the writer.
-struct Chunk {
-    state: Mutex<State>,
-    done: Condvar,
-}
-
-enum State {
-    Points(Buffers),
-    BeingCompressed,
-    Compressed(Buffers),
-    /// Compression failed, or the result was taken.
-    Gone(String),
-}
-
-impl Chunk {
-    fn new(buffers: Buffers) -> Chunk {
-        Chunk { state: Mutex::new(State::Points(buffers)), done: Condvar::new() }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        // No panic can leave the state half changed.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn is_done(&self) -> bool {
-        matches!(*self.lock(), State::Compressed(_) | State::Gone(_))
-    }
-
-    /// Compresses the chunk, unless somebody has begun.
-    fn compress(&self, laszip: &LazVlr) {
-        let mut state = self.lock();
-        if !matches!(*state, State::Points(_)) {
-            return;
-        }
-        let State::Points(mut buffers) = mem::replace(&mut *state, State::BeingCompressed) else { return };
-        drop(state);
-        let mut promise =
-            Promise { chunk: self, outcome: State::Gone("compression of a chunk panicked".to_owned()) };
-        promise.outcome = match compress(&buffers.points, mem::take(&mut buffers.compressed), laszip) {
-            Ok(compressed) => State::Compressed(Buffers { compressed, ..buffers }),
-            Err(error) => State::Gone(format!("compression of a chunk: {error}")),
-        };
-    }
-
-    /// The compressed points; compresses them here if nobody has begun.
-    fn result(&self, laszip: &LazVlr) -> Result<Buffers> {
-        self.compress(laszip);
-        let mut state = self.lock();
-        while matches!(*state, State::BeingCompressed) {
-            state = self.done.wait(state).unwrap_or_else(PoisonError::into_inner);
-        }
-        match mem::replace(&mut *state, State::Gone("a chunk was asked for twice".to_owned())) {
-            State::Compressed(buffers) => Ok(buffers),
-            State::Gone(reason) => Err(Error::Internal(reason)),
-            State::Points(_) | State::BeingCompressed => Err(Error::Internal("a chunk went back".to_owned())),
-        }
-    }
-}
-
-/// Tells the writer how compression ended, a panic included.
-struct Promise<'a> {
-    chunk: &'a Chunk,
-    outcome: State,
-}
-
-impl Drop for Promise<'_> {
-    fn drop(&mut self) {
-        let outcome = mem::replace(&mut self.outcome, State::BeingCompressed);
-        *self.chunk.lock() = outcome;
-        self.chunk.done.notify_all();
-    }
+fn write(chunk: &[u8], table: &mut ChunkTable, medium: &mut Medium) -> Result<()> {
+    table.push(ChunkTableEntry { point_count: CHUNK_POINTS as u64, byte_count: chunk.len() as u64 });
+    medium.append(chunk)
 }
 
 /// Compresses `points` into `out`, which is empty.

@@ -12,13 +12,15 @@
 //! |---|---|
 //! | [`request`](OutputRequest), `layout`, `plan` | what is asked for, which files that makes, what is wrong with it |
 //! | `encode` with `text`, `number`, `las`, `ply` | batches as bytes |
-//! | `laz` | compression of LAS |
+//! | `laz`, `archive` with `blocks` | compression of LAS and of text; text expanded |
 //! | `writer`, `file`, `medium` | bytes into files and streams |
 //! | `offload`, `summary`, `crs` | work given away, what was written, EPSG codes |
 //!
 //! A named file is `NAME.part` until it is complete. Formats with counts in their header are spooled to an unnamed file
 //! when the stream cannot seek.
 
+mod archive;
+mod blocks;
 mod crs;
 mod encode;
 mod file;
@@ -41,6 +43,7 @@ mod tests;
 mod text;
 mod writer;
 
+pub use archive::unzip;
 pub use encode::Encoded;
 pub use offload::{Job, NoOffload, Offload};
 pub use plan::{OutputContext, OutputPlan};

@@ -7,6 +7,8 @@ use std::path::PathBuf;
 pub enum PointFormat {
     /// Eleven columns of text as HELIOS++ writes them (spec outputs §3).
     Xyz,
+    /// The same text compressed (spec outputs §8).
+    Bin,
     /// LAS, see [`LasSettings`].
     Las,
     /// LAS compressed as LAZ.
@@ -22,10 +24,16 @@ impl PointFormat {
     pub fn extension(self) -> &'static str {
         match self {
             PointFormat::Xyz => "xyz",
+            PointFormat::Bin => "bin",
             PointFormat::Las => "las",
             PointFormat::Laz => "laz",
             PointFormat::PlyBinary | PointFormat::PlyAscii => "ply",
         }
+    }
+
+    /// Whether its header counts the points, and so is complete only at the end.
+    pub fn counts(self) -> bool {
+        !matches!(self, PointFormat::Xyz | PointFormat::Bin)
     }
 
     /// Whether it is text that a terminal can show.
@@ -69,6 +77,8 @@ pub struct OutputRequest {
     pub waveforms: bool,
     /// Pulses in the same way (spec outputs §7): `legNNN_pulse.txt`, `STEM_pulse.txt`.
     pub pulses: bool,
+    /// Waveforms and pulses as compressed text, `.bin` instead of `.txt`.
+    pub zip: bool,
     /// A trajectory besides those of [`Target::Helios`].
     pub trajectory: Option<(Target, TrajectoryFormat)>,
     /// One point file per device of a scanner with several: `_dev<id>` before the extension.
@@ -93,6 +103,7 @@ impl Default for OutputRequest {
             sinks: Vec::new(),
             waveforms: false,
             pulses: false,
+            zip: false,
             trajectory: None,
             split_by_channel: false,
             las: LasSettings::default(),

@@ -151,7 +151,7 @@ impl Writer {
                 Home::Fixed(place) => place.clone(),
                 Home::Run { run, name } => Place::Path(self.runs[*run].path.join(name)),
             };
-            let mut open = OutputFile::open(&plan, &place, file.content)?;
+            let mut open = OutputFile::open(&plan, &place, file)?;
             open.park()?;
             self.files[slot] = Some(open);
         }

@@ -1,6 +1,6 @@
 //! From arguments as typed and a file as written to a job with every choice made.
 
-use crate::cli::args::{PhysicsProfile, RunArgs};
+use crate::cli::args::{PhysicsProfile, RunArgs, TreeKind};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::{self, FlightOptions};
@@ -9,7 +9,7 @@ use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::LoadOptions;
 use crate::schedule;
 use crate::survey::{self, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
-use crate::tree::BuildOptions;
+use crate::tree::{BuildOptions, Builder};
 use std::path::{Path, PathBuf};
 
 /// Start of the GPS clock when nobody asks for another: a fixed one, so that equal runs give equal bytes.
@@ -52,7 +52,8 @@ impl Job {
             None => set.seed.or(survey.seed).unwrap_or(0),
         };
         let gps = args.gps_start.clone().or(set.gps_start.clone()).unwrap_or_else(|| GPS_START.to_owned());
-        let gps = if gps == "now" { now() } else { gps };
+        // The reference takes the system's clock for an empty text.
+        let gps = if gps == "now" || gps.trim().is_empty() { now() } else { gps };
         let threads = threads(args.threads.or(set.threads));
         let job = Job {
             strict: args.strict || set.strict.unwrap_or(false),
@@ -63,11 +64,7 @@ impl Job {
                 jobs: threads,
                 ..LoadOptions::default()
             },
-            tree: BuildOptions {
-                bins: args.tree_bins.unwrap_or(BuildOptions::default().bins).clamp(2, 1024),
-                jobs: args.tree_jobs.filter(|&n| n > 0).unwrap_or(threads),
-                ..BuildOptions::default()
-            },
+            tree: tree(args, threads),
             flight: FlightOptions {
                 seed,
                 platform_noise: !args.no_platform_noise && set.platform_noise.unwrap_or(true),
@@ -96,6 +93,27 @@ fn read(path: &Path, reading: &ReadOptions) -> Result<(Survey, RunSettings, Diag
     }
     let (survey, warnings) = survey::read_survey(path, reading)?;
     Ok((survey, RunSettings::default(), warnings))
+}
+
+/// The builder and its settings. `--kdtGeomJobs` is about the upper nodes, which the same threads build here.
+fn tree(args: &RunArgs, threads: usize) -> BuildOptions {
+    let usual = BuildOptions::default();
+    let builder = match args.tree {
+        None => usual.builder,
+        Some(TreeKind::Bvh) => Builder::Bvh,
+        Some(TreeKind::Fsah) => Builder::Fsah,
+        Some(TreeKind::AxisSah) => Builder::AxisSah,
+        Some(TreeKind::Sah) => Builder::Sah,
+        Some(TreeKind::Median) => Builder::Median,
+    };
+    let jobs = args.tree_jobs.filter(|&n| n > 0).map(|n| n.max(args.kdt_geom_jobs.unwrap_or(0)));
+    BuildOptions {
+        builder,
+        bins: args.tree_bins.unwrap_or(usual.bins).clamp(2, 1024),
+        candidates: args.tree_bins.unwrap_or(usual.candidates).clamp(2, 1024),
+        jobs: jobs.unwrap_or(threads).min(1024),
+        ..usual
+    }
 }
 
 fn threads(wanted: Option<usize>) -> usize {
@@ -163,19 +181,20 @@ fn correct(corrections: &mut Corrections, name: &str) -> Result<()> {
 
 fn output(args: &RunArgs, set: &RunSettings, survey: &Survey, gps: &str) -> Result<OutputRequest> {
     let mut sinks = Vec::new();
+    let usual = helios_format(args);
     if let Some(folder) = &args.output {
-        sinks.push((Target::Helios(folder.clone()), helios_format(args)));
+        sinks.push((Target::Helios(folder.clone()), usual));
     } else if !args.out.is_empty() {
         for path in &args.out {
-            sinks.push(sink(path, args.format.as_deref())?);
+            sinks.push(sink(path, args.format.as_deref(), usual)?);
         }
     } else {
         for s in set.sinks.iter().filter(|s| s.content == "points") {
-            let (target, format) = sink(&s.path, args.format.as_deref().or(s.format.as_deref()))?;
+            let (target, format) = sink(&s.path, args.format.as_deref().or(s.format.as_deref()), usual)?;
             sinks.push((per_leg(target, s.per_leg), format));
         }
         if sinks.is_empty() {
-            sinks.push((Target::Helios(PathBuf::from("output")), helios_format(args)));
+            sinks.push((Target::Helios(PathBuf::from("output")), usual));
         }
     }
     let trajectory = match &args.trajectory_out {
@@ -190,6 +209,7 @@ fn output(args: &RunArgs, set: &RunSettings, survey: &Survey, gps: &str) -> Resu
         sinks,
         waveforms: args.waveforms || set.waveforms.unwrap_or(false),
         pulses: args.pulses || set.pulses.unwrap_or(false),
+        zip: args.zip_output,
         split_by_channel: args.split_by_channel,
         trajectory,
         las: LasSettings {
@@ -219,20 +239,22 @@ fn helios_format(args: &RunArgs) -> PointFormat {
     match (args.las_output || args.las10, args.zip_output) {
         (true, true) => PointFormat::Laz,
         (true, false) => PointFormat::Las,
-        (false, _) => match args.format.as_deref().and_then(point_format) {
+        (false, zip) => match args.format.as_deref().and_then(point_format) {
             Some(format) => format,
+            None if zip => PointFormat::Bin,
             None => PointFormat::Xyz,
         },
     }
 }
 
-fn sink(path: &Path, format: Option<&str>) -> Result<(Target, PointFormat)> {
+/// Where a path leads, and the format that is asked for or told by the extension; `usual` where nothing tells it.
+fn sink(path: &Path, format: Option<&str>, usual: PointFormat) -> Result<(Target, PointFormat)> {
     let stream = is_stdout(path);
     let extension = path.extension().and_then(|e| e.to_str());
     let known = format.or(if stream { None } else { extension }).map(|name| {
         point_format(name).ok_or_else(|| {
             Error::input(format!(
-                "{}: no format is called {name:?}; choose xyz, las, laz, ply or ply-ascii",
+                "{}: no format is called {name:?}; choose xyz, bin, las, laz, ply or ply-ascii",
                 path.display()
             ))
         })
@@ -244,13 +266,14 @@ fn sink(path: &Path, format: Option<&str>) -> Result<(Target, PointFormat)> {
     };
     match known {
         Some(format) => Ok((target, format?)),
-        None => Ok((target, PointFormat::Xyz)),
+        None => Ok((target, usual)),
     }
 }
 
 fn point_format(name: &str) -> Option<PointFormat> {
     Some(match name.to_ascii_lowercase().as_str() {
         "xyz" | "txt" => PointFormat::Xyz,
+        "bin" => PointFormat::Bin,
         "las" => PointFormat::Las,
         "laz" => PointFormat::Laz,
         "ply" => PointFormat::PlyBinary,
@@ -329,15 +352,19 @@ mod tests {
 
     #[test]
     fn a_sink_is_a_stream_a_file_or_a_folder() {
-        assert!(matches!(sink(Path::new("-"), Some("laz")).unwrap(), (Target::Stdout, PointFormat::Laz)));
         assert!(matches!(
-            sink(Path::new("a/b.PLY"), None).unwrap(),
+            sink(Path::new("-"), Some("laz"), PointFormat::Xyz).unwrap(),
+            (Target::Stdout, PointFormat::Laz)
+        ));
+        assert!(matches!(
+            sink(Path::new("a/b.PLY"), None, PointFormat::Xyz).unwrap(),
             (Target::File(_), PointFormat::PlyBinary)
         ));
         assert!(matches!(
-            sink(Path::new("folder"), Some("las")).unwrap(),
+            sink(Path::new("folder"), Some("las"), PointFormat::Xyz).unwrap(),
             (Target::Directory(_), PointFormat::Las)
         ));
-        assert!(sink(Path::new("a.e57"), None).is_err());
+        assert!(matches!(sink(Path::new("folder"), None, PointFormat::Las).unwrap(), (_, PointFormat::Las)));
+        assert!(sink(Path::new("a.e57"), None, PointFormat::Xyz).is_err());
     }
 }

@@ -1,0 +1,389 @@
+//! Compressed text as HELIOS++ writes it (spec outputs §8): a zlib stream of an archive in which every line is a record.
+//!
+//! The stream is compressed in blocks that do not know each other, by whoever has time; its bytes depend on the lines
+//! alone.
+
+use super::blocks::Blocks;
+use super::medium::{Medium, Place, is_special};
+use super::offload::Offload;
+use crate::error::{Error, Result};
+use flate2::{Compress, Compression, FlushCompress, Status};
+use std::io::{self, BufRead, Read};
+use std::path::Path;
+
+/// Bytes of archive that are compressed together, and as many more as the last record has.
+const BLOCK: usize = 1 << 18;
+
+const NAME: &[u8; 22] = b"serialization::archive";
+
+/// Sizes of int, long, float and double, and a one that shows the order of bytes.
+const NUMBERS: [u8; 8] = [4, 8, 4, 8, 1, 0, 0, 0];
+
+/// Library version that archives of ours claim; any is read.
+const VERSION: u16 = 18;
+
+/// zlib, deflate with a window of 32 KiB, best compression.
+const ZLIB_HEADER: [u8; 2] = [0x78, 0xDA];
+
+/// The end of a deflate stream: a last block that holds nothing.
+const DEFLATE_END: [u8; 2] = [0x03, 0x00];
+
+/// What stands before the first record.
+fn head() -> Vec<u8> {
+    let mut head = (NAME.len() as u64).to_le_bytes().to_vec();
+    head.extend_from_slice(NAME);
+    head.extend(VERSION.to_le_bytes());
+    head.extend(NUMBERS);
+    head
+}
+
+/// Lines on their way into a compressed file.
+pub(super) struct ArchiveStream {
+    plain: Vec<u8>,
+    blocks: Blocks,
+    sum: Adler32,
+}
+
+impl ArchiveStream {
+    /// Begins an empty file.
+    pub fn begin(medium: &mut Medium) -> Result<ArchiveStream> {
+        medium.append(&ZLIB_HEADER)?;
+        Ok(ArchiveStream { plain: head(), blocks: Blocks::new(deflate), sum: Adler32::default() })
+    }
+
+    /// Takes whole lines.
+    pub fn append(&mut self, lines: &[u8], medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
+        for line in lines.split_inclusive(|&byte| byte == b'\n') {
+            self.plain.extend((line.len() as u64).to_le_bytes());
+            self.plain.extend_from_slice(line);
+            if self.plain.len() >= BLOCK {
+                self.submit(medium, offload)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Compresses what is left and ends the stream.
+    pub fn finish(mut self, medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
+        self.submit(medium, offload)?;
+        self.blocks.finish(|bytes| medium.append(bytes))?;
+        medium.append(&DEFLATE_END)?;
+        medium.append(&self.sum.value().to_be_bytes())
+    }
+
+    fn submit(&mut self, medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
+        self.sum.add(&self.plain);
+        self.blocks.submit(&mut self.plain, offload, |bytes| medium.append(bytes))
+    }
+}
+
+/// A block as part of a deflate stream: it ends at a whole byte and refers to nothing before it.
+fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, String> {
+    let mut deflate = Compress::new(Compression::best(), false);
+    out.reserve(plain.len() / 2 + 64);
+    loop {
+        let done = deflate.total_in() as usize;
+        let status = deflate.compress_vec(&plain[done..], &mut out, FlushCompress::Sync);
+        match status.map_err(|e| e.to_string())? {
+            Status::Ok | Status::BufError
+                if deflate.total_in() as usize == plain.len() && out.len() < out.capacity() =>
+            {
+                return Ok(out);
+            }
+            Status::Ok | Status::BufError => out.reserve(out.capacity().max(64)),
+            Status::StreamEnd => return Err("deflate ended early".to_owned()),
+        }
+    }
+}
+
+/// The check sum of zlib.
+struct Adler32 {
+    a: u32,
+    b: u32,
+}
+
+impl Default for Adler32 {
+    fn default() -> Adler32 {
+        Adler32 { a: 1, b: 0 }
+    }
+}
+
+impl Adler32 {
+    const PRIME: u32 = 65_521;
+    /// Bytes after which 32 bits could overflow.
+    const STRETCH: usize = 5552;
+
+    fn add(&mut self, bytes: &[u8]) {
+        for stretch in bytes.chunks(Adler32::STRETCH) {
+            for &byte in stretch {
+                self.a += u32::from(byte);
+                self.b += self.a;
+            }
+            self.a %= Adler32::PRIME;
+            self.b %= Adler32::PRIME;
+        }
+    }
+
+    fn value(&self) -> u32 {
+        self.b << 16 | self.a
+    }
+}
+
+/// Writes the lines of a compressed text file, this program's or HELIOS++'s, to the file `to`, or to standard output;
+/// returns how many there were. `name` is what messages call the compressed file.
+///
+/// # Errors
+/// [`Error::Input`] when the file is no such archive, is damaged or ends too early, or when `to` exists and `force` is not
+/// given; [`Error::Io`]. Nothing is left under the name `to` then.
+pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) -> Result<u64> {
+    let place = to.map_or(Place::Stdout, |path| Place::Path(path.to_path_buf()));
+    if let Some(path) = to.filter(|path| !force && !is_special(path) && path.symlink_metadata().is_ok()) {
+        return Err(Error::input(format!("{} exists already; overwrite it with --force", path.display())));
+    }
+    let mut archive = Archive { name, bytes: flate2::bufread::ZlibDecoder::new(file), at: 0 };
+    archive.check_head()?;
+    let mut medium = Medium::open(&place, force, false)?;
+    let mut text = Vec::new();
+    let mut lines = 0;
+    while let Some(length) = archive.length()? {
+        archive.copy(length, &mut text, &mut medium)?;
+        lines += 1;
+    }
+    medium.append(&text)?;
+    let mut file = archive.bytes.into_inner();
+    if !file.fill_buf().map_err(|e| Error::io("read", name, e))?.is_empty() {
+        return Err(Error::input(format!(
+            "{}: something follows the end of the compressed text",
+            name.display()
+        )));
+    }
+    medium.finish()?;
+    Ok(lines)
+}
+
+/// Bytes of text that are written together.
+const PIECE: usize = 1 << 16;
+
+/// The expanded archive, and how much of it was read.
+struct Archive<'n, R> {
+    name: &'n Path,
+    bytes: R,
+    at: u64,
+}
+
+impl<R: Read> Archive<'_, R> {
+    fn check_head(&mut self) -> Result<()> {
+        let mut head = [0; 40];
+        let read = self.fill(&mut head)?;
+        if read < 40 || head[..8] != 22u64.to_le_bytes() || head[8..30] != NAME[..] {
+            return Err(self.wrong(
+                "no compressed text: expected an archive that begins with \"serialization::archive\"",
+            ));
+        }
+        if head[32..] != NUMBERS {
+            let found = &head[32..];
+            return Err(self.wrong(format!(
+                "written on another kind of machine: expected sizes and order of numbers {NUMBERS:?}, found {found:?}"
+            )));
+        }
+        Ok(())
+    }
+
+    /// The length of the next record; `None` at the end.
+    fn length(&mut self) -> Result<Option<u64>> {
+        let mut length = [0; 8];
+        match self.fill(&mut length)? {
+            0 => Ok(None),
+            8 => Ok(Some(u64::from_le_bytes(length))),
+            _ => Err(self.early()),
+        }
+    }
+
+    /// Copies a record without believing its length.
+    fn copy(&mut self, mut left: u64, text: &mut Vec<u8>, medium: &mut Medium) -> Result<()> {
+        let mut piece = [0; 4096];
+        while left > 0 {
+            let wanted = usize::try_from(left).unwrap_or(usize::MAX).min(piece.len());
+            if self.fill(&mut piece[..wanted])? < wanted {
+                return Err(self.early());
+            }
+            text.extend_from_slice(&piece[..wanted]);
+            left -= wanted as u64;
+            if text.len() >= PIECE {
+                medium.append(text)?;
+                text.clear();
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads as much as there is.
+    fn fill(&mut self, out: &mut [u8]) -> Result<usize> {
+        let mut filled = 0;
+        while filled < out.len() {
+            match self.bytes.read(&mut out[filled..]) {
+                Ok(0) => break,
+                Ok(n) => filled += n,
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+                Err(e) => {
+                    self.at += filled as u64;
+                    return Err(self.broken(e));
+                }
+            }
+        }
+        self.at += filled as u64;
+        Ok(filled)
+    }
+
+    fn broken(&self, error: io::Error) -> Error {
+        match error.kind() {
+            io::ErrorKind::UnexpectedEof => {
+                self.wrong(format!("the file ends too early, after {} bytes of content", self.at))
+            }
+            io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput => self.wrong(format!(
+                "no zlib stream, or a damaged one, after {} bytes of content: {error}",
+                self.at
+            )),
+            _ => Error::io("read", self.name, error),
+        }
+    }
+
+    fn early(&self) -> Error {
+        self.wrong(format!("the last record ends too early, after {} bytes of content", self.at))
+    }
+
+    fn wrong(&self, what: impl std::fmt::Display) -> Error {
+        Error::input(format!("{}: {what}", self.name.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::offload::NoOffload;
+    use proptest::prelude::*;
+    use std::fs;
+    use std::io::Write as _;
+
+    fn zipped(parts: &[&[u8]]) -> Vec<u8> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.bin");
+        let mut medium = Medium::open(&Place::Path(path.clone()), false, false).unwrap();
+        let mut stream = ArchiveStream::begin(&mut medium).unwrap();
+        parts.iter().for_each(|lines| stream.append(lines, &mut medium, &NoOffload).unwrap());
+        stream.finish(&mut medium, &NoOffload).unwrap();
+        medium.finish().unwrap();
+        fs::read(path).unwrap()
+    }
+
+    fn unzipped(bytes: &[u8]) -> Result<(u64, Vec<u8>)> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        let done = unzip(Path::new("a.bin"), bytes, Some(&path), false);
+        let left: Vec<_> = fs::read_dir(&dir).unwrap().map(|e| e.unwrap().file_name()).collect();
+        assert_eq!(left.len(), usize::from(done.is_ok()), "{left:?}");
+        done.map(|lines| (lines, fs::read(path).unwrap()))
+    }
+
+    fn zlib(content: &[u8]) -> Vec<u8> {
+        let mut zlib = flate2::write::ZlibEncoder::new(Vec::new(), Compression::best());
+        zlib.write_all(content).unwrap();
+        zlib.finish().unwrap()
+    }
+
+    #[test]
+    fn the_layout_of_the_specification() {
+        let bytes = zipped(&[b"1.0 2.0\n", b"3\n"]);
+        assert_eq!(bytes[..2], [0x78, 0xDA]);
+        let mut content = Vec::new();
+        flate2::read::ZlibDecoder::new(&bytes[..]).read_to_end(&mut content).unwrap();
+        let mut expected =
+            b"\x16\0\0\0\0\0\0\0serialization::archive\x12\0\x04\x08\x04\x08\x01\0\0\0".to_vec();
+        assert_eq!(expected.len(), 40);
+        expected.extend_from_slice(b"\x08\0\0\0\0\0\0\x001.0 2.0\n\x02\0\0\0\0\0\0\x003\n");
+        assert_eq!(content, expected);
+    }
+
+    #[test]
+    fn many_blocks_come_back_and_batches_leave_no_trace() {
+        let text: String =
+            (0..60_000u64).map(|i| format!("{i} {}.{:04}\n", i * 7919 % 1013, i * i % 9973)).collect();
+        let whole = zipped(&[text.as_bytes()]);
+        assert!(text.len() > 3 * BLOCK && whole.len() < text.len() / 2);
+        let lines: Vec<&[u8]> = text.as_bytes().split_inclusive(|&b| b == b'\n').collect();
+        assert!(zipped(&lines) == whole);
+        let (count, back) = unzipped(&whole).unwrap();
+        assert_eq!(count, 60_000);
+        assert!(back == text.as_bytes());
+    }
+
+    #[test]
+    fn nothing_is_text_too() {
+        assert_eq!(unzipped(&zipped(&[])).unwrap(), (0, Vec::new()));
+    }
+
+    #[test]
+    fn an_archive_of_the_reference_is_read() {
+        let mut content = head();
+        content[30] = 19;
+        for line in ["a b\n", "c\n"] {
+            content.extend((line.len() as u64).to_le_bytes());
+            content.extend_from_slice(line.as_bytes());
+        }
+        assert_eq!(unzipped(&zlib(&content)).unwrap(), (2, b"a b\nc\n".to_vec()));
+    }
+
+    #[test]
+    fn damaged_files_are_refused_with_the_reason() {
+        let good = zipped(&[b"1 2 3\n", b"4 5 6\n"]);
+        let with = |change: &dyn Fn(&mut Vec<u8>)| {
+            let mut content = head();
+            change(&mut content);
+            zlib(&content)
+        };
+        let mut flipped = good.clone();
+        *flipped.last_mut().unwrap() ^= 1;
+        for (bytes, reason) in [
+            (Vec::new(), "too early"),
+            (b"1 2 3\n".to_vec(), "no zlib stream"),
+            (good[..good.len() - 5].to_vec(), "too early"),
+            (flipped, "damaged"),
+            ([&good[..], b"x"].concat(), "something follows"),
+            (zlib(b"hello"), "expected an archive"),
+            (with(&|c| c[8] = b'S'), "expected an archive"),
+            (with(&|c| c[32] = 8), "another kind of machine"),
+            (with(&|c| c.extend(u64::MAX.to_le_bytes())), "record ends too early"),
+            (with(&|c| c.extend([1, 0, 0])), "record ends too early"),
+        ] {
+            let message = unzipped(&bytes).unwrap_err().to_string();
+            assert!(message.contains(reason) && message.starts_with("a.bin: "), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_exists_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        fs::write(&path, "mine").unwrap();
+        let bytes = zipped(&[b"new\n"]);
+        assert!(unzip(Path::new("a"), &bytes[..], Some(&path), false).is_err());
+        assert_eq!(fs::read(&path).unwrap(), b"mine");
+        unzip(Path::new("a"), &bytes[..], Some(&path), true).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new\n");
+    }
+
+    proptest! {
+        #[test]
+        fn any_lines(lines in proptest::collection::vec("[ -~]{0,40}\n", 0..50)) {
+            let text = lines.concat();
+            let (count, back) = unzipped(&zipped(&[text.as_bytes()])).unwrap();
+            prop_assert_eq!((count as usize, back), (lines.len(), text.into_bytes()));
+        }
+
+        #[test]
+        fn any_bytes_end_without_a_panic(bytes: Vec<u8>, content: Vec<u8>) {
+            let _ = unzipped(&bytes);
+            let _ = unzipped(&zlib(&[head(), content].concat()));
+        }
+    }
+}
