@@ -3,9 +3,11 @@
 //! Transcendental functions are taken from [`libm`] so that results do not depend on the machine's C library.
 
 mod aabb;
+mod affine;
 mod rotation;
 
 pub use aabb::Aabb;
+pub use affine::Affine;
 pub use glam::DVec3;
 pub use rotation::Rotation;
 

@@ -3,7 +3,7 @@
 use super::library::Library;
 use super::load::LoadOptions;
 use super::voxel::Voxel;
-use super::{Part, Surface};
+use super::{Mover, Part, Surface};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
@@ -36,6 +36,8 @@ pub(super) struct Assembly<'a> {
     pub surfaces: Vec<Surface>,
     /// Parts that hold at least one primitive.
     pub parts: Vec<Part>,
+    /// Those of them that move.
+    pub movers: Vec<Mover>,
     /// Materials.
     pub library: Library,
     /// Problems met so far.
@@ -80,6 +82,7 @@ impl<'a> Assembly<'a> {
             cube_surfaces: Vec::new(),
             surfaces: Vec::new(),
             parts: Vec::new(),
+            movers: Vec::new(),
             library,
             diagnostics: Diagnostics::default(),
             surface_numbers: HashMap::new(),

@@ -55,16 +55,20 @@ impl Fixture {
         self.part(Loader::Obj { files, up: UpAxis::Z })
     }
 
-    pub fn load(&self) -> Result<(Scene, Diagnostics)> {
-        let recipe = SceneRecipe {
+    /// The recipe of all parts.
+    pub fn recipe(&self) -> SceneRecipe {
+        SceneRecipe {
             id: "s".to_owned(),
             path: PathBuf::from("scene.xml"),
             parts: self.parts.clone(),
             dyn_step: 1,
             dyn_time_step: None,
             asset_folders: vec![self.path().to_path_buf()],
-        };
-        load(&recipe, &self.options)
+        }
+    }
+
+    pub fn load(&self) -> Result<(Scene, Diagnostics)> {
+        load(&self.recipe(), &self.options)
     }
 
     /// The scene, which must load without a warning.

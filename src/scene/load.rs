@@ -6,7 +6,8 @@ use super::ground::{self, PlacedPart};
 use super::library::{Library, Names};
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{LadTable, Part, Scene, geotiff, obj, place, vox, xyz};
+use super::play::{self, Stand};
+use super::{LadTable, Mover, Part, Scene, geotiff, obj, place, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, UpAxis, VoxelMode};
@@ -47,40 +48,44 @@ impl Default for LoadOptions {
 }
 
 /// Loads, places, shifts and freezes a scene. The warnings come with it; all problems of all files are collected before
-/// an error ends the run. The result does not depend on the number of threads.
+/// an error ends the run. The result does not depend on the number of threads. Moving parts stand where they do at first.
 pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
-    refuse_moving_parts(recipe)?;
+    load_play(recipe, options, 0, None)
+}
+
+/// Like [`load`], in the state of play number `play`, from 0. Later plays share the frame of the `first`. Parts have the
+/// same numbers in all plays: a swapped part keeps its number, and its one id, also while it is absent.
+pub fn load_play(
+    recipe: &SceneRecipe,
+    options: &LoadOptions,
+    play: u32,
+    first: Option<Stand>,
+) -> Result<(Scene, Diagnostics)> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.jobs)
         .build()
         .map_err(|e| Error::Internal(format!("cannot start the threads that load the scene: {e}")))?;
-    pool.install(|| load_still(recipe, options))
+    pool.install(|| load_state(recipe, options, play, first))
 }
 
-fn refuse_moving_parts(recipe: &SceneRecipe) -> Result<()> {
-    let mut diagnostics = Diagnostics::default();
-    for part in &recipe.parts {
-        let what = match (part.motions.is_empty(), part.swaps.is_empty()) {
-            (true, true) => continue,
-            (false, _) => "moves (<dmotion>)",
-            (true, false) => "changes its geometry between plays (<swap>)",
-        };
-        let message = format!("part {} {what}, which a frozen scene cannot", described(part));
-        diagnostics.error(part.place.clone(), message);
-    }
-    diagnostics.finish(false).map(|_| ())
-}
-
-fn load_still(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
+fn load_state(
+    recipe: &SceneRecipe,
+    options: &LoadOptions,
+    play: u32,
+    first: Option<Stand>,
+) -> Result<(Scene, Diagnostics)> {
     let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
     let library = Library::new(spectra, options.helios_specularity, options.seed);
     let mut scene = Assembly::new(options, library);
     let mut placed = Vec::new();
     let mut ids = Ids::default();
-    for part in &recipe.parts {
-        load_part(&mut scene, part, &mut ids, &mut placed)?;
+    for (number, part) in recipe.parts.iter().enumerate() {
+        match play::state(part, play) {
+            Some(part) => load_part(&mut scene, number, &part, &mut ids, &mut placed)?,
+            None => scene.parts.push(Part { id: ids.one_of(part), lad: None }),
+        }
     }
-    if placed.is_empty() && !scene.diagnostics.is_fatal(false) {
+    if placed.is_empty() && play == 0 && !scene.diagnostics.is_fatal(false) {
         scene
             .diagnostics
             .error(None, format!("scene \"{}\" of {} is empty", recipe.id, recipe.path.display()));
@@ -88,7 +93,7 @@ fn load_still(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Dia
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
     ground::settle(&mut scene, &placed);
-    Ok(freeze(scene))
+    Ok(freeze(scene, first, play::keeps_frame(recipe)))
 }
 
 /// Hands out ids: a part without one is numbered, and each of its files is a part of its own.
@@ -98,10 +103,16 @@ struct Ids {
 }
 
 impl Ids {
+    /// The id of a part that is one whatever its files are.
+    fn one_of(&self, part: &PartRecipe) -> String {
+        let numbered = || (u64::from(part.number) + self.additional).to_string();
+        part.id.clone().filter(|id| !id.is_empty()).unwrap_or_else(numbered)
+    }
+
     /// The ids of the parts that a recipe makes, each with its files.
     fn of<'a>(&mut self, part: &PartRecipe, files: &'a [PathBuf]) -> Vec<(String, &'a [PathBuf])> {
-        if let Some(id) = part.id.as_ref().filter(|id| !id.is_empty()) {
-            return vec![(id.clone(), files)];
+        if !part.swaps.is_empty() || part.id.as_ref().is_some_and(|id| !id.is_empty()) {
+            return vec![(self.one_of(part), files)];
         }
         let first = u64::from(part.number) + self.additional;
         self.additional += files.len().saturating_sub(1) as u64;
@@ -111,6 +122,7 @@ impl Ids {
 
 fn load_part(
     scene: &mut Assembly,
+    number: usize,
     part: &PartRecipe,
     ids: &mut Ids,
     placed: &mut Vec<PlacedPart>,
@@ -130,9 +142,21 @@ fn load_part(
         if extent.is_empty() {
             let message = format!("part \"{id}\" holds no primitives and is left out");
             scene.diagnostics.warn(part.place.clone(), message);
+            if !part.swaps.is_empty() {
+                scene.parts.push(Part { id, lad: None });
+            }
             continue;
         }
         check_coordinates(scene, &id, &extent, part.place.as_ref());
+        if !part.motions.is_empty() {
+            scene.movers.push(Mover {
+                recipe: number,
+                part: scene.parts.len() as u32,
+                vertices: extent.vertices.clone(),
+                triangles: extent.triangles.clone(),
+                cubes: extent.cubes.clone(),
+            });
+        }
         scene.parts.push(Part { id: id.clone(), lad: lad.clone() });
         placed.push(PlacedPart {
             id,
@@ -147,6 +171,11 @@ fn load_part(
 fn leaf_angles(scene: &mut Assembly, part: &PartRecipe) -> Option<Arc<LadTable>> {
     let Loader::DetailedVoxels(loader) = &part.loader else { return None };
     let path = loader.lad_table.as_ref()?;
+    if !part.motions.is_empty() {
+        let message = format!("part {} moves, so its leaf angle table is not used", described(part));
+        scene.diagnostics.warn(part.place.clone(), message);
+        return None;
+    }
     match Source::open(path) {
         Ok(source) => LadTable::read(&source, &mut scene.diagnostics).map(Arc::new),
         Err(e) => {
@@ -240,7 +269,7 @@ fn check_coordinates(scene: &mut Assembly, id: &str, extent: &Extent, place: Opt
     }
 }
 
-fn freeze(scene: Assembly) -> (Scene, Diagnostics) {
+fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> (Scene, Diagnostics) {
     let Assembly {
         mut geometry,
         mut voxels,
@@ -248,13 +277,14 @@ fn freeze(scene: Assembly) -> (Scene, Diagnostics) {
         cube_surfaces,
         surfaces,
         parts,
+        movers,
         library,
         diagnostics,
         ..
     } = scene;
     let all =
         Extent { vertices: 0..geometry.vertices.len(), triangles: 0..0, cubes: 0..geometry.cubes.len() };
-    let shift = ground::bounds(&geometry, &all).centre();
+    let shift = first.map_or_else(|| ground::bounds(&geometry, &all).centre(), |first| first.shift());
     geometry.vertices.par_iter_mut().for_each(|v| *v -= shift);
     geometry.cubes.par_iter_mut().for_each(|c| c.centre -= shift);
     geometry.vertices.shrink_to_fit();
@@ -264,7 +294,8 @@ fn freeze(scene: Assembly) -> (Scene, Diagnostics) {
     let mut surface_of = triangle_surfaces;
     surface_of.extend(cube_surfaces);
     surface_of.shrink_to_fit();
-    let bounds = ground::bounds(&geometry, &all);
+    let found = ground::bounds(&geometry, &all);
+    let bounds = first.map_or(found, |first| first.bounds(found, keep_frame));
     let materials = library.materials;
-    (Scene { shift, bounds, geometry, surface_of, surfaces, parts, materials, voxels }, diagnostics)
+    (Scene { shift, bounds, geometry, surface_of, surfaces, parts, materials, voxels, movers }, diagnostics)
 }

@@ -4,6 +4,14 @@
 //! SceneRecipe ─ load ─► loaders: obj │ geotiff │ xyz │ vox ─► assembly ─ place ─ ground ─ shift ─► Scene
 //!                          └ mtl, spectra ─► library (materials at the scanner's wavelength)
 //! ```
+//!
+//! A scene never changes. What moves is told by a plan and a state beside it (`motion`), and swapped parts give every play
+//! a scene of its own (`play`):
+//!
+//! ```text
+//! SceneRecipe, Scene ─► Movers, MoverState ─► Stage: moving parts where rays see them
+//! SceneRecipe ─ load_play(0, 1, …) ─► a Scene per play
+//! ```
 
 mod assembly;
 #[cfg(test)]
@@ -16,11 +24,13 @@ mod load;
 pub mod make;
 mod material;
 mod model;
+mod motion;
 mod mtl;
 mod number;
 mod obj;
 mod place;
 mod plane;
+mod play;
 mod spectra;
 #[cfg(test)]
 mod tests;
@@ -30,7 +40,9 @@ mod voxel;
 mod xyz;
 
 pub use lad::LadTable;
-pub use load::{LoadOptions, load};
+pub use load::{LoadOptions, load, load_play};
 pub use material::{Material, Reflection};
-pub use model::{Part, Scene, Surface};
+pub use model::{Mover, Part, Scene, Surface};
+pub use motion::{Actor, Change, MoverState, Movers, Stage};
+pub use play::{Stand, plays};
 pub use voxel::{Voxel, VoxelKind};

@@ -3,6 +3,7 @@
 use super::{LadTable, Material, Voxel};
 use crate::geom::{Aabb, DVec3};
 use crate::tree::{Cube, Geometry};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A loaded scene. Its frame is the world's minus [`Scene::shift`], the centre of the box around all primitives, so that
@@ -25,6 +26,23 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Attributes of the cubes, parallel to `geometry.cubes`.
     pub voxels: Vec<Voxel>,
+    /// Parts that move, in document order; everything above shows them where they stand at first.
+    pub movers: Vec<Mover>,
+}
+
+/// A part that moves during the survey, see [`Movers`](super::Movers).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mover {
+    /// Index of its description among [`SceneRecipe::parts`](crate::survey::SceneRecipe::parts).
+    pub recipe: usize,
+    /// Index in [`Scene::parts`].
+    pub part: u32,
+    /// Its vertices, which no other part uses.
+    pub vertices: Range<usize>,
+    /// Its triangles.
+    pub triangles: Range<usize>,
+    /// Its cubes, numbered from the scene's first cube.
+    pub cubes: Range<usize>,
 }
 
 /// What a primitive belongs to and is made of.
@@ -70,6 +88,15 @@ impl Scene {
     /// A point of the world in the scene's frame.
     pub fn to_local(&self, p: DVec3) -> DVec3 {
         p - self.shift
+    }
+
+    /// Whether primitive `i` stays where it is.
+    pub fn is_still(&self, i: u32) -> bool {
+        let (i, triangles) = (i as usize, self.geometry.triangles.len());
+        !self.movers.iter().any(|m| match i.checked_sub(triangles) {
+            None => m.triangles.contains(&i),
+            Some(cube) => m.cubes.contains(&cube),
+        })
     }
 
     /// Bytes that the scene holds, without the tree over it.

@@ -1,8 +1,9 @@
 //! Whole scenes: parts, ids, ground, shift, limits.
 
 use super::fixture::Fixture;
+use super::{Stand, load_play};
 use crate::geom::{Aabb, DVec3};
-use crate::survey::{Loader, Motion, MotionKind, MotionSequence, Swap, UpAxis};
+use crate::survey::{Loader, Swap, UpAxis};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -65,20 +66,31 @@ fn missing_files_and_an_empty_scene_are_input_errors_with_the_part_s_place() {
 }
 
 #[test]
-fn a_part_that_moves_is_refused_by_name() {
+fn parts_keep_their_numbers_and_ids_in_all_plays() {
     let mut f = Fixture::new();
     f.obj("a.obj", TRIANGLE);
-    let motion = Motion { kind: MotionKind::Identity, about_self: false, auto_crs: 0.0 };
-    f.obj("b.obj", TRIANGLE).motions =
-        vec![MotionSequence { id: "m".to_owned(), loops: 0, next: None, motions: vec![motion] }];
-    let swapped = f.obj("c.obj", TRIANGLE);
-    swapped.id = Some("gate".to_owned());
-    swapped.swaps =
-        vec![Swap { plays: 1, keep_crs: true, vanish: true, loader: None, scale: None, offset: None }];
-    let report = f.error();
-    for part in ["number 1 moves", "scene.xml:11", "\"gate\" changes", "scene.xml:12"] {
-        assert!(report.contains(part), "{part} is missing from {report}");
+    let swapped = f.file("wide.obj", "v 0 0 0\nv 30 0 0\nv 0 1 0\nv 0 2 0\nf 1 2 3\nf 1 2 4\n");
+    let gate = f.obj("c.obj", TRIANGLE);
+    let swap = Swap { plays: 1, keep_crs: true, vanish: true, loader: None, scale: None, offset: None };
+    let wide = Loader::Obj { files: vec![swapped], up: UpAxis::Z };
+    gate.swaps = vec![swap.clone(), Swap { vanish: false, loader: Some(wide), ..swap }];
+    f.obj("e.obj", TRIANGLE);
+    let first = f.scene();
+    let stand = Stand::of(&first);
+    for (play, triangles) in [(0, [1, 1, 1]), (1, [1, 0, 1]), (2, [1, 2, 1]), (3, [1, 2, 1])] {
+        let (scene, warnings) = load_play(&f.recipe(), &f.options, play, Some(stand)).unwrap();
+        assert!(warnings.items().is_empty());
+        let ids: Vec<&str> = scene.parts.iter().map(|p| p.id.as_str()).collect();
+        assert_eq!((ids, scene.shift), (vec!["0", "1", "2"], first.shift));
+        let mut found = [0; 3];
+        (0..scene.geometry.len() as u32).for_each(|i| found[scene.part_of(i) as usize] += 1);
+        assert_eq!(found, triangles, "play {play}");
+        let reach = if play < 2 { 0.5 } else { 29.5 };
+        assert_eq!((scene.bounds.min.x, scene.bounds.max.x), (-reach, reach));
     }
+    f.parts[1].swaps[1].keep_crs = false;
+    let (scene, _) = load_play(&f.recipe(), &f.options, 2, Some(stand)).unwrap();
+    assert_eq!((scene.bounds.min.x, scene.bounds.max.x), (-0.5, 29.5), "a box of its own");
 }
 
 #[test]

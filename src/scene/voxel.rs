@@ -1,6 +1,6 @@
 //! What a cube of the scene is to a ray (spec pulse-physics §2.3–2.5).
 
-use crate::geom::{DVec3, Rotation};
+use crate::geom::{Affine, DVec3, Rotation};
 
 /// How a ray meets a cube.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -44,6 +44,13 @@ impl Voxel {
     pub(super) fn rotate(&mut self, rotation: &Rotation) {
         if let Some(normal) = self.normal() {
             self.normal = rotation.apply(normal).to_array().map(|c| c as f32);
+        }
+    }
+
+    /// Turns or mirrors the normal as a moving part is.
+    pub(super) fn turn(&mut self, map: &Affine) {
+        if let Some(normal) = self.normal() {
+            self.normal = map.turn(normal).to_array().map(|c| c as f32);
         }
     }
 

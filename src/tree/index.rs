@@ -22,6 +22,9 @@ pub struct Tree {
     statistics: Statistics,
 }
 
+/// Primitives of which one thread builds a tree before others have woken up.
+const FEW: usize = 1024;
+
 /// The nodes of either kind of tree.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Nodes {
@@ -33,10 +36,23 @@ impl Tree {
     /// Builds a tree over all primitives of `geometry`. Primitives with coordinates that are no numbers are left out;
     /// no ray hits them. The result does not depend on the number of threads.
     pub fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
+        Tree::build_of(geometry, options, |_| true)
+    }
+
+    /// Builds a tree over those primitives of `geometry` whose number `keep` approves; rays hit no others.
+    pub fn build_of(
+        geometry: &Geometry,
+        options: &BuildOptions,
+        keep: impl Fn(u32) -> bool + Send + Sync,
+    ) -> Tree {
+        if options.jobs == 0 || geometry.len() <= FEW {
+            // All threads are wanted, which the global pool has, or none but this one is worth waking.
+            return build(geometry, options, keep);
+        }
         match rayon::ThreadPoolBuilder::new().num_threads(options.jobs).build() {
-            Ok(pool) if options.jobs > 0 => pool.install(|| build(geometry, options)),
-            // All threads are wanted, which the global pool has, or no more are to be had.
-            _ => build(geometry, options),
+            Ok(pool) => pool.install(|| build(geometry, options, keep)),
+            // No more threads are to be had.
+            Err(_) => build(geometry, options, keep),
         }
     }
 
@@ -55,9 +71,9 @@ impl Tree {
     }
 }
 
-fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
+fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool + Sync) -> Tree {
     let frame = frame_of(geometry);
-    let prims = collect(geometry, &frame);
+    let prims = collect(geometry, &frame, keep);
     let bounds = prims.iter().fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[lo, hi], p| {
         [[0, 1, 2].map(|a| lo[a].min(p.lo[a])), [0, 1, 2].map(|a| hi[a].max(p.hi[a]))]
     });
@@ -71,6 +87,6 @@ fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
             (Nodes::Kd(arena.nodes), arena.slots, statistics)
         }
     };
-    let blocks = slots.par_chunks(LANES).map(|ids| Block::of(geometry, &frame, ids)).collect();
+    let blocks = slots.par_chunks(LANES).with_min_len(FEW / LANES).map(|ids| Block::of(geometry, &frame, ids)).collect();
     Tree { frame, bounds, nodes, blocks, statistics }
 }

@@ -1,6 +1,7 @@
 //! Rays that leave one point together, and what they hit.
 
 use crate::geom::DVec3;
+use std::ops::Range;
 
 /// The rays of one pulse: one origin, unit directions as structure of arrays.
 #[derive(Clone, Debug, Default)]
@@ -80,6 +81,16 @@ impl RayGroup {
                 d[row.end..].fill(last);
             }
         }
+    }
+
+    /// Replaces the pulses by the `pulses` of another group.
+    pub fn copy_from(&mut self, other: &RayGroup, pulses: Range<usize>) {
+        self.clear(other.rays);
+        let rows = pulses.start * other.stride()..pulses.end * other.stride();
+        self.origins.extend_from_slice(&other.origins[pulses]);
+        self.x.extend_from_slice(&other.x[rows.clone()]);
+        self.y.extend_from_slice(&other.y[rows.clone()]);
+        self.z.extend_from_slice(&other.z[rows]);
     }
 
     /// Number of pulses.

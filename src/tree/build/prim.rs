@@ -14,11 +14,11 @@ pub(crate) struct Prim {
 }
 
 /// All primitives that a ray can hit: those whose coordinates are numbers.
-pub(crate) fn collect(geometry: &Geometry, frame: &Frame) -> Vec<Prim> {
+pub(crate) fn collect(geometry: &Geometry, frame: &Frame, keep: impl Fn(u32) -> bool + Sync) -> Vec<Prim> {
     (0..geometry.len())
         .into_par_iter()
         .with_min_len(4096)
-        .filter(|&i| is_solid(geometry, i))
+        .filter(|&i| is_solid(geometry, i) && keep(i as u32))
         .map(|i| {
             let (lo, hi) = frame.local_box(&geometry.bounds_of(i));
             Prim { lo, id: i as u32, hi }

@@ -1,0 +1,157 @@
+//! Plays: the survey is flown once for every state of swapped parts (spec input-formats §3.8).
+
+use crate::geom::{Aabb, DVec3};
+use crate::scene::Scene;
+use crate::survey::{PartRecipe, SceneRecipe, Swap};
+use std::borrow::Cow;
+
+/// How often a survey over the scene is flown: at least once, and until every part has shown all of its states.
+pub fn plays(recipe: &SceneRecipe) -> u32 {
+    let of = |part: &PartRecipe| part.swaps.iter().fold(1u32, |n, swap| n.saturating_add(swap.plays));
+    recipe.parts.iter().map(of).max().unwrap_or(1)
+}
+
+/// Frame and box of the first play's scene, which those of later plays go by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stand {
+    shift: DVec3,
+    bounds: Aabb,
+}
+
+impl Stand {
+    /// The frame and the box of a scene.
+    pub fn of(scene: &Scene) -> Stand {
+        Stand { shift: scene.shift, bounds: scene.bounds }
+    }
+
+    /// World position of the local origin.
+    pub(super) fn shift(&self) -> DVec3 {
+        self.shift
+    }
+
+    /// The box of a later play whose primitives fill `found`: grown symmetrically to hold them, or, where a part does not
+    /// want the first play's frame kept, theirs alone.
+    pub(super) fn bounds(&self, found: Aabb, keep: bool) -> Aabb {
+        if found.is_empty() {
+            return self.bounds;
+        }
+        if !keep {
+            return found;
+        }
+        let reach = found.min.abs().max(found.max.abs());
+        self.bounds.union(Aabb { min: -reach, max: reach })
+    }
+}
+
+/// Whether later plays keep the frame of the first: the last swap of a part speaks for it, and one part against it is
+/// enough.
+pub(super) fn keeps_frame(recipe: &SceneRecipe) -> bool {
+    recipe.parts.iter().filter_map(|p| p.swaps.last()).all(|swap| swap.keep_crs)
+}
+
+/// The part as it is in play number `play`, from 0; `None` if it is absent then.
+pub(super) fn state(part: &PartRecipe, play: u32) -> Option<Cow<'_, PartRecipe>> {
+    if play == 0 || part.swaps.is_empty() {
+        return Some(Cow::Borrowed(part));
+    }
+    let mut now = part.clone();
+    // What a swap without a loader of its own starts from: the part as loaded first, until it has vanished once.
+    let (mut baseline, mut present, mut begins) = (Some(&part.loader), true, 1u64);
+    for swap in &part.swaps {
+        if begins > u64::from(play) {
+            break;
+        }
+        begins += u64::from(swap.plays);
+        present = swap_in(&mut now, swap, &mut baseline);
+    }
+    present.then_some(Cow::Owned(now))
+}
+
+/// Gives the part its next state; `false` if it is absent in it.
+fn swap_in<'a>(
+    now: &mut PartRecipe,
+    swap: &'a Swap,
+    baseline: &mut Option<&'a crate::survey::Loader>,
+) -> bool {
+    if swap.vanish {
+        *baseline = None;
+        return false;
+    }
+    let Some(loader) = swap.loader.as_ref().or(*baseline) else { return false };
+    now.loader = loader.clone();
+    if let Some(scale) = swap.scale {
+        now.transform.scale = scale;
+    }
+    if let Some((offset, on_ground)) = swap.offset {
+        (now.transform.offset, now.transform.on_ground) = (offset, on_ground);
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::fixture::Fixture;
+    use crate::survey::{Loader, UpAxis};
+    use std::path::PathBuf;
+
+    fn swap(plays: u32) -> Swap {
+        Swap { plays, keep_crs: true, vanish: false, loader: None, scale: None, offset: None }
+    }
+
+    fn loader(file: &str) -> Loader {
+        Loader::Obj { files: vec![PathBuf::from(file)], up: UpAxis::Z }
+    }
+
+    fn file_and_scale(part: &PartRecipe, play: u32) -> Option<(String, f64)> {
+        state(part, play).map(|p| match &p.loader {
+            Loader::Obj { files, .. } => (files[0].display().to_string(), p.transform.scale),
+            _ => unreachable!("only OBJ files here"),
+        })
+    }
+
+    #[test]
+    fn states_follow_one_another_and_the_last_one_stays() {
+        // spec input-formats §3.8: small, big, big, absent
+        let mut f = Fixture::new();
+        let part = f.part(loader("ball"));
+        part.swaps = vec![Swap { scale: Some(2.0), ..swap(2) }, Swap { vanish: true, ..swap(1) }];
+        let found: Vec<_> = (0..6).map(|play| file_and_scale(part, play)).collect();
+        let ball = |scale| Some(("ball".to_owned(), scale));
+        assert_eq!(found, [ball(1.0), ball(2.0), ball(2.0), None, None, None]);
+    }
+
+    #[test]
+    fn transforms_persist_and_the_baseline_is_lost_with_the_part() {
+        let mut f = Fixture::new();
+        let part = f.part(loader("ball"));
+        let at = Some((DVec3::X, 1));
+        part.swaps = vec![
+            Swap { loader: Some(loader("rod")), scale: Some(3.0), offset: at, ..swap(1) },
+            swap(1),
+            Swap { vanish: true, ..swap(1) },
+            Swap { scale: Some(5.0), ..swap(1) },
+            Swap { loader: Some(loader("cone")), ..swap(1) },
+            swap(1),
+        ];
+        let found: Vec<_> = (1..7).map(|play| file_and_scale(part, play)).collect();
+        let shown = |file: &str, scale| Some((file.to_owned(), scale));
+        assert_eq!(found, [shown("rod", 3.0), shown("ball", 3.0), None, None, shown("cone", 3.0), None]);
+        let later = state(part, 5).unwrap().transform;
+        assert_eq!((later.offset, later.on_ground), (DVec3::X, 1));
+    }
+
+    #[test]
+    fn the_longest_chain_of_swaps_counts_wherever_it_stands() {
+        let mut f = Fixture::new();
+        f.part(loader("ground"));
+        f.part(loader("ball")).swaps = vec![swap(4)];
+        f.part(loader("rod")).swaps = vec![swap(1), swap(1)];
+        let count = |f: &Fixture| plays(&f.recipe());
+        assert_eq!(count(&f), 5);
+        f.parts[1].swaps[0].plays = u32::MAX;
+        assert_eq!(count(&f), u32::MAX);
+        f.parts.truncate(1);
+        assert_eq!(count(&f), 1);
+    }
+}
