@@ -7,11 +7,11 @@ use super::watch::{amount, duration, watched};
 use super::{Console, Verbosity, interrupt};
 use crate::error::{Error, Result};
 use crate::flight::FlightPlan;
-use crate::output::{FileKind, OutputContext, OutputPlan, Summary};
-use crate::pipeline::{self, Progress};
+use crate::output::{FileKind, OutputContext, OutputPlan, OutputRequest, Summary};
+use crate::pipeline::{self, Ended, Progress};
 use crate::platform::PoseReader;
 use crate::pulse::Physics;
-use crate::scene::{self, Scene};
+use crate::scene::{self, Movers, Scene, Stand};
 use crate::survey::PlatformKind;
 use crate::tree::Tree;
 use job::Job;
@@ -25,41 +25,75 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let (job, warnings) = Job::resolve(args)?;
     console.warnings(&warnings);
-    let (scene, tree) = load_and_build(&job, console)?;
-
-    let ground = |x, y| scene.ground_height(x, y);
-    let (flight, warnings) = FlightPlan::new(&job.survey, scene.shift, &ground, &job.flight)?;
-    console.warnings(&warnings.finish(job.strict)?);
-    let physics = Physics::new(&scene, &tree, &job.survey, job.physics)?;
-    let output =
-        Arc::new(OutputPlan::new(job.output.clone(), &OutputContext { survey: &job.survey, scene: &scene })?);
-    let poses = match &job.survey.platform.kind {
-        PlatformKind::Stream(stream) => Some(PoseReader::open(stream)?),
+    let plays = scene::plays(&job.survey.scene);
+    let stream = match &job.survey.platform.kind {
+        PlatformKind::Stream(_) if plays > 1 => {
+            return Err(Error::input(format!(
+                "the scene's swaps ask for {plays} flights, and a stream of poses passes only once"
+            )));
+        }
+        PlatformKind::Stream(stream) => Some(stream),
         _ => None,
     };
+    let mut stage = load_and_build(&job, console, 0, None)?;
+
+    let ground = |x, y| stage.scene.ground_height(x, y);
+    let (flight, warnings) = FlightPlan::new(&job.survey, stage.scene.shift, &ground, &job.flight)?;
+    console.warnings(&warnings.finish(job.strict)?);
+    let context = OutputContext { survey: &job.survey, scene: &stage.scene };
+    let output = Arc::new(OutputPlan::new(OutputRequest { plays, ..job.output.clone() }, &context)?);
+    let first = Stand::of(&stage.scene);
+    let mut poses = stream.map(PoseReader::open).transpose()?;
 
     let progress = Progress::default();
-    let flying = Instant::now();
-    let summary = watched(console, job.progress_lines, job.survey.legs.len(), &progress, || {
-        pipeline::fly(pipeline::Run {
+    let (mut flying, mut before) = (0.0, None);
+    let mut play = 0;
+    let summary = loop {
+        let physics = Physics::new(&stage.scene, &stage.tree, &job.survey, job.physics)?;
+        let run = pipeline::Run {
             flight: &flight,
             physics: &physics,
-            output,
-            poses,
+            movers: stage.movers.as_ref().map(|movers| (movers, &job.tree)),
+            output: output.clone(),
+            poses: poses.take(),
             schedule: job.schedule,
             chunk_size: job.chunk_size,
             stop: &interrupt::STOP,
             progress: &progress,
-        })
-    })?;
+        };
+        let took_off = Instant::now();
+        let legs = job.survey.legs.len();
+        let ended = watched(console, job.progress_lines, legs, &progress, || {
+            pipeline::fly(run, before.take(), play + 1 == plays)
+        })?;
+        flying += took_off.elapsed().as_secs_f64();
+        match ended {
+            Ended::Whole(summary) => break summary,
+            Ended::Play(interval) => before = Some(interval),
+        }
+        // One play's scene at a time.
+        drop(stage);
+        play += 1;
+        console.detail(format!("play {} of {plays}", play + 1));
+        stage = load_and_build(&job, console, play, Some(first))?;
+    };
     let pulses = progress.snapshot().pulses;
-    report(console, &summary, pulses, flying.elapsed().as_secs_f64(), started.elapsed().as_secs_f64());
+    report(console, &summary, pulses, flying, started.elapsed().as_secs_f64());
     Ok(())
 }
 
-fn load_and_build(job: &Job, console: &Console) -> Result<(Scene, Tree)> {
+/// What a play is flown over.
+struct Stage {
+    scene: Scene,
+    /// Over what stands still.
+    tree: Tree,
+    movers: Option<Movers>,
+}
+
+fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Stand>) -> Result<Stage> {
     let started = Instant::now();
-    let (scene, warnings) = scene::load(&job.survey.scene, &job.load)?;
+    let recipe = &job.survey.scene;
+    let (scene, warnings) = scene::load_play(recipe, &job.load, play, first)?;
     console.warnings(&warnings.finish(job.strict)?);
     console.took(
         Verbosity::Verbose,
@@ -72,15 +106,17 @@ fn load_and_build(job: &Job, console: &Console) -> Result<(Scene, Tree)> {
         ),
     );
     let started = Instant::now();
-    let tree = Tree::build(&scene.geometry, &job.tree);
+    let tree = Tree::build_of(&scene.geometry, &job.tree, |i| scene.is_still(i));
     console.took(
         Verbosity::Verbose,
         format!("tree: {:.1} MB, {:.2} s", tree.memory() as f64 / 1e6, started.elapsed().as_secs_f64()),
     );
+    let pulse_rate = job.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq));
+    let movers = Movers::new(&scene, recipe, pulse_rate);
     if interrupt::STOP.asked() {
         return Err(Error::Interrupted);
     }
-    Ok((scene, tree))
+    Ok(Stage { scene, tree, movers })
 }
 
 fn report(console: &Console, summary: &Summary, pulses: u64, flying: f64, whole: f64) {

@@ -115,6 +115,11 @@ impl Writer {
         self.open_files(|home| matches!(home, Home::Run { .. }))
     }
 
+    /// Hands compression to others from now on.
+    pub fn offload_to(&mut self, offload: Arc<dyn Offload>) {
+        self.offload = offload;
+    }
+
     /// Completes all files and gives them their names.
     ///
     /// # Errors

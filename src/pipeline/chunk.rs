@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
 use crate::platform::PoseReader;
+use crate::scene::{MoverState, Movers};
 use crate::schedule::Stop;
 
 /// Steps after which a chunk ends although few of them fired: the wish to stop is looked at between chunks.
@@ -12,8 +13,10 @@ const MAX_STEPS: u32 = 1 << 16;
 /// the pulses; the producer only counted them.
 #[derive(Clone)]
 pub struct Chunk {
-    /// Everything that moves, as it was before the first step.
+    /// Platform and devices as they were before the first step.
     pub start: FlightState,
+    /// Moving parts of the scene as they were then, if there are any.
+    pub movers: Option<MoverState>,
     /// Number of steps.
     pub steps: u32,
     /// Pulses among them.
@@ -41,18 +44,22 @@ impl FlightSink for Count {
     }
 }
 
-/// Steps through the whole flight and puts every chunk that yields anything. A chunk ends after `size` pulses, at the end
-/// of its leg, or when the next pose has not arrived yet. Returns early when `stop` is asked.
+/// Steps from `state`, the beginning of a flight, through the whole of it and puts every chunk that yields anything. A
+/// chunk ends after `size` pulses, at the end of its leg, or when the next pose has not arrived yet. Returns early when
+/// `stop` is asked.
 pub fn produce(
     plan: &FlightPlan,
+    movers: Option<&Movers>,
+    state: &mut FlightState,
     mut poses: Option<PoseReader>,
     size: u32,
     stop: &Stop,
     mut put: impl FnMut(Chunk) -> Result<()>,
 ) -> Result<()> {
-    let mut state = FlightState::start(plan);
+    let mut moving = movers.map(|plan| (plan, MoverState::start(plan)));
     loop {
         let start = state.clone();
+        let movers = moving.as_ref().map(|(_, state)| state.clone());
         let mut count = Count::default();
         let mut steps = 0;
         let step = loop {
@@ -61,13 +68,16 @@ pub fn produce(
                 break step;
             }
             steps += 1;
+            if let Some((plan, state)) = &mut moving {
+                state.step(plan, |_, _| ());
+            }
             if count.pulses >= size || steps >= MAX_STEPS {
                 break step;
             }
         };
         if count.pulses > 0 || count.poses > 0 {
-            let (leg, done) = (start.leg(plan), done(plan, &state));
-            put(Chunk { start, steps, pulses: count.pulses, leg, done })?;
+            let (leg, done) = (start.leg(plan), done(plan, state));
+            put(Chunk { start, movers, steps, pulses: count.pulses, leg, done })?;
         }
         match step {
             Step::Ended => return Ok(()),

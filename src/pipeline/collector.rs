@@ -12,10 +12,20 @@ pub struct Collector<'a> {
     pub writer: Writer,
     /// What has been done so far.
     pub progress: &'a Progress,
+    /// No play follows.
+    pub is_last: bool,
+}
+
+/// What is left of the sinks at the end of a play.
+pub enum Closed {
+    /// They are complete.
+    Whole(Summary),
+    /// They are open for the next play.
+    Play(Box<Writer>),
 }
 
 impl Collect<Measured> for Collector<'_> {
-    type Summary = Summary;
+    type Summary = Closed;
 
     fn take(&mut self, m: Measured, more_waiting: bool) -> Result<()> {
         self.writer.append(m.encoded)?;
@@ -27,8 +37,12 @@ impl Collect<Measured> for Collector<'_> {
         Ok(())
     }
 
-    fn finish(self) -> Result<Summary> {
-        self.writer.finish()
+    fn finish(mut self) -> Result<Closed> {
+        if self.is_last {
+            return self.writer.finish().map(Closed::Whole);
+        }
+        self.writer.next_play()?;
+        Ok(Closed::Play(Box::new(self.writer)))
     }
 
     fn abort(self) {

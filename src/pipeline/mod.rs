@@ -12,12 +12,14 @@ pub use chunk::{Chunk, produce};
 pub use progress::{Progress, Snapshot};
 
 use crate::error::Result;
-use crate::flight::FlightPlan;
-use crate::output::{Offload, OutputPlan, Summary};
+use crate::flight::{FlightPlan, FlightState};
+use crate::output::{Offload, OutputPlan, Summary, Writer};
 use crate::platform::PoseReader;
 use crate::pulse::Physics;
+use crate::scene::Movers;
 use crate::schedule::{self, Job, JobQueue, Stop};
-use collector::Collector;
+use crate::tree::BuildOptions;
+use collector::{Closed, Collector};
 use std::sync::Arc;
 use worker::Worker;
 
@@ -27,6 +29,8 @@ pub struct Run<'a> {
     pub flight: &'a FlightPlan,
     /// Scene, tree, instruments.
     pub physics: &'a Physics<'a>,
+    /// Parts of the scene that move, if any do, and how their trees are built.
+    pub movers: Option<(&'a Movers, &'a BuildOptions)>,
     /// Sinks.
     pub output: Arc<OutputPlan>,
     /// Poses of a streamed platform as they arrive.
@@ -41,23 +45,55 @@ pub struct Run<'a> {
     pub progress: &'a Progress,
 }
 
-/// Flies the survey: chunks → warehouse → workers (replay, trace, detect, encode) → sinks in chunk order. The outputs are
-/// complete and under their names when this returns `Ok`, and gone otherwise.
-pub fn fly(run: Run<'_>) -> Result<Summary> {
+/// What goes on from one play of a survey with swapped parts to the next.
+pub struct Interval {
+    writer: Writer,
+    state: FlightState,
+}
+
+/// How a play ended.
+pub enum Ended {
+    /// It was the last: the outputs are complete and have their names.
+    Whole(Summary),
+    /// Another one follows; its outputs are open.
+    Play(Box<Interval>),
+}
+
+/// Flies the survey once: chunks → warehouse → workers (replay, trace, detect, encode) → sinks in chunk order. When this
+/// fails, outputs that are not complete are gone.
+///
+/// The first play begins `after` nothing, every other one after the play before: its legs begin anew, while the clock
+/// and the numbers of pulses go on. `is_last` says that none follows.
+pub fn fly(run: Run<'_>, after: Option<Box<Interval>>, is_last: bool) -> Result<Ended> {
     let jobs = Arc::new(JobQueue::new(2 * run.schedule.threads));
-    let collector = Collector { writer: run.output.open(jobs.clone())?, progress: run.progress };
-    let output = &run.output;
-    schedule::run(
+    let (writer, mut state) = match after {
+        None => (run.output.open(jobs.clone())?, FlightState::start(run.flight)),
+        Some(before) => {
+            let Interval { mut writer, mut state } = *before;
+            state.repeat(run.flight);
+            writer.offload_to(jobs.clone());
+            (writer, state)
+        }
+    };
+    let Run { flight, physics, movers, output, poses, .. } = run;
+    let closed = schedule::run(
         run.schedule,
         &jobs,
         run.stop,
         || {
-            let mut worker = Worker::new(run.flight, run.physics, output);
+            let mut worker = Worker::new(flight, physics, movers, &output);
             move |chunk| worker.measure(chunk)
         },
-        |feed| produce(run.flight, run.poses, run.chunk_size, run.stop, |chunk| feed.put(chunk)),
-        collector,
-    )
+        |feed| {
+            let put = |chunk| feed.put(chunk);
+            produce(flight, movers.map(|(plan, _)| plan), &mut state, poses, run.chunk_size, run.stop, put)
+        },
+        Collector { writer, progress: run.progress, is_last },
+    )?;
+    Ok(match closed {
+        Closed::Whole(summary) => Ended::Whole(summary),
+        Closed::Play(writer) => Ended::Play(Box::new(Interval { writer: *writer, state })),
+    })
 }
 
 /// Compression is taken over by the workers.

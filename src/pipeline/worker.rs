@@ -5,6 +5,8 @@ use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
 use crate::output::{Encoded, OutputPlan};
 use crate::pulse::{Physics, Shooter};
+use crate::scene::{Change, Movers, Stage};
+use crate::tree::BuildOptions;
 
 /// What a chunk became.
 pub struct Measured {
@@ -25,8 +27,16 @@ pub struct Worker<'a> {
     flight: &'a FlightPlan,
     output: &'a OutputPlan,
     shooter: Shooter<'a>,
+    scenery: Option<Scenery<'a>>,
     pulses: Vec<Pulse>,
     batch: Batch,
+}
+
+/// What moves in the scene.
+struct Scenery<'a> {
+    plan: &'a Movers,
+    stage: Stage<'a>,
+    changes: Vec<Change>,
 }
 
 /// Keeps what the replayed steps yield.
@@ -47,26 +57,62 @@ impl FlightSink for Replay<'_> {
 
 impl<'a> Worker<'a> {
     /// A worker with empty scratch memory.
-    pub fn new(flight: &'a FlightPlan, physics: &'a Physics<'a>, output: &'a OutputPlan) -> Worker<'a> {
-        Worker { flight, output, shooter: physics.shooter(), pulses: Vec::new(), batch: Batch::default() }
+    pub fn new(
+        flight: &'a FlightPlan,
+        physics: &'a Physics<'a>,
+        movers: Option<(&'a Movers, &'a BuildOptions)>,
+        output: &'a OutputPlan,
+    ) -> Worker<'a> {
+        let scenery = movers.map(|(plan, trees)| Scenery {
+            plan,
+            stage: Stage::new(plan, trees.clone()),
+            changes: Vec::new(),
+        });
+        Worker {
+            flight,
+            output,
+            shooter: physics.shooter(),
+            scenery,
+            pulses: Vec::new(),
+            batch: Batch::default(),
+        }
     }
 
     /// Replays the chunk's steps, fires the pulses together and encodes the echoes.
     pub fn measure(&mut self, chunk: Chunk) -> Result<Measured> {
-        let Chunk { start: mut state, steps, pulses, leg, done } = chunk;
+        let (leg, pulses, done) = (chunk.leg, u64::from(chunk.pulses), chunk.done);
         self.pulses.clear();
         self.batch.clear(leg);
-        let mut replay = Replay { pulses: &mut self.pulses, poses: &mut self.batch.poses };
-        for _ in 0..steps {
-            state.step(self.flight, &mut replay)?;
+        self.replay(chunk)?;
+        match &mut self.scenery {
+            Some(s) => {
+                self.shooter.fire_moving(leg, &self.pulses, &mut s.stage, &s.changes, &mut self.batch)?;
+            }
+            None => self.shooter.fire_all(leg, &self.pulses, &mut self.batch)?,
         }
-        self.shooter.fire_all(leg, &self.pulses, &mut self.batch)?;
         Ok(Measured {
             encoded: self.output.encode(&self.batch),
-            pulses: u64::from(pulses),
+            pulses,
             echoes: self.batch.echoes.len() as u64,
             leg,
             done,
         })
+    }
+
+    /// Repeats the chunk's steps, with the motions of the scene between them.
+    fn replay(&mut self, chunk: Chunk) -> Result<()> {
+        let Chunk { start: mut state, movers, steps, .. } = chunk;
+        let mut replay = Replay { pulses: &mut self.pulses, poses: &mut self.batch.poses };
+        let (Some(s), Some(mut movers)) = (&mut self.scenery, movers) else {
+            return (0..steps).try_for_each(|_| state.step(self.flight, &mut replay).map(drop));
+        };
+        s.stage.set(&movers);
+        s.changes.clear();
+        for _ in 0..steps {
+            state.step(self.flight, &mut replay)?;
+            let before = replay.pulses.len();
+            movers.step(s.plan, |part, place| s.changes.push(Change { before, part, place: *place }));
+        }
+        Ok(())
     }
 }

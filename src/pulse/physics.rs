@@ -10,10 +10,11 @@ use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3};
 use crate::pipeline::Batch;
 use crate::rng::{Purpose, Stream};
-use crate::scene::Scene;
+use crate::scene::{Actor, Change, Scene, Stage};
 use crate::survey::Survey;
 use crate::tree::{Hits, RayGroup, Tree};
 use crate::{Error, Result};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Longest waveform that is recorded, samples (1,250 km of 0.25 ns bins).
@@ -40,6 +41,7 @@ impl<'a> Physics<'a> {
             view: View {
                 scene,
                 tree,
+                moving: &[],
                 limits: limits(scene, &o),
                 fixed_incidence: o.fixed_incidence,
                 largest_cube: scene
@@ -57,39 +59,26 @@ impl<'a> Physics<'a> {
         })
     }
 
-    /// The same physics over another version of the scene, in which parts may have moved out of [`Scene::bounds`]. Costs
-    /// nothing; no cube may be larger than the first version's largest.
-    pub fn over<'b>(&self, scene: &'b Scene, tree: &'b Tree) -> Physics<'b> {
-        let o = &self.options;
-        Physics {
-            view: View {
-                scene,
-                tree,
-                limits: (!o.corrections.unbounded_scene).then_some(scene.bounds),
-                ..self.view
-            },
-            gate: gate(scene, o),
-            fleet: Arc::clone(&self.fleet),
-            options: *o,
-            range_noise: self.range_noise,
-            waveform_noise: self.waveform_noise,
-            free_paths: self.free_paths,
-        }
-    }
-
     /// A shooter for one worker.
     pub fn shooter(&self) -> Shooter<'_> {
         let volleys = vec![Volley::default(); self.fleet.devices()];
-        Shooter { physics: self, volleys, places: Vec::new(), receiver: Receiver::default() }
+        Shooter {
+            physics: self,
+            volleys,
+            apart: Volley::default(),
+            places: Vec::new(),
+            receiver: Receiver::default(),
+        }
     }
 }
 
-/// The scene's box if something lies outside of it and must not be seen: what moved there since the scene was loaded.
+/// The scene's box if something may lie outside of it and must not be seen: what moves there once the scene is loaded.
 fn limits(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
     let (b, g) = (scene.bounds, &scene.geometry);
     let within = |p: DVec3, half: f64| (p - half).cmpge(b.min).all() && (p + half).cmple(b.max).all();
     let all = g.vertices.iter().all(|v| within(*v, 0.0)) && g.cubes.iter().all(|c| within(c.centre, c.half));
-    (!o.corrections.unbounded_scene && !all).then_some(b)
+    let may_leave = !all || !scene.movers.is_empty();
+    (!o.corrections.unbounded_scene && may_leave).then_some(b)
 }
 
 /// The box of spec pulse-physics §2.1 that the axis must meet.
@@ -108,6 +97,8 @@ pub struct Shooter<'p> {
     physics: &'p Physics<'p>,
     /// One per device, whose neighbouring pulses hit neighbouring things.
     volleys: Vec<Volley>,
+    /// Pulses of one device that see the moving parts at the same places.
+    apart: Volley,
     /// Place of each pulse in its device's volley; `None` if its axis misses the scene.
     places: Vec<Option<usize>>,
     receiver: Receiver,
@@ -137,12 +128,47 @@ impl Shooter<'_> {
     /// traced several times faster. Fails if the survey has no such leg or device, or if a waveform is too long to be
     /// recorded.
     pub fn fire_all(&mut self, leg: u32, pulses: &[Pulse], batch: &mut Batch) -> Result<()> {
-        let together = VOLLEY_RAYS / self.physics.fleet.most_rays().max(1);
-        pulses.chunks(together.clamp(1, VOLLEY)).try_for_each(|pulses| {
+        pulses.chunks(self.together()).try_for_each(|pulses| {
             self.aim(leg, pulses)?;
             self.trace();
-            self.receive(leg, pulses, batch)
+            self.receive(leg, pulses, 0..pulses.len(), &[], batch)
         })
+    }
+
+    /// [`Shooter::fire_all`] over a scene with moving parts, which `stage` shows as the first pulse sees them. `changes`
+    /// come in the order of the pulses that see them first. The still parts are traced for many pulses at once, however
+    /// often the others move.
+    pub fn fire_moving(
+        &mut self,
+        leg: u32,
+        pulses: &[Pulse],
+        stage: &mut Stage,
+        changes: &[Change],
+        batch: &mut Batch,
+    ) -> Result<()> {
+        let (mut fired, mut changes) = (0, changes.iter().peekable());
+        for volley in pulses.chunks(self.together()) {
+            self.aim(leg, volley)?;
+            self.trace();
+            let mut done = 0;
+            while done < volley.len() {
+                while let Some(change) = changes.next_if(|c| c.before <= fired + done) {
+                    stage.change(change);
+                }
+                let until = changes.peek().map_or(volley.len(), |c| (c.before - fired).min(volley.len()));
+                let moving = stage.show();
+                self.trace_moving(moving, volley, done..until);
+                self.receive(leg, volley, done..until, moving, batch)?;
+                done = until;
+            }
+            fired += volley.len();
+        }
+        Ok(())
+    }
+
+    /// Pulses that are traced together.
+    fn together(&self) -> usize {
+        (VOLLEY_RAYS / self.physics.fleet.most_rays().max(1)).clamp(1, VOLLEY)
     }
 
     /// [`Shooter::fire_all`] of one pulse.
@@ -176,10 +202,35 @@ impl Shooter<'_> {
         }
     }
 
-    /// Turns hits into records.
-    fn receive(&mut self, leg: u32, pulses: &[Pulse], batch: &mut Batch) -> Result<()> {
+    /// Lets some of the pulses hit moving parts where these are nearer than what stands still.
+    fn trace_moving(&mut self, moving: &[Actor], pulses: &[Pulse], some: Range<usize>) {
+        let Shooter { volleys, apart, places, .. } = self;
+        for (device, volley) in volleys.iter_mut().enumerate() {
+            let of_device = |i: &usize| pulses[*i].device as usize == device;
+            let mut own = some.clone().filter(of_device).filter_map(|i| places[i]);
+            let Some(first) = own.next() else { continue };
+            // Pulses of a device have places one after the other.
+            let rows = first..own.last().unwrap_or(first) + 1;
+            apart.rays.copy_from(&volley.rays, rows.clone());
+            for actor in moving {
+                actor.tree.trace_group(&actor.scene.geometry, &apart.rays, &mut apart.hits);
+                volley.hits.take_nearer(rows.start * apart.rays.stride(), &apart.hits, |i| actor.global(i));
+            }
+        }
+    }
+
+    /// Turns the hits of some of the pulses into records.
+    fn receive(
+        &mut self,
+        leg: u32,
+        pulses: &[Pulse],
+        some: Range<usize>,
+        moving: &[Actor],
+        batch: &mut Batch,
+    ) -> Result<()> {
         let physics = self.physics;
-        for (pulse, place) in pulses.iter().zip(&self.places) {
+        let view = View { moving, ..physics.view };
+        for (pulse, place) in pulses[some.clone()].iter().zip(&self.places[some]) {
             if physics.options.record_pulses {
                 batch.pulses.push(pulse_record(pulse));
             }
@@ -187,7 +238,7 @@ impl Shooter<'_> {
                 let volley = &self.volleys[pulse.device as usize];
                 let instrument = physics.fleet.instrument(leg, pulse.device)?;
                 let shot = Shot::of(&volley.rays, &volley.hits, place);
-                self.receiver.receive(physics, instrument, pulse, shot, batch)?;
+                self.receiver.receive(physics, &view, instrument, pulse, shot, batch)?;
             }
         }
         Ok(())
@@ -220,6 +271,7 @@ impl Receiver {
     fn receive(
         &mut self,
         physics: &Physics,
+        view: &View,
         instrument: &Instrument,
         pulse: &Pulse,
         shot: Shot,
@@ -228,7 +280,7 @@ impl Receiver {
         let corrections = &instrument.corrections;
         let mut paths =
             FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
-        physics.view.reflect(instrument, shot, &mut paths, &mut self.probe, &mut self.reflections);
+        view.reflect(instrument, shot, &mut paths, &mut self.probe, &mut self.reflections);
         if self.reflections.is_empty() {
             return Ok(());
         }

@@ -3,8 +3,8 @@
 use super::foliage::{self, FreePaths, Passage};
 use super::instrument::Instrument;
 use crate::geom::{Aabb, DVec3, unit};
-use crate::scene::{Material, Scene, Voxel};
-use crate::tree::{Hits, RayGroup, Tree};
+use crate::scene::{Actor, Material, Scene, Voxel};
+use crate::tree::{Hit, Hits, RayGroup, Tree};
 
 /// How far behind a surface a ray goes on, m.
 const STEP_BEHIND: f64 = 1e-5;
@@ -94,8 +94,10 @@ impl Reflections {
 pub(super) struct View<'a> {
     /// What there is.
     pub scene: &'a Scene,
-    /// Finds what is hit.
+    /// Finds what is hit of it, other than the moving parts.
     pub tree: &'a Tree,
+    /// The moving parts where they are seen now.
+    pub moving: &'a [Actor],
     /// The scene's box, outside of which nothing is visible; `None` when nothing lies outside, or may be seen there.
     pub limits: Option<Aabb>,
     /// All surfaces face the beam.
@@ -170,12 +172,12 @@ impl<'a> View<'a> {
         let around = self.voxel_around(instrument, shot.origin);
         let asks = around.is_some() || self.limits.is_some();
         let triangles = self.scene.geometry.triangles.len();
-        let mut face = Face::none();
+        let mut face = Face::none(self.scene);
         for (i, (ring, range)) in rings.iter().zip(&probe.ranges).enumerate() {
             let (primitive, direction) = (shot.primitive[i], shot.direction(i));
             let in_range = *range >= instrument.range_min && *range <= instrument.range_max;
             if !asks && (primitive as usize) < triangles && in_range {
-                face.turn_to(self.scene, primitive);
+                face.turn_to(self, primitive);
                 let cosine = if self.fixed_incidence { 1.0 } else { face.plane_cosine(direction) };
                 out.add(*ring, (*range, *range), primitive, cosine, face.factor(cosine));
             } else if primitive != Hits::MISS || around.is_some() {
@@ -190,9 +192,9 @@ impl<'a> View<'a> {
                 let Some(at) = self.follow(instrument, shot.origin, direction, first, paths) else {
                     continue;
                 };
-                face.turn_to(self.scene, at.primitive);
-                let cosine = if self.fixed_incidence { 1.0 } else { face.cosine(self.scene, &at, direction) };
-                if let Some(sigma) = foliage::cross_section(self.scene, at.primitive, direction) {
+                face.turn_to(self, at.primitive);
+                let cosine = if self.fixed_incidence { 1.0 } else { face.cosine(&at, direction) };
+                if let Some(sigma) = foliage::cross_section(face.scene, face.local, direction) {
                     probe.foliage.push((out.count, sigma));
                 }
                 let entry = if instrument.corrections.voxel_stop_point { at.stop } else { at.range };
@@ -209,7 +211,20 @@ impl<'a> View<'a> {
             && self.largest_cube > 0.0
             && origin.cmpge(b.min).all()
             && origin.cmple(b.max).all();
-        may.then(|| foliage::around(self.scene, self.tree, origin, self.largest_cube)).flatten()
+        let around = |scene, tree| foliage::around(scene, tree, origin, self.largest_cube);
+        if !may {
+            return None;
+        }
+        around(self.scene, self.tree).or_else(|| {
+            self.moving.iter().find_map(|a| around(&a.scene, &a.tree).map(|voxel| a.global(voxel)))
+        })
+    }
+
+    /// The scene that shows primitive `i` where it is now, and its number there.
+    #[inline]
+    fn shown(&self, i: u32) -> (&'a Scene, u32) {
+        let moving = self.moving.iter().find_map(|a| Some((&a.scene, a.local(i)?)));
+        moving.unwrap_or((self.scene, i))
     }
 
     /// Follows a subray from what it met first to what reflects it (§2.7), or `None`.
@@ -229,8 +244,8 @@ impl<'a> View<'a> {
             }
             // A ray that begins within foliage has no entry to go by.
             let inside = at.t == 0.0;
-            let by_stop =
-                inside || corrections.voxel_stop_point && foliage::scatters(self.scene, at.primitive);
+            let (scene, local) = self.shown(at.primitive);
+            let by_stop = inside || corrections.voxel_stop_point && foliage::scatters(scene, local);
             let (next, behind) = match self.standing(&at, direction) {
                 Standing::Beyond => return None,
                 Standing::Before(entry) => (entry, None),
@@ -242,14 +257,7 @@ impl<'a> View<'a> {
                     (at.point(direction) + direction * STEP_BEHIND, None)
                 }
                 Standing::Inside => {
-                    match foliage::pass(
-                        self.scene,
-                        corrections,
-                        at.primitive,
-                        (at.from, direction),
-                        at.t,
-                        paths,
-                    ) {
+                    match foliage::pass(scene, corrections, local, (at.from, direction), at.t, paths) {
                         Passage::Stops(0.0) => return Some(at),
                         Passage::Stops(path) => {
                             at.stop = distance((at.point(direction) + direction * path) - origin);
@@ -296,7 +304,12 @@ impl<'a> View<'a> {
     /// What a ray meets first from a point on its way on, other than what it has just left; `origin` is the pulse's.
     fn first_behind(&self, from: DVec3, direction: DVec3, origin: DVec3, left: Option<u32>) -> Encounter {
         let hit = self.tree.nearest_where(&self.scene.geometry, from, direction, |i| Some(i) != left);
-        let Some(hit) = hit else {
+        let nearest = self.moving.iter().fold(hit, |best, actor| {
+            let accept = |i| Some(actor.global(i)) != left;
+            let hit = actor.tree.nearest_where(&actor.scene.geometry, from, direction, accept);
+            nearer(best, hit.map(|h| Hit { primitive: actor.global(h.primitive), ..h }))
+        });
+        let Some(hit) = nearest else {
             return Encounter {
                 from,
                 t: f64::INFINITY,
@@ -339,6 +352,14 @@ enum Standing {
     Beyond,
 }
 
+/// The nearer of two hits; of equally near ones that of the smaller number.
+fn nearer(a: Option<Hit>, b: Option<Hit>) -> Option<Hit> {
+    match (a, b) {
+        (Some(a), Some(b)) if (b.t, b.primitive) < (a.t, a.primitive) => Some(b),
+        (a, b) => a.or(b),
+    }
+}
+
 /// √(x² + y² + z²), added in this order.
 fn distance(d: DVec3) -> f64 {
     (d.x * d.x + d.y * d.y + d.z * d.z).sqrt()
@@ -347,36 +368,41 @@ fn distance(d: DVec3) -> f64 {
 /// The primitive that was met last: neighbouring subrays mostly meet the same.
 struct Face<'a> {
     primitive: u32,
+    /// The scene that shows it, and its number there.
+    scene: &'a Scene,
+    local: u32,
     material: Option<&'a Material>,
     /// Unit normal of a triangle or of a cube that has one.
     normal: Option<DVec3>,
 }
 
 impl<'a> Face<'a> {
-    fn none() -> Face<'a> {
-        Face { primitive: Hits::MISS, material: None, normal: None }
+    fn none(scene: &'a Scene) -> Face<'a> {
+        Face { primitive: Hits::MISS, scene, local: Hits::MISS, material: None, normal: None }
     }
 
-    fn turn_to(&mut self, scene: &'a Scene, primitive: u32) {
+    fn turn_to(&mut self, view: &View<'a>, primitive: u32) {
         if self.primitive == primitive {
             return;
         }
-        let i = primitive as usize;
+        let (scene, local) = view.shown(primitive);
+        let i = local as usize;
         let normal = if i < scene.geometry.triangles.len() {
             let [a, b, c] = scene.geometry.triangle(i);
             Some(unit((b - a).cross(c - a)))
         } else {
-            scene.voxel(primitive).and_then(Voxel::normal)
+            scene.voxel(local).and_then(Voxel::normal)
         };
-        *self = Face { primitive, material: Some(scene.material_of(primitive)), normal };
+        *self = Face { primitive, scene, local, material: Some(scene.material_of(local)), normal };
     }
 
     /// Cosine of the incidence angle (§2.4).
-    fn cosine(&self, scene: &Scene, at: &Encounter, direction: DVec3) -> f64 {
+    fn cosine(&self, at: &Encounter, direction: DVec3) -> f64 {
         if self.normal.is_some() {
             return self.plane_cosine(direction);
         }
-        let cube = &scene.geometry.cubes[at.primitive as usize - scene.geometry.triangles.len()];
+        let geometry = &self.scene.geometry;
+        let cube = &geometry.cubes[self.local as usize - geometry.triangles.len()];
         face_of_cube(at.point(direction) - cube.centre, cube.half).dot(direction).abs().min(1.0)
     }
 
@@ -424,8 +450,14 @@ mod tests {
     fn opaque_cubes_reflect_like_their_nearest_face() {
         let scene = foliage(&[(10.0, 0.0, VoxelKind::Opaque)], None);
         let tree = tree(&scene);
-        let view =
-            View { scene: &scene, tree: &tree, limits: None, fixed_incidence: false, largest_cube: 1.0 };
+        let view = View {
+            scene: &scene,
+            tree: &tree,
+            moving: &[],
+            limits: None,
+            fixed_incidence: false,
+            largest_cube: 1.0,
+        };
         let mut instrument = tls_instrument(5.0);
         instrument.subrays = crate::pulse::subray::Subrays::new(0.0, 1);
         let d = unit(DVec3::new(0.0, 10.0, 0.1));

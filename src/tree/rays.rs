@@ -151,6 +151,21 @@ impl Hits {
 }
 
 impl Hits {
+    /// Takes over those of `others` that are nearer than what the rays from place `first` on have hit, or as near with a
+    /// smaller number; `number` turns their numbers into those of these hits.
+    pub fn take_nearer(&mut self, first: usize, others: &Hits, number: impl Fn(u32) -> u32) {
+        let own = self.t[first..].iter_mut().zip(&mut self.primitive[first..]);
+        for ((t, id), (other_t, other)) in own.zip(others.t.iter().zip(&others.primitive)) {
+            if *other == Hits::MISS || *other_t > *t {
+                continue;
+            }
+            let other = number(*other);
+            if *other_t < *t || other < *id {
+                (*t, *id) = (*other_t, other);
+            }
+        }
+    }
+
     /// Makes room for `rays` misses.
     pub(crate) fn reset(&mut self, rays: usize) {
         self.t.clear();
