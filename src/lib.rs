@@ -21,7 +21,7 @@
 //! | [`geom`], [`rng`], [`diag`], [`error`] | rotations, boxes; counter-based random numbers; places and reports | nothing |
 //! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom |
-//! | [`scene`] | loads, places and freezes what is scanned | survey, tree |
+//! | [`scene`] | loads, places and freezes what is scanned; tells what moves, and what another play swaps | survey, tree |
 //! | [`platform`] | the movers: position and attitude per step | survey, geom |
 //! | [`scanner`] | heads and deflectors per step | survey, geom |
 //! | [`flight`] | the clock: legs, steps, pulses; cheap to replay from a snapshot | platform, scanner |
@@ -38,6 +38,8 @@
 //! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and tree: every
 //!   random draw is a function of what it is for ([`rng`]), and what a ray hits is decided by that ray and that primitive
 //!   alone ([`tree`]);
+//! * a scene is never changed: a chunk holds the state of its moving parts as it holds that of the platform, workers replay
+//!   both, and every play of a survey with swapped parts is flown over a scene of its own;
 //! * coordinates are `f64` in the scene frame, which is the world's minus the scene's centre;
 //! * points go to stdout and nothing else does.
 

@@ -21,7 +21,7 @@ fn outputs(survey: &Path, extra: &[&str]) -> BTreeMap<PathBuf, Vec<u8>> {
 
 #[test]
 fn threads_and_chunk_sizes_leave_no_trace() {
-    for survey in ["forest/survey.xml", "room/survey.xml"] {
+    for survey in ["forest/survey.xml", "room/survey.xml", "moving/survey.xml"] {
         let survey = fixture(survey);
         let reference = outputs(&survey, &["-j", "1"]);
         assert!(reference.len() >= 5, "outputs are missing: {:?}", reference.keys());
@@ -55,4 +55,25 @@ fn another_seed_gives_other_noise() {
         !other.is_empty() && one[Path::new("all.xyz")] != other,
         "range noise does not depend on the seed"
     );
+}
+
+#[test]
+fn moving_parts_move_and_every_play_has_its_own_run_directory() {
+    let (dir, survey) = (folder(), fixture("moving/survey.xml"));
+    succeed(dir.path(), &["run", survey.to_str().unwrap(), "-q", "--output", "out", "-j", "2"]);
+    let points: Vec<PathBuf> =
+        files(dir.path()).into_iter().filter(|f| f.ends_with("leg001_points.xyz")).collect();
+    assert_eq!(points.len(), 3, "a run directory per play: {points:?}");
+    let of = |file: &Path, id: &str| -> Vec<Vec<f64>> {
+        let text = std::fs::read_to_string(dir.path().join(file)).unwrap();
+        let rows = text.lines().map(|l| l.split(' ').collect::<Vec<_>>());
+        rows.filter(|w| w[8] == id).map(|w| w[..2].iter().map(|x| x.parse().unwrap()).collect()).collect()
+    };
+    // The box starts at x = 5 and comes round to the other side.
+    let circling = of(&points[0], "2");
+    assert!(circling.iter().any(|p| p[0] < -2.0) && circling.iter().any(|p| p[0] > 2.0));
+    let reach = |file: &PathBuf| of(file, "3").iter().map(|p| p[0]).fold(f64::MIN, f64::max);
+    assert!((reach(&points[0]) + 3.5).abs() < 0.1, "a box of 1 m at -4: {}", reach(&points[0]));
+    assert!((reach(&points[1]) + 3.0).abs() < 0.1, "one of 2 m: {}", reach(&points[1]));
+    assert!(of(&points[2], "3").is_empty(), "and none");
 }

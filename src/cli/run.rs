@@ -1,4 +1,5 @@
-//! `vlscan run`: the whole river.
+//! `vlscan run`: the whole river, once for every play of a survey with swapped parts. HELIOS++ layouts get a run directory
+//! for each play; in single files and streams the plays follow one another, told apart by GPS time and pulse number.
 
 mod job;
 

@@ -4,9 +4,9 @@
 use super::assembly::{Assembly, Extent, FARTHEST, PartSource};
 use super::ground::{self, PlacedPart};
 use super::library::{Library, Names};
+use super::play::{self, Stand};
 use super::spectra::Spectra;
 use super::text::Source;
-use super::play::{self, Stand};
 use super::{LadTable, Mover, Part, Scene, geotiff, obj, place, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};

@@ -87,6 +87,10 @@ fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool
             (Nodes::Kd(arena.nodes), arena.slots, statistics)
         }
     };
-    let blocks = slots.par_chunks(LANES).with_min_len(FEW / LANES).map(|ids| Block::of(geometry, &frame, ids)).collect();
+    let blocks = slots
+        .par_chunks(LANES)
+        .with_min_len(FEW / LANES)
+        .map(|ids| Block::of(geometry, &frame, ids))
+        .collect();
     Tree { frame, bounds, nodes, blocks, statistics }
 }

@@ -1,6 +1,7 @@
 //! Whole pulses over small scenes: the worked examples of spec pulse-physics §4.12, §5.6 and of the traps.
 
 mod foliage;
+mod moving;
 
 use super::testkit::*;
 use super::{Corrections, PhysicsOptions};

@@ -3,7 +3,7 @@
 use crate::geom::{Affine, DVec3, Rotation};
 use crate::scene::{Mover, Part, Scene, Surface};
 use crate::survey::{Motion, MotionKind, MotionTiming, PartRecipe, SceneRecipe};
-use crate::tree::{Cube, Geometry};
+use crate::tree::Geometry;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -25,8 +25,9 @@ pub(super) struct MovingPart {
     pub every: u64,
     /// Moves from one refresh of what rays see to the next.
     pub refresh_every: u64,
-    /// Where its centroid is at first.
-    pub centroid: DVec3,
+    /// What it turns about by itself, and what moves with it: the centre of the box around it as it stands at first. The
+    /// reference does not look for the centre again when the part has turned.
+    pub centre: DVec3,
     /// The part alone, as it stands at first, numbered from 0.
     pub rest: Scene,
     /// Numbers of its triangles in the whole scene.
@@ -48,7 +49,7 @@ pub(super) struct Sequence {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub map: Affine,
-    /// About the part's centroid.
+    /// About the part's own centre.
     pub about_self: bool,
 }
 
@@ -71,7 +72,7 @@ impl Movers {
                     sequences: sequences(part, scene.shift),
                     every,
                     refresh_every,
-                    centroid: centroid(&rest.geometry),
+                    centre: rest.geometry.bounds().centre(),
                     rest,
                     triangles: mover.triangles.clone(),
                     cubes: mover.cubes.clone(),
@@ -163,12 +164,4 @@ fn alone(scene: &Scene, mover: &Mover) -> Scene {
         voxels: scene.voxels[mover.cubes.clone()].to_vec(),
         movers: Vec::new(),
     }
-}
-
-/// Mean of all corners of triangles and all centres of cubes.
-fn centroid(geometry: &Geometry) -> DVec3 {
-    let corners = (0..geometry.triangles.len()).flat_map(|i| geometry.triangle(i));
-    let centres = geometry.cubes.iter().map(|c: &Cube| c.centre);
-    let (sum, count) = corners.chain(centres).fold((DVec3::ZERO, 0.0), |(s, n), p| (s + p, n + 1.0));
-    sum / count
 }

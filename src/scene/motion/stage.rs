@@ -1,6 +1,6 @@
 //! The moving parts where rays see them.
 
-use super::plan::{MovingPart, Movers};
+use super::plan::{Movers, MovingPart};
 use super::state::MoverState;
 use crate::geom::Affine;
 use crate::scene::Scene;

@@ -1,6 +1,6 @@
 //! How far the moving parts have come.
 
-use super::plan::{MovingPart, Movers};
+use super::plan::{Movers, MovingPart};
 use crate::geom::Affine;
 
 /// Where all moving parts stand at a simulation step. Cheap to clone; steps from clones are the same bit for bit.
@@ -80,11 +80,7 @@ impl PartState {
         let Some((number, gone)) = self.sequence else { return false };
         let sequence = &part.sequences[number];
         for step in &sequence.moves {
-            let map = if step.about_self {
-                step.map.about(self.now.apply(part.centroid))
-            } else {
-                step.map
-            };
+            let map = if step.about_self { step.map.about(self.now.apply(part.centre)) } else { step.map };
             self.now = map.after(&self.now);
         }
         // Sequences without end need no count.
