@@ -5,18 +5,28 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Cases whose scenes and instruments are read; each is judged within its own tolerance by the suite's `compare.py`.
+/// All cases; each is judged within its own tolerance by the suite's `compare.py`.
 const CASES: &[&str] = &[
+    "als_conic_palmer",
     "als_flat_plane",
+    "als_geotiff",
+    "als_line_fibres",
     "als_oscillating_relief",
     "als_rotating_polygon",
     "duration_and_warmup",
+    "dyn_geometry_swap",
+    "dyn_motion_types",
+    "dyn_rigid_motion",
     "filters_order",
+    "fwf_quality1to4_channels",
     "fwf_quality5_echowidth",
     "incidence_and_pulses",
     "legacy_energy_model",
     "materials_reflectance",
+    "mechanical_errors",
+    "mls_groundvehicle",
     "mls_linearpath",
+    "mls_multichannel_8",
     "onground_modes",
     "pulse_frequency_change",
     "range_limits_maxnor",
@@ -24,10 +34,19 @@ const CASES: &[&str] = &[
     "single_file",
     "strips_and_legs",
     "tls_polygon_room",
+    "tls_risley_two_prisms",
     "traj_interpolated_arinc",
     "traj_interpolated_canonical",
+    "uls_smoothturn",
+    "uls_stopandturn",
     "utm_precision",
+    "vox_fixed_and_scaled",
+    "vox_fixed_ladlut",
+    "vox_transmittive",
+    "vox_transmittive_ladlut",
     "warmup_oscillating",
+    "xyz_estimated_normals",
+    "xyz_given_normals",
 ];
 
 fn suite() -> Option<PathBuf> {
