@@ -63,6 +63,8 @@ pub enum Command {
     Run(Box<RunArgs>),
     /// Make scenes to try things with.
     Scene(SceneArgs),
+    /// List the scanners and platforms that ship.
+    Catalogue(CatalogueArgs),
     /// Expand compressed text (.bin) to the text that it holds.
     Unzip(UnzipArgs),
     /// Draw a point cloud from above and from the side.
@@ -224,6 +226,16 @@ pub struct RunArgs {
     /// Show the progress as plain lines when stderr is no terminal.
     #[arg(long, help_heading = "Messages")]
     pub progress: bool,
+}
+
+/// `vlscan catalogue`.
+#[derive(Debug, Args)]
+pub struct CatalogueArgs {
+    /// Only what has this in its reference or name.
+    pub filter: Option<String>,
+    /// JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `vlscan unzip`.

@@ -3,6 +3,7 @@
 //! Data goes to stdout; messages, warnings and progress go to stderr.
 
 mod args;
+mod catalogue;
 mod console;
 mod helios;
 mod interrupt;
@@ -51,6 +52,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     let outcome = match &cli.command {
         Command::Run(args) => run::run(args, &console),
         Command::Scene(args) => scene::run(args, &console),
+        Command::Catalogue(args) => catalogue::run(args, &console),
         Command::Unzip(args) => unzip::run(args, &console),
         Command::Preview(args) => preview::run(args, &console),
     };

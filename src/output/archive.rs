@@ -80,7 +80,8 @@ impl ArchiveStream {
 /// A block as part of a deflate stream: it ends at a whole byte and refers to nothing before it.
 fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, String> {
     let mut deflate = Compress::new(Compression::best(), false);
-    out.reserve(plain.len() / 2 + 64);
+    // Room for the worst case: where a full buffer would interrupt must not show in the bytes.
+    out.reserve(plain.len() + plain.len() / 8 + 1024);
     loop {
         let done = deflate.total_in() as usize;
         let status = deflate.compress_vec(&plain[done..], &mut out, FlushCompress::Sync);

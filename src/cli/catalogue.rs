@@ -1,0 +1,213 @@
+//! `vlscan catalogue`: the scanners and platforms that ship.
+
+use super::Console;
+use super::args::CatalogueArgs;
+use crate::error::{Error, Result};
+use crate::geom::degrees;
+use crate::survey::{Deflector, Platform, PlatformKind, Scanner, catalogue};
+use serde::Serialize;
+use std::io::Write;
+use std::path::Path;
+
+/// A scanner as users compare them; the figures are those of its first device.
+#[derive(Serialize)]
+struct ScannerRow {
+    /// How surveys and pipelines refer to it.
+    reference: String,
+    name: String,
+    optics: &'static str,
+    channels: usize,
+    divergence_mrad: f64,
+    pulse_rates_hz: Vec<u32>,
+    range_min_m: f64,
+    /// `None` is unlimited.
+    range_max_m: Option<f64>,
+    /// Full angle of the deflection.
+    field_of_view_deg: f64,
+    /// Largest speed of the head; 0 has none.
+    head_deg_per_s: f64,
+    wavelength_nm: f64,
+    pulse_length_ns: f64,
+    accuracy_m: f64,
+    /// 0 is unlimited.
+    max_returns: u32,
+}
+
+#[derive(Serialize)]
+struct PlatformRow {
+    reference: String,
+    kind: &'static str,
+    mount_offset_m: [f64; 3],
+}
+
+#[derive(Serialize)]
+struct Rows {
+    scanners: Vec<ScannerRow>,
+    platforms: Vec<PlatformRow>,
+}
+
+/// Runs `vlscan catalogue`.
+pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
+    let (known, warnings) = catalogue()?;
+    console.warnings(&warnings);
+    let wanted = |reference: &str, name: &str| {
+        let part = args.filter.as_deref().unwrap_or_default().to_lowercase();
+        reference.to_lowercase().contains(&part) || name.to_lowercase().contains(&part)
+    };
+    let rows = Rows {
+        scanners: known
+            .scanners
+            .iter()
+            .filter(|(r, s)| wanted(r, &s.name))
+            .map(|(r, s)| scanner(r, s))
+            .collect(),
+        platforms: known
+            .platforms
+            .iter()
+            .filter(|(r, _)| wanted(r, ""))
+            .map(|(r, p)| platform(r, p))
+            .collect(),
+    };
+    let text = if args.json {
+        serde_json::to_string_pretty(&rows).map_err(|e| Error::Internal(e.to_string()))? + "\n"
+    } else {
+        table(&rows)
+    };
+    std::io::stdout()
+        .lock()
+        .write_all(text.as_bytes())
+        .map_err(|e| Error::io("write", Path::new("standard output"), e))?;
+    if rows.scanners.is_empty() && rows.platforms.is_empty() {
+        console.say("nothing in the catalogue has that in its name");
+    }
+    Ok(())
+}
+
+fn scanner(reference: &str, scanner: &Scanner) -> ScannerRow {
+    // A scanner has at least one device.
+    let device = &scanner.devices[0];
+    let (optics, half_angle) = match device.deflector {
+        Deflector::Polygon { effective_max } => ("rotating", effective_max),
+        Deflector::Oscillating { .. } => ("oscillating", device.scan_angle_max),
+        Deflector::Conic => ("conic", device.scan_angle_max),
+        Deflector::Fibres { .. } => ("line", device.scan_angle_max),
+        Deflector::Risley { .. } => ("risley", device.scan_angle_max),
+    };
+    ScannerRow {
+        reference: reference.to_owned(),
+        name: scanner.name.clone(),
+        optics,
+        channels: scanner.devices.len(),
+        divergence_mrad: rounded(device.beam.divergence * 1e3),
+        pulse_rates_hz: scanner.pulse_freqs.clone(),
+        range_min_m: device.detector.range_min,
+        range_max_m: Some(device.detector.range_max).filter(|&m| m.is_finite() && m < 1e6),
+        field_of_view_deg: rounded(2.0 * degrees(half_angle)),
+        head_deg_per_s: rounded(degrees(device.head.max_rate)),
+        wavelength_nm: rounded(device.beam.wavelength),
+        pulse_length_ns: device.beam.pulse_length,
+        accuracy_m: device.detector.accuracy,
+        max_returns: device.detector.max_returns,
+    }
+}
+
+fn platform(reference: &str, platform: &Platform) -> PlatformRow {
+    let kind = match platform.kind {
+        PlatformKind::Static => "static",
+        PlatformKind::LinearPath => "linear path",
+        PlatformKind::GroundVehicle { .. } => "ground vehicle",
+        PlatformKind::Multicopter(_) => "multicopter",
+        PlatformKind::Interpolated(_) => "trajectory",
+        PlatformKind::Stream(_) => "stream",
+    };
+    PlatformRow { reference: reference.to_owned(), kind, mount_offset_m: platform.mount.offset.to_array() }
+}
+
+/// Without the digits that come from the conversion of units.
+fn rounded(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
+}
+
+fn table(rows: &Rows) -> String {
+    let mut text = String::new();
+    if !rows.scanners.is_empty() {
+        let mut lines = vec![
+            ["scanner", "name", "optics", "chan", "mrad", "kHz", "range m", "fov °", "nm", "returns"]
+                .map(str::to_owned)
+                .to_vec(),
+        ];
+        lines.extend(rows.scanners.iter().map(scanner_line));
+        text += &aligned(&lines);
+    }
+    if !rows.platforms.is_empty() {
+        let mut lines = vec![["platform", "kind", "mount m"].map(str::to_owned).to_vec()];
+        lines.extend(rows.platforms.iter().map(|p| {
+            let [x, y, z] = p.mount_offset_m;
+            vec![p.reference.clone(), p.kind.to_owned(), format!("{x} {y} {z}")]
+        }));
+        if !text.is_empty() {
+            text.push('\n');
+        }
+        text += &aligned(&lines);
+    }
+    text
+}
+
+fn scanner_line(s: &ScannerRow) -> Vec<String> {
+    let kilohertz = |f: Option<&u32>| f.map_or(0.0, |&f| f64::from(f) / 1e3);
+    let (least, most) = (kilohertz(s.pulse_rates_hz.iter().min()), kilohertz(s.pulse_rates_hz.iter().max()));
+    let rates = if least == most { format!("{least}") } else { format!("{least}-{most}") };
+    let far = s.range_max_m.map_or("∞".to_owned(), |m| m.to_string());
+    let returns = if s.max_returns == 0 { "∞".to_owned() } else { s.max_returns.to_string() };
+    vec![
+        s.reference.clone(),
+        s.name.clone(),
+        s.optics.to_owned(),
+        s.channels.to_string(),
+        s.divergence_mrad.to_string(),
+        rates,
+        format!("{}-{far}", s.range_min_m),
+        s.field_of_view_deg.to_string(),
+        s.wavelength_nm.to_string(),
+        returns,
+    ]
+}
+
+/// Lines of equal columns, two blanks apart.
+fn aligned(lines: &[Vec<String>]) -> String {
+    let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
+    let width =
+        |at: usize| lines.iter().filter_map(|l| l.get(at)).map(|c| c.chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let mut text = String::new();
+    for line in lines {
+        let cells: Vec<String> =
+            line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}")).collect();
+        text.push_str(cells.join("  ").trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_aligned() {
+        let lines =
+            [vec!["a".to_owned(), "∞".to_owned(), "c".to_owned()], vec!["long".to_owned(), "12".to_owned()]];
+        assert_eq!(aligned(&lines), "a     ∞   c\nlong  12\n");
+    }
+
+    #[test]
+    fn figures_of_a_scanner() {
+        let (known, _) = catalogue().unwrap();
+        let (reference, found) = known.scanners.iter().find(|s| s.0.ends_with("#riegl_vz400")).unwrap();
+        let row = scanner(reference, found);
+        assert_eq!((row.optics, row.channels, row.field_of_view_deg), ("rotating", 1, 100.0));
+        assert!(
+            row.reference.starts_with("data/") && row.divergence_mrad > 0.0 && !row.pulse_rates_hz.is_empty()
+        );
+    }
+}
