@@ -55,7 +55,6 @@ fn standardised(name: &str, values: &[f64], deviation: f64) -> Vec<f64> {
 fn sources(extra: &[&str]) -> Vec<(&'static str, Vec<f64>)> {
     let positions = r#"<positionXNoise mean="0" stdev="2"/><positionYNoise mean="0" stdev="2"/><positionZNoise mean="0" stdev="2"/>"#;
     let attitudes = r#"<attitudeXNoise mean="0" stdev="0.05"/><attitudeZNoise mean="0" stdev="0.05"/>"#;
-    let with = |more: &[&str]| [extra, more].concat();
     let (points, _, _) = run(extra, "1", "");
     let mut found = vec![("range", standardised("range", &column(&points, 1), 1.0))];
     let (_, pulses, _) = run(extra, "0", positions);
@@ -67,7 +66,7 @@ fn sources(extra: &[&str]) -> Vec<(&'static str, Vec<f64>)> {
     found.push(("pitch", standardised("pitch", &angle(5), 0.05)));
     found.push(("yaw", standardised("yaw", &angle(3), 0.05)));
     let (_, _, clean) = run(extra, "0.5", "");
-    let (_, _, noisy) = run(&with(&["--waveform-noise"]), "0.5", "");
+    let (_, _, noisy) = run(&[extra, &["--waveform-noise"]].concat(), "0.5", "");
     let sample: Vec<f64> = clean.iter().zip(&noisy).map(|(c, n)| n[12] - c[12]).collect();
     found.push(("waveform", standardised("waveform", &sample, 0.25)));
     found
