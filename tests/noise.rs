@@ -9,8 +9,11 @@ use std::fs;
 const WALL: &str = "v -900 50 -900\nv 900 50 -900\nv 900 50 900\nv -900 50 900\nv 0 60 0\nv 1 60 0\nv 0 61 1\n\
                     f 1 2 3\nf 1 3 4\nf 5 6 7\n";
 
-/// 2000 pulses straight at the wall 50 m away, all noise on.
-fn run(extra: &[&str], accuracy: &str, noise: &str) -> (Vec<Vec<f64>>, Vec<Vec<f64>>, Vec<Vec<f64>>) {
+/// Lines of a file as numbers.
+type Table = Vec<Vec<f64>>;
+
+/// 2000 pulses straight at the wall 50 m away: its points, pulses and waveforms.
+fn run(extra: &[&str], accuracy: &str, noise: &str) -> [Table; 3] {
     let dir = folder();
     fs::write(dir.path().join("wall.obj"), WALL).unwrap();
     let survey = format!(
@@ -32,7 +35,7 @@ fn run(extra: &[&str], accuracy: &str, noise: &str) -> (Vec<Vec<f64>>, Vec<Vec<f
         let content = text(&fs::read(dir.path().join(name)).unwrap());
         content.lines().map(|l| l.split(' ').map(|f| f.parse().unwrap()).collect()).collect()
     };
-    (table("a.xyz"), table("a_pulse.txt"), table("a_fullwave.txt"))
+    [table("a.xyz"), table("a_pulse.txt"), table("a_fullwave.txt")]
 }
 
 fn column(rows: &[Vec<f64>], at: usize) -> Vec<f64> {
@@ -55,18 +58,18 @@ fn standardised(name: &str, values: &[f64], deviation: f64) -> Vec<f64> {
 fn sources(extra: &[&str]) -> Vec<(&'static str, Vec<f64>)> {
     let positions = r#"<positionXNoise mean="0" stdev="2"/><positionYNoise mean="0" stdev="2"/><positionZNoise mean="0" stdev="2"/>"#;
     let attitudes = r#"<attitudeXNoise mean="0" stdev="0.05"/><attitudeZNoise mean="0" stdev="0.05"/>"#;
-    let (points, _, _) = run(extra, "1", "");
+    let [points, _, _] = run(extra, "1", "");
     let mut found = vec![("range", standardised("range", &column(&points, 1), 1.0))];
-    let (_, pulses, _) = run(extra, "0", positions);
+    let [_, pulses, _] = run(extra, "0", positions);
     for (name, at) in [("x", 0), ("y", 1), ("z", 2)] {
         found.push((name, standardised(name, &column(&pulses, at), 2.0)));
     }
-    let (_, pulses, _) = run(extra, "0", attitudes);
+    let [_, pulses, _] = run(extra, "0", attitudes);
     let angle = |at: usize| column(&pulses, at).iter().map(|c| c.asin()).collect::<Vec<_>>();
     found.push(("pitch", standardised("pitch", &angle(5), 0.05)));
     found.push(("yaw", standardised("yaw", &angle(3), 0.05)));
-    let (_, _, clean) = run(extra, "0.5", "");
-    let (_, _, noisy) = run(&[extra, &["--waveform-noise"]].concat(), "0.5", "");
+    let [_, _, clean] = run(extra, "0.5", "");
+    let [_, _, noisy] = run(&[extra, &["--waveform-noise"]].concat(), "0.5", "");
     let sample: Vec<f64> = clean.iter().zip(&noisy).map(|(c, n)| n[12] - c[12]).collect();
     found.push(("waveform", standardised("waveform", &sample, 0.25)));
     found

@@ -210,7 +210,7 @@ impl Shooter<'_> {
             let mut own = some.clone().filter(of_device).filter_map(|i| places[i]);
             let Some(first) = own.next() else { continue };
             // Pulses of a device have places one after the other.
-            let rows = first..own.last().unwrap_or(first) + 1;
+            let rows = first..own.next_back().unwrap_or(first) + 1;
             apart.rays.copy_from(&volley.rays, rows.clone());
             for actor in moving {
                 actor.tree.trace_group(&actor.scene.geometry, &apart.rays, &mut apart.hits);
