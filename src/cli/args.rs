@@ -223,6 +223,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "SIZE", help_heading = "Speed")]
     pub max_memory: Option<String>,
 
+    /// Whether parts of one mesh file share it; the points are the same.
+    #[arg(long, value_name = "WHEN", hide = true, value_parser = ["auto", "always", "never"])]
+    pub instances: Option<String>,
+
     /// Show the progress as plain lines when stderr is no terminal.
     #[arg(long, help_heading = "Messages")]
     pub progress: bool,

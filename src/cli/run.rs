@@ -101,13 +101,13 @@ fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Stand>)
         format!(
             "scene: {} parts, {} primitives, {:.1} MB, {:.2} s",
             scene.parts.len(),
-            amount(scene.geometry.len() as f64),
+            amount(scene.primitives() as f64),
             scene.memory() as f64 / 1e6,
             started.elapsed().as_secs_f64()
         ),
     );
     let started = Instant::now();
-    let tree = Tree::build_of(&scene.geometry, &job.tree, |i| scene.is_still(i));
+    let tree = scene.tree(&job.tree);
     console.took(
         Verbosity::Verbose,
         format!("tree: {:.1} MB, {:.2} s", tree.memory() as f64 / 1e6, started.elapsed().as_secs_f64()),

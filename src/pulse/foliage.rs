@@ -119,7 +119,7 @@ fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
 pub(super) fn around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Option<u32> {
     let first_cube = scene.geometry.triangles.len();
     let contains = |i: u32| {
-        let cube = (i as usize).checked_sub(first_cube).map(|c| scene.geometry.cubes[c]);
+        let cube = (i as usize).checked_sub(first_cube).and_then(|c| scene.geometry.cubes.get(c));
         cube.is_some_and(|c| (point - c.centre).abs().cmplt(DVec3::splat(c.half)).all())
             && scene.voxel(i).is_some_and(|v| v.kind != VoxelKind::Opaque)
     };

@@ -314,7 +314,7 @@ impl Receiver {
                 continue;
             }
             range += range_noise(&physics.range_noise, instrument, pulse, number, range);
-            let surface = scene.surfaces[scene.surface_of[primitive as usize] as usize];
+            let surface = scene.surface(primitive);
             batch.echoes.push(Echo {
                 position: pulse.origin + direction * range,
                 origin: pulse.origin,

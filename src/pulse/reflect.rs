@@ -171,12 +171,15 @@ impl<'a> View<'a> {
         shot.measure(&mut probe.ranges);
         let around = self.voxel_around(instrument, shot.origin);
         let asks = around.is_some() || self.limits.is_some();
-        let triangles = self.scene.geometry.triangles.len();
+        let (triangles, own) = (self.scene.geometry.triangles.len(), self.scene.geometry.len());
+        let is_triangle = |i: u32| {
+            (i as usize) < triangles || (i as usize >= own && i != Hits::MISS)
+        };
         let mut face = Face::none(self.scene);
         for (i, (ring, range)) in rings.iter().zip(&probe.ranges).enumerate() {
             let (primitive, direction) = (shot.primitive[i], shot.direction(i));
             let in_range = *range >= instrument.range_min && *range <= instrument.range_max;
-            if !asks && (primitive as usize) < triangles && in_range {
+            if !asks && is_triangle(primitive) && in_range {
                 face.turn_to(self, primitive);
                 let cosine = if self.fixed_incidence { 1.0 } else { face.plane_cosine(direction) };
                 out.add(*ring, (*range, *range), primitive, cosine, face.factor(cosine));
@@ -386,12 +389,9 @@ impl<'a> Face<'a> {
             return;
         }
         let (scene, local) = view.shown(primitive);
-        let i = local as usize;
-        let normal = if i < scene.geometry.triangles.len() {
-            let [a, b, c] = scene.geometry.triangle(i);
-            Some(unit((b - a).cross(c - a)))
-        } else {
-            scene.voxel(local).and_then(Voxel::normal)
+        let normal = match scene.triangle(local) {
+            Some([a, b, c]) => Some(unit((b - a).cross(c - a))),
+            None => scene.voxel(local).and_then(Voxel::normal),
         };
         *self = Face { primitive, scene, local, material: Some(scene.material_of(local)), normal };
     }

@@ -1,6 +1,7 @@
 //! A scene while it is being loaded: what the loaders append to.
 
 use super::library::Library;
+use super::instances::Stock;
 use super::load::LoadOptions;
 use super::voxel::Voxel;
 use super::{Mover, Part, Surface};
@@ -40,6 +41,8 @@ pub(super) struct Assembly<'a> {
     pub movers: Vec<Mover>,
     /// Materials.
     pub library: Library,
+    /// Meshes that are shared by parts.
+    pub stock: Stock,
     /// Problems met so far.
     pub diagnostics: Diagnostics,
     surface_numbers: HashMap<Surface, u32>,
@@ -84,6 +87,7 @@ impl<'a> Assembly<'a> {
             parts: Vec::new(),
             movers: Vec::new(),
             library,
+            stock: Stock::default(),
             diagnostics: Diagnostics::default(),
             surface_numbers: HashMap::new(),
         }
@@ -195,6 +199,7 @@ impl<'a> Assembly<'a> {
 
     fn memory(&self) -> u64 {
         memory_of(self.geometry.vertices.len(), self.geometry.triangles.len(), self.geometry.cubes.len())
+            .saturating_add(self.stock.memory())
     }
 }
 

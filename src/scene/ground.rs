@@ -1,10 +1,10 @@
 //! `onGround` of parts (spec input-formats §3.4): a part is moved up or down onto the plane through the ground below it.
 
 use super::assembly::{Assembly, Extent};
-use super::plane;
+use super::{instances, plane};
 use crate::diag::Place;
 use crate::geom::{Aabb, DVec3};
-use crate::tree::Geometry;
+use crate::tree::{Cube, Geometry};
 use rayon::prelude::*;
 
 /// A part that is loaded and transformed.
@@ -12,20 +12,29 @@ pub(super) struct PlacedPart {
     /// Reported id.
     pub id: String,
     /// Its primitives.
-    pub extent: Extent,
+    pub body: Body,
     /// Its `onGround` mode.
     pub on_ground: i64,
     /// Where it stands in the scene's file.
     pub place: Option<Place>,
 }
 
+/// What a part is made of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Body {
+    /// Primitives of its own.
+    Stored(Extent),
+    /// An instance of a shared mesh, by its number.
+    Instance(usize),
+}
+
 /// Grounds all parts that ask for it, in their order.
 pub(super) fn settle(scene: &mut Assembly, parts: &[PlacedPart]) {
     for part in parts.iter().filter(|p| p.on_ground != 0) {
-        let corners = corners(&scene.geometry, &part.extent);
+        let corners = corners(scene, &part.body);
         let Some(lowest) = least(corners.iter().copied(), |p| p.z) else { continue };
         let Some(ground) =
-            parts.iter().find(|g| is_ground(scene, &g.extent) && covers(scene, &g.extent, lowest))
+            parts.iter().find(|g| is_ground(scene, &g.body) && covers(scene, &g.body, lowest))
         else {
             let message = format!("part \"{}\" stays where it is: no ground part lies below it", part.id);
             scene
@@ -34,7 +43,7 @@ pub(super) fn settle(scene: &mut Assembly, parts: &[PlacedPart]) {
                 .help("a part is ground when its first material has helios_isGround true");
             continue;
         };
-        let Some(plane) = plane::fit(&corners_of_ground(scene, &ground.extent)) else { continue };
+        let Some(plane) = plane::fit(&corners_of_ground(scene, &ground.body)) else { continue };
         if plane.normal.z.abs() < 1e-9 {
             let message =
                 format!("part \"{}\" stays where it is: ground part \"{}\" is vertical", part.id, ground.id);
@@ -49,7 +58,7 @@ pub(super) fn settle(scene: &mut Assembly, parts: &[PlacedPart]) {
             _ => Some(lowest),
         };
         if let Some(q) = anchor {
-            raise(&mut scene.geometry, &part.extent, -height(q));
+            raise(scene, &part.body, -height(q));
         }
     }
 }
@@ -66,38 +75,58 @@ fn least(points: impl Iterator<Item = DVec3>, value: impl Fn(DVec3) -> f64) -> O
 }
 
 /// The corners of all triangles, one after the other, and the lower corner of each cube.
-fn corners(geometry: &Geometry, extent: &Extent) -> Vec<DVec3> {
-    let triangles = extent.triangles.clone().flat_map(|i| geometry.triangle(i));
-    let cubes = geometry.cubes[extent.cubes.clone()].iter().map(|c| c.centre - DVec3::splat(c.half));
-    triangles.chain(cubes).collect()
+fn corners(scene: &Assembly, body: &Body) -> Vec<DVec3> {
+    points(scene, body, |c| c.centre - DVec3::splat(c.half))
 }
 
 /// The points that the ground's plane is fitted to. The centre of a cube stands for it, lest its height tilt the plane.
-fn corners_of_ground(scene: &Assembly, extent: &Extent) -> Vec<DVec3> {
-    let triangles = extent.triangles.clone().flat_map(|i| scene.geometry.triangle(i));
-    triangles.chain(scene.geometry.cubes[extent.cubes.clone()].iter().map(|c| c.centre)).collect()
+fn corners_of_ground(scene: &Assembly, body: &Body) -> Vec<DVec3> {
+    points(scene, body, |c| c.centre)
 }
 
-fn is_ground(scene: &Assembly, extent: &Extent) -> bool {
-    let first = match (extent.triangles.is_empty(), extent.cubes.is_empty()) {
-        (false, _) => scene.triangle_surfaces[extent.triangles.start],
-        (true, false) => scene.cube_surfaces[extent.cubes.start],
-        (true, true) => return false,
+fn points(scene: &Assembly, body: &Body, of_cube: impl Fn(&Cube) -> DVec3) -> Vec<DVec3> {
+    let geometry = &scene.geometry;
+    match body {
+        Body::Instance(i) => scene.stock.corners(*i).collect(),
+        Body::Stored(extent) => {
+            let triangles = extent.triangles.clone().flat_map(|i| geometry.triangle(i));
+            triangles.chain(geometry.cubes[extent.cubes.clone()].iter().map(of_cube)).collect()
+        }
+    }
+}
+
+fn is_ground(scene: &Assembly, body: &Body) -> bool {
+    let material = match body {
+        Body::Instance(i) => {
+            scene.stock.materials[scene.stock.places[*i].0 as usize].first().copied()
+        }
+        Body::Stored(extent) => {
+            let first = match extent.triangles.is_empty() {
+                false => scene.triangle_surfaces.get(extent.triangles.start),
+                true => scene.cube_surfaces.get(extent.cubes.start),
+            };
+            first.map(|&s| scene.surfaces[s as usize].material)
+        }
     };
-    scene.library.materials[scene.surfaces[first as usize].material as usize].is_ground
+    material.is_some_and(|m| scene.library.materials[m as usize].is_ground)
 }
 
-fn covers(scene: &Assembly, extent: &Extent, p: DVec3) -> bool {
-    let b = bounds(&scene.geometry, extent);
+fn covers(scene: &Assembly, body: &Body, p: DVec3) -> bool {
+    let b = bounds_of(scene, body);
     (b.min.x..=b.max.x).contains(&p.x) && (b.min.y..=b.max.y).contains(&p.y)
 }
 
-/// The box around the primitives of a part, all of whose vertices are used.
+/// The box around the primitives of a part.
+pub(super) fn bounds_of(scene: &Assembly, body: &Body) -> Aabb {
+    match body {
+        Body::Stored(extent) => bounds(&scene.geometry, extent),
+        Body::Instance(i) => instances::bounds(&scene.stock, *i),
+    }
+}
+
+/// The box around the primitives of an extent, all of whose vertices are used.
 pub(super) fn bounds(geometry: &Geometry, extent: &Extent) -> Aabb {
-    let vertices = geometry.vertices[extent.vertices.clone()]
-        .par_iter()
-        .fold(|| Aabb::EMPTY, |b, &v| b.with(v))
-        .reduce(|| Aabb::EMPTY, Aabb::union);
+    let vertices = bounds_of_points(&geometry.vertices[extent.vertices.clone()], |v| v);
     let cubes = geometry.cubes[extent.cubes.clone()]
         .par_iter()
         .map(|c| Aabb { min: c.centre - DVec3::splat(c.half), max: c.centre + DVec3::splat(c.half) })
@@ -105,9 +134,23 @@ pub(super) fn bounds(geometry: &Geometry, extent: &Extent) -> Aabb {
     vertices.union(cubes)
 }
 
-fn raise(geometry: &mut Geometry, extent: &Extent, by: f64) {
-    geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| v.z += by);
-    geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|c| c.centre.z += by);
+/// The box around the images of points.
+pub(super) fn bounds_of_points(points: &[DVec3], image: impl Fn(DVec3) -> DVec3 + Sync) -> Aabb {
+    points
+        .par_iter()
+        .fold(|| Aabb::EMPTY, |b, &v| b.with(image(v)))
+        .reduce(|| Aabb::EMPTY, Aabb::union)
+}
+
+fn raise(scene: &mut Assembly, body: &Body, by: f64) {
+    match body {
+        Body::Instance(i) => scene.stock.places[*i].2.raise = by,
+        Body::Stored(extent) => {
+            let geometry = &mut scene.geometry;
+            geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| v.z += by);
+            geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|c| c.centre.z += by);
+        }
+    }
 }
 
 #[cfg(test)]

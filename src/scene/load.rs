@@ -2,7 +2,8 @@
 //! stand on the ground, move the whole to its centre.
 
 use super::assembly::{Assembly, Extent, FARTHEST, PartSource};
-use super::ground::{self, PlacedPart};
+use super::ground::{self, Body, PlacedPart};
+use super::instances::{self, Sharing};
 use super::library::{Library, Names};
 use super::play::{self, Stand};
 use super::spectra::Spectra;
@@ -31,6 +32,8 @@ pub struct LoadOptions {
     pub max_memory: Option<u64>,
     /// Threads; 0 means all.
     pub jobs: usize,
+    /// When parts share meshes.
+    pub sharing: Sharing,
 }
 
 impl Default for LoadOptions {
@@ -43,6 +46,7 @@ impl Default for LoadOptions {
             drop_polygons: false,
             max_memory: None,
             jobs: 0,
+            sharing: Sharing::Auto,
         }
     }
 }
@@ -77,6 +81,7 @@ fn load_state(
     let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
     let library = Library::new(spectra, options.helios_specularity, options.seed);
     let mut scene = Assembly::new(options, library);
+    scene.stock.plan(recipe, options.sharing);
     let mut placed = Vec::new();
     let mut ids = Ids::default();
     for (number, part) in recipe.parts.iter().enumerate() {
@@ -93,7 +98,7 @@ fn load_state(
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
     ground::settle(&mut scene, &placed);
-    Ok(freeze(scene, first, play::keeps_frame(recipe)))
+    freeze(scene, first, play::keeps_frame(recipe))
 }
 
 /// Hands out ids: a part without one is numbered, and each of its files is a part of its own.
@@ -136,19 +141,26 @@ fn load_part(
     let lad = leaf_angles(scene, part);
     let mut names = Names::default();
     for (id, files) in ids.of(part, files) {
-        let start = scene.end();
-        load_files(scene, part, files, &mut names)?;
-        let extent = scene.since(&start);
-        if extent.is_empty() {
+        let body = match instances::place(scene, part)? {
+            Some(instance) => instance.map(Body::Instance),
+            None => {
+                let start = scene.end();
+                load_files(scene, part, files, &mut names)?;
+                Some(scene.since(&start)).filter(|extent| !extent.is_empty()).map(Body::Stored)
+            }
+        };
+        let Some(body) = body else {
             let message = format!("part \"{id}\" holds no primitives and is left out");
             scene.diagnostics.warn(part.place.clone(), message);
             if !part.swaps.is_empty() {
                 scene.parts.push(Part { id, lad: None });
             }
             continue;
-        }
-        check_coordinates(scene, &id, &extent, part.place.as_ref());
-        if !part.motions.is_empty() {
+        };
+        check_coordinates(scene, &id, &body, part.place.as_ref());
+        if let Body::Stored(extent) = &body
+            && !part.motions.is_empty()
+        {
             scene.movers.push(Mover {
                 recipe: number,
                 part: scene.parts.len() as u32,
@@ -160,7 +172,7 @@ fn load_part(
         scene.parts.push(Part { id: id.clone(), lad: lad.clone() });
         placed.push(PlacedPart {
             id,
-            extent,
+            body,
             on_ground: part.transform.on_ground,
             place: part.place.clone(),
         });
@@ -187,7 +199,12 @@ fn leaf_angles(scene: &mut Assembly, part: &PartRecipe) -> Option<Arc<LadTable>>
 }
 
 /// Loads and transforms the files of one part.
-fn load_files(scene: &mut Assembly, part: &PartRecipe, files: &[PathBuf], names: &mut Names) -> Result<()> {
+pub(super) fn load_files(
+    scene: &mut Assembly,
+    part: &PartRecipe,
+    files: &[PathBuf],
+    names: &mut Names,
+) -> Result<()> {
     let target = PartSource { index: scene.parts.len() as u32, place: part.place.as_ref() };
     let chosen = match &part.loader {
         Loader::Obj { .. } => Some(Vec::new()),
@@ -257,8 +274,11 @@ fn described(part: &PartRecipe) -> String {
     part.id.as_ref().map_or_else(|| format!("number {}", part.number), |id| format!("\"{id}\""))
 }
 
-fn check_coordinates(scene: &mut Assembly, id: &str, extent: &Extent, place: Option<&Place>) {
-    let bounds = ground::bounds(&scene.geometry, extent);
+fn check_coordinates(scene: &mut Assembly, id: &str, body: &Body, place: Option<&Place>) {
+    if matches!(body, Body::Instance(i) if instances::is_near(&scene.stock, *i)) {
+        return;
+    }
+    let bounds = ground::bounds_of(scene, body);
     let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
     if farthest.is_nan() || farthest > FARTHEST {
         let message = format!(
@@ -269,7 +289,7 @@ fn check_coordinates(scene: &mut Assembly, id: &str, extent: &Extent, place: Opt
     }
 }
 
-fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> (Scene, Diagnostics) {
+fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Scene, Diagnostics)> {
     let Assembly {
         mut geometry,
         mut voxels,
@@ -279,14 +299,21 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> (Scene, Di
         parts,
         movers,
         library,
+        stock,
         diagnostics,
         ..
     } = scene;
+    let mut placed = instances::freeze(stock, geometry.len())?;
     let all =
         Extent { vertices: 0..geometry.vertices.len(), triangles: 0..0, cubes: 0..geometry.cubes.len() };
-    let shift = first.map_or_else(|| ground::bounds(&geometry, &all).centre(), |first| first.shift());
+    let own = ground::bounds(&geometry, &all);
+    let world = placed.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
+    let shift = first.map_or_else(|| world.centre(), |first| first.shift());
     geometry.vertices.par_iter_mut().for_each(|v| *v -= shift);
     geometry.cubes.par_iter_mut().for_each(|c| c.centre -= shift);
+    if let Some(instances) = placed.as_mut().and_then(|p| Arc::get_mut(&mut p.instances)) {
+        instances.shift = shift;
+    }
     geometry.vertices.shrink_to_fit();
     geometry.triangles.shrink_to_fit();
     geometry.cubes.shrink_to_fit();
@@ -294,8 +321,11 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> (Scene, Di
     let mut surface_of = triangle_surfaces;
     surface_of.extend(cube_surfaces);
     surface_of.shrink_to_fit();
-    let found = ground::bounds(&geometry, &all);
+    let own = ground::bounds(&geometry, &all);
+    let found = placed.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
     let bounds = first.map_or(found, |first| first.bounds(found, keep_frame));
     let materials = library.materials;
-    (Scene { shift, bounds, geometry, surface_of, surfaces, parts, materials, voxels, movers }, diagnostics)
+    let scene =
+        Scene { shift, bounds, geometry, surface_of, surfaces, parts, materials, voxels, movers, placed };
+    Ok((scene, diagnostics))
 }

@@ -18,6 +18,7 @@ mod assembly;
 mod fixture;
 mod geotiff;
 mod ground;
+mod instances;
 mod lad;
 mod library;
 mod load;
@@ -39,6 +40,7 @@ mod vox;
 mod voxel;
 mod xyz;
 
+pub use instances::{Placed, Sharing};
 pub use lad::LadTable;
 pub use load::{LoadOptions, load, load_play};
 pub use material::{Material, Reflection};

@@ -1,8 +1,8 @@
 //! The frozen scene that workers share.
 
-use super::{LadTable, Material, Voxel};
+use super::{LadTable, Material, Placed, Voxel};
 use crate::geom::{Aabb, DVec3};
-use crate::tree::{Cube, Geometry};
+use crate::tree::{BuildOptions, Cube, Geometry, Tree};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -28,6 +28,9 @@ pub struct Scene {
     pub voxels: Vec<Voxel>,
     /// Parts that move, in document order; everything above shows them where they stand at first.
     pub movers: Vec<Mover>,
+    /// Instances of shared meshes, if there are any: their triangles are numbered on from the primitives of `geometry`.
+    /// A scene with moving parts has none.
+    pub placed: Option<Placed>,
 }
 
 /// A part that moves during the survey, see [`Movers`](super::Movers).
@@ -65,14 +68,59 @@ pub struct Part {
 }
 
 impl Scene {
+    /// The tree over all primitives that stand still and all instances.
+    pub fn tree(&self, options: &BuildOptions) -> Tree {
+        let tree = Tree::build_of(&self.geometry, options, |i| self.is_still(i));
+        match &self.placed {
+            Some(placed) => tree.with_instances(&placed.instances, options),
+            None => tree,
+        }
+    }
+
+    /// Number of primitives, those of instances included.
+    pub fn primitives(&self) -> usize {
+        self.geometry.len() + self.placed.as_ref().map_or(0, |p| p.instances.triangles() as usize)
+    }
+
+    /// What primitive `i` belongs to and is made of. Panics if there is no such primitive.
+    #[inline]
+    pub fn surface(&self, i: u32) -> Surface {
+        match self.surface_of.get(i as usize) {
+            Some(&surface) => self.surfaces[surface as usize],
+            None => self.surface_of_instance(i),
+        }
+    }
+
+    #[cold]
+    fn surface_of_instance(&self, i: u32) -> Surface {
+        let surface = self.placed.as_ref().and_then(|p| p.surface(i));
+        surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives()))
+    }
+
+    /// The corners of primitive `i` if it is a triangle.
+    #[inline]
+    pub fn triangle(&self, i: u32) -> Option<[DVec3; 3]> {
+        if (i as usize) < self.geometry.triangles.len() {
+            return Some(self.geometry.triangle(i as usize));
+        }
+        self.placed.as_ref().and_then(|p| p.instances.triangle(i))
+    }
+
+    /// The number that primitive `i` has in the same scene without instances, where parts are numbered in their order,
+    /// cubes last.
+    pub fn number_when_stored(&self, i: u32) -> u32 {
+        let own = self.geometry.triangles.len();
+        self.placed.as_ref().map_or(i, |p| p.instances.number_when_stored(i, own))
+    }
+
     /// The material of primitive `i`.
     pub fn material_of(&self, i: u32) -> &Material {
-        &self.materials[self.surfaces[self.surface_of[i as usize] as usize].material as usize]
+        &self.materials[self.surface(i).material as usize]
     }
 
     /// The part of primitive `i`.
     pub fn part_of(&self, i: u32) -> u32 {
-        self.surfaces[self.surface_of[i as usize] as usize].part
+        self.surface(i).part
     }
 
     /// The attributes of primitive `i` if it is a cube.
@@ -105,6 +153,7 @@ impl Scene {
             + self.parts.iter().map(|p| p.id.capacity()).sum::<usize>();
         size_of::<Scene>()
             + names
+            + self.placed.as_ref().map_or(0, Placed::memory)
             + self.geometry.vertices.capacity() * size_of::<DVec3>()
             + self.geometry.triangles.capacity() * size_of::<[u32; 3]>()
             + self.geometry.cubes.capacity() * size_of::<Cube>()
@@ -118,8 +167,9 @@ impl Scene {
     /// Height of the ground at (x, y), all in the scene's frame: the lowest surface whose material is ground; of a cube
     /// its upper face (spec kinematics §2.7). `None` where there is no ground. Looks at every primitive once.
     pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
+        let is_ground_material: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
         let is_ground: Vec<bool> =
-            self.surfaces.iter().map(|s| self.materials[s.material as usize].is_ground).collect();
+            self.surfaces.iter().map(|s| is_ground_material[s.material as usize]).collect();
         let ground = |i: usize| is_ground[self.surface_of[i] as usize];
         let count = self.geometry.triangles.len();
         // What is hit from below, and the height that counts then.
@@ -133,9 +183,31 @@ impl Scene {
                 within.then_some((c.centre.z - c.half, c.centre.z + c.half))
             });
         triangles
+            .chain(self.instances_over(&is_ground_material, x, y).map(|z| (z, z)))
             .chain(cubes)
             .reduce(|best, next| if next.0 < best.0 { next } else { best })
             .map(|(_, height)| height)
+    }
+}
+
+impl Scene {
+    /// Heights of the triangles of instances over (x, y) whose material is one of `wanted`.
+    fn instances_over(&self, wanted: &[bool], x: f64, y: f64) -> impl Iterator<Item = f64> {
+        self.placed.iter().flat_map(move |placed| {
+            let has_wanted: Vec<bool> =
+                placed.materials.iter().map(|of| of.iter().any(|&m| wanted[m as usize])).collect();
+            let instances = &placed.instances;
+            let below = instances.all.iter().filter(move |i| has_wanted[i.model as usize]).filter(move |i| {
+                let b = instances.bounds_of(i);
+                (b.min.x..=b.max.x).contains(&x) && (b.min.y..=b.max.y).contains(&y)
+            });
+            below.flat_map(move |instance| {
+                let materials = placed.materials[instance.model as usize].iter().enumerate();
+                materials
+                    .filter(|(_, m)| wanted[**m as usize])
+                    .filter_map(move |(k, _)| height_in_triangle(instances.corners(instance, k), x, y))
+            })
+        })
     }
 }
 

@@ -151,3 +151,64 @@ fn a_part_without_ground_below_stays_and_says_so() {
     let warning = d.items().last().unwrap();
     assert!(warning.message.contains("\"1\" stays") && warning.place.as_ref().unwrap().line == 11);
 }
+
+/// The same scene stored and with everything shared that can be.
+fn both_ways(f: &mut Fixture) -> [Scene; 2] {
+    [super::Sharing::Never, super::Sharing::Always].map(|sharing| {
+        f.options.sharing = sharing;
+        f.load().unwrap_or_else(|e| panic!("{}", report(&e))).0
+    })
+}
+
+const CROWN: &str = "mtllib c.mtl\nusemtl wood\nv 0 0 0\nv 0.3 0 0\nv 0 0.4 3\nf 1 2 3\nusemtl leaf\n\
+    v -1 -1 3\nv 1 -1.1 3.2\nv 0.1 1 2.9\nf 4 5 6\nv 9 9 9\nf 4 6 3\n";
+
+#[test]
+fn sharing_a_mesh_changes_nothing() {
+    let mut f = Fixture::new();
+    f.file("g.mtl", "newmtl g\nhelios_isGround true\n");
+    f.file("c.mtl", "newmtl wood\nhelios_reflectance 20\nnewmtl leaf\nhelios_reflectance 60\nhelios_classification 5\n");
+    f.obj("slope.obj", SLOPE);
+    for i in 0..12 {
+        let turn = crate::geom::Rotation::about(DVec3::new(0.1, 0.0, 1.0), f64::from(i));
+        let part = f.obj("crown.obj", CROWN);
+        part.transform.rotation = turn;
+        part.transform.scale = 0.5 + 0.1 * f64::from(i);
+        part.transform.offset = DVec3::new(1.0 + 0.7 * f64::from(i), 2.0 + 0.5 * f64::from(i), 30.0);
+        part.transform.on_ground = [0, 1, -1, 3][i as usize % 4];
+        if i == 5 {
+            f.obj("other.obj", TRIANGLE).transform.offset = DVec3::new(4.0, 4.0, 20.0);
+        }
+    }
+    let [stored, shared] = both_ways(&mut f);
+    assert!(stored.placed.is_none() && shared.geometry.is_empty());
+    assert_eq!(shared.placed.as_ref().unwrap().instances.models.len(), 3);
+    assert_eq!((shared.shift, shared.bounds), (stored.shift, stored.bounds));
+    assert_eq!(shared.parts, stored.parts);
+    assert_eq!(shared.primitives(), stored.primitives());
+    for i in 0..shared.primitives() as u32 {
+        let n = shared.number_when_stored(i);
+        assert_eq!(shared.triangle(i), stored.triangle(n), "{i}");
+        assert_eq!(shared.part_of(i), stored.part_of(n));
+        assert_eq!(shared.material_of(i), stored.material_of(n));
+    }
+    for x in -60..60 {
+        let (x, y) = (f64::from(x) * 0.1, f64::from(x) * 0.05);
+        assert_eq!(shared.ground_height(x, y), stored.ground_height(x, y));
+    }
+    let options = crate::tree::BuildOptions::default();
+    let trees = [stored.tree(&options), shared.tree(&options)];
+    let mut hits = 0;
+    for i in 0..4000 {
+        let (a, b) = (f64::from(i % 63) / 63.0, f64::from(i / 63) / 64.0);
+        let size = stored.bounds.size();
+        let origin = stored.bounds.min + DVec3::new(a * size.x, b * size.y, size.z + 50.0);
+        let direction = crate::geom::unit(DVec3::new(0.1 * a - 0.05, 0.03, -1.0));
+        let one = trees[0].nearest(&stored.geometry, origin, direction);
+        let other = trees[1].nearest(&shared.geometry, origin, direction);
+        assert_eq!(one.map(|h| h.t), other.map(|h| h.t));
+        assert_eq!(one.map(|h| h.primitive), other.map(|h| shared.number_when_stored(h.primitive)));
+        hits += u32::from(one.is_some());
+    }
+    assert!(hits > 1000, "{hits}");
+}

@@ -168,7 +168,7 @@ fn read_files(params: &mut Params) -> Option<Vec<PathBuf>> {
     }
 }
 
-fn read_file(params: &mut Params, key: &'static str) -> Option<PathBuf> {
+pub(super) fn read_file(params: &mut Params, key: &'static str) -> Option<PathBuf> {
     let (name, param) = params.text(key)?;
     params.context.file(&name, param.folder(), param.value_place("value"))
 }

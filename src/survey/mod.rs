@@ -21,6 +21,7 @@ mod context;
 mod deflector_xml;
 mod fields;
 mod fly;
+mod instances;
 pub mod formula;
 mod legs;
 mod loaders;

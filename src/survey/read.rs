@@ -2,6 +2,7 @@
 
 use super::assets::Found;
 use super::context::{Context, ReadOptions};
+use super::instances::{Base, read_table};
 use super::scene_xml::read_scene_element;
 use super::survey_xml::read_survey_document;
 use super::{Loader, MaterialChoice, MotionTiming, PartRecipe, SceneRecipe, Survey, Transform, UpAxis};
@@ -26,8 +27,8 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
     context.finish(survey)
 }
 
-/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, or a geometry file (.obj, .tif, .vox) as a scene of one
-/// part.
+/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .tif, .vox) as a scene of one
+/// part, or a table of instances (.csv).
 ///
 /// # Errors
 /// As [`read_survey`].
@@ -61,7 +62,7 @@ fn extension(name: &str) -> String {
 }
 
 fn is_geometry(reference: &str) -> bool {
-    matches!(extension(reference).as_str(), "obj" | "tif" | "tiff" | "vox")
+    matches!(extension(reference).as_str(), "obj" | "tif" | "tiff" | "vox" | "csv")
 }
 
 fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Place>) -> Option<SceneRecipe> {
@@ -74,18 +75,25 @@ fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Pla
         return None;
     };
     let asset_folders = context.assets.folders(path.parent().unwrap_or(Path::new("")));
-    let part = PartRecipe {
+    let part = |number, loader, transform, place| PartRecipe {
         id: None,
-        number: 0,
-        loader: loader_of_file(path.clone()),
-        transform: Transform::IDENTITY,
+        number,
+        loader,
+        transform,
         motions: Vec::new(),
         timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
         swaps: Vec::new(),
-        place: None,
+        place,
+    };
+    let parts = if extension(name) == "csv" {
+        let base = Base { file: None, up: UpAxis::Z, transform: Transform::IDENTITY };
+        let rows = read_table(context, &path, &base)?;
+        (0..).zip(rows).map(|(n, row)| part(n, row.loader, row.transform, Some(row.place))).collect()
+    } else {
+        vec![part(0, loader_of_file(path.clone()), Transform::IDENTITY, None)]
     };
     let id = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    Some(SceneRecipe { id, path, parts: vec![part], dyn_step: 1, dyn_time_step: None, asset_folders })
+    Some(SceneRecipe { id, path, parts, dyn_step: 1, dyn_time_step: None, asset_folders })
 }
 
 fn loader_of_file(path: PathBuf) -> Loader {

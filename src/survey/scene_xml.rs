@@ -2,11 +2,12 @@
 
 use super::context::Context;
 use super::fields::Fields;
-use super::loaders::{LOADERS, read_loader};
+use super::instances::{Base, Row, read_table};
+use super::loaders::{LOADERS, read_file, read_loader};
 use super::motions::{positive_time, read_motions, read_timing};
 use super::params::Params;
 use super::xml::Element;
-use super::{Loader, PartRecipe, SceneRecipe, Swap, Transform};
+use super::{Loader, PartRecipe, SceneRecipe, Swap, Transform, UpAxis};
 use crate::diag::nearest;
 use crate::geom::DVec3;
 
@@ -67,6 +68,19 @@ fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecip
         context.warn(element.child("swap").as_ref().unwrap_or(element).place(), message);
         swaps.clear();
     }
+    if let Some(rows) = chain.rows {
+        let recipe = |(row, number): (Row, u32)| PartRecipe {
+            id: id.clone(),
+            number,
+            loader: row.loader,
+            transform: chain.transform.after(&row.transform),
+            motions: motions.clone(),
+            timing,
+            swaps: swaps.clone(),
+            place: Some(row.place),
+        };
+        return rows.into_iter().zip(number..).map(recipe).collect();
+    }
     let Some(loader) = chain.loader else {
         if !chain.loader_failed {
             context.warn(element.place(), "a part without a loader is skipped");
@@ -101,6 +115,8 @@ struct Chain {
     loader: Option<Loader>,
     /// A loader was there, but could not be read.
     loader_failed: bool,
+    /// The instances of a table.
+    rows: Option<Vec<Row>>,
     filters: usize,
     transform: Transform,
     scale: Option<f64>,
@@ -113,6 +129,7 @@ impl Chain {
         Chain {
             loader: None,
             loader_failed: false,
+            rows: None,
             filters: 0,
             transform: Transform::IDENTITY,
             scale: None,
@@ -130,9 +147,10 @@ impl Chain {
             "rotate" => self.rotate(params(), place),
             "scale" => self.scale(params()),
             "translate" => self.translate(params()),
+            "instances" => self.place_instances(params(), place),
             loader if LOADERS.contains(&loader) => self.load(params(), loader, place),
             other => {
-                let known = LOADERS.iter().copied().chain(["rotate", "scale", "translate"]);
+                let known = LOADERS.iter().copied().chain(["instances", "rotate", "scale", "translate"]);
                 let help = match nearest(other, known.clone()) {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => format!("the filters are {}", known.collect::<Vec<_>>().join(", ")),
@@ -165,6 +183,30 @@ impl Chain {
         }
         let loader = read_loader(kind, params);
         *self = Chain { loader_failed: loader.is_none(), loader, filters: self.filters, ..Chain::new() };
+    }
+
+    /// From here on the part is what a table lists; filters so far move its mesh.
+    fn place_instances(&mut self, mut params: Params, place: Where) {
+        let (context, filter) = (params.context, params.filter);
+        if place != Where::Part || self.rows.is_some() {
+            context.error(filter.place(), "a table of instances can stand once in a <part> without <swap>");
+        }
+        let (file, up) = match self.loader.take() {
+            Some(Loader::Obj { mut files, up }) if files.len() == 1 => (files.pop(), up),
+            None => (None, UpAxis::Z),
+            Some(_) => {
+                context.error(filter.place(), "instances can be made of one OBJ file");
+                (None, UpAxis::Z)
+            }
+        };
+        let base = Base { file, up, transform: self.transform };
+        if !params.has("filepath") {
+            params.missing("filepath");
+        }
+        let rows = read_file(&mut params, "filepath").and_then(|path| read_table(context, &path, &base));
+        params.done();
+        let failed = rows.is_none();
+        *self = Chain { loader_failed: failed, rows, filters: self.filters, ..Chain::new() };
     }
 
     fn rotate(&mut self, mut params: Params, place: Where) {

@@ -91,6 +91,12 @@ impl Beam {
         })
     }
 
+    /// The same beam with more slack, in units of the frame.
+    pub fn widened(self, by: f64) -> Beam {
+        let slack = above(f64::from(self.slack) + by);
+        Beam { slack, from: self.apex.map(|r| [(r - slack).next_down(), (r + slack).next_up()]), ..self }
+    }
+
     /// Depths at which the beam may be at or below plane `p` of `axis`, and at or above it, both within `[lo, hi]`.
     #[inline(always)]
     pub fn cut(&self, axis: usize, p: f32, [lo, hi]: [f32; 2]) -> [[f32; 2]; 2] {

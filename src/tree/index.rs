@@ -6,7 +6,10 @@ use super::frame::Frame;
 use super::geometry::Geometry;
 use super::node::{KdNode, WideNode};
 use super::options::{BuildOptions, Builder, Statistics};
+use super::placed::Placed;
+use super::Instances;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Spatial index over a [`Geometry`]: answers which primitive rays hit first.
 ///
@@ -20,6 +23,7 @@ pub struct Tree {
     pub(super) nodes: Nodes,
     pub(super) blocks: Vec<Block>,
     statistics: Statistics,
+    pub(super) placed: Option<Box<Placed>>,
 }
 
 /// Primitives of which one thread builds a tree before others have woken up.
@@ -56,7 +60,28 @@ impl Tree {
         }
     }
 
-    /// Size, depth and expected cost of the tree.
+    /// Adds instances, whose trees are built here. `instances` must continue the numbers of the geometry that this tree was
+    /// built over.
+    pub fn with_instances(self, instances: &Arc<Instances>, options: &BuildOptions) -> Tree {
+        let placed = match rayon::ThreadPoolBuilder::new().num_threads(options.jobs).build() {
+            Ok(pool) if options.jobs > 0 => pool.install(|| Placed::build(instances, options)),
+            _ => Placed::build(instances, options),
+        };
+        Tree { placed: Some(Box::new(placed)), ..self }
+    }
+
+    /// A tree of these parts.
+    pub(super) fn of(
+        frame: Frame,
+        bounds: [[f32; 3]; 2],
+        nodes: Nodes,
+        blocks: Vec<Block>,
+        statistics: Statistics,
+    ) -> Tree {
+        Tree { frame, bounds, nodes, blocks, statistics, placed: None }
+    }
+
+    /// Size, depth and expected cost of the tree without instances.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
     }
@@ -67,7 +92,8 @@ impl Tree {
             Nodes::Kd(n) => size_of_val(&n[..]),
             Nodes::Wide(n) => size_of_val(&n[..]),
         };
-        nodes + size_of_val(&self.blocks[..]) + size_of::<Tree>()
+        let placed = self.placed.as_ref().map_or(0, |p| p.memory());
+        nodes + size_of_val(&self.blocks[..]) + size_of::<Tree>() + placed
     }
 }
 
@@ -92,5 +118,5 @@ fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool
         .with_min_len(FEW / LANES)
         .map(|ids| Block::of(geometry, &frame, ids))
         .collect();
-    Tree { frame, bounds, nodes, blocks, statistics }
+    Tree::of(frame, bounds, nodes, blocks, statistics)
 }

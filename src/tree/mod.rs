@@ -8,6 +8,7 @@
 //! | `frame`, `node`, `block` | the tree's parts, in single precision around the scene's centre |
 //! | `beam` | the filter: a bundle of rays against planes, boxes and blocks of triangles |
 //! | `trace` | single rays |
+//! | `instances`, `placed` | models in many places; their trees and rays |
 //! | `kernel`, `simd` | groups of pulses; the instruction sets that they are traced with |
 //!
 //! Trees and beams only choose which verdicts are asked for, and err on the side of asking; so every tree, every way to
@@ -19,16 +20,19 @@ mod build;
 mod frame;
 mod geometry;
 mod index;
+mod instances;
 mod intersect;
 mod kernel;
 mod node;
 mod options;
+mod placed;
 mod rays;
 mod simd;
 mod trace;
 
 pub use geometry::{Cube, Geometry, Hit};
 pub use index::Tree;
+pub use instances::{Instance, Instances, Model, Placement};
 pub use intersect::{cube as intersect_cube, triangle as intersect_triangle};
 pub use options::{Accounting, Areas, Axes, BuildOptions, Builder, Statistics};
 pub use rays::{Hits, RayBundle, RayGroup};

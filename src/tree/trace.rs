@@ -36,7 +36,7 @@ impl Tree {
         match Beam::of(&self.frame, origin, std::iter::once(direction)) {
             Some(beam) => {
                 let steepness = direction[beam.axes[0]].abs() * self.frame.scale;
-                self.walk(&beam, |block, mut mask, limit| {
+                self.walk(&beam, f32::INFINITY, |block, mut mask, limit| {
                     while mask != 0 {
                         let t = test(block.id[mask.trailing_zeros() as usize]);
                         *limit = depth_limit(t * steepness);
@@ -49,22 +49,30 @@ impl Tree {
                 test(id);
             }),
         }
-        best
+        match &self.placed {
+            Some(placed) => placed.nearest(origin, direction, best, &accept),
+            None => best,
+        }
     }
 
     /// Walks through the leaves that the beam meets, nearest first, up to the depth `limit` that `visit` may lower, and
     /// shows it the blocks with the lanes that rays of the beam might hit.
     #[inline(always)]
-    fn walk(&self, beam: &Beam, visit: impl FnMut(&Block, u32, &mut f32)) {
+    pub(super) fn walk(&self, beam: &Beam, limit: f32, visit: impl FnMut(&Block, u32, &mut f32)) {
         match &self.nodes {
-            Nodes::Kd(nodes) => self.walk_kd(nodes, beam, visit),
-            Nodes::Wide(nodes) => self.walk_wide(nodes, beam, visit),
+            Nodes::Kd(nodes) => self.walk_kd(nodes, beam, limit, visit),
+            Nodes::Wide(nodes) => self.walk_wide(nodes, beam, limit, visit),
         }
     }
 
     #[inline(always)]
-    fn walk_kd(&self, nodes: &[KdNode], beam: &Beam, mut visit: impl FnMut(&Block, u32, &mut f32)) {
-        let mut limit = f32::INFINITY;
+    fn walk_kd(
+        &self,
+        nodes: &[KdNode],
+        beam: &Beam,
+        mut limit: f32,
+        mut visit: impl FnMut(&Block, u32, &mut f32),
+    ) {
         let mut stack = [(0u32, [0.0f32; 2]); DEEPEST as usize + 1];
         stack[0] = (0, beam.within(&self.bounds[0], &self.bounds[1]));
         let mut height = 1;
@@ -103,8 +111,13 @@ impl Tree {
     }
 
     #[inline(always)]
-    fn walk_wide(&self, nodes: &[WideNode], beam: &Beam, mut visit: impl FnMut(&Block, u32, &mut f32)) {
-        let mut limit = f32::INFINITY;
+    fn walk_wide(
+        &self,
+        nodes: &[WideNode],
+        beam: &Beam,
+        mut limit: f32,
+        mut visit: impl FnMut(&Block, u32, &mut f32),
+    ) {
         let mut stack = [(WideChild::ROOT, 0.0f32); WIDE_STACK];
         let mut height = 1;
         while height > 0 {

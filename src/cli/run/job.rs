@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::flight::{self, FlightOptions};
 use crate::output::{LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat};
 use crate::pulse::{Corrections, PhysicsOptions};
-use crate::scene::LoadOptions;
+use crate::scene::{LoadOptions, Sharing};
 use crate::schedule;
 use crate::survey::{self, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
 use crate::tree::{BuildOptions, Builder};
@@ -62,6 +62,11 @@ impl Job {
                 seed,
                 max_memory: max_memory(args.max_memory.as_deref())?.or(set.max_memory),
                 jobs: threads,
+                sharing: match args.instances.as_deref() {
+                    Some("always") => Sharing::Always,
+                    Some("never") => Sharing::Never,
+                    _ => Sharing::Auto,
+                },
                 ..LoadOptions::default()
             },
             tree: tree(args, threads),

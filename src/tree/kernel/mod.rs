@@ -34,6 +34,9 @@ impl Tree {
     /// those of [`Tree::nearest`] for each ray, bit for bit.
     pub fn trace_group(&self, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
         self.trace_group_on(Level::best(), geometry, rays, hits);
+        if let Some(placed) = &self.placed {
+            placed.trace_group(rays, hits);
+        }
     }
 
     /// First hits of all rays of a bundle; `hits` is resized and overwritten. For many pulses
