@@ -268,6 +268,22 @@ pub struct SceneArgs {
 pub enum SceneCommand {
     /// Make a procedural scene with a survey that scans it: OBJ, MTL, scene.xml, survey.xml.
     Make(MakeArgs),
+    /// Tell what a scene holds and costs: parts, primitives, bounds, materials, memory, faults.
+    Info(InfoArgs),
+}
+
+/// `vlscan scene info`.
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif), voxels (.vox), or a table
+    /// of instances (.csv).
+    pub scene: String,
+    /// Folder to look for files in; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub assets: Vec<PathBuf>,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Kinds of procedural scenes.
@@ -304,6 +320,13 @@ pub struct MakeArgs {
     /// Forest: every tree is a part of its own, so that echoes carry the tree's number.
     #[arg(long)]
     pub separate_trees: bool,
+    /// Forest: make so many trees and let each stand in --copies places; a forest of a billion triangles is
+    /// -n 1G --models 50 --copies 1000.
+    #[arg(long, value_name = "N", conflicts_with = "separate_trees")]
+    pub models: Option<u64>,
+    /// Forest with --models: places of each tree. [default: 100]
+    #[arg(long, value_name = "N", requires = "models")]
+    pub copies: Option<u64>,
     /// Overwrite files that exist.
     #[arg(long)]
     pub force: bool,

@@ -6,6 +6,7 @@ mod args;
 mod catalogue;
 mod console;
 mod helios;
+mod info;
 mod interrupt;
 mod preview;
 mod run;

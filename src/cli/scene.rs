@@ -1,8 +1,8 @@
 //! `vlscan scene`: scenes to try things with.
 
-use super::Console;
 use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
 use super::watch::amount;
+use super::{Console, info};
 use crate::error::{Error, Result};
 use crate::scene::make::{Kind, MakeOptions, make};
 
@@ -10,6 +10,7 @@ use crate::scene::make::{Kind, MakeOptions, make};
 pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
     match &args.command {
         SceneCommand::Make(args) => make_scene(args, console),
+        SceneCommand::Info(args) => info::run(args, console),
     }
 }
 
@@ -33,6 +34,7 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         extent_m: args.extent,
         pulses: pulses.transpose()?,
         separate_trees: args.separate_trees,
+        instances: args.models.map(|models| (models, args.copies.unwrap_or(100))),
         overwrite: args.force,
     };
     let made = make(&options, &args.out, |_| {})?;

@@ -19,6 +19,7 @@ mod fixture;
 mod geotiff;
 mod ground;
 mod instances;
+mod inventory;
 mod lad;
 mod library;
 mod load;
@@ -41,6 +42,7 @@ mod voxel;
 mod xyz;
 
 pub use instances::{Placed, Sharing};
+pub use inventory::Inventory;
 pub use lad::LadTable;
 pub use load::{LoadOptions, load, load_play};
 pub use material::{Material, Reflection};

@@ -1,7 +1,7 @@
 //! A mixed forest on rolling ground.
 
 use super::chance::{Dice, Octave, Relief, Topic};
-use super::obj::{Mesh, ObjFile};
+use super::obj::{Mesh, ObjFile, PartFile};
 use super::solid::{ground, ground_cells};
 use super::tree::{SMALLEST_TREE, Species, Tree, shrub};
 use super::{Assembly, MakeOptions, Part};
@@ -66,6 +66,17 @@ pub(super) fn default_extent(triangles: u64) -> f64 {
     (200.0 * (triangles as f64 / 1e6).sqrt()).max(40.0)
 }
 
+/// The extent of a stand of so many trees.
+pub(super) fn extent_of_stand(trees: u64) -> f64 {
+    (trees as f64 / TREES_PER_SQUARE_METRE).sqrt().max(40.0)
+}
+
+/// Fewest triangles per tree of a forest of models: some of them go to the ground.
+pub(super) const SMALLEST_MODEL: u64 = 2 * SMALLEST_TREE;
+
+/// Most triangles that the ground and the undergrowth of a forest of models take together.
+const MOST_BELOW_MODELS: u64 = 4_000_000;
+
 const RELIEF: [Octave; 6] = [
     Octave { wavelength: 240.0, amplitude: 9.0 },
     Octave { wavelength: 90.0, amplitude: 3.5 },
@@ -99,6 +110,9 @@ pub(super) fn write(
     folder: &Path,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Assembly> {
+    if let Some((models, copies)) = options.instances {
+        return write_models(options, (models, copies), extent, folder, progress);
+    }
     let budget = Budget::of(options.triangles);
     let relief = Relief::new(options.seed, &RELIEF, extent / budget.cells as f64);
     let stand = Stand::plant(options.seed, extent, &relief, budget.tree_pairs);
@@ -238,6 +252,64 @@ impl Stand {
         Ok(())
     }
 }
+
+/// A forest of few trees that stand in many places.
+fn write_models(
+    options: &MakeOptions,
+    (models, copies): (u64, u64),
+    extent: f64,
+    folder: &Path,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Assembly> {
+    let (seed, trees) = (options.seed, models * copies);
+    let below = (options.triangles * 9 / 100).min(MOST_BELOW_MODELS);
+    let cells = ground_cells(below * 2 / 3);
+    let per_tree = (options.triangles - 2 * cells * cells) / trees / 2 * 2;
+    let relief = Relief::new(seed, &RELIEF, extent / cells as f64);
+    let mut assembly = Assembly::default();
+    let mut floor = ObjFile::create(&folder.join("ground.obj"), MATERIALS_FILE)?;
+    floor.material("forest_floor");
+    ground(&mut floor, &relief, extent, cells, |done| progress(0.3 * done))?;
+    assembly.add("ground", floor.finish()?);
+
+    let models_folder = folder.join(TREES_FOLDER);
+    std::fs::create_dir_all(&models_folder).map_err(|e| crate::Error::io("create", &models_folder, e))?;
+    let mut names = Vec::new();
+    let mut tallest = 0.0f64;
+    for number in 0..models {
+        let species = Species::ALL[(number % Species::ALL.len() as u64) as usize];
+        let name = format!("{TREES_FOLDER}/{:04}_{}.obj", number + 1, species.name());
+        let mut out = ObjFile::create(&folder.join(&name), &format!("../{MATERIALS_FILE}"))?;
+        Tree::new(seed, number, species, DVec3::ZERO).write(&mut out, seed, per_tree)?;
+        let mesh = out.finish()?;
+        tallest = tallest.max(mesh.bounds.max.z);
+        assembly.files.push(mesh.path);
+        names.push(name);
+        progress(0.3 + 0.5 * (number + 1) as f64 / models as f64);
+    }
+
+    let mut table = PartFile::create(&folder.join(TABLE))?;
+    table.write(b"file,x,y,z,yaw,scale\n")?;
+    let columns = ((trees as f64).sqrt().ceil() as u64).max(1);
+    let step = extent / columns as f64;
+    for number in 0..trees {
+        let mut dice = Dice::new(seed, Topic::Stand, number);
+        let mut at = |cell: u64| (cell as f64 + 0.5 + 0.8 * (dice.unit() - 0.5)) * step - 0.5 * extent;
+        let (x, y) = (at(number % columns), at(number / columns));
+        let name = &names[(dice.unit() * models as f64) as usize % names.len()];
+        let (yaw, scale) = (360.0 * dice.unit(), 0.75 + 0.5 * dice.unit());
+        let line = format!("{name},{x:.3},{y:.3},{:.3},{yaw:.1},{scale:.3}\n", relief.height(x, y));
+        table.write(line.as_bytes())?;
+    }
+    assembly.files.push(table.finish()?);
+    assembly.parts.push(Part { file: TABLE.to_owned(), name: "trees" });
+    assembly.triangles += trees * per_tree;
+    assembly.bounds.max.z += 1.25 * tallest;
+    Ok(assembly)
+}
+
+/// Where the trees of a forest of models stand.
+pub(super) const TABLE: &str = "trees.csv";
 
 /// Where trees go that are parts of their own.
 pub(super) const TREES_FOLDER: &str = "trees";

@@ -78,6 +78,9 @@ pub struct MakeOptions {
     pub pulses: Option<u64>,
     /// Forest: every tree is a part of its own, so that echoes carry the tree's number.
     pub separate_trees: bool,
+    /// Forest: so many tree models, each standing in so many places; the table `trees.csv` lists them. The triangles of
+    /// all these instances count.
+    pub instances: Option<(u64, u64)>,
     /// Existing files may be replaced.
     pub overwrite: bool,
 }
@@ -92,6 +95,7 @@ impl MakeOptions {
             extent_m: None,
             pulses: None,
             separate_trees: false,
+            instances: None,
             overwrite: false,
         }
     }
@@ -157,13 +161,27 @@ fn check(options: &MakeOptions) -> Result<f64> {
     if triangles < fewest {
         return Err(Error::input(format!("a {kind} of {triangles} triangles: it takes at least {fewest}")));
     }
-    if triangles > 1_000_000_000 {
+    if let Some((models, copies)) = options.instances {
+        let possible = options.kind == Kind::Forest && (1..=10_000).contains(&models) && (1..=10_000_000).contains(&copies);
+        let share = possible.then(|| triangles / (models * copies)).unwrap_or(0);
+        if share < forest::SMALLEST_MODEL || models * copies > 100_000_000 {
+            return Err(Error::input(format!(
+                "a {kind} of {triangles} triangles in {models} models of {copies} copies: only a forest has models, at most \
+                 10000, and every tree takes at least {} triangles",
+                forest::SMALLEST_MODEL
+            )));
+        }
+    }
+    if triangles > 4_000_000_000 {
         return Err(Error::input(format!(
-            "a {kind} of {triangles} triangles: at most 1000000000 can be made"
+            "a {kind} of {triangles} triangles: at most 4000000000 can be made"
         )));
     }
     let extent = options.extent_m.unwrap_or_else(|| match options.kind {
-        Kind::Forest => forest::default_extent(triangles),
+        Kind::Forest => match options.instances {
+            Some((models, copies)) => forest::extent_of_stand(models * copies),
+            None => forest::default_extent(triangles),
+        },
         Kind::Terrain => terrain::default_extent(triangles),
         Kind::Room => room::DEFAULT_EXTENT,
     });

@@ -19,6 +19,16 @@ const XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 pub(super) fn scene_text(kind: Kind, parts: &[Part]) -> String {
     let mut text = format!("{XML}<document>\n  <scene id=\"{0}\" name=\"{0}\">\n", kind.name());
     for (id, part) in parts.iter().enumerate() {
+        if part.file.ends_with(".csv") {
+            // Without an id every instance is a part of its own.
+            let _ = writeln!(
+                text,
+                "    <part> <!-- {} -->\n      <filter type=\"instances\"><param type=\"string\" \
+                 key=\"filepath\" value=\"{}\"/></filter>\n    </part>",
+                part.name, part.file
+            );
+            continue;
+        }
         let _ = writeln!(
             text,
             "    <part id=\"{id}\"> <!-- {} -->\n      <filter type=\"objloader\"><param type=\"string\" \

@@ -1,0 +1,259 @@
+//! `vlscan scene info`: what a scene holds and costs.
+
+use super::Console;
+use super::args::InfoArgs;
+use super::watch::amount;
+use crate::diag::{Diagnostics, Severity};
+use crate::error::{Error, Result};
+use crate::scene::{self, Inventory, LoadOptions, Scene};
+use crate::survey::{self, ReadOptions, SceneRecipe};
+use crate::tree::{BuildOptions, Tree};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+use std::time::Instant;
+
+/// Parts that the text lists; `--json` lists all.
+const LISTED: usize = 40;
+
+/// What is told.
+struct Facts<'a> {
+    scene: &'a Scene,
+    tree: &'a Tree,
+    inventory: Inventory,
+    warnings: &'a Diagnostics,
+    seconds: [f64; 2],
+}
+
+/// Runs `vlscan scene info`.
+pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
+    let (recipe, wavelength_nm, mut warnings) = recipe(args)?;
+    let started = Instant::now();
+    let options = LoadOptions { wavelength_nm, ..LoadOptions::default() };
+    let (scene, found) = scene::load(&recipe, &options)?;
+    warnings.extend(found);
+    let loaded = started.elapsed().as_secs_f64();
+    let started = Instant::now();
+    let tree = scene.tree(&BuildOptions::default());
+    let facts = Facts {
+        scene: &scene,
+        tree: &tree,
+        inventory: Inventory::of(&scene),
+        warnings: &warnings,
+        seconds: [loaded, started.elapsed().as_secs_f64()],
+    };
+    if !args.json {
+        console.warnings(&warnings);
+    }
+    let text = if args.json { facts.json() } else { facts.text() };
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| match e.kind() {
+        std::io::ErrorKind::BrokenPipe => Error::ClosedPipe,
+        _ => Error::io("write to", Path::new("stdout"), e),
+    })
+}
+
+/// The scene that is asked for and the wavelength that it is seen at.
+fn recipe(args: &InfoArgs) -> Result<(SceneRecipe, f64, Diagnostics)> {
+    let reading = ReadOptions { assets: args.assets.clone(), ..ReadOptions::default() };
+    let path = Path::new(&args.scene);
+    let extension = path.extension().map(|e| e.to_ascii_lowercase()).unwrap_or_default();
+    let is_survey = extension == "xml"
+        && std::fs::read(path).is_ok_and(|bytes| memchr::memmem::find(&bytes, b"<survey").is_some());
+    let survey = if is_survey {
+        Some(survey::read_survey(path, &reading)?)
+    } else if extension == "toml" {
+        let (pipeline, warnings) = survey::read_pipeline(path, &reading)?;
+        Some((pipeline.survey, warnings))
+    } else {
+        None
+    };
+    match survey {
+        Some((survey, warnings)) => {
+            let wavelength = survey.scanner.devices.first().map(|d| d.beam.wavelength);
+            Ok((survey.scene, wavelength.unwrap_or(LoadOptions::default().wavelength_nm), warnings))
+        }
+        None => {
+            let (scene, warnings) = survey::read_scene(&args.scene, &reading)?;
+            Ok((scene, LoadOptions::default().wavelength_nm, warnings))
+        }
+    }
+}
+
+impl Facts<'_> {
+    fn per_primitive(&self, bytes: usize) -> f64 {
+        bytes as f64 / (self.inventory.primitives() as f64).max(1.0)
+    }
+
+    fn faults(&self) -> Vec<String> {
+        let i = &self.inventory;
+        let mut faults = Vec::new();
+        if i.slivers > 0 {
+            faults.push(format!("{} triangles are all but a line; rays can hardly hit them", i.slivers));
+        }
+        if i.duplicates > 0 {
+            faults.push(format!("{} triangles have the same corners as another one", i.duplicates));
+        }
+        faults
+    }
+
+    fn text(&self) -> String {
+        let (i, mut out) = (&self.inventory, String::new());
+        let mut line = |name: &str, text: String| {
+            let _ = writeln!(out, "{name:<12}{text}");
+        };
+        line(
+            "primitives",
+            format!(
+                "{} ({} triangles, {} voxels)",
+                i.primitives(),
+                i.triangles + i.instanced_triangles,
+                i.cubes
+            ),
+        );
+        if i.instances > 0 {
+            line(
+                "instances",
+                format!("{} of {} meshes, {} triangles", i.instances, i.models, i.instanced_triangles),
+            );
+        }
+        let (b, size) = (i.bounds, i.bounds.size());
+        for (name, lo, hi, size) in [
+            ("x", b.min.x, b.max.x, size.x),
+            ("y", b.min.y, b.max.y, size.y),
+            ("z", b.min.z, b.max.z, size.z),
+        ] {
+            line(name, format!("{lo:.3} to {hi:.3} m ({size:.3} m)"));
+        }
+        line("coordinates", i.coordinates().to_owned());
+        let (scene, tree) = (self.scene.memory(), self.tree.memory());
+        let memory = |bytes: usize, seconds: f64| {
+            format!(
+                "{}B, {:.1} B per primitive, {seconds:.2} s",
+                amount(bytes as f64),
+                self.per_primitive(bytes)
+            )
+        };
+        line("scene", memory(scene, self.seconds[0]));
+        line("tree", memory(tree, self.seconds[1]));
+        line(
+            "together",
+            format!(
+                "{}B, {:.1} B per primitive",
+                amount((scene + tree) as f64),
+                self.per_primitive(scene + tree)
+            ),
+        );
+        let s = self.tree.statistics();
+        line("", format!("{} leaves, {} nodes, depth {}", s.leaves, s.interior, s.max_depth));
+        let _ = writeln!(
+            out,
+            "\nmaterials   {:>12}  {:>11}  {:>5}  ground  name",
+            "primitives", "reflectance", "class"
+        );
+        for (m, count) in self.scene.materials.iter().zip(&i.of_material) {
+            let ground = if m.is_ground { "yes" } else { "no" };
+            let _ = writeln!(
+                out,
+                "            {count:>12}  {:>11}  {:>5}  {ground:<6}  {}",
+                m.reflectance, m.classification, m.name
+            );
+        }
+        let _ = writeln!(out, "\nparts       {:>12}  id", "primitives");
+        for (part, count) in self.scene.parts.iter().zip(&i.of_part).take(LISTED) {
+            let _ = writeln!(out, "            {count:>12}  {}", part.id);
+        }
+        if let Some(more) = self.scene.parts.len().checked_sub(LISTED).filter(|n| *n > 0) {
+            let _ = writeln!(out, "            and {more} more; --json lists all");
+        }
+        for fault in self.faults() {
+            let _ = writeln!(out, "\nwarning: {fault}");
+        }
+        out
+    }
+
+    fn json(&self) -> String {
+        let i = &self.inventory;
+        let list = |items: Vec<String>| format!("[{}]", items.join(", "));
+        let point = |p: crate::geom::DVec3| format!("[{}, {}, {}]", p.x, p.y, p.z);
+        let parts = self.scene.parts.iter().zip(&i.of_part);
+        let parts = parts.map(|(p, n)| format!("{{\"id\": {}, \"primitives\": {n}}}", quoted(&p.id)));
+        let materials = self.scene.materials.iter().zip(&i.of_material).map(|(m, n)| {
+            format!(
+                "{{\"name\": {}, \"reflectance\": {}, \"class\": {}, \"ground\": {}, \"primitives\": {n}}}",
+                quoted(&m.name),
+                number(m.reflectance),
+                m.classification,
+                m.is_ground
+            )
+        });
+        let warnings = self.warnings.items().iter().filter(|d| d.severity == Severity::Warning);
+        let faults = self.faults();
+        let warnings = warnings.map(|d| quoted(&d.message)).chain(faults.iter().map(|f| quoted(f)));
+        let (scene, tree) = (self.scene.memory(), self.tree.memory());
+        let s = self.tree.statistics();
+        format!(
+            "{{\n  \"primitives\": {}, \"triangles\": {}, \"voxels\": {},\n  \
+             \"instances\": {}, \"models\": {}, \"instanced_triangles\": {},\n  \
+             \"bounds_m\": {{\"min\": {}, \"max\": {}}},\n  \"coordinates\": {},\n  \
+             \"memory_bytes\": {{\"scene\": {scene}, \"tree\": {tree}, \"per_primitive\": {}}},\n  \
+             \"seconds\": {{\"load\": {}, \"tree\": {}}},\n  \
+             \"tree\": {{\"leaves\": {}, \"nodes\": {}, \"depth\": {}}},\n  \
+             \"slivers\": {}, \"duplicates\": {},\n  \"parts\": {},\n  \"materials\": {},\n  \"warnings\": {}\n}}\n",
+            i.primitives(),
+            i.triangles + i.instanced_triangles,
+            i.cubes,
+            i.instances,
+            i.models,
+            i.instanced_triangles,
+            point(i.bounds.min),
+            point(i.bounds.max),
+            quoted(i.coordinates()),
+            self.per_primitive(scene + tree),
+            self.seconds[0],
+            self.seconds[1],
+            s.leaves,
+            s.interior,
+            s.max_depth,
+            i.slivers,
+            i.duplicates,
+            list(parts.collect()),
+            list(materials.collect()),
+            list(warnings.collect()),
+        )
+    }
+}
+
+/// A number, or null for what JSON cannot say.
+fn number(x: f64) -> String {
+    if x.is_finite() { x.to_string() } else { "null".to_owned() }
+}
+
+/// A JSON string.
+fn quoted(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' => out.push_str("\\\""),
+            '\\' => out.push_str("\\\\"),
+            '\n' => out.push_str("\\n"),
+            c if c.is_control() => {
+                let _ = write!(out, "\\u{:04x}", c as u32);
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_text_can_be_quoted() {
+        assert_eq!(quoted("a\"b\\c\n\u{1}é"), "\"a\\\"b\\\\c\\n\\u0001é\"");
+        assert_eq!((number(0.5), number(f64::NAN)), ("0.5".to_owned(), "null".to_owned()));
+    }
+}

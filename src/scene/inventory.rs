@@ -1,0 +1,141 @@
+//! What a scene holds: counted, for people who want to know before they scan it.
+
+use super::{Scene, Surface};
+use crate::geom::{Aabb, DVec3};
+use crate::tree::Geometry;
+use rayon::prelude::*;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+/// Height of a triangle over its longest edge below which it is called a sliver, relative to that edge.
+const SLIVER: f64 = 1e-6;
+
+/// What a scene holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Inventory {
+    /// Triangles that are stored, as instances, and cubes.
+    pub triangles: u64,
+    /// Triangles of all instances.
+    pub instanced_triangles: u64,
+    /// Voxels.
+    pub cubes: u64,
+    /// Instances and the meshes that they share.
+    pub instances: u64,
+    /// Shared meshes.
+    pub models: u64,
+    /// Box around everything, world frame.
+    pub bounds: Aabb,
+    /// Primitives of each part.
+    pub of_part: Vec<u64>,
+    /// Primitives of each material.
+    pub of_material: Vec<u64>,
+    /// Stored triangles, those of shared meshes counted once, that are all but a line: rays can hardly hit them.
+    pub slivers: u64,
+    /// Triangles with the same corners as another one of the same mesh.
+    pub duplicates: u64,
+}
+
+impl Inventory {
+    /// Counts. Looks at every stored primitive.
+    pub fn of(scene: &Scene) -> Inventory {
+        let mut all = Inventory {
+            triangles: scene.geometry.triangles.len() as u64,
+            cubes: scene.geometry.cubes.len() as u64,
+            bounds: scene.bounds.moved(scene.shift),
+            of_part: vec![0; scene.parts.len()],
+            of_material: vec![0; scene.materials.len()],
+            ..Inventory::default()
+        };
+        for &surface in &scene.surface_of {
+            let Surface { part, material } = scene.surfaces[surface as usize];
+            all.of_part[part as usize] += 1;
+            all.of_material[material as usize] += 1;
+        }
+        all.add_faults(&scene.geometry);
+        let Some(placed) = &scene.placed else { return all };
+        all.instanced_triangles = u64::from(placed.instances.triangles());
+        all.instances = placed.instances.all.len() as u64;
+        all.models = placed.instances.models.len() as u64;
+        let mut uses = vec![0u64; placed.materials.len()];
+        for (instance, &part) in placed.instances.all.iter().zip(&placed.parts) {
+            uses[instance.model as usize] += 1;
+            all.of_part[part as usize] += placed.materials[instance.model as usize].len() as u64;
+        }
+        for (materials, uses) in placed.materials.iter().zip(uses) {
+            materials.iter().for_each(|&m| all.of_material[m as usize] += uses);
+        }
+        placed.instances.models.iter().for_each(|m| all.add_faults(&m.geometry));
+        all
+    }
+
+    /// All primitives.
+    pub fn primitives(&self) -> u64 {
+        self.triangles + self.instanced_triangles + self.cubes
+    }
+
+    /// What the coordinates look like.
+    pub fn coordinates(&self) -> &'static str {
+        let (min, max) = (self.bounds.min, self.bounds.max);
+        let within =
+            |lo: [f64; 2], hi: [f64; 2]| min.x >= lo[0] && min.y >= lo[1] && max.x <= hi[0] && max.y <= hi[1];
+        let size = self.bounds.size();
+        if within([-180.0, -90.0], [180.0, 90.0]) && size.x < 1.0 && size.y < 1.0 && size.z > 10.0 * size.x {
+            "perhaps degrees: the scene is flat sideways; vlscan takes metres"
+        } else if within([100_000.0, 0.0], [900_000.0, 10_000_000.0]) && min.y > 10_000.0 {
+            "projected, UTM or alike; name it with --crs"
+        } else if min.abs().max(max.abs()).max_element() > 100_000.0 {
+            "projected, far from the origin; name it with --crs"
+        } else {
+            "local"
+        }
+    }
+
+    fn add_faults(&mut self, geometry: &Geometry) {
+        let count = geometry.triangles.len();
+        let corners = || (0..count).into_par_iter().with_min_len(4096).map(|i| geometry.triangle(i));
+        self.slivers += corners().filter(is_sliver).count() as u64;
+        let mut prints: Vec<u64> = corners().map(fingerprint).collect();
+        prints.par_sort_unstable();
+        self.duplicates += prints.windows(2).filter(|w| w[0] == w[1]).count() as u64;
+    }
+}
+
+fn is_sliver([a, b, c]: &[DVec3; 3]) -> bool {
+    let longest = (*b - *a).length_squared().max((*c - *b).length_squared()).max((*a - *c).length_squared());
+    (*b - *a).cross(*c - *a).length() <= SLIVER * longest
+}
+
+/// Equal for triangles with the same corners in any order; different ones are told apart but for one in 2⁶⁴.
+fn fingerprint(corners: [DVec3; 3]) -> u64 {
+    let mut bits = corners.map(|p| (p + DVec3::ZERO).to_array().map(f64::to_bits));
+    bits.sort_unstable();
+    let mut hasher = DefaultHasher::new();
+    bits.hash(&mut hasher);
+    hasher.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Sharing;
+    use crate::scene::fixture::Fixture;
+
+    const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1e-9 0\nf 1 2 3\nf 3 1 2\nf 1 2 4\nf 2 4 3\n";
+
+    #[test]
+    fn everything_is_counted_however_it_is_kept() {
+        let mut f = Fixture::new();
+        f.obj("a.obj", MESH).transform.offset = DVec3::new(500_000.0, 5_000_000.0, 0.0);
+        f.obj("a.obj", MESH).transform.offset = DVec3::new(500_010.0, 5_000_000.0, 0.0);
+        for (sharing, times) in [(Sharing::Never, 2), (Sharing::Always, 1)] {
+            f.options.sharing = sharing;
+            let all = Inventory::of(&f.load().unwrap().0);
+            assert_eq!(
+                (all.primitives(), &all.of_part[..], &all.of_material[..]),
+                (8, &[4, 4][..], &[8][..])
+            );
+            assert_eq!((all.slivers, all.duplicates), (2 * times, times));
+            assert_eq!(all.bounds.size(), DVec3::new(11.0, 1.0, 0.0));
+            assert!(all.coordinates().starts_with("projected, UTM"));
+        }
+    }
+}
