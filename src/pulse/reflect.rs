@@ -172,9 +172,7 @@ impl<'a> View<'a> {
         let around = self.voxel_around(instrument, shot.origin);
         let asks = around.is_some() || self.limits.is_some();
         let (triangles, own) = (self.scene.geometry.triangles.len(), self.scene.geometry.len());
-        let is_triangle = |i: u32| {
-            (i as usize) < triangles || (i as usize >= own && i != Hits::MISS)
-        };
+        let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
         let mut face = Face::none(self.scene);
         for (i, (ring, range)) in rings.iter().zip(&probe.ranges).enumerate() {
             let (primitive, direction) = (shot.primitive[i], shot.direction(i));

@@ -1,7 +1,7 @@
 //! A scene while it is being loaded: what the loaders append to.
 
-use super::library::Library;
 use super::instances::Stock;
+use super::library::Library;
 use super::load::LoadOptions;
 use super::voxel::Voxel;
 use super::{Mover, Part, Surface};

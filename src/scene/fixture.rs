@@ -84,7 +84,8 @@ impl Fixture {
     }
 }
 
-fn report(e: &Error) -> String {
+/// What the user would read.
+pub(super) fn report(e: &Error) -> String {
     match e {
         Error::Input(d) => d.render(false),
         other => other.to_string(),

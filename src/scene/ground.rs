@@ -33,8 +33,7 @@ pub(super) fn settle(scene: &mut Assembly, parts: &[PlacedPart]) {
     for part in parts.iter().filter(|p| p.on_ground != 0) {
         let corners = corners(scene, &part.body);
         let Some(lowest) = least(corners.iter().copied(), |p| p.z) else { continue };
-        let Some(ground) =
-            parts.iter().find(|g| is_ground(scene, &g.body) && covers(scene, &g.body, lowest))
+        let Some(ground) = parts.iter().find(|g| is_ground(scene, &g.body) && covers(scene, &g.body, lowest))
         else {
             let message = format!("part \"{}\" stays where it is: no ground part lies below it", part.id);
             scene
@@ -97,9 +96,7 @@ fn points(scene: &Assembly, body: &Body, of_cube: impl Fn(&Cube) -> DVec3) -> Ve
 
 fn is_ground(scene: &Assembly, body: &Body) -> bool {
     let material = match body {
-        Body::Instance(i) => {
-            scene.stock.materials[scene.stock.places[*i].0 as usize].first().copied()
-        }
+        Body::Instance(i) => scene.stock.materials[scene.stock.places[*i].0 as usize].first().copied(),
         Body::Stored(extent) => {
             let first = match extent.triangles.is_empty() {
                 false => scene.triangle_surfaces.get(extent.triangles.start),
@@ -136,10 +133,7 @@ pub(super) fn bounds(geometry: &Geometry, extent: &Extent) -> Aabb {
 
 /// The box around the images of points.
 pub(super) fn bounds_of_points(points: &[DVec3], image: impl Fn(DVec3) -> DVec3 + Sync) -> Aabb {
-    points
-        .par_iter()
-        .fold(|| Aabb::EMPTY, |b, &v| b.with(image(v)))
-        .reduce(|| Aabb::EMPTY, Aabb::union)
+    points.par_iter().fold(|| Aabb::EMPTY, |b, &v| b.with(image(v))).reduce(|| Aabb::EMPTY, Aabb::union)
 }
 
 fn raise(scene: &mut Assembly, body: &Body, by: f64) {

@@ -170,12 +170,7 @@ fn load_part(
             });
         }
         scene.parts.push(Part { id: id.clone(), lad: lad.clone() });
-        placed.push(PlacedPart {
-            id,
-            body,
-            on_ground: part.transform.on_ground,
-            place: part.place.clone(),
-        });
+        placed.push(PlacedPart { id, body, on_ground: part.transform.on_ground, place: part.place.clone() });
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Whole scenes: parts, ids, ground, shift, limits.
 
-use super::fixture::Fixture;
-use super::{Stand, load_play};
+use super::fixture::{Fixture, report};
+use super::{Scene, Stand, load_play};
 use crate::geom::{Aabb, DVec3};
 use crate::survey::{Loader, Swap, UpAxis};
 
@@ -167,7 +167,10 @@ const CROWN: &str = "mtllib c.mtl\nusemtl wood\nv 0 0 0\nv 0.3 0 0\nv 0 0.4 3\nf
 fn sharing_a_mesh_changes_nothing() {
     let mut f = Fixture::new();
     f.file("g.mtl", "newmtl g\nhelios_isGround true\n");
-    f.file("c.mtl", "newmtl wood\nhelios_reflectance 20\nnewmtl leaf\nhelios_reflectance 60\nhelios_classification 5\n");
+    f.file(
+        "c.mtl",
+        "newmtl wood\nhelios_reflectance 20\nnewmtl leaf\nhelios_reflectance 60\nhelios_classification 5\n",
+    );
     f.obj("slope.obj", SLOPE);
     for i in 0..12 {
         let turn = crate::geom::Rotation::about(DVec3::new(0.1, 0.0, 1.0), f64::from(i));

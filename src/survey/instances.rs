@@ -173,7 +173,8 @@ mod tests {
         ]
         .concat();
         let plain = filter("objloader", &param("string", "filepath", "a.obj"));
-        let text = format!("<document><scene id=\"s\"><part>{part}</part><part>{plain}</part></scene></document>");
+        let text =
+            format!("<document><scene id=\"s\"><part>{part}</part><part>{plain}</part></scene></document>");
         fs::write(folder.path().join("s.xml"), text).unwrap();
         let scene = read(&folder, "s.xml").unwrap();
         assert_eq!(scene.parts.iter().map(|p| p.number).collect::<Vec<_>>(), [0, 1, 2, 3]);

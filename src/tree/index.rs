@@ -1,5 +1,6 @@
 //! The tree as its users see it.
 
+use super::Instances;
 use super::block::{Block, LANES};
 use super::build::{build_kd, build_wide, collect, frame_of};
 use super::frame::Frame;
@@ -7,7 +8,6 @@ use super::geometry::Geometry;
 use super::node::{KdNode, WideNode};
 use super::options::{BuildOptions, Builder, Statistics};
 use super::placed::Placed;
-use super::Instances;
 use rayon::prelude::*;
 use std::sync::Arc;
 

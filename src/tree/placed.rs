@@ -2,11 +2,11 @@
 
 use super::beam::Beam;
 use super::block::{Block, LANES};
-use super::build::build_wide;
 use super::build::Prim;
+use super::build::build_wide;
 use super::frame::Frame;
 use super::index::Nodes;
-use super::instances::{Inward, Instance, Instances};
+use super::instances::{Instance, Instances, Inward};
 use super::intersect::{SHORTEST, triangle};
 use super::trace::depth_limit;
 use super::{BuildOptions, Hit, Hits, RayGroup, Tree};
@@ -106,8 +106,7 @@ impl Placed {
         let mut t = [best.map_or(f64::INFINITY, |b| b.t)];
         let mut id = [best.map_or(Hits::MISS, |b| b.primitive)];
         let axes = direction.to_array();
-        let rays =
-            Rays { origin, directions: [&axes[..1], &axes[1..2], &axes[2..]], t: &mut t, id: &mut id };
+        let rays = Rays { origin, directions: [&axes[..1], &axes[1..2], &axes[2..]], t: &mut t, id: &mut id };
         self.trace(rays, accept, &mut Vec::new());
         (id[0] != Hits::MISS).then_some(Hit { t: t[0], primitive: id[0] })
     }
@@ -275,10 +274,8 @@ mod tests {
             let rotation = Rotation::about(axis + DVec3::splat(1e-3), angle);
             (scale.abs() > 0.05).then_some(Placement { rotation, scale, offset, raise })
         });
-        let moved = [-4..=4i32, -4..=4, -4..=4].prop_map(|o| Placement {
-            offset: DVec3::from(o.map(f64::from)),
-            ..Placement::IDENTITY
-        });
+        let moved = [-4..=4i32, -4..=4, -4..=4]
+            .prop_map(|o| Placement { offset: DVec3::from(o.map(f64::from)), ..Placement::IDENTITY });
         prop_oneof![turned, moved, Just(Placement::IDENTITY)]
     }
 
@@ -287,8 +284,7 @@ mod tests {
 
     fn parts() -> impl Strategy<Value = Parts> {
         let cube = (point(10.0), 0.1..1.0).prop_map(|(centre, half)| Cube { centre, half });
-        let own = (model(), prop::collection::vec(cube, 0..4))
-            .prop_map(|(g, cubes)| Geometry { cubes, ..g });
+        let own = (model(), prop::collection::vec(cube, 0..4)).prop_map(|(g, cubes)| Geometry { cubes, ..g });
         let shift = prop_oneof![Just(DVec3::ZERO), point(5e6), point(30.0)];
         let places = prop::collection::vec((0..3u32, any::<u32>(), placement()), 0..12);
         (own, [model(), model(), model()], places, shift).prop_map(|(own, models, mut places, shift)| {

@@ -1,0 +1,45 @@
+#!/bin/sh
+# A forest of a billion triangles: makes it, scans it, and says how long that took and how much memory.
+#
+#   benches/billion.sh [FOLDER]        default: a folder under $TMPDIR, removed at the end
+#
+# 50 tree models of about 20 000 triangles stand in 1000 places each. Environment: VLSCAN (the program; default: built with
+# `cargo build --release`), TRIANGLES (1G), MODELS (50), COPIES (1000), PULSES (2M). Needs Linux or another system with
+# GNU time for the peak memory; without it the time alone is told.
+set -eu
+
+here=$(cd "$(dirname "$0")/.." && pwd)
+if [ -z "${VLSCAN:-}" ]; then
+    (cd "$here" && cargo build --release --quiet)
+    VLSCAN="${CARGO_TARGET_DIR:-$here/target}/release/vlscan"
+fi
+if [ $# -gt 0 ]; then
+    folder=$1
+else
+    folder=$(mktemp -d)
+    trap 'rm -rf "$folder"' EXIT
+fi
+
+measured() {
+    if [ -x /usr/bin/time ]; then
+        /usr/bin/time -f "  peak memory %M kB, %e s, %U s of computing" "$@"
+    elif command -v python3 > /dev/null; then
+        python3 - "$@" << 'PYTHON'
+import resource, subprocess, sys, time
+start = time.time()
+status = subprocess.call(sys.argv[1:])
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(f"  peak memory {used.ru_maxrss} kB, {time.time() - start:.1f} s, {used.ru_utime:.1f} s of computing", file=sys.stderr)
+sys.exit(status)
+PYTHON
+    else
+        time "$@"
+    fi
+}
+
+if [ ! -e "$folder/survey.xml" ]; then
+    "$VLSCAN" scene make forest -o "$folder" -n "${TRIANGLES:-1G}" --models "${MODELS:-50}" --copies "${COPIES:-1000}" \
+        --pulses "${PULSES:-2M}"
+fi
+echo "scanning:"
+measured "$VLSCAN" run "$folder/survey.xml" -v -o "$folder/points.las" --force
