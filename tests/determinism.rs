@@ -58,7 +58,6 @@ fn another_seed_gives_other_noise() {
 }
 
 #[test]
-<<<<<<< HEAD
 fn moving_parts_move_and_every_play_has_its_own_run_directory() {
     let (dir, survey) = (folder(), fixture("moving/survey.xml"));
     succeed(dir.path(), &["run", survey.to_str().unwrap(), "-q", "--output", "out", "-j", "2"]);
@@ -78,15 +77,31 @@ fn moving_parts_move_and_every_play_has_its_own_run_directory() {
     assert!((reach(&points[0]) + 3.5).abs() < 0.1, "a box of 1 m at -4: {}", reach(&points[0]));
     assert!((reach(&points[1]) + 3.0).abs() < 0.1, "one of 2 m: {}", reach(&points[1]));
     assert!(of(&points[2], "3").is_empty(), "and none");
-=======
+}
+
+#[test]
 fn shared_meshes_give_the_bytes_of_stored_ones() {
     let dir = folder();
-    let make =
-        ["scene", "make", "forest", "-o", "f", "-n", "60k", "--models", "3", "--copies", "20", "--pulses", "20k", "-q"];
+    let make = [
+        "scene", "make", "forest", "-o", "f", "-n", "60k", "--models", "3", "--copies", "20", "--pulses",
+        "20k", "-q",
+    ];
     succeed(dir.path(), &make);
     let points = |when: &str, threads: &str| {
         let out = format!("{when}{threads}.xyz");
-        let args = ["run", "f/survey.xml", "-q", "-o", &out, "--instances", when, "-j", threads, "--physics", "refined"];
+        let args = [
+            "run",
+            "f/survey.xml",
+            "-q",
+            "-o",
+            &out,
+            "--instances",
+            when,
+            "-j",
+            threads,
+            "--physics",
+            "refined",
+        ];
         succeed(dir.path(), &args);
         std::fs::read(dir.path().join(out)).unwrap()
     };
@@ -94,5 +109,4 @@ fn shared_meshes_give_the_bytes_of_stored_ones() {
     assert!(stored.len() > 100_000, "{} bytes", stored.len());
     assert!(points("always", "2") == stored, "shared");
     assert!(points("always", "1") == stored, "shared, one thread");
->>>>>>> cdb73a5 (Measure a forest of a billion triangles; compare shared with stored meshes)
 }

@@ -228,7 +228,8 @@ fn over_boxes(boxes: &[Aabb], options: &BuildOptions) -> Tree {
 }
 
 fn block_of(boxes: &[Aabb], frame: &Frame, ids: &[u32]) -> Block {
-    let mut block = Block { corner: [[[f32::NAN; LANES]; 3]; 3], id: [Hits::MISS; LANES] };
+    let mut block =
+        Block { corner: [[[f32::NAN; LANES]; 3]; 3], id: [Hits::MISS; LANES], vertex: [[0; LANES]; 3] };
     block.corner[0] = [[f32::INFINITY; LANES]; 3];
     block.corner[1] = [[f32::NEG_INFINITY; LANES]; 3];
     for (lane, &id) in ids.iter().enumerate().filter(|(_, id)| **id != Hits::MISS) {

@@ -163,5 +163,6 @@ fn alone(scene: &Scene, mover: &Mover) -> Scene {
         materials,
         voxels: scene.voxels[mover.cubes.clone()].to_vec(),
         movers: Vec::new(),
+        placed: None,
     }
 }
