@@ -120,3 +120,26 @@ fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool
         .collect();
     Tree::of(frame, bounds, nodes, blocks, statistics)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::DVec3;
+
+    #[test]
+    fn primitives_that_are_not_kept_are_not_hit() {
+        let corners = |y: f64| [[-1.0, y, -1.0], [1.0, y, -1.0], [0.0, y, 2.0]].map(DVec3::from);
+        let geometry = Geometry {
+            vertices: [corners(5.0), corners(9.0)].concat(),
+            triangles: vec![[0, 1, 2], [3, 4, 5]],
+            cubes: Vec::new(),
+        };
+        for builder in [Builder::Bvh, Builder::Median] {
+            let first = |kept: &[u32]| {
+                let tree = Tree::build_of(&geometry, &BuildOptions::of(builder), |i| kept.contains(&i));
+                tree.nearest(&geometry, DVec3::ZERO, DVec3::Y).map(|h| h.primitive)
+            };
+            assert_eq!([first(&[0, 1]), first(&[1]), first(&[])], [Some(0), Some(1), None]);
+        }
+    }
+}
