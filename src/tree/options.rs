@@ -101,9 +101,14 @@ impl Default for BuildOptions {
 }
 
 impl BuildOptions {
-    /// The default settings of another builder.
+    /// The default settings of a builder. [`Builder::Median`] and [`Builder::Sah`] take the axes in turn, which is what
+    /// tells the latter from [`Builder::AxisSah`].
     pub fn of(builder: Builder) -> BuildOptions {
-        BuildOptions { builder, ..BuildOptions::default() }
+        let axes = match builder {
+            Builder::Median | Builder::Sah => Axes::TurnThenNext,
+            Builder::AxisSah | Builder::Fsah | Builder::Bvh => Axes::Best,
+        };
+        BuildOptions { builder, axes, ..BuildOptions::default() }
     }
 
     /// The reference's costs and rules (spec §1.2): unit costs, τ_p = 5, axes in turn without a second try, the running
