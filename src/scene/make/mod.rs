@@ -162,8 +162,10 @@ fn check(options: &MakeOptions) -> Result<f64> {
         return Err(Error::input(format!("a {kind} of {triangles} triangles: it takes at least {fewest}")));
     }
     if let Some((models, copies)) = options.instances {
-        let possible = options.kind == Kind::Forest && (1..=10_000).contains(&models) && (1..=10_000_000).contains(&copies);
-        let share = possible.then(|| triangles / (models * copies)).unwrap_or(0);
+        let possible = options.kind == Kind::Forest
+            && (1..=10_000).contains(&models)
+            && (1..=10_000_000).contains(&copies);
+        let share = if possible { triangles / (models * copies) } else { 0 };
         if share < forest::SMALLEST_MODEL || models * copies > 100_000_000 {
             return Err(Error::input(format!(
                 "a {kind} of {triangles} triangles in {models} models of {copies} copies: only a forest has models, at most \
