@@ -10,6 +10,7 @@ use crate::scene::{LoadOptions, Sharing};
 use crate::schedule;
 use crate::survey::{self, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
 use crate::tree::{BuildOptions, Builder};
+use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 
 /// Start of the GPS clock when nobody asks for another: a fixed one, so that equal runs give equal bytes.
@@ -69,7 +70,7 @@ impl Job {
                 },
                 ..LoadOptions::default()
             },
-            tree: tree(args, threads),
+            tree: tree(args, &set, threads),
             flight: FlightOptions {
                 seed,
                 platform_noise: !args.no_platform_noise && set.platform_noise.unwrap_or(true),
@@ -101,9 +102,11 @@ fn read(path: &Path, reading: &ReadOptions) -> Result<(Survey, RunSettings, Diag
 }
 
 /// The builder and its settings. `--kdtGeomJobs` is about the upper nodes, which the same threads build here.
-fn tree(args: &RunArgs, threads: usize) -> BuildOptions {
+fn tree(args: &RunArgs, set: &RunSettings, threads: usize) -> BuildOptions {
     let usual = BuildOptions::default();
-    let builder = match args.tree {
+    // The file's reader takes the same names only.
+    let written = set.tree.as_deref().and_then(|name| TreeKind::from_str(name, true).ok());
+    let builder = match args.tree.or(written) {
         None => usual.builder,
         Some(TreeKind::Bvh) => Builder::Bvh,
         Some(TreeKind::Fsah) => Builder::Fsah,
@@ -353,6 +356,20 @@ mod tests {
         assert_eq!(c, Corrections::NONE);
         let unknown = correct(&mut c, "sum").unwrap_err().to_string();
         assert!(unknown.contains("sum-equal-ranges"), "{unknown}");
+    }
+
+    #[test]
+    fn a_pipeline_file_may_name_the_tree() {
+        use crate::cli::{Cli, Command};
+        use clap::Parser;
+        let Command::Run(mut args) = Cli::parse_from(["vlscan", "run", "a.toml"]).command else {
+            panic!("no run")
+        };
+        let set = RunSettings { tree: Some("axis-sah".to_owned()), ..RunSettings::default() };
+        assert_eq!(tree(&args, &RunSettings::default(), 1).builder, BuildOptions::default().builder);
+        assert_eq!(tree(&args, &set, 1).builder, Builder::AxisSah);
+        args.tree = Some(TreeKind::Median);
+        assert_eq!(tree(&args, &set, 1).builder, Builder::Median);
     }
 
     #[test]
