@@ -8,7 +8,7 @@ use super::request::{PointFormat, TrajectoryFormat};
 use super::summary::Tally;
 use super::text;
 use crate::geom::DVec3;
-use crate::pipeline::Batch;
+use crate::pulse::Batch;
 use crate::pulse::Echo;
 
 /// A batch as bytes for every file that it goes to; [`Writer::append`](super::Writer::append) takes it.

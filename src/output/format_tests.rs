@@ -4,7 +4,7 @@ use super::testing::{batch, echo, scene, survey, write};
 use super::*;
 use crate::error::Error;
 use crate::geom::DVec3;
-use crate::pipeline::Batch;
+use crate::pulse::Batch;
 use crate::pulse::Echo;
 use ::las::{PointData, Reader};
 use ply_rs_bw::parser::Parser;

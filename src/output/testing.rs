@@ -4,7 +4,7 @@ use super::{NoOffload, OutputContext, OutputPlan, OutputRequest, Summary};
 use crate::error::Result;
 use crate::flight::PoseSample;
 use crate::geom::{Aabb, DVec3, Rotation};
-use crate::pipeline::Batch;
+use crate::pulse::Batch;
 use crate::pulse::{Echo, PulseRecord, WaveformRecord};
 use crate::scene::{Part, Scene};
 use crate::survey::*;

@@ -4,7 +4,7 @@ use super::medium::{Medium, Storage};
 use super::testing::{batch, scene, survey, write};
 use super::*;
 use crate::error::Error;
-use crate::pipeline::Batch;
+use crate::pulse::Batch;
 use std::fs;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};

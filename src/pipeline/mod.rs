@@ -1,13 +1,11 @@
 //! The wiring of the river, short enough to read in a minute: [`fly`] joins the flight's chunks, the workers and the
 //! sinks.
 
-mod batch;
 mod chunk;
 mod collector;
 mod progress;
 mod worker;
 
-pub use batch::Batch;
 pub use chunk::{Chunk, produce};
 pub use progress::{Progress, Snapshot};
 

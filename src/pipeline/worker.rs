@@ -1,10 +1,10 @@
 //! A worker: replays a chunk, fires its pulses, encodes what they measured.
 
-use super::{Batch, Chunk};
+use super::Chunk;
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
 use crate::output::{Encoded, OutputPlan};
-use crate::pulse::{Physics, Shooter};
+use crate::pulse::{Batch, Physics, Shooter};
 use crate::scene::{Change, Movers, Stage};
 use crate::tree::BuildOptions;
 

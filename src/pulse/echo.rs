@@ -56,7 +56,7 @@ pub struct WaveformRecord {
     pub end_ns: f64,
     /// Emission time, ns of the GPS week.
     pub time_ns: f64,
-    /// First sample within [`crate::pipeline::Batch::samples`].
+    /// First sample within [`crate::pulse::Batch::samples`].
     pub first_sample: usize,
     /// Number of samples.
     pub samples: usize,

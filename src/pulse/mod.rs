@@ -7,6 +7,7 @@
 //!                               foliage, energy    shape
 //! ```
 
+mod batch;
 mod detect;
 mod echo;
 mod energy;
@@ -25,6 +26,7 @@ mod testkit;
 mod tests;
 mod waveform;
 
+pub use batch::Batch;
 pub use echo::{Echo, PulseRecord, WaveformRecord};
 pub use options::{Corrections, PhysicsOptions};
 pub use physics::{Physics, Shooter};

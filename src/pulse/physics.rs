@@ -8,7 +8,7 @@ use super::waveform::Waveform;
 use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
 use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3};
-use crate::pipeline::Batch;
+use crate::pulse::Batch;
 use crate::rng::{Purpose, Stream};
 use crate::scene::{Actor, Change, Scene, Stage};
 use crate::survey::Survey;

@@ -5,7 +5,7 @@ use super::waveform::Waveform;
 use super::{Echo, Physics, PhysicsOptions};
 use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3, Rotation};
-use crate::pipeline::Batch;
+use crate::pulse::Batch;
 use crate::scene::{LadTable, Material, Part, Reflection, Scene, Surface, Voxel, VoxelKind};
 use crate::survey::*;
 use crate::tree::{BuildOptions, Builder, Cube, Geometry, Tree};

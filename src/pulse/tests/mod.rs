@@ -6,7 +6,7 @@ mod moving;
 use super::testkit::*;
 use super::{Corrections, PhysicsOptions};
 use crate::geom::{Aabb, DVec3, Rotation, radians};
-use crate::pipeline::Batch;
+use crate::pulse::Batch;
 use crate::scene::{Material, Reflection, Scene};
 use crate::survey::{Device, Survey};
 use proptest::prelude::*;

@@ -1,7 +1,7 @@
 //! What one chunk of pulses yields.
 
+use super::{Echo, PulseRecord, WaveformRecord};
 use crate::flight::PoseSample;
-use crate::pulse::{Echo, PulseRecord, WaveformRecord};
 
 /// Everything that a chunk measured, in the order of emission.
 #[derive(Clone, Debug, Default)]
