@@ -104,7 +104,36 @@ pub enum TreeKind {
 pub struct RunArgs {
     /// The survey (.xml) or pipeline (.toml).
     pub file: PathBuf,
+    /// Points and what is written beside them.
+    #[command(flatten)]
+    pub output: OutputArgs,
+    /// Where the platform is.
+    #[command(flatten)]
+    pub flight: FlightArgs,
+    /// What is read.
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// What everything depends on.
+    #[command(flatten)]
+    pub origin: OriginArgs,
+    /// How echoes are computed.
+    #[command(flatten)]
+    pub physics: PhysicsArgs,
+    /// How the work is done.
+    #[command(flatten)]
+    pub schedule: ScheduleArgs,
+    /// How the scene is kept.
+    #[command(flatten)]
+    pub tree: TreeArgs,
+    /// Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as --trajectory reads
+    /// it).
+    #[arg(long, value_name = "PATH", help_heading = "Output")]
+    pub trajectory_out: Option<PathBuf>,
+}
 
+/// Points and what is written beside them.
+#[derive(Debug, Args)]
+pub struct OutputArgs {
     /// Where the points go: a file (format from its extension; all legs in one), a folder (one file per leg), or - for
     /// stdout. May be given more than once.
     #[arg(short = 'o', long = "out", value_name = "PATH", help_heading = "Output")]
@@ -124,10 +153,6 @@ pub struct RunArgs {
     /// Write every emitted pulse.
     #[arg(long, help_heading = "Output")]
     pub pulses: bool,
-    /// Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as --trajectory reads
-    /// it).
-    #[arg(long, value_name = "PATH", help_heading = "Output")]
-    pub trajectory_out: Option<PathBuf>,
     /// One point file per device of a multi-channel scanner.
     #[arg(long, help_heading = "Output")]
     pub split_by_channel: bool,
@@ -146,13 +171,14 @@ pub struct RunArgs {
     /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser where the scene is too wide for it]
     #[arg(long, value_name = "METRES", help_heading = "Output")]
     pub las_scale: Option<f64>,
+}
 
+/// What is read.
+#[derive(Debug, Args)]
+pub struct InputArgs {
     /// Folder to look for scenes, scanners, platforms, geometry and spectra in; may be given more than once.
     #[arg(long, value_name = "DIR", help_heading = "Input")]
     pub assets: Vec<PathBuf>,
-    /// Replace the platform by a recorded trajectory (time,x,y,z,roll,pitch,yaw); - reads it from stdin as it arrives.
-    #[arg(long, value_name = "PATH", help_heading = "Input")]
-    pub trajectory: Option<PathBuf>,
     /// Treat every warning about the input as an error.
     #[arg(long, help_heading = "Input")]
     pub strict: bool,
@@ -162,13 +188,36 @@ pub struct RunArgs {
     /// Accepted for compatibility: no scene cache is written.
     #[arg(long, hide = true)]
     pub no_scene_writing: bool,
+}
 
+/// Where the platform is.
+#[derive(Debug, Args)]
+pub struct FlightArgs {
+    /// Replace the platform by a recorded trajectory (time,x,y,z,roll,pitch,yaw); - reads it from stdin as it arrives.
+    #[arg(long, value_name = "PATH", help_heading = "Input")]
+    pub trajectory: Option<PathBuf>,
+    /// Ignore the platform's position and attitude noise.
+    #[arg(long, help_heading = "Simulation")]
+    pub no_platform_noise: bool,
+    /// Ignore the survey's random leg offsets.
+    #[arg(long, help_heading = "Simulation")]
+    pub no_leg_noise: bool,
+}
+
+/// What all random draws and time stamps depend on.
+#[derive(Debug, Args)]
+pub struct OriginArgs {
     /// Seed of all noise: an integer, a decimal number or "YYYY-MM-DD hh:mm:ss". [default: the survey's, else 0]
     #[arg(long, value_name = "SEED", help_heading = "Simulation")]
     pub seed: Option<String>,
     /// Start of the GPS clock: "YYYY-MM-DD hh:mm:ss" (UTC), POSIX seconds, or "now". [default: 2024-01-01 00:00:00]
     #[arg(long, value_name = "TIME", help_heading = "Simulation")]
     pub gps_start: Option<String>,
+}
+
+/// How echoes are computed.
+#[derive(Debug, Args)]
+pub struct PhysicsArgs {
     /// Reproduce the reference program, or switch its known weaknesses off. [default: helios]
     #[arg(long, value_name = "PROFILE", help_heading = "Simulation")]
     pub physics: Option<PhysicsProfile>,
@@ -188,13 +237,11 @@ pub struct RunArgs {
     /// Echo strengths by the older energy model.
     #[arg(long, help_heading = "Simulation")]
     pub legacy_energy: bool,
-    /// Ignore the platform's position and attitude noise.
-    #[arg(long, help_heading = "Simulation")]
-    pub no_platform_noise: bool,
-    /// Ignore the survey's random leg offsets.
-    #[arg(long, help_heading = "Simulation")]
-    pub no_leg_noise: bool,
+}
 
+/// How the work is done; the points are the same.
+#[derive(Debug, Args)]
+pub struct ScheduleArgs {
     /// Threads that compute; 0 or nothing = all. The points are the same for any number.
     #[arg(short = 'j', long, value_name = "N", help_heading = "Speed")]
     pub threads: Option<usize>,
@@ -207,6 +254,18 @@ pub struct RunArgs {
     /// Accepted for compatibility: 0 and 1 stand for schedules of the reference program; the points are the same.
     #[arg(long, hide = true, value_parser = ["0", "1"])]
     pub parallelization: Option<String>,
+    /// Refuse scenes that need more memory than this, e.g. 4G.
+    #[arg(long, value_name = "SIZE", help_heading = "Speed")]
+    pub max_memory: Option<String>,
+
+    /// Show the progress as plain lines when stderr is no terminal.
+    #[arg(long, help_heading = "Messages")]
+    pub progress: bool,
+}
+
+/// How the scene is kept; the points are the same.
+#[derive(Debug, Args)]
+pub struct TreeArgs {
     /// The tree that traces the rays; the points are the same. [default: bvh]
     #[arg(long, value_name = "TREE", help_heading = "Speed")]
     pub tree: Option<TreeKind>,
@@ -219,17 +278,9 @@ pub struct RunArgs {
     /// Threads for the upper nodes: one pool builds all nodes here, as large as the larger of this and --tree-jobs.
     #[arg(long, value_name = "N", hide = true)]
     pub kdt_geom_jobs: Option<usize>,
-    /// Refuse scenes that need more memory than this, e.g. 4G.
-    #[arg(long, value_name = "SIZE", help_heading = "Speed")]
-    pub max_memory: Option<String>,
-
     /// Whether parts of one mesh file share it; the points are the same.
     #[arg(long, value_name = "WHEN", hide = true, value_parser = ["auto", "always", "never"])]
     pub instances: Option<String>,
-
-    /// Show the progress as plain lines when stderr is no terminal.
-    #[arg(long, help_heading = "Messages")]
-    pub progress: bool,
 }
 
 /// `vlscan catalogue`.

@@ -196,10 +196,14 @@ mod tests {
                     --disablePlatformNoise --writeWaveform --lasoutput --zipOutput -j 2 -v2";
         for line in [format!("vlscan run {line}"), format!("vlscan {line}")] {
             let run = run(&line);
-            assert_eq!((run.seed.as_deref(), run.file.to_str()), (Some("43"), Some("s.xml")));
-            assert_eq!((run.assets.len(), run.threads), (2, Some(2)));
+            assert_eq!((run.origin.seed.as_deref(), run.file.to_str()), (Some("43"), Some("s.xml")));
+            assert_eq!((run.input.assets.len(), run.schedule.threads), (2, Some(2)));
             assert!(
-                run.no_platform_noise && run.waveforms && run.las_output && run.zip_output && !run.pulses
+                run.flight.no_platform_noise
+                    && run.output.waveforms
+                    && run.output.las_output
+                    && run.output.zip_output
+                    && !run.output.pulses
             );
         }
     }
@@ -212,7 +216,11 @@ mod tests {
             "vlscan run s.xml --writePulse --kdt 2 --nThreads 3",
         ] {
             let run = run(line);
-            assert_eq!((run.threads, run.tree, run.pulses), (Some(3), Some(TreeKind::Sah), true), "{line}");
+            assert_eq!(
+                (run.schedule.threads, run.tree.tree, run.output.pulses),
+                (Some(3), Some(TreeKind::Sah), true),
+                "{line}"
+            );
         }
     }
 
@@ -220,7 +228,10 @@ mod tests {
     fn the_first_value_wins_and_flags_may_be_repeated() {
         let run =
             run("vlscan s.xml --seed 1 --seed 2 -j 3 --njobs 4 --writePulse --writePulse --chunkSize -32");
-        assert_eq!((run.seed.as_deref(), run.threads, run.chunk_size), (Some("1"), Some(3), Some(-32)));
+        assert_eq!(
+            (run.origin.seed.as_deref(), run.schedule.threads, run.schedule.chunk_size),
+            (Some("1"), Some(3), Some(-32))
+        );
         assert_eq!(ours("vlscan s.xml --assets a --assets b"), "vlscan run s.xml --assets=a --assets=b");
     }
 

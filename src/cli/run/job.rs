@@ -1,6 +1,6 @@
 //! From arguments as typed and a file as written to a job with every choice made.
 
-use crate::cli::args::{PhysicsProfile, RunArgs, TreeKind};
+use crate::cli::args::{OutputArgs, PhysicsArgs, PhysicsProfile, RunArgs, TreeArgs, TreeKind};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::{self, FlightOptions};
@@ -36,56 +36,65 @@ pub struct Job {
 impl Job {
     /// Reads the survey or pipeline and settles every choice: the command line first, then the file, then the default.
     pub fn resolve(args: &RunArgs) -> Result<(Job, Diagnostics)> {
-        let stream = args.trajectory.clone().map(|path| PoseStream {
+        let stream = args.flight.trajectory.clone().map(|path| PoseStream {
             path,
             rotation_spec: RotationSpec::Arinc705,
             degrees: true,
             columns: None,
             separator: None,
         });
-        let reading = ReadOptions { assets: args.assets.clone(), strict: args.strict, trajectory: stream };
+        let reading =
+            ReadOptions { assets: args.input.assets.clone(), strict: args.input.strict, trajectory: stream };
         let (mut survey, set, warnings) = read(&args.file, &reading)?;
-        if let Some(crs) = args.crs.as_deref().or(set.crs.as_deref()) {
+        if let Some(crs) = args.output.crs.as_deref().or(set.crs.as_deref()) {
             survey.crs_wkt = Some(wkt(crs)?);
         }
-        let seed = match args.seed.as_deref() {
+        let seed = match args.origin.seed.as_deref() {
             Some(text) => survey::parse_seed(text).map_err(|e| Error::input(format!("--seed: {e}")))?,
             None => set.seed.or(survey.seed).unwrap_or(0),
         };
-        let gps = args.gps_start.clone().or(set.gps_start.clone()).unwrap_or_else(|| GPS_START.to_owned());
+        let gps =
+            args.origin.gps_start.clone().or(set.gps_start.clone()).unwrap_or_else(|| GPS_START.to_owned());
         // The reference takes the system's clock for an empty text.
         let gps = if gps == "now" || gps.trim().is_empty() { now() } else { gps };
-        let threads = threads(args.threads.or(set.threads));
+        let threads = threads(args.schedule.threads.or(set.threads));
         let job = Job {
-            strict: args.strict || set.strict.unwrap_or(false),
+            strict: args.input.strict || set.strict.unwrap_or(false),
             load: LoadOptions {
                 wavelength_nm: survey.scanner.devices[0].beam.wavelength,
                 seed,
-                max_memory: max_memory(args.max_memory.as_deref())?.or(set.max_memory),
+                max_memory: max_memory(args.schedule.max_memory.as_deref())?.or(set.max_memory),
                 jobs: threads,
-                sharing: match args.instances.as_deref() {
+                sharing: match args.tree.instances.as_deref() {
                     Some("always") => Sharing::Always,
                     Some("never") => Sharing::Never,
                     _ => Sharing::Auto,
                 },
                 ..LoadOptions::default()
             },
-            tree: tree(args, &set, threads),
+            tree: tree(&args.tree, &set, threads),
             flight: FlightOptions {
                 seed,
-                platform_noise: !args.no_platform_noise && set.platform_noise.unwrap_or(true),
-                leg_noise: !args.no_leg_noise && set.leg_noise.unwrap_or(true),
+                platform_noise: !args.flight.no_platform_noise && set.platform_noise.unwrap_or(true),
+                leg_noise: !args.flight.no_leg_noise && set.leg_noise.unwrap_or(true),
                 gps_start_ns: flight::gps_start(&gps).map_err(|e| Error::input(format!("GPS start: {e}")))?,
                 ..FlightOptions::default()
             },
-            physics: physics(args, &set, seed)?,
-            output: output(args, &set, &survey, &gps)?,
+            physics: physics(&args.physics, &args.output, &set, seed)?,
+            output: output(&args.output, args.trajectory_out.as_ref(), &set, &survey, &gps)?,
             schedule: schedule::Settings {
                 threads,
-                factor: args.warehouse_factor.or(set.warehouse_factor).unwrap_or(4).clamp(1, 1 << 16),
+                factor: args
+                    .schedule
+                    .warehouse_factor
+                    .or(set.warehouse_factor)
+                    .unwrap_or(4)
+                    .clamp(1, 1 << 16),
             },
-            chunk_size: chunk_size(args.chunk_size.or(set.chunk_size.and_then(|n| i64::try_from(n).ok())))?,
-            progress_lines: args.progress,
+            chunk_size: chunk_size(
+                args.schedule.chunk_size.or(set.chunk_size.and_then(|n| i64::try_from(n).ok())),
+            )?,
+            progress_lines: args.schedule.progress,
             survey,
         };
         Ok((job, warnings))
@@ -102,7 +111,7 @@ fn read(path: &Path, reading: &ReadOptions) -> Result<(Survey, RunSettings, Diag
 }
 
 /// The builder and its settings. `--kdtGeomJobs` is about the upper nodes, which the same threads build here.
-fn tree(args: &RunArgs, set: &RunSettings, threads: usize) -> BuildOptions {
+fn tree(args: &TreeArgs, set: &RunSettings, threads: usize) -> BuildOptions {
     let usual = BuildOptions::default();
     // The file's reader takes the same names only.
     let written = set.tree.as_deref().and_then(|name| TreeKind::from_str(name, true).ok());
@@ -142,7 +151,7 @@ fn chunk_size(wanted: Option<i64>) -> Result<u32> {
     }
 }
 
-fn physics(args: &RunArgs, set: &RunSettings, seed: u64) -> Result<PhysicsOptions> {
+fn physics(args: &PhysicsArgs, output: &OutputArgs, set: &RunSettings, seed: u64) -> Result<PhysicsOptions> {
     let refined = match (args.physics, set.physics.as_deref()) {
         (Some(profile), _) => profile == PhysicsProfile::Refined,
         (None, Some("refined")) => true,
@@ -165,8 +174,8 @@ fn physics(args: &RunArgs, set: &RunSettings, seed: u64) -> Result<PhysicsOption
         fixed_incidence: flag(args.fixed_incidence, set.fixed_incidence),
         echo_width: flag(args.echo_width, set.echo_width),
         waveform_noise: flag(args.waveform_noise, set.waveform_noise),
-        record_waveforms: args.waveforms || set.waveforms.unwrap_or(false),
-        record_pulses: args.pulses || set.pulses.unwrap_or(false),
+        record_waveforms: output.waveforms || set.waveforms.unwrap_or(false),
+        record_pulses: output.pulses || set.pulses.unwrap_or(false),
         corrections,
     })
 }
@@ -187,7 +196,13 @@ fn correct(corrections: &mut Corrections, name: &str) -> Result<()> {
     Ok(())
 }
 
-fn output(args: &RunArgs, set: &RunSettings, survey: &Survey, gps: &str) -> Result<OutputRequest> {
+fn output(
+    args: &OutputArgs,
+    poses: Option<&PathBuf>,
+    set: &RunSettings,
+    survey: &Survey,
+    gps: &str,
+) -> Result<OutputRequest> {
     let mut sinks = Vec::new();
     let usual = helios_format(args);
     if let Some(folder) = &args.output {
@@ -205,7 +220,7 @@ fn output(args: &RunArgs, set: &RunSettings, survey: &Survey, gps: &str) -> Resu
             sinks.push((Target::Helios(PathBuf::from("output")), usual));
         }
     }
-    let trajectory = match &args.trajectory_out {
+    let trajectory = match poses {
         Some(path) => Some((path, None)),
         None => set.sinks.iter().find(|s| s.content == "trajectory").map(|s| (&s.path, s.per_leg)),
     };
@@ -243,7 +258,7 @@ fn per_leg(target: Target, wanted: Option<bool>) -> Target {
     }
 }
 
-fn helios_format(args: &RunArgs) -> PointFormat {
+fn helios_format(args: &OutputArgs) -> PointFormat {
     match (args.las_output || args.las10, args.zip_output) {
         (true, true) => PointFormat::Laz,
         (true, false) => PointFormat::Las,
@@ -366,10 +381,10 @@ mod tests {
             panic!("no run")
         };
         let set = RunSettings { tree: Some("axis-sah".to_owned()), ..RunSettings::default() };
-        assert_eq!(tree(&args, &RunSettings::default(), 1).builder, BuildOptions::default().builder);
-        assert_eq!(tree(&args, &set, 1).builder, Builder::AxisSah);
-        args.tree = Some(TreeKind::Median);
-        assert_eq!(tree(&args, &set, 1).builder, Builder::Median);
+        assert_eq!(tree(&args.tree, &RunSettings::default(), 1).builder, BuildOptions::default().builder);
+        assert_eq!(tree(&args.tree, &set, 1).builder, Builder::AxisSah);
+        args.tree.tree = Some(TreeKind::Median);
+        assert_eq!(tree(&args.tree, &set, 1).builder, Builder::Median);
     }
 
     #[test]
