@@ -69,6 +69,11 @@ pub enum Command {
     Unzip(UnzipArgs),
     /// Draw a point cloud from above and from the side.
     Preview(PreviewArgs),
+    /// Write what a shell needs to complete this command line to stdout.
+    Completions(CompletionsArgs),
+    /// Write the manual pages.
+    #[command(hide = true)]
+    Man(ManArgs),
 }
 
 /// Which corrections of the reference's physics are on.
@@ -418,4 +423,18 @@ pub struct PreviewArgs {
     /// Overwrite a picture that exists.
     #[arg(long)]
     pub force: bool,
+}
+
+/// `vlscan completions`.
+#[derive(Debug, Args)]
+pub struct CompletionsArgs {
+    /// The shell.
+    pub shell: clap_complete::Shell,
+}
+
+/// `vlscan man`.
+#[derive(Debug, Args)]
+pub struct ManArgs {
+    /// The folder that gets the pages; pages of the same names are replaced.
+    pub dir: PathBuf,
 }

@@ -4,10 +4,12 @@
 
 mod args;
 mod catalogue;
+mod completions;
 mod console;
 mod helios;
 mod info;
 mod interrupt;
+mod manual;
 mod preview;
 mod run;
 mod scene;
@@ -18,7 +20,7 @@ pub use args::{Cli, Command, PhysicsProfile, RunArgs, TreeKind};
 pub use console::{Console, LogTo, Verbosity};
 
 use crate::error::Error;
-use clap::{CommandFactory, Parser};
+use clap::FromArgMatches;
 use std::ffi::OsString;
 
 /// Runs the program with these arguments and returns its exit status: 0 done, 1 the machine failed, 2 wrong input or
@@ -32,10 +34,12 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     if words.len() < 2 {
-        let _ = Cli::command().print_help();
+        let _ = manual::command().print_help();
         return 0;
     }
-    let cli = match Cli::try_parse_from(words) {
+    let parsed =
+        manual::command().try_get_matches_from(words).and_then(|found| Cli::from_arg_matches(&found));
+    let cli = match parsed {
         Ok(cli) => cli,
         Err(message) => {
             // Help and version are answers, not errors; a closed pipe must not turn them into a panic.
@@ -56,6 +60,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Catalogue(args) => catalogue::run(args, &console),
         Command::Unzip(args) => unzip::run(args, &console),
         Command::Preview(args) => preview::run(args, &console),
+        Command::Completions(args) => completions::run(args),
+        Command::Man(args) => manual::run(args, &console),
     };
     match outcome {
         Ok(()) => 0,

@@ -1,0 +1,196 @@
+//! What the manual knows beyond the options: examples, files and exit statuses of every subcommand; and the manual pages
+//! themselves, which `vlscan man DIR` writes in the form of man(7).
+//!
+//! The pages in `man/` are checked in; `tests/manual.rs` fails when they differ from what is written now.
+
+mod pages;
+
+use super::Cli;
+use super::args::ManArgs;
+use super::console::Console;
+use crate::error::{Error, Result};
+use clap::{Command, CommandFactory};
+use clap_mangen::Man;
+use clap_mangen::roff::{Roff, bold, roman};
+use pages::{EXIT_STATUS, PAGES, Page};
+use std::path::Path;
+
+/// The command line with the examples of [`pages`] at the end of each `--help`.
+pub fn command() -> Command {
+    let mut command = with_examples(Cli::command(), "vlscan");
+    // Options that hold everywhere reach the subcommands, and all get their full names.
+    command.build();
+    command
+}
+
+/// Runs `vlscan man`: writes a page for every subcommand into a folder, over those that are there.
+pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
+    std::fs::create_dir_all(&args.dir).map_err(|e| Error::io("create", &args.dir, e))?;
+    let pages = manual()?;
+    for (name, text) in &pages {
+        let path = args.dir.join(name);
+        std::fs::write(&path, text).map_err(|e| Error::io("write", &path, e))?;
+    }
+    console.say(format!(
+        "{} pages in {}; look: man -l {}",
+        pages.len(),
+        args.dir.display(),
+        example(&args.dir)
+    ));
+    Ok(())
+}
+
+fn example(dir: &Path) -> String {
+    dir.join("vlscan.1").display().to_string()
+}
+
+fn page(path: &str) -> Option<&'static Page> {
+    PAGES.iter().find(|page| page.path == path)
+}
+
+fn with_examples(command: Command, path: &str) -> Command {
+    let names: Vec<String> = command.get_subcommands().map(|sub| sub.get_name().to_owned()).collect();
+    let command = names.iter().fold(command, |command, name| {
+        command.mut_subcommand(name, |sub| with_examples(sub, &format!("{path} {name}")))
+    });
+    match page(path) {
+        Some(page) => {
+            let examples: String = page.examples.lines().map(|line| format!("  {line}\n")).collect();
+            let examples = examples.replace("  \n", "\n");
+            command.after_long_help(format!("Examples:\n{}", examples.trim_end()))
+        }
+        None => command,
+    }
+}
+
+/// All pages: file name and text.
+fn manual() -> Result<Vec<(String, Vec<u8>)>> {
+    let mut pages = Vec::new();
+    let mut root = Cli::command().disable_help_subcommand(true);
+    root.build();
+    collect(&root, "vlscan", &[], &mut pages)?;
+    pages.sort();
+    Ok(pages)
+}
+
+fn collect(command: &Command, path: &str, kin: &[String], pages: &mut Vec<(String, Vec<u8>)>) -> Result<()> {
+    let visible = || command.get_subcommands().filter(|sub| !sub.is_hide_set());
+    let below: Vec<String> = visible().map(|sub| format!("{path} {}", sub.get_name())).collect();
+    for (sub, path) in visible().zip(&below) {
+        let kin: Vec<String> = below.iter().filter(|other| *other != path).cloned().collect();
+        collect(sub, path, &kin, pages)?;
+    }
+    let related: Vec<String> = match path.rsplit_once(' ') {
+        None => below,
+        Some((parent, _)) => {
+            [parent.to_owned()].into_iter().chain(below).chain(kin.iter().cloned()).collect()
+        }
+    };
+    let failed = |e: std::io::Error| Error::Internal(format!("manual page of {path}: {e}"));
+    pages.push((format!("{}.1", path.replace(' ', "-")), written(command, path, &related).map_err(failed)?));
+    Ok(())
+}
+
+fn written(command: &Command, path: &str, related: &[String]) -> std::io::Result<Vec<u8>> {
+    let mut short = command.clone();
+    let usage = short.render_usage().to_string();
+    // A synopsis of sixty options tells nothing.
+    let short = short.override_usage(usage.trim_start_matches("Usage:").trim().to_owned());
+    let man = Man::new(short)
+        .title(path.replace(' ', "-").to_uppercase())
+        .source(format!("vlscan {}", env!("CARGO_PKG_VERSION")))
+        .manual("vlscan manual");
+    let mut text = Vec::new();
+    man.render_title(&mut text)?;
+    man.render_name_section(&mut text)?;
+    man.render_synopsis_section(&mut text)?;
+    man.render_description_section(&mut text)?;
+    man.render_options_section(&mut text)?;
+    if command.get_subcommands().any(|sub| !sub.is_hide_set()) {
+        man.render_subcommands_section(&mut text)?;
+    }
+    let mut ours = Roff::new();
+    if let Some(page) = page(path) {
+        examples(&mut ours, page.examples);
+        definitions(&mut ours, "FILES", page.files);
+    }
+    definitions(&mut ours, "EXIT STATUS", EXIT_STATUS);
+    ours.control("SH", ["SEE ALSO"]);
+    ours.text([roman(
+        related.iter().map(|p| format!("{}(1)", p.replace(' ', "-"))).collect::<Vec<_>>().join(", "),
+    )]);
+    ours.to_writer(&mut text)?;
+    Ok(text)
+}
+
+/// The examples as they are typed: no filling, no hyphens of typography.
+fn examples(page: &mut Roff, text: &str) {
+    page.control("SH", ["EXAMPLES"]);
+    page.control("EX", []);
+    for line in text.lines() {
+        page.text([roman(line)]);
+    }
+    page.control("EE", []);
+}
+
+fn definitions(page: &mut Roff, heading: &str, entries: &[(&str, &str)]) {
+    if entries.is_empty() {
+        return;
+    }
+    page.control("SH", [heading]);
+    for (term, meaning) in entries {
+        page.control("TP", []);
+        page.text([bold(*term)]);
+        page.text([roman(*meaning)]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn visit(command: &Command, path: &str, see: &mut impl FnMut(&Command, &str)) {
+        see(command, path);
+        for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set() && sub.get_name() != "help") {
+            visit(sub, &format!("{path} {}", sub.get_name()), see);
+        }
+    }
+
+    #[test]
+    fn every_subcommand_has_examples() {
+        let mut seen = Vec::new();
+        visit(&command(), "vlscan", &mut |command, path| {
+            seen.push(path.to_owned());
+            assert!(page(path).is_some(), "`{path}` has no examples: add it to src/cli/manual/pages.rs");
+            let help = command.clone().render_long_help().to_string();
+            assert!(help.contains("Examples:\n  "), "{path}:\n{help}");
+        });
+        for page in PAGES {
+            assert!(
+                seen.iter().any(|path| path == page.path),
+                "pages.rs has {}, which is no command",
+                page.path
+            );
+        }
+    }
+
+    #[test]
+    fn the_definition_of_the_command_line_holds_together() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_page_has_its_sections_and_no_hyphens_of_typography() {
+        let pages = manual().unwrap();
+        let (_, text) = pages.iter().find(|(name, _)| name == "vlscan-scene-make.1").unwrap();
+        let text = String::from_utf8(text.clone()).unwrap();
+        let mut rest = text.as_str();
+        for section in ["NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXAMPLES", "EXIT STATUS", "SEE ALSO"] {
+            let quoted =
+                if section.contains(' ') { format!(".SH \"{section}\"") } else { format!(".SH {section}") };
+            let (_, after) = rest.split_once(&quoted).unwrap_or_else(|| panic!("no {section} in:\n{text}"));
+            rest = after;
+        }
+        assert!(text.contains("vlscan scene make forest \\-n"), "{text}");
+    }
+}

@@ -1,0 +1,164 @@
+//! The examples and files of every subcommand. The examples of a page run as they are, one after the other, in an empty
+//! folder; `tests/newcomer.rs` does that.
+
+/// What the manual says about a subcommand besides its options.
+pub(super) struct Page {
+    /// As typed: `vlscan scene make`.
+    pub(super) path: &'static str,
+    /// Shell lines with comments; an empty line between examples.
+    pub(super) examples: &'static str,
+    /// Files that are read or written, with what they are.
+    pub(super) files: &'static [(&'static str, &'static str)],
+}
+
+/// The same for all subcommands.
+pub(super) const EXIT_STATUS: &[(&str, &str)] = &[
+    ("0", "Done. Also when the reader of stdout closes it, as head(1) does."),
+    ("1", "The machine failed: a file could not be read or written, the disk is full."),
+    ("2", "The input or the command line is wrong; the message says where and what was expected."),
+    ("3", "A scan frequency is outside the scanner's limits."),
+    ("130", "Interrupted (Ctrl-C)."),
+];
+
+/// All subcommands.
+pub(super) const PAGES: &[Page] = &[
+    Page {
+        path: "vlscan",
+        examples: "\
+# a small forest with a survey that scans it, its point cloud, and a look at it
+vlscan scene make forest -n 20k --pulses 60k -o forest
+vlscan run forest/survey.xml -o forest.laz
+vlscan preview forest.laz -o forest.html
+
+# how high is the highest return?
+vlscan run forest/survey.xml -o - --format xyz -q | awk '$3 > max { max = $3 } END { print max }'
+
+# what can be flown, and with what
+vlscan catalogue riegl",
+        files: &[
+            ("*.xml", "Surveys, scenes, scanners and platforms as HELIOS++ reads them."),
+            ("*.toml", "Pipeline files: scene, platform, scanner, settings and outputs in one place."),
+        ],
+    },
+    Page {
+        path: "vlscan run",
+        examples: "\
+# something to scan: a forest and a flight over it
+vlscan scene make forest -n 20k --pulses 60k -o forest
+
+# all strips in one file; the ending tells the format
+vlscan run forest/survey.xml -o forest.laz
+
+# one file per strip
+vlscan run forest/survey.xml -o strips --format las
+
+# as HELIOS++ does: out/SURVEY/TIME/leg000_points.xyz and so on
+vlscan run forest/survey.xml --output out --waveforms
+
+# highest point of every object, through a pipe
+vlscan run forest/survey.xml -o - --format xyz -q |
+  awk '!($9 in z) || $3 > z[$9] { z[$9] = $3 } END { for (o in z) print o, z[o] }' | sort
+
+# the reference's known weaknesses switched off, another seed
+vlscan run forest/survey.xml -o refined.laz --physics refined --seed 7",
+        files: &[
+            ("output/SURVEY/TIME/", "Where the files go with neither -o nor --output, as with HELIOS++."),
+            ("NAME.part", "An output that is not complete yet; it gets its name when it is."),
+            ("helios_TIME.log", "The messages, with --log-file."),
+        ],
+    },
+    Page {
+        path: "vlscan scene",
+        examples: "\
+# make a scene, see what it holds
+vlscan scene make room -o room
+vlscan scene info room/scene.xml#room",
+        files: &[],
+    },
+    Page {
+        path: "vlscan scene make",
+        examples: "\
+# a forest of 20 000 triangles in which each tree is an object of its own
+vlscan scene make forest -n 20k --separate-trees -o forest
+
+# another forest
+vlscan scene make forest -n 20k --seed 2 -o forest2
+
+# two million triangles of which 20 thousand are stored
+vlscan scene make forest -n 2M --models 10 --copies 100 -o large
+
+# hills, 500 m wide
+vlscan scene make terrain --extent 500 -o hills",
+        files: &[
+            ("DIR/survey.xml", "The survey: vlscan run DIR/survey.xml"),
+            ("DIR/scene.xml", "The scene, with its *.obj and *.mtl beside it."),
+            ("DIR/scanners.xml, DIR/platforms.xml", "What the survey flies."),
+        ],
+    },
+    Page {
+        path: "vlscan scene info",
+        examples: "\
+vlscan scene make forest -n 20k -o forest
+
+# parts, triangles, materials, memory
+vlscan scene info forest/survey.xml
+
+# for programs
+vlscan scene info forest/survey.xml --json",
+        files: &[],
+    },
+    Page {
+        path: "vlscan catalogue",
+        examples: "\
+# everything that ships
+vlscan catalogue
+
+# airborne instruments of RIEGL
+vlscan catalogue riegl
+
+# for programs
+vlscan catalogue --json",
+        files: &[],
+    },
+    Page {
+        path: "vlscan unzip",
+        examples: "\
+vlscan scene make room -n 2k --pulses 20k -o room
+vlscan run room/survey.xml -o points.bin
+
+# the text that it holds
+vlscan unzip points.bin points.xyz
+vlscan unzip points.bin -q | head -3",
+        files: &[("*.bin", "Text as HELIOS++ compresses it with --zipOutput.")],
+    },
+    Page {
+        path: "vlscan preview",
+        examples: "\
+vlscan scene make forest -n 20k --pulses 60k -o forest
+vlscan run forest/survey.xml -o forest.laz
+
+# a picture from above and from the side
+vlscan preview forest.laz -o forest.png
+vlscan preview forest.laz -o classes.png --colour class",
+        files: &[("NAME.part", "A picture that is not complete yet.")],
+    },
+    Page {
+        path: "vlscan completions",
+        examples: "\
+# for this shell and this user; open a new shell afterwards
+mkdir -p ~/.local/share/bash-completion/completions
+vlscan completions bash > ~/.local/share/bash-completion/completions/vlscan
+
+# zsh: into a folder of $fpath
+mkdir -p ~/.zfunc
+vlscan completions zsh > ~/.zfunc/_vlscan
+
+# fish
+mkdir -p ~/.config/fish/completions
+vlscan completions fish > ~/.config/fish/completions/vlscan.fish",
+        files: &[
+            ("~/.local/share/bash-completion/completions/vlscan", "Where bash looks."),
+            ("~/.config/fish/completions/vlscan.fish", "Where fish looks."),
+        ],
+    },
+];
