@@ -15,6 +15,13 @@ pub struct LadTable {
     values: Vec<f64>,
 }
 
+/// No leaves project more than that on a scale where an isotropic canopy has π.
+const LARGEST: f64 = 1e3;
+
+fn is_unit(d: DVec3) -> bool {
+    (d.length() - 1.0).abs() < 0.01
+}
+
 /// Angles closer than this are equal, rad.
 const SAME_ANGLE: f64 = 1e-7;
 
@@ -51,6 +58,9 @@ impl LadTable {
 
     /// Reads a table of lines `x,y,z,G`. `None` after an error, of which all are reported.
     pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Option<LadTable> {
+        if !source.is_text("a leaf angle table", diagnostics) {
+            return None;
+        }
         let mut problems = Problems::default();
         let mut rows = Vec::new();
         for line in Lines::new(source.bytes(), false).filter(|l| !is_empty_line(&l.text)) {
@@ -61,22 +71,22 @@ impl LadTable {
                 .filter(|v| v.is_finite())
                 .collect();
             match numbers[..] {
-                [x, y, z, g] if (DVec3::new(x, y, z).length() - 1.0).abs() < 0.01 => {
+                [x, y, z, g] if is_unit(DVec3::new(x, y, z)) && (0.0..=LARGEST).contains(&g) => {
                     rows.push((DVec3::new(x, y, z), g))
                 }
-                _ => problems.push(line.number, line.start..line.start + line.text.len(), || {
+                _ => problems.error(line.number, line.start..line.start + line.text.len(), || {
                     format!(
-                        "expected x,y,z,G with a unit vector, found \"{}\"",
+                        "expected x,y,z,G with a unit vector and a G of 0 or more, found \"{}\"",
                         shown(line.text.trim_ascii())
                     )
                 }),
             }
         }
-        let is_sound = problems.is_empty();
-        problems.report_errors(source, diagnostics);
+        let is_sound = problems.report(source, diagnostics);
         let table = LadTable::new(rows);
         if table.is_none() && is_sound {
-            diagnostics.error(None, format!("the leaf angle table {} is empty", source.path().display()));
+            let message = "the leaf angle table has no rows; a row is x,y,z,G";
+            diagnostics.error(Some(source.place(1, 0..0)), message);
         }
         table.filter(|_| is_sound)
     }
@@ -114,10 +124,10 @@ mod tests {
         let good = Source::of("l.lut", b"1.0,0.0,0.0,0.5\r\n\r\n0.0, 0.0, 1.0, 0.25\n");
         assert_eq!(LadTable::read(&good, &mut d).unwrap().g(DVec3::Z), 0.25);
         assert!(d.items().is_empty());
-        let bad = Source::of("l.lut", b"1,0,0,0.5\n1,0,0\nx,0,0,1\n1,1,1,1\n0,0,1,nan\n");
+        let bad = Source::of("l.lut", b"1,0,0,0.5\n1,0,0\nx,0,0,1\n1,1,1,1\n0,0,1,nan\n0,0,1,-1\n");
         assert!(LadTable::read(&bad, &mut d).is_none());
-        assert_eq!(d.items().len(), 4);
-        assert!(LadTable::read(&Source::of("l.lut", b"\n"), &mut d).is_none() && d.items().len() == 5);
+        assert_eq!(d.items().len(), 5);
+        assert!(LadTable::read(&Source::of("l.lut", b"\n"), &mut d).is_none() && d.items().len() == 6);
     }
 
     proptest! {

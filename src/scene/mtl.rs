@@ -44,8 +44,11 @@ impl Definition {
     }
 }
 
-/// Reads all definitions in the order of the file. A value that cannot be read is a warning and leaves the default.
+/// Reads all definitions in the order of the file. A value that cannot be read is an error.
 pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Definition> {
+    if !source.is_text("a material file", diagnostics) {
+        return Vec::new();
+    }
     let mut problems = Problems::default();
     let mut definitions: Vec<Definition> = Vec::new();
     for line in Lines::new(source.bytes(), true) {
@@ -62,13 +65,13 @@ fn statement(line: &Line, definitions: &mut Vec<Definition>, problems: &mut Prob
     let values: Vec<(&[u8], Range<usize>)> = words.collect();
     if keyword == b"newmtl" {
         let Some((name, name_at)) = values.first() else {
-            return problems.push(line.number, in_file(at), || "newmtl without a name".to_owned());
+            return problems.error(line.number, in_file(at), || "newmtl without a name".to_owned());
         };
         let name = name_of(name);
         if let Some(first) = definitions.iter().find(|d| d.name == name) {
             let message =
                 format!("material \"{name}\" is already defined in line {}, which counts", first.line);
-            problems.push(line.number, in_file(name_at.clone()), || message);
+            problems.warn(line.number, in_file(name_at.clone()), || message);
         }
         return definitions.push(Definition::new(name, line.number));
     }
@@ -76,15 +79,19 @@ fn statement(line: &Line, definitions: &mut Vec<Definition>, problems: &mut Prob
         return;
     }
     let Some(material) = definitions.last_mut() else {
-        return problems.push(line.number, in_file(at), || {
+        return problems.warn(line.number, in_file(at), || {
             format!("{} before the first newmtl is ignored", shown(keyword))
         });
     };
     if let Err(expected) = set(material, keyword, &values) {
         let found = values.first().map_or("nothing".to_owned(), |(w, _)| format!("\"{}\"", shown(w)));
         let marked = values.first().map_or(at, |(_, at)| at.clone());
-        problems.push(line.number, in_file(marked), || {
-            format!("expected {expected} after {}, found {found}; the line is ignored", shown(keyword))
+        if matches!(values.first(), Some((b"spectral" | b"xyz", _))) {
+            let message = "colours by spectral curves or CIE XYZ are not read; the line is ignored";
+            return problems.warn(line.number, in_file(marked), || message.to_owned());
+        }
+        problems.error(line.number, in_file(marked), || {
+            format!("expected {expected} after {}, found {found}", shown(keyword))
         });
     }
 }
@@ -183,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_value_costs_its_line_and_not_the_file() {
+    fn bad_values_are_named_all_at_once() {
         let (m, d) = read_text(
             b"Kd 1 1 1\nnewmtl a\nKd spectral f.rfl\nhelios_useVertexColors true\nhelios_reflectance much\n\
               helios_classification 2.5\nhelios_isGround perhaps\nNs -1\nKs 1 nan 1\nnewmtl\nnewmtl a\nnewmtl b\nKd 1 1 1\n",
@@ -198,6 +205,7 @@ mod tests {
     #[test]
     fn noise_is_survived() {
         let noise: Vec<u8> = (0..20_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
-        assert!(read_text(&noise).0.is_empty());
+        let (definitions, d) = read_text(&noise);
+        assert!(definitions.is_empty() && d.is_fatal(false));
     }
 }

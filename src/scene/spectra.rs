@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 /// Lines before the table.
 const HEADER_LINES: usize = 26;
 
+/// Largest number that a table may hold.
+const LARGEST: f64 = 1e6;
+
 /// The spectra of all asset folders, read when a material asks for them.
 pub(super) struct Spectra {
     folders: Vec<PathBuf>,
@@ -61,15 +64,23 @@ fn reflectance_in(path: &Path, wavelength: f32, diagnostics: &mut Diagnostics) -
     let source = match Source::open(path) {
         Ok(source) => source,
         Err(e) => {
-            diagnostics.warn(None, format!("cannot read the spectrum {}: {e}", path.display()));
+            diagnostics.error(None, format!("cannot read the spectrum {}: {e}", path.display()));
             return None;
         }
     };
+    if !source.is_text("a spectrum", diagnostics) {
+        return None;
+    }
     let mut problems = Problems::default();
     let table = table(&source, &mut problems);
-    problems.report(&source, diagnostics);
+    if !problems.report(&source, diagnostics) {
+        return None;
+    }
     if table.is_empty() {
-        diagnostics.warn(None, format!("the spectrum {} holds no values after its header", path.display()));
+        let end = source.bytes().len();
+        let lines = Lines::new(source.bytes(), false).count();
+        let message = format!("the spectrum holds no values after the {HEADER_LINES} lines of its header");
+        diagnostics.error(Some(source.place(lines, end.saturating_sub(1)..end)), message);
         return None;
     }
     Some(f64::from(interpolate(&table, wavelength)))
@@ -80,12 +91,11 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<(f32, f32)> {
     for line in Lines::new(source.bytes(), false).skip(HEADER_LINES) {
         let mut words = Words::new(&line.text, 0);
         let Some((first, at)) = words.next() else { continue };
-        let number = |word: &[u8]| float(word).filter(|v| v.is_finite()).map(|v| v as f32);
+        let number = |word: &[u8]| float(word).filter(|v| v.abs() <= LARGEST).map(|v| v as f32);
         match (number(first), words.next().and_then(|(w, _)| number(w))) {
             (Some(wavelength), Some(percent)) => rows.push((wavelength, percent)),
-            _ => problems.push(line.number, line.start + at.start..line.start + line.text.len(), || {
-                "expected a wavelength in micrometres and a reflectance in per cent; the line is ignored"
-                    .to_owned()
+            _ => problems.error(line.number, line.start + at.start..line.start + line.text.len(), || {
+                "expected a wavelength in micrometres and a reflectance in per cent".to_owned()
             }),
         }
     }
@@ -151,7 +161,7 @@ mod tests {
         std::fs::write(root.path().join("spectra/b.txt"), "0.5\t10\n").unwrap();
         let mut d = Diagnostics::default();
         let mut spectra = Spectra::new(&[root.path().to_path_buf()], 500.0);
-        assert_eq!(spectra.reflectance("a", &mut d), Some(10.0));
+        assert_eq!(spectra.reflectance("a", &mut d), None);
         assert_eq!(d.items().iter().flat_map(|i| i.lines()).collect::<Vec<_>>(), [28, 29]);
         assert_eq!(spectra.reflectance("b", &mut d), None);
         assert_eq!(d.items().len(), 2);

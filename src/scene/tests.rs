@@ -29,7 +29,7 @@ fn parts_without_id_are_numbered_and_each_of_their_files_is_a_part() {
     let files =
         vec![f.file("b.obj", TRIANGLE), f.file("empty.obj", "# nothing\n"), f.file("c.obj", TRIANGLE)];
     f.part(Loader::Obj { files: files.clone(), up: UpAxis::Z });
-    f.obj("none.obj", "v 1 1 1\n");
+    f.obj("none.obj", "o nothing\nv 1 1 1\np 1\n");
     f.part(Loader::Obj { files, up: UpAxis::Z }).id = Some("hedge".to_owned());
     f.obj("d.obj", TRIANGLE).id = Some(String::new());
     f.obj("e.obj", TRIANGLE).id = Some("7".to_owned());

@@ -19,7 +19,12 @@ const SHOWN_LINE: usize = 160;
 pub(super) struct Source {
     path: PathBuf,
     data: Data,
+    /// Where the content begins: behind a byte order mark.
+    begin: usize,
 }
+
+/// UTF-8's byte order mark, which says nothing here.
+const MARK: &[u8] = b"\xef\xbb\xbf";
 
 enum Data {
     Mapped(memmap2::Mmap),
@@ -40,13 +45,19 @@ impl Source {
             file.read_to_end(&mut held)?;
             Data::Held(held)
         };
-        Ok(Source { path: path.to_path_buf(), data })
+        Ok(Source::new(path, data))
+    }
+
+    fn new(path: &Path, data: Data) -> Source {
+        let mut source = Source { path: path.to_path_buf(), data, begin: 0 };
+        source.begin = if source.bytes().starts_with(MARK) { MARK.len() } else { 0 };
+        source
     }
 
     /// A source without a file.
     #[cfg(test)]
     pub fn of(path: &str, text: &[u8]) -> Source {
-        Source { path: PathBuf::from(path), data: Data::Held(text.to_vec()) }
+        Source::new(Path::new(path), Data::Held(text.to_vec()))
     }
 
     /// The file's name.
@@ -56,10 +67,39 @@ impl Source {
 
     /// The whole content.
     pub fn bytes(&self) -> &[u8] {
-        match &self.data {
+        let all: &[u8] = match &self.data {
             Data::Mapped(map) => map,
             Data::Held(held) => held,
+        };
+        &all[self.begin..]
+    }
+
+    /// Whether the file holds text at all; otherwise an error that names the first line that is none.
+    pub fn is_text(&self, what: &str, diagnostics: &mut Diagnostics) -> bool {
+        let bytes = self.bytes();
+        if bytes.is_empty() {
+            diagnostics.error(Some(self.place(1, 0..0)), format!("expected {what}, found an empty file"));
+            return false;
         }
+        let Some(at) = memchr(0, bytes) else { return true };
+        let line = memchr::memchr_iter(b'\n', &bytes[..at]).count() + 1;
+        let found = if matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
+            "UTF-16; save it as UTF-8"
+        } else {
+            "bytes that are no text"
+        };
+        diagnostics.error(Some(self.place(line, at..at + 1)), format!("expected {what}, found {found}"));
+        false
+    }
+
+    /// The last line if nothing ends it: its number, where it begins, and its text.
+    pub fn unended_line(&self) -> Option<(usize, usize, &[u8])> {
+        let bytes = self.bytes();
+        if bytes.last().is_none_or(|b| *b == b'\n') {
+            return None;
+        }
+        let start = memrchr(b'\n', bytes).map_or(0, |n| n + 1);
+        Some((memchr::memchr_iter(b'\n', bytes).count() + 1, start, &bytes[start..]))
     }
 
     /// The place of the bytes `at`, which stand in line `number` (from 1). Bytes that are no text are shown as `�`.
@@ -185,9 +225,16 @@ impl<'a> Iterator for Words<'a> {
     }
 }
 
-/// Problems of one file, collected anywhere and reported in the order of the file.
+/// Problems of one file, collected anywhere and reported in the order of the file: errors, where the file is provably
+/// broken, and warnings.
 #[derive(Default)]
 pub(super) struct Problems {
+    errors: List,
+    warnings: List,
+}
+
+#[derive(Default)]
+struct List {
     shown: Vec<Problem>,
     count: usize,
 }
@@ -198,22 +245,15 @@ struct Problem {
     message: String,
 }
 
-impl Problems {
-    /// Records a problem in line `line` (from 1) at the bytes `at`.
-    pub fn push(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
+impl List {
+    fn push(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
         self.count += 1;
         if self.shown.len() < SHOWN_PROBLEMS {
             self.shown.push(Problem { line, at, message: message() });
         }
     }
 
-    /// Whether further problems are only counted.
-    pub fn is_full(&self) -> bool {
-        self.shown.len() >= SHOWN_PROBLEMS
-    }
-
-    /// Takes over the problems of a later piece of the file that begins `lines` lines and `bytes` bytes into it.
-    pub fn append(&mut self, later: Problems, lines: usize, bytes: usize) {
+    fn append(&mut self, later: List, lines: usize, bytes: usize) {
         self.count += later.count;
         let room = SHOWN_PROBLEMS - self.shown.len();
         self.shown.extend(later.shown.into_iter().take(room).map(|p| Problem {
@@ -222,34 +262,57 @@ impl Problems {
             message: p.message,
         }));
     }
+}
 
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
+impl Problems {
+    /// Records an error in line `line` (from 1) at the bytes `at`.
+    pub fn error(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
+        self.errors.push(line, at, message);
     }
 
-    /// Hands all of them over as warnings.
-    pub fn report(self, source: &Source, diagnostics: &mut Diagnostics) {
-        self.hand_over(source, |place, message| {
-            diagnostics.warn(place, message);
-        });
+    /// Records something that is replaced or left out.
+    pub fn warn(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
+        self.warnings.push(line, at, message);
     }
 
-    /// Hands all of them over as errors.
-    pub fn report_errors(self, source: &Source, diagnostics: &mut Diagnostics) {
-        self.hand_over(source, |place, message| {
-            diagnostics.error(place, message);
-        });
+    /// Whether further errors are only counted.
+    pub fn is_full(&self) -> bool {
+        self.errors.shown.len() >= SHOWN_PROBLEMS
     }
 
-    fn hand_over(self, source: &Source, mut take: impl FnMut(Option<Place>, String)) {
-        let more = self.count - self.shown.len();
-        for p in self.shown {
-            take(Some(source.place(p.line, p.at)), p.message);
+    /// Takes over the problems of a later piece of the file that begins `lines` lines and `bytes` bytes into it.
+    pub fn append(&mut self, later: Problems, lines: usize, bytes: usize) {
+        self.errors.append(later.errors, lines, bytes);
+        self.warnings.append(later.warnings, lines, bytes);
+    }
+
+    /// Whether there is no error.
+    pub fn is_sound(&self) -> bool {
+        self.errors.count == 0
+    }
+
+    /// Hands all of them over in the order of the file. Says whether there was no error.
+    pub fn report(self, source: &Source, diagnostics: &mut Diagnostics) -> bool {
+        let is_sound = self.is_sound();
+        let mut all = Vec::new();
+        for (list, is_error) in [(self.errors, true), (self.warnings, false)] {
+            let more = list.count - list.shown.len();
+            all.extend(list.shown.into_iter().map(|p| (p.line, Some(p.at), p.message, is_error)));
+            if more > 0 {
+                let message = format!("{more} more problems in {}", source.path().display());
+                all.push((usize::MAX, None, message, is_error));
+            }
         }
-        if more > 0 {
-            take(None, format!("{more} more problems in {}", source.path().display()));
+        all.sort_by_key(|p| p.0);
+        for (line, at, message, is_error) in all {
+            let place = at.map(|at| source.place(line, at));
+            if is_error {
+                diagnostics.error(place, message);
+            } else {
+                diagnostics.warn(place, message);
+            }
         }
+        is_sound
     }
 }
 

@@ -25,6 +25,8 @@ const PIECE: usize = 1 << 20;
 struct Header {
     min_corner: DVec3,
     resolution: f64,
+    /// Cells along x, y, z.
+    split: [f64; 3],
     max_density: Option<f64>,
     /// Where the voxels begin: bytes and lines before them.
     body: (usize, usize),
@@ -48,13 +50,15 @@ pub(super) fn load(
     loader: &VoxelLoader,
     materials: &[u32],
 ) -> Result<Option<Densities>> {
+    if !source.is_text("a voxel file", &mut scene.diagnostics) {
+        return Ok(None);
+    }
     let mut problems = Problems::default();
     let header = read_header(source, &mut problems);
-    let is_sound = problems.is_empty();
-    problems.report_errors(source, &mut scene.diagnostics);
+    let is_sound = problems.report(source, &mut scene.diagnostics);
     let Some(header) = header.filter(|_| is_sound) else { return Ok(None) };
     let first = scene.geometry.cubes.len();
-    let (body, mut lines) = header.body;
+    let ((body, mut lines), mut rows) = (header.body, 0);
     let text = &source.bytes()[body..];
     let mut problems = Problems::default();
     for wave in cut_into_pieces(text, PIECE).chunks(4 * rayon::current_num_threads()) {
@@ -63,18 +67,37 @@ pub(super) fn load(
         for (slice, piece) in read.into_iter().zip(wave) {
             problems.append(slice.problems, lines, body + piece.start);
             lines += slice.lines;
+            rows += slice.rows;
             scene.geometry.cubes.extend(slice.cubes);
             scene.voxels.extend(slice.voxels);
         }
         scene.check_memory(0, source.path())?;
     }
     scene.check_numbers()?;
-    let is_sound = problems.is_empty();
-    problems.report_errors(source, &mut scene.diagnostics);
+    check_last_row(source, body, &mut problems);
+    if rows == 0 {
+        let end = source.bytes().len();
+        problems.error(lines.max(1), end.saturating_sub(1)..end, || "expected voxels, found none".to_owned());
+    }
+    let is_sound = problems.report(source, &mut scene.diagnostics);
     let cubes = first..scene.geometry.cubes.len();
     scene.spread_materials(part.index, materials, cubes.len());
     let largest = header.max_density.unwrap_or_else(|| largest_density(&scene.voxels[cubes.clone()]));
     Ok(is_sound.then_some(Densities { cubes, largest }))
+}
+
+/// A last line without an end is cut short if it has fewer columns than the first row.
+fn check_last_row(source: &Source, body: usize, problems: &mut Problems) {
+    let Some((number, at, text)) = source.unended_line().filter(|(_, at, _)| *at >= body) else { return };
+    let columns = |line: &[u8]| Words::new(line, 0).count();
+    let is_row = |l: &Line| !is_empty_line(&l.text) && l.text.trim_ascii_start()[0] != b'#';
+    let first = Lines::new(&source.bytes()[body..], false).find(is_row).map_or(0, |l| columns(&l.text));
+    let last = columns(text);
+    if last >= COLUMNS && last < first {
+        problems.error(number, at..at + text.len(), || {
+            format!("expected {first} columns as in the first row, found {last}; is the file whole?")
+        });
+    }
 }
 
 fn largest_density(voxels: &[Voxel]) -> f64 {
@@ -85,8 +108,9 @@ fn largest_density(voxels: &[Voxel]) -> f64 {
 fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
     let mut fields = Fields::default();
     let mut titles = 0;
-    let mut end = (source.bytes().len(), 0);
-    for line in Lines::new(source.bytes(), false) {
+    let mut lines = Lines::new(source.bytes(), false);
+    let mut end = None;
+    for line in lines.by_ref() {
         let text = line.text.trim_ascii_start();
         if text.is_empty() {
             continue;
@@ -94,30 +118,32 @@ fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
         if text[0] == b'#' {
             fields.read(&line, problems);
         } else if titles == 2 {
-            end = (line.start, line.number - 1);
+            end = Some((line.start, line.number - 1));
             break;
         } else {
             titles += 1;
         }
     }
+    let end = end.unwrap_or((source.bytes().len(), lines.passed));
     let mut required = |value: Option<Vec<f64>>, name: &str, count: usize| {
         let value = value.filter(|v| v.len() >= count);
         if value.is_none() {
-            problems.push(1, 0..0, || format!("the header lacks \"#{name}\" with {count} numbers"));
+            problems.error(1, 0..0, || format!("the header lacks \"#{name}\" with {count} numbers"));
         }
         value
     };
     let corner = required(fields.min_corner, "min_corner:", 3);
     required(fields.max_corner, "max_corner:", 3);
-    required(fields.split, "split:", 3);
+    let split = required(fields.split, "split:", 3);
     let size = required(fields.resolution, "res:", 1)?;
     if size[0] <= 0.0 || size.iter().any(|s| *s != size[0]) {
-        problems.push(1, 0..0, || format!("expected cubes of a size above 0 as #res, found {size:?}"));
+        problems.error(1, 0..0, || format!("expected cubes of a size above 0 as #res, found {size:?}"));
     }
-    let corner = corner?;
+    let (corner, split) = (corner?, split?);
+    let split = [split[0], split[1], split[2]];
     let min_corner = DVec3::new(corner[0], corner[1], corner[2]);
     let max_density = fields.max_density.and_then(|v| v.first().copied());
-    Some(Header { min_corner, resolution: size[0], max_density, body: end })
+    Some(Header { min_corner, resolution: size[0], split, max_density, body: end })
 }
 
 #[derive(Default)]
@@ -146,7 +172,7 @@ impl Fields {
             let values: Option<Vec<f64>> = words.map(|w| float(w).filter(|v| v.abs() <= FARTHEST)).collect();
             match values {
                 Some(values) => *slot = Some(values),
-                None => problems.push(line.number, line.start..line.start + line.text.len(), || {
+                None => problems.error(line.number, line.start..line.start + line.text.len(), || {
                     format!("expected numbers after \"#{}\"", shown(&field[..=colon]))
                 }),
             }
@@ -160,6 +186,7 @@ struct Slice {
     voxels: Vec<Voxel>,
     problems: Problems,
     lines: usize,
+    rows: usize,
 }
 
 fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
@@ -169,15 +196,22 @@ fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
         if is_empty_line(&line.text) || line.text.trim_ascii_start()[0] == b'#' {
             continue;
         }
+        slice.rows += 1;
         match read_row(&line) {
             Ok(row) if loader.drop_empty && row.density == 0.0 => {}
             Ok(row) => {
                 let index = DVec3::from(row.index.map(f64::from));
+                if index.cmpge(DVec3::from(header.split)).any() {
+                    // The reference looks at the lower corner only, so the place is certain.
+                    slice.problems.warn(line.number, line.start..line.start + line.text.len(), || {
+                        format!("the cell lies outside of the header's #split of {:?}", header.split)
+                    });
+                }
                 let centre = header.min_corner + (index + 0.5) * header.resolution;
                 slice.cubes.push(Cube { centre, half: 0.5 * header.resolution });
                 slice.voxels.push(Voxel::of_plants(row.density, kind(loader.mode, row.transmittance)));
             }
-            Err((at, message)) => slice.problems.push(line.number, at, || message),
+            Err((at, message)) => slice.problems.error(line.number, at, || message),
         }
     }
     slice.lines = lines.passed;
@@ -263,7 +297,7 @@ mod tests {
     use crate::scene::{LadTable, Scene};
     use crate::survey::{Loader, MaterialChoice};
 
-    const HEADER: &str = "VOXEL SPACE\n#min_corner: 0 0 0\n#max_corner: 1 1 2\n#split: 2 2 4\n#res:0.5 #type:TLS \
+    const HEADER: &str = "VOXEL SPACE\n#min_corner: 0 0 0\n#max_corner: 100 1 2\n#split: 200 2 4\n#res:0.5 #type:TLS \
         #max_pad:4.0\ni j k PadBVTotal and so on\n";
 
     fn row(index: [u32; 3], density: &str, transmittance: &str) -> String {

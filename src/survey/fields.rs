@@ -281,10 +281,13 @@ pub(super) fn meant(word: &str, known: &[&'static str]) -> String {
 
 /// Three finite numbers with semicolons.
 pub(super) fn parse_vector(text: &str) -> Option<DVec3> {
-    let mut parts = text.split(';').map(|p| p.trim().parse::<f64>().ok().filter(|v| v.is_finite()));
+    let mut parts = text.split(';').map(|p| p.trim().parse::<f64>().ok().filter(|v| v.abs() <= FARTHEST));
     let vector = DVec3::new(parts.next()??, parts.next()??, parts.next()??);
     parts.next().is_none().then_some(vector)
 }
+
+/// Largest component of a vector: beyond it double precision no longer resolves millimetres.
+pub(super) const FARTHEST: f64 = 1e12;
 
 /// The longest beginning that is a finite number.
 fn numeric_beginning(text: &str) -> Option<f64> {

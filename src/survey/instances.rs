@@ -16,6 +16,7 @@
 //! all instances together.
 
 use super::context::Context;
+use super::fields::FARTHEST;
 use super::{Loader, Transform, UpAxis};
 use crate::diag::Place;
 use crate::geom::{DVec3, Rotation, radians};
@@ -48,17 +49,24 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
             return None;
         }
     };
+    let first_line = || Place::in_line(path, 1, "", 0..0);
+    if bytes.contains(&0) {
+        context.error_help(first_line(), "expected a table of instances, found bytes that are no text", HELP);
+        return None;
+    }
     let text = String::from_utf8_lossy(&bytes);
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut known: HashMap<&str, Option<PathBuf>> = HashMap::new();
     let mut rows = Vec::new();
-    let mut may_be_heading = true;
+    let (mut may_be_heading, mut columns) = (true, 0);
+    let end = text.as_ptr() as usize + text.len();
     for (number, line) in (1..).zip(text.lines()) {
         let content = line.trim_start_matches('\u{feff}').trim();
         if content.is_empty() || content.starts_with('#') {
             continue;
         }
         let fields: Vec<&str> = content.split(',').map(str::trim).collect();
+        let before = std::mem::replace(&mut columns, fields.len());
         let is_heading = std::mem::take(&mut may_be_heading) && fields[0].eq_ignore_ascii_case("file");
         if is_heading {
             continue;
@@ -67,6 +75,12 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
             let at = field.as_ptr() as usize - line.as_ptr() as usize;
             Place::in_line(path, number, line, at..at + field.len())
         };
+        let is_last = content.as_ptr() as usize + content.len() == end;
+        if is_last && fields.len() < before && fields.len() >= 4 {
+            let message = format!("expected {before} fields as in the line before; is the file whole?");
+            context.error_help(place(content), message, HELP);
+            continue;
+        }
         let Some(transform) = read_numbers(context, &fields, &place) else { continue };
         let file = known.entry(fields[0]).or_insert_with(|| match (fields[0], &base.file) {
             ("", Some(file)) => Some(file.clone()),
@@ -83,7 +97,7 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
         }
     }
     if rows.is_empty() && !context.failed() {
-        context.error_help(None, format!("the table {} names no instance", path.display()), HELP);
+        context.error_help(first_line(), "the table names no instance", HELP);
     }
     Some(rows)
 }
@@ -99,7 +113,7 @@ fn read_numbers(context: &Context, fields: &[&str], place: &dyn Fn(&str) -> Plac
     let mut numbers = [0.0, 0.0, 0.0, 0.0, 1.0];
     let mut sound = true;
     for (number, field) in numbers.iter_mut().zip(&fields[1..]) {
-        match field.parse::<f64>().ok().filter(|n| n.is_finite()) {
+        match field.parse::<f64>().ok().filter(|n| n.abs() <= FARTHEST) {
             Some(n) => *number = n,
             None => {
                 context.error_help(place(field), format!("expected a number, found \"{field}\""), HELP);
@@ -188,12 +202,12 @@ mod tests {
     #[test]
     fn all_mistakes_of_a_table_are_named() {
         let folder = folder();
-        let text = "a.obj,1,2\na.obj,1,x,3\nc.obj,1,2,3\n,1,2,3\na.obj,1,2,3,4,0\na.obj,1,2,inf\n";
+        let text = "a.obj,1,2\na.obj,1,x,3\nc.obj,1,2,3\n,1,2,3\na.obj,1,2,3,4,0\na.obj,1,2,inf\na.obj,1,2,3,4\na.obj,1,2,3";
         fs::write(folder.path().join("t.csv"), text).unwrap();
         let crate::Error::Input(problems) = read(&folder, "t.csv").unwrap_err() else { panic!() };
         let mut lines: Vec<usize> = problems.items().iter().flat_map(|d| d.lines()).collect();
         lines.sort_unstable();
-        assert_eq!(lines, [1, 2, 3, 4, 5, 6]);
+        assert_eq!(lines, [1, 2, 3, 4, 5, 6, 8], "the last line has no end and a field less");
         fs::write(folder.path().join("t.csv"), "file,x,y,z\n").unwrap();
         assert!(matches!(read(&folder, "t.csv"), Err(crate::Error::Input(_))));
     }

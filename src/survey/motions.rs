@@ -1,7 +1,7 @@
 //! Moving parts (spec input-formats §3.7).
 
 use super::context::Context;
-use super::fields::Fields;
+use super::fields::{FARTHEST, Fields};
 use super::xml::Element;
 use super::{Motion, MotionKind, MotionSequence, MotionTiming};
 use crate::diag::nearest;
@@ -81,7 +81,7 @@ fn read_kind(context: &Context, fields: &mut Fields, kind: &str) -> Option<Motio
         }
         "helical" => {
             let (axis, angle) = axis_and_angle(fields);
-            let glide = fields.required("glide").map(|_| fields.lenient_number("glide", 0.0));
+            let glide = required_number(fields, "glide");
             MotionKind::Helical { axis: axis?, angle: angle?, glide: glide? }
         }
         "rotsym" => {
@@ -104,8 +104,18 @@ fn read_kind(context: &Context, fields: &mut Fields, kind: &str) -> Option<Motio
 
 fn axis_and_angle(fields: &mut Fields) -> (Option<DVec3>, Option<f64>) {
     let axis = direction(fields, "axis");
-    let angle = fields.required("angle").map(|_| radians(fields.lenient_number("angle", 0.0)));
+    let angle = required_number(fields, "angle").map(radians);
     (axis, angle)
+}
+
+/// A number without which the part would not move as it should: what cannot be read is an error.
+fn required_number(fields: &mut Fields, name: &'static str) -> Option<f64> {
+    let text = fields.required(name)?;
+    let number = text.trim().parse::<f64>().ok().filter(|v| v.abs() <= FARTHEST);
+    if number.is_none() {
+        fields.refuse(name, "a number");
+    }
+    number
 }
 
 fn required_vector(fields: &mut Fields, name: &'static str) -> Option<DVec3> {

@@ -9,6 +9,8 @@ pub(super) struct NotText {
     pub at: usize,
     /// What is wrong, in one sentence.
     pub message: String,
+    /// The text in the encoding that it is probably in.
+    pub guess: Option<String>,
 }
 
 /// Bytes to text: UTF-8, UTF-16 with a byte order mark, or the single-byte encoding that an XML declaration names.
@@ -33,6 +35,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<String, NotText> {
         Some(other) => Err(NotText {
             at: bytes.iter().position(|b| !b.is_ascii()).unwrap_or(0),
             message: format!("cannot read the encoding {other:?}; save the file as UTF-8"),
+            guess: None,
         }),
     }
 }
@@ -45,7 +48,8 @@ fn utf8(bytes: &[u8], skipped: usize) -> Result<String, NotText> {
             let byte = bytes.get(at).copied().unwrap_or_default();
             let message =
                 format!("byte 0x{byte:02x} is not UTF-8; save the file as UTF-8 or declare its encoding");
-            Err(NotText { at: at + skipped, message })
+            let guess = (skipped == 0).then(|| bytes.iter().map(|&b| western(b)).collect());
+            Err(NotText { at: at + skipped, message, guess })
         }
     }
 }
@@ -53,7 +57,8 @@ fn utf8(bytes: &[u8], skipped: usize) -> Result<String, NotText> {
 fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, NotText> {
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     let text: Result<String, _> = char::decode_utf16(units).collect();
-    text.map_err(|_| NotText { at: 0, message: "invalid UTF-16; save the file as UTF-8".to_owned() })
+    let message = "invalid UTF-16; save the file as UTF-8";
+    text.map_err(|_| NotText { at: 0, message: message.to_owned(), guess: None })
 }
 
 /// The encoding of an XML declaration, if there is one.
@@ -116,7 +121,7 @@ mod tests {
     #[test]
     fn undeclared_bytes_are_located() {
         let e = decode(b"<a>\n<b c='\xe9'/>").unwrap_err();
-        assert_eq!(e.at, 10);
+        assert_eq!((e.at, e.guess.as_deref()), (10, Some("<a>\n<b c='é'/>")));
         assert_eq!(line_of_bytes(b"<a>\n<b c='\xe9'/>", e.at).0, 2);
     }
 }

@@ -48,8 +48,14 @@ impl Document {
             Ok(text) => text,
             Err(e) => {
                 let (line, excerpt) = line_of_bytes(bytes, e.at);
-                problems.error(Some(Place::in_line(path, line, &excerpt, 0..0)), e.message);
-                return None;
+                let place = Some(Place::in_line(path, line, &excerpt, 0..0));
+                // Noise is not worth a guess.
+                let Some(guess) = e.guess.filter(|_| !bytes.contains(&0)) else {
+                    problems.error(place, e.message);
+                    return None;
+                };
+                problems.warn(place, format!("{}; it is read as Windows-1252", e.message));
+                guess
             }
         };
         let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };

@@ -1,6 +1,7 @@
 //! Where the pixels of a raster lie (OGC GeoTIFF 1.1, §7.1 and annex B.6; GDAL's no-data tag).
 
 use crate::geom::DVec3;
+use crate::scene::assembly::FARTHEST;
 use std::io::{Read, Seek};
 use std::path::Path;
 use tiff::decoder::Decoder;
@@ -24,6 +25,13 @@ impl Georeference {
         DVec3::new(self.origin.0 + column as f64 * self.step.0, self.origin.1 + row as f64 * self.step.1, z)
     }
 
+    /// Whether all pixels up to that one lie where coordinates can be computed.
+    pub fn is_near(&self, column: usize, row: usize) -> bool {
+        let far = self.centre(column, row, 0.0);
+        let near = |x: f64| x.abs() <= FARTHEST;
+        [far.x, far.y, self.origin.0, self.origin.1].into_iter().all(near)
+    }
+
     /// From the coefficients x = c₀ + c₁·column + c₂·row, y = c₃ + c₄·column + c₅·row, where (column, row) is the corner
     /// of a pixel, or its centre if `is_point`.
     fn from_affine(c: [f64; 6], is_point: bool) -> Result<Georeference, String> {
@@ -43,12 +51,11 @@ pub(super) fn read<R: Read + Seek>(
     decoder: &mut Decoder<R>,
     path: &Path,
 ) -> Result<Option<Georeference>, String> {
-    let is_point = raster_type(decoder) == Some(PIXEL_IS_POINT);
-    let doubles = |decoder: &mut Decoder<R>, tag| decoder.get_tag_f64_vec(tag).ok();
-    if let Some(m) = doubles(decoder, Tag::ModelTransformationTag).filter(|m| m.len() >= 8) {
+    let is_point = raster_type(decoder)? == Some(PIXEL_IS_POINT);
+    if let Some(m) = doubles(decoder, Tag::ModelTransformationTag)?.filter(|m| m.len() >= 8) {
         return Georeference::from_affine([m[3], m[0], m[1], m[7], m[4], m[5]], is_point).map(Some);
     }
-    match (doubles(decoder, Tag::ModelPixelScaleTag), doubles(decoder, Tag::ModelTiepointTag)) {
+    match (doubles(decoder, Tag::ModelPixelScaleTag)?, doubles(decoder, Tag::ModelTiepointTag)?) {
         (Some(s), Some(t)) if s.len() >= 2 && t.len() >= 6 => {
             let affine = [t[3] - t[0] * s[0], s[0], 0.0, t[4] + t[1] * s[1], 0.0, -s[1]];
             Georeference::from_affine(affine, is_point).map(Some)
@@ -60,10 +67,18 @@ pub(super) fn read<R: Read + Seek>(
     }
 }
 
-fn raster_type<R: Read + Seek>(decoder: &mut Decoder<R>) -> Option<u16> {
-    let keys = decoder.get_tag_u16_vec(Tag::GeoKeyDirectoryTag).ok()?;
+/// The numbers of a tag; `None` where there is no such tag.
+fn doubles<R: Read + Seek>(decoder: &mut Decoder<R>, tag: Tag) -> Result<Option<Vec<f64>>, String> {
+    let found = decoder.find_tag(tag).and_then(|value| value.map(|v| v.into_f64_vec()).transpose());
+    found.map_err(|e| format!("its {tag:?} cannot be read: {e}"))
+}
+
+fn raster_type<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<Option<u16>, String> {
+    let tag = Tag::GeoKeyDirectoryTag;
+    let keys = decoder.find_tag(tag).and_then(|value| value.map(|v| v.into_u16_vec()).transpose());
+    let keys = keys.map_err(|e| format!("its {tag:?} cannot be read: {e}"))?.unwrap_or_default();
     // A header of four numbers, then entries of four: key, location (0 = here), count, value.
-    keys.chunks_exact(4).skip(1).find(|k| k[0] == RASTER_TYPE_KEY && k[1] == 0).map(|k| k[3])
+    Ok(keys.chunks_exact(4).skip(1).find(|k| k[0] == RASTER_TYPE_KEY && k[1] == 0).map(|k| k[3]))
 }
 
 /// The six lines of an ESRI world file, which speak of pixel centres.

@@ -113,13 +113,28 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
         ChunkType::Tile => Tag::TileByteCounts,
     };
     let block_bytes: Vec<u64> = decoder.find_tag_unsigned_vec(tag).map_err(readable)?.unwrap_or_default();
-    if block_bytes.len() < columns.div_ceil(block.0).saturating_mul(rows.div_ceil(block.1)) {
+    let blocks = columns.div_ceil(block.0).saturating_mul(rows.div_ceil(block.1));
+    if block_bytes.len() < blocks {
         return Err("it has fewer strips or tiles than its size asks for".to_owned());
+    }
+    let (whole, rest) = (block.0.saturating_mul(block.1), rows % block.1);
+    let last = if rest > 0 && tag == Tag::StripByteCounts { block.0.saturating_mul(rest) } else { whole };
+    let plain = decoder.find_tag_unsigned::<u16>(Tag::Compression).map_err(readable)?.unwrap_or(1) == 1;
+    // Bands may have blocks of their own, so one band is the least that a block can hold.
+    let least = |pixels: usize| (pixels as u64).saturating_mul(bits.first().copied().unwrap_or(1)) / 8;
+    let is_short = |(i, &bytes): (usize, &u64)| {
+        bytes > 0 && bytes < least(if (i + 1) % blocks == 0 { last } else { whole })
+    };
+    if let Some(i) = block_bytes.iter().enumerate().position(is_short).filter(|_| plain) {
+        return Err(format!("its block {i} of {} bytes is shorter than its pixels", block_bytes[i]));
     }
     let georeference = georeference::read(&mut decoder, source.path())?.unwrap_or_else(|| {
         warnings.push("it does not say where it lies; pixels of 1 m from the origin are assumed".to_owned());
         Georeference { origin: (0.5, 0.5), step: (1.0, 1.0) }
     });
+    if !georeference.is_near(columns, rows) {
+        return Err(format!("it reaches beyond {FARTHEST:e} m, where coordinates cannot be computed"));
+    }
     let no_data = georeference::no_data(&mut decoder).unwrap_or_else(|problem| {
         warnings.push(problem);
         None

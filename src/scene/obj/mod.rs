@@ -32,9 +32,13 @@ pub(super) fn load(
     reading: Reading,
     names: &mut Names,
 ) -> Result<()> {
+    if !source.is_text("an OBJ file", &mut scene.diagnostics) {
+        return Ok(());
+    }
     let start = scene.end();
     let (mesh, problems) = read_pieces(scene, source, reading)?;
     problems.report(source, &mut scene.diagnostics);
+    check_whole(scene, source, &mesh);
     if mesh.polygons > 0 && reading.drop_polygons {
         let message = format!("{} faces with more than four vertices are left out", mesh.polygons);
         scene.diagnostics.warn(None, format!("{message} of {}", source.path().display()));
@@ -42,7 +46,30 @@ pub(super) fn load(
     assign_materials(scene, part, source, &mesh, names)?;
     let faults = leave_out_faults(scene, source, reading, &mesh);
     faults.report(source, &mut scene.diagnostics);
-    scene.finish_mesh(&start)
+    let vertices = scene.geometry.vertices.len();
+    scene.finish_mesh(&start)?;
+    let unused = vertices - scene.geometry.vertices.len();
+    if let Some((number, at, text)) = source.unended_line().filter(|_| unused > 0) {
+        let message =
+            format!("the last line has no end and {unused} vertices belong to no face; is the file whole?");
+        scene.diagnostics.warn(Some(source.place(number, at..at + text.len())), message);
+    }
+    Ok(())
+}
+
+/// Whether what was read can be all of a mesh. Vertices come first in nearly all files, so one that was cut short in
+/// its first half has no face.
+fn check_whole(scene: &mut Assembly, source: &Source, mesh: &Mesh) {
+    let vertices = scene.geometry.vertices.len() - mesh.first_vertex;
+    let has_elements = scene.geometry.triangles.len() > mesh.first_triangle || mesh.elements > 0;
+    let message = match (has_elements || mesh.polygons > 0, vertices) {
+        (true, _) => return,
+        (false, 0) if mesh.unknown == 0 => return,
+        (false, 0) => "expected an OBJ file, found no vertex and no face".to_owned(),
+        (false, n) => format!("expected faces of the {n} vertices, found none; is the file whole?"),
+    };
+    let end = source.bytes().len();
+    scene.diagnostics.error(Some(source.place(mesh.lines.max(1), end.saturating_sub(1)..end)), message);
 }
 
 /// Where a file's triangles and vertices begin in the scene, and what is needed besides them.
@@ -52,6 +79,9 @@ struct Mesh {
     pieces: Vec<Piece>,
     switches: Vec<Switch>,
     polygons: usize,
+    elements: usize,
+    unknown: usize,
+    lines: usize,
 }
 
 /// Which triangles (counted within the file) came from which bytes.
@@ -69,15 +99,16 @@ fn read_pieces(scene: &mut Assembly, source: &Source, reading: Reading) -> Resul
         pieces: Vec::new(),
         switches: Vec::new(),
         polygons: 0,
+        elements: 0,
+        unknown: 0,
+        lines: 0,
     };
-    let (mut problems, mut lines) = (Problems::default(), 0);
+    let mut problems = Problems::default();
     for wave in cut_into_pieces(bytes, PIECE).chunks(PIECES_PER_THREAD * rayon::current_num_threads()) {
         let read: Vec<Slice> =
             wave.par_iter().map(|piece| slice::read(&bytes[piece.clone()], reading)).collect();
         for (slice, piece) in read.into_iter().zip(wave) {
-            let passed = slice.lines;
-            append(scene, &mut mesh, &mut problems, slice, lines, piece.clone());
-            lines += passed;
+            append(scene, &mut mesh, &mut problems, slice, piece.clone());
         }
         scene.check_memory(0, source.path())?;
     }
@@ -89,9 +120,10 @@ fn append(
     mesh: &mut Mesh,
     problems: &mut Problems,
     mut slice: Slice,
-    lines: usize,
     bytes: Range<usize>,
 ) {
+    let lines = mesh.lines;
+    mesh.lines += slice.lines;
     let vertices_before = (scene.geometry.vertices.len() - mesh.first_vertex) as i64;
     for &corner in &slice.relative {
         let number = &mut slice.triangles[corner as usize / 3][corner as usize % 3];
@@ -106,6 +138,8 @@ fn append(
     }));
     problems.append(slice.problems, lines, bytes.start);
     mesh.polygons += slice.polygons;
+    mesh.elements += slice.elements;
+    mesh.unknown += slice.unknown;
     mesh.pieces.push(Piece { first_triangle, first_line: lines, bytes });
     scene.geometry.vertices.append(&mut slice.vertices);
     scene.geometry.triangles.append(&mut slice.triangles);
@@ -210,10 +244,8 @@ fn leave_out_faults(scene: &mut Assembly, source: &Source, reading: Reading, mes
         match fault {
             Some(Fault::MissingVertex) => {
                 let (line, at) = if problems.is_full() { (0, 0..0) } else { mesh.locate(source, reading, i) };
-                let message = || {
-                    format!("a face names a vertex that the file's {} lack; it is left out", vertices.len())
-                };
-                problems.push(line, at, message);
+                let message = || format!("a face names a vertex that the file's {} lack", vertices.len());
+                problems.error(line, at, message);
             }
             Some(Fault::NoArea) => without_area.push(i),
             Some(Fault::UnusableVertex) | None => {}

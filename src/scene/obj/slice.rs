@@ -26,6 +26,10 @@ pub(super) struct Slice {
     pub lines: usize,
     /// Faces with more than four corners.
     pub polygons: usize,
+    /// Points, lines, curves and surfaces, which no ray hits.
+    pub elements: usize,
+    /// Statements that the format does not have.
+    pub unknown: usize,
 }
 
 /// A statement between the faces that changes their material.
@@ -117,9 +121,10 @@ impl Slice {
     #[cold]
     fn bad_vertex(&mut self, line: &Line, at: Range<usize>) {
         let found = shown(&line.text[at.clone()]);
-        self.problems.push(line.number, line.start + at.start..line.start + at.end, || {
-            let found = if found.is_empty() { "the end of the line".to_owned() } else { format!("\"{found}\"") };
-            format!("expected a coordinate within ±{FARTHEST:e}, found {found}; faces with this vertex are left out")
+        self.problems.error(line.number, line.start + at.start..line.start + at.end, || {
+            let found =
+                if found.is_empty() { "the end of the line".to_owned() } else { format!("\"{found}\"") };
+            format!("expected a coordinate within ±{FARTHEST:e}, found {found}")
         });
     }
 
@@ -139,8 +144,8 @@ impl Slice {
             at = skip_blanks(text, end);
         }
         if corners.len() < 3 {
-            return self.problems.push(line.number, whole(line), || {
-                format!("expected a face of three or more vertices, found {}; it is left out", corners.len())
+            return self.problems.error(line.number, whole(line), || {
+                format!("expected a face of three or more vertices, found {}", corners.len())
             });
         }
         if corners.len() > 4 {
@@ -164,10 +169,8 @@ impl Slice {
     fn bad_corner(&mut self, line: &Line, at: usize) {
         let end = crate::scene::number::word_end(&line.text, at);
         let found = shown(&line.text[at..end]);
-        self.problems.push(line.number, line.start + at..line.start + end, || {
-            format!(
-                "expected a vertex number, 1 or greater or negative, found \"{found}\"; the face is left out"
-            )
+        self.problems.error(line.number, line.start + at..line.start + end, || {
+            format!("expected a vertex number, 1 or greater or negative, found \"{found}\"")
         });
     }
 
@@ -180,7 +183,7 @@ impl Slice {
                 Some((name, at)) => self.switch(line, Statement::Use(name.to_vec()), in_slice(at)),
                 None => self
                     .problems
-                    .push(line.number, whole(line), || "usemtl without a name is ignored".to_owned()),
+                    .warn(line.number, whole(line), || "usemtl without a name is ignored".to_owned()),
             },
             b"mtllib" => {
                 let names: Vec<_> = words.collect();
@@ -189,23 +192,26 @@ impl Slice {
                         let joined = names.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(&b' ');
                         self.switch(line, Statement::Library(joined), in_slice(first.start..last.end));
                     }
-                    _ => self.problems.push(line.number, whole(line), || {
+                    _ => self.problems.warn(line.number, whole(line), || {
                         "mtllib without a file name is ignored".to_owned()
                     }),
                 }
             }
-            keyword if is_ignored(keyword) => {}
+            keyword if is_ignored(keyword) => self.elements += usize::from(is_element(keyword)),
             b"v" => {
                 self.vertices.push(DVec3::NAN);
                 self.bad_vertex(line, keyword_at.end..keyword_at.end);
             }
             b"f" => {
                 self.problems
-                    .push(line.number, whole(line), || "a face without vertices is left out".to_owned());
+                    .error(line.number, whole(line), || "expected a face, found no vertices".to_owned());
             }
-            _ => self.problems.push(line.number, in_slice(keyword_at), || {
-                format!("unknown statement \"{}\" is ignored", shown(keyword))
-            }),
+            _ => {
+                self.unknown += 1;
+                self.problems.warn(line.number, in_slice(keyword_at), || {
+                    format!("unknown statement \"{}\" is ignored", shown(keyword))
+                });
+            }
         }
     }
 
@@ -240,6 +246,11 @@ fn vertex_number(text: &[u8], at: usize) -> Option<(i64, usize)> {
 
 fn whole(line: &Line) -> Range<usize> {
     if is_empty_line(&line.text) { line.start..line.start } else { line.start..line.start + line.text.len() }
+}
+
+/// Statements of the format that make something else of vertices than faces.
+fn is_element(keyword: &[u8]) -> bool {
+    matches!(keyword, b"l" | b"p" | b"curv" | b"curv2" | b"surf" | b"sp" | b"bsp" | b"bzp")
 }
 
 /// Statements of the format that say nothing about triangles or their material.
@@ -324,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_lines_are_named_and_cost_nothing_else() {
+    fn bad_lines_are_named_all_at_once() {
         let s = read(
             b"v 1 2\nv a 0 0\nv nan 0 0\nv 1e300 0 0\nv\nf 1 0 2\nf 1 2\nf 1 x 2\nf 1.5 2 3\nf\nusemtl\nmtllib\nbinary?\nf 1 2 3\n",
             PLAIN,

@@ -39,10 +39,23 @@ pub(super) fn load(
             return Ok(());
         }
     };
+    if !source.is_text("a point cloud", &mut scene.diagnostics) {
+        return Ok(());
+    }
     let pieces = cut_into_pieces(source.bytes(), PIECE);
-    let (extent, problems) = extent_of(source, &pieces, &settings.columns);
-    problems.report(source, &mut scene.diagnostics);
+    let (extent, mut problems) = extent_of(source, &pieces, &settings.columns);
+    if let Some((number, at, last)) = source.unended_line()
+        && let Some((columns, found)) = points::cut(source.bytes(), last, &settings.columns)
+    {
+        problems.error(number, at..at + last.len(), || {
+            format!("expected {columns} columns as in the first line, found {found}; is the file whole?")
+        });
+    }
+    if !problems.report(source, &mut scene.diagnostics) {
+        return Ok(());
+    }
     if extent.is_empty() {
+        scene.diagnostics.error(Some(source.place(1, 0..0)), "expected points, found none");
         return Ok(());
     }
     let Some(grid) = Grid::around(extent, settings.voxel_size) else {
@@ -94,7 +107,9 @@ fn extent_of(source: &Source, pieces: &[Range<usize>], columns: &Columns) -> (Aa
         .map(|piece| {
             let (mut extent, mut problems) = (Aabb::EMPTY, Problems::default());
             let bytes = &source.bytes()[piece.clone()];
-            let lines = points::each(bytes, columns, &mut problems, |p| extent = extent.with(p.position));
+            let lines = points::each(bytes, piece.start == 0, columns, &mut problems, |p| {
+                extent = extent.with(p.position)
+            });
             (extent, problems, lines)
         })
         .collect();
@@ -122,7 +137,8 @@ fn collect(
             .map(|piece| {
                 let mut sorted = vec![Vec::new(); SHARDS];
                 let mut reported = Problems::default();
-                points::each(&source.bytes()[piece.clone()], &settings.columns, &mut reported, |point| {
+                let (bytes, is_first) = (&source.bytes()[piece.clone()], piece.start == 0);
+                points::each(bytes, is_first, &settings.columns, &mut reported, |point| {
                     if let Some(point) = settings.usable(point) {
                         sorted[grid.shard_of(point.position)].push(point);
                     }

@@ -57,9 +57,36 @@ impl Columns {
     }
 }
 
+/// `//` marks comments, and what other programs put before their headings.
+fn is_comment(text: &[u8]) -> bool {
+    matches!(text, [b'/', b'/', ..] | [b'#', ..])
+}
+
+/// Whether the first line names columns: it has words, and each begins with a letter and is no number.
+fn is_heading(line: &Line, words: &[Range<usize>]) -> bool {
+    let is_name = |at: &Range<usize>| {
+        let word = line.text[at.clone()].trim_ascii();
+        let word = word.strip_prefix(b"\"").unwrap_or(word);
+        word.first().is_some_and(u8::is_ascii_alphabetic) && float(word).is_none()
+    };
+    words.len() >= 3 && words.iter().all(is_name)
+}
+
+/// The columns of the first point and of the last line, which nothing ends, if the latter is shorter.
+pub(super) fn cut(bytes: &[u8], last: &[u8], columns: &Columns) -> Option<(usize, usize)> {
+    let is_row = |text: &[u8]| !is_empty_line(text) && !is_comment(text.trim_ascii_start());
+    let is_point = |l: &Line| {
+        is_row(&l.text) && !(l.number == 1 && is_heading(l, &columns.split(&l.text).collect::<Vec<_>>()))
+    };
+    let first = columns.split(&Lines::new(bytes, false).find(is_point)?.text).count();
+    let found = columns.split(last).count();
+    (is_row(last) && found >= 3 && found < first).then_some((first, found))
+}
+
 /// Calls `take` with every point of a piece of the file; returns the number of lines.
 pub(super) fn each(
     bytes: &[u8],
+    is_first: bool,
     columns: &Columns,
     problems: &mut Problems,
     mut take: impl FnMut(Point),
@@ -67,11 +94,14 @@ pub(super) fn each(
     let mut lines = Lines::new(bytes, false);
     let mut words = Vec::new();
     for line in lines.by_ref() {
-        if is_empty_line(&line.text) || line.text.trim_ascii_start().starts_with(b"//") {
+        if is_empty_line(&line.text) || is_comment(line.text.trim_ascii_start()) {
             continue;
         }
         words.clear();
         words.extend(columns.split(&line.text));
+        if is_first && line.number == 1 && is_heading(&line, &words) {
+            continue;
+        }
         if let Some(point) = point(&line, &words, columns, problems) {
             take(point);
         }
@@ -85,12 +115,9 @@ fn point(line: &Line, words: &[Range<usize>], columns: &Columns, problems: &mut 
         let at = words.get(axis).cloned().unwrap_or(line.text.len()..line.text.len());
         let number = float(line.text[at.clone()].trim_ascii()).filter(|v| v.abs() <= FARTHEST);
         let Some(number) = number else {
-            problems.push(line.number, line.start + at.start..line.start + at.end, || {
-                let found = shown(&line.text[at]);
-                format!(
-                    "expected the {} of a point, found \"{found}\"; the line is left out",
-                    ["x", "y", "z"][axis]
-                )
+            problems.error(line.number, line.start + at.start..line.start + at.end, || {
+                let (found, axis) = (shown(&line.text[at]), ["x", "y", "z"][axis]);
+                format!("expected the {axis} of a point within ±{FARTHEST:e} m, found \"{found}\"")
             });
             return None;
         };

@@ -23,18 +23,11 @@ fn loader(files: Vec<std::path::PathBuf>, separator: &str, voxel_size: f64) -> X
 
 /// Loads `text` with settings changed by `change`; a second part far below keeps empty scenes loadable.
 fn scene(text: &str, separator: &str, change: impl FnOnce(&mut XyzLoader)) -> Scene {
-    let (scene, diagnostics) = with_warnings(text, separator, change);
-    assert!(diagnostics.is_empty(), "{diagnostics}");
-    scene
-}
-
-fn with_warnings(text: &str, separator: &str, change: impl FnOnce(&mut XyzLoader)) -> (Scene, String) {
     let mut f = Fixture::new();
     let mut settings = loader(vec![f.file("a.xyz", text)], separator, 1.0);
     change(&mut settings);
     f.part(Loader::Xyz(Box::new(settings)));
-    let (scene, d) = f.load().unwrap_or_else(|e| panic!("{e}"));
-    (scene, d.render(false))
+    f.scene()
 }
 
 fn centres(scene: &Scene) -> Vec<[f64; 3]> {
@@ -115,11 +108,22 @@ fn clouds_scale_and_turn_as_a_whole_and_cubes_stay_upright() {
 
 #[test]
 fn lines_that_are_no_points_are_named() {
-    let (s, warnings) = with_warnings("x y z\n1 2\n1 2 3\n1 2 inf\n1 2 1e300\nabc\n", " ", |_| {});
-    assert_eq!(s.geometry.cubes.len(), 1);
-    for place in ["a.xyz:1:1", "a.xyz:2:4", "a.xyz:4:5", "a.xyz:5:5", "a.xyz:6:1"] {
-        assert!(warnings.contains(place), "{place} is missing from {warnings}");
+    let mut f = Fixture::new();
+    let file = f.file("a.xyz", "x y z\n# note\n1 2\n1 2 3\n1 2 inf\n1 2 1e300\nabc\n");
+    f.part(Loader::Xyz(Box::new(loader(vec![file], " ", 1.0))));
+    let report = f.error();
+    for place in ["a.xyz:3:4", "a.xyz:5:5", "a.xyz:6:5", "a.xyz:7:1"] {
+        assert!(report.contains(place), "{place} is missing from {report}");
     }
+    assert!(!report.contains("a.xyz:1:"), "the first line names the columns: {report}");
+}
+
+#[test]
+fn a_short_last_line_is_cut() {
+    let mut f = Fixture::new();
+    let file = f.file("a.xyz", "1 2 3 0 0 1\n1 2 3 0 0");
+    f.part(Loader::Xyz(Box::new(loader(vec![file], " ", 1.0))));
+    assert!(f.error().contains("a.xyz:2:1"));
 }
 
 #[test]
