@@ -67,7 +67,7 @@ pub enum Command {
     Catalogue(CatalogueArgs),
     /// Expand compressed text (.bin) to the text that it holds.
     Unzip(UnzipArgs),
-    /// Draw a point cloud from above and from the side.
+    /// Draw a point cloud: a picture from above and from the side, or a page to turn around.
     Preview(PreviewArgs),
     /// Write what a shell needs to complete this command line to stdout.
     Completions(CompletionsArgs),
@@ -408,7 +408,7 @@ pub enum Colour {
 pub struct PreviewArgs {
     /// The points: .xyz, .las, .laz, .ply, or - for text on stdin.
     pub points: PathBuf,
-    /// The picture (PNG); - for stdout.
+    /// A picture (.png), or a page to turn the points around in a browser (.html); - for stdout, which gets the picture.
     #[arg(short = 'o', long, value_name = "PATH")]
     pub out: PathBuf,
     /// What colours the points.
@@ -420,7 +420,10 @@ pub struct PreviewArgs {
     /// Height of the picture in pixels.
     #[arg(long, value_name = "PIXELS", default_value_t = 1000)]
     pub height: u32,
-    /// Overwrite a picture that exists.
+    /// Points that a page shows at most; of more, an even sample is taken. 500k is understood.
+    #[arg(long, value_name = "N", default_value = "5M")]
+    pub most_points: String,
+    /// Overwrite a file that exists, and write a picture to a terminal.
     #[arg(long)]
     pub force: bool,
 }

@@ -1,17 +1,19 @@
-//! `vlscan preview`: a picture of a point cloud.
+//! `vlscan preview`: a picture of a point cloud, or a page to turn it around.
 
 use super::Console;
 use super::args::{Colour, PreviewArgs};
 use super::watch::amount;
 use crate::error::{Error, Result};
-use crate::preview::{ColourBy, PreviewOptions, draw, read_points};
+use crate::preview::{ColourBy, PageOptions, PreviewOptions, draw, read_points, write_page};
+use std::io::{BufWriter, IsTerminal, Write};
+use std::path::{Path, PathBuf};
 
 /// Runs `vlscan preview`.
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
-    let to_stdout = args.out.as_os_str() == "-";
-    if !to_stdout && args.out.exists() && !args.force {
-        return Err(Error::input(format!("{} exists already; --force overwrites it", args.out.display())));
-    }
+    check(args)?;
+    let most_points = super::run::count(&args.most_points).filter(|n| *n > 0).ok_or_else(|| {
+        Error::input(format!("--most-points: expected a number such as 500k, found {:?}", args.most_points))
+    })?;
     let points = read_points(&args.points)?;
     let colour = match args.colour {
         Colour::Height => ColourBy::Height,
@@ -20,12 +22,80 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         Colour::Object => ColourBy::Object,
         Colour::Return => ColourBy::Return,
     };
-    let title =
-        if args.points.as_os_str() == "-" { String::new() } else { args.points.display().to_string() };
+    let title = title(&args.points);
+    let count = amount(points.len() as f64);
+    if !is_page(&args.out) {
+        let (width, height) = (args.width, args.height);
+        let options = PreviewOptions { colour, width, height, title, ..PreviewOptions::default() };
+        let picture = draw(&points, &options).png()?;
+        write(&args.out, |out| out.write_all(&picture))?;
+        console.say(format!("{}: {count} points", args.out.display()));
+        return Ok(());
+    }
     let options =
-        PreviewOptions { colour, width: args.width, height: args.height, title, ..PreviewOptions::default() };
-    let picture = draw(&points, &options);
-    picture.write_png(&args.out)?;
-    console.say(format!("{}: {} points", args.out.display(), amount(points.len() as f64)));
+        PageOptions { colour, title, most_points: usize::try_from(most_points).unwrap_or(usize::MAX) };
+    let page = write(&args.out, |out| write_page(&points, &options, out))?;
+    let sampled = if page.shown < page.total {
+        format!("{} of {count} points, evenly chosen (--most-points)", amount(page.shown as f64))
+    } else {
+        format!("{count} points")
+    };
+    console.say(format!("{}: {sampled}; open it in a browser", args.out.display()));
     Ok(())
+}
+
+/// Whatever can be refused before the points are read.
+fn check(args: &PreviewArgs) -> Result<()> {
+    let out = &args.out;
+    if is_stdout(out) {
+        if std::io::stdout().is_terminal() && !args.force {
+            return Err(Error::input(
+                "a picture is not written to a terminal; --force does it, -o NAME.png makes a file",
+            ));
+        }
+        return Ok(());
+    }
+    if out.exists() && !args.force {
+        return Err(Error::input(format!("{} exists already; --force overwrites it", out.display())));
+    }
+    let ending = out.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    if is_page(out) || ending.as_deref() == Some("png") {
+        return Ok(());
+    }
+    Err(Error::input(format!("{}: expected a name that ends in .png or .html", out.display())))
+}
+
+fn is_stdout(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
+
+fn is_page(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html") || e.eq_ignore_ascii_case("htm"))
+}
+
+fn title(points: &Path) -> String {
+    if is_stdout(points) { String::new() } else { points.display().to_string() }
+}
+
+/// Writes a file, which has its name only once it is complete, or to stdout.
+fn write<T>(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result<T>) -> Result<T> {
+    let flushed = |out: &mut dyn Write| {
+        let written = content(out)?;
+        out.flush().map(|()| written)
+    };
+    if is_stdout(path) {
+        return flushed(&mut std::io::stdout().lock()).map_err(|e| Error::io("write", "<stdout>", e));
+    }
+    let mut part = path.as_os_str().to_owned();
+    part.push(".part");
+    let part = PathBuf::from(part);
+    let file = std::fs::File::create(&part).map_err(|e| Error::io("create", &part, e))?;
+    let written = flushed(&mut BufWriter::new(file)).map_err(|e| Error::io("write", &part, e));
+    let finished = written.and_then(|written| {
+        std::fs::rename(&part, path).map_err(|e| Error::io("create", path, e)).map(|()| written)
+    });
+    if finished.is_err() {
+        let _ = std::fs::remove_file(&part);
+    }
+    finished
 }

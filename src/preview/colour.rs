@@ -90,6 +90,19 @@ impl Colouring {
         }
     }
 
+    /// The numbers that the `chosen` points have: name, colour, and how many points have it; objects by falling count, all
+    /// others in their order. Nothing for continuous values.
+    pub(super) fn names(&self, points: &Points, chosen: &[u32]) -> Vec<(usize, String, Rgb, u64)> {
+        let Colouring::Table { value, colours } = self else { return Vec::new() };
+        let mut counts = vec![0u64; colours.len()];
+        chosen.iter().for_each(|&i| counts[number(points, *value, i as usize)] += 1);
+        let mut present: Vec<usize> = (0..counts.len()).filter(|&n| counts[n] > 0).collect();
+        if *value == ColourBy::Object {
+            present.sort_by_key(|&n| std::cmp::Reverse(counts[n]));
+        }
+        present.into_iter().map(|n| (n, name(points, *value, n), colours[n], counts[n])).collect()
+    }
+
     /// The legend with at most `lines` lines.
     pub(super) fn legend(&self, points: &Points, lines: usize) -> Legend {
         match self {
@@ -112,18 +125,8 @@ impl Colouring {
                 }
                 let entry = |n: usize| {
                     let share = 100.0 * counts[n] as f64 / points.len() as f64;
-                    let name = match value {
-                        ColourBy::Class => class_name(n),
-                        ColourBy::Return => {
-                            if n == 0 {
-                                "unknown".to_owned()
-                            } else {
-                                format!("return {n}")
-                            }
-                        }
-                        _ if points.objects[n].is_empty() => "no object".to_owned(),
-                        _ => points.objects[n].chars().take(14).collect(),
-                    };
+                    let letters = if *value == ColourBy::Object { 14 } else { usize::MAX };
+                    let name: String = name(points, *value, n).chars().take(letters).collect();
                     Entry { colour: colours[n], label: format!("{name} {}", label::share(share)) }
                 };
                 let title = match value {
@@ -134,6 +137,19 @@ impl Colouring {
                 Legend::List { title, entries: present.into_iter().map(entry).collect(), more }
             }
         }
+    }
+}
+
+/// What a number of a list stands for.
+fn name(points: &Points, value: ColourBy, n: usize) -> String {
+    match value {
+        ColourBy::Class => class_name(n),
+        ColourBy::Return if n == 0 => "unknown".to_owned(),
+        ColourBy::Return => format!("return {n}"),
+        _ => match points.objects.get(n) {
+            Some(object) if !object.is_empty() => object.clone(),
+            _ => "no object".to_owned(),
+        },
     }
 }
 

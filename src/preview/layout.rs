@@ -223,6 +223,11 @@ fn consider(best: &mut Option<Split>, extent: &Extent, above: Frame, south: Fram
     }
 }
 
+/// Height above which the view from above leaves points out, as in the data; none where nothing hides the rest.
+pub(super) fn ceiling(points: &Points, options: &PreviewOptions) -> Option<f64> {
+    if points.is_empty() { None } else { Section::choose(points, &Extent::of(points), options).cut_above }
+}
+
 /// Which points the views show.
 struct Section {
     south: f64,

@@ -1,12 +1,14 @@
-//! Draws a point cloud as a picture: from above and from the south, with scale bars and a legend.
+//! Draws a point cloud as a picture (from above and from the south, with scale bars and a legend) or as a page to turn
+//! around.
 //!
-//! [`read_points`] reads text, LAS, LAZ and PLY; [`draw`] makes a [`Picture`], which is written as PNG. A point takes 20
-//! bytes at most while it is drawn. The same points and options give the same picture.
+//! [`read_points`] reads text, LAS, LAZ and PLY; [`draw`] makes a [`Picture`], which is written as PNG, and [`write_page`] an
+//! HTML page. A point takes 20 bytes at most while it is drawn. The same points and options give the same picture.
 
 mod colour;
 mod font;
 mod label;
 mod layout;
+mod page;
 mod panel;
 mod picture;
 mod points;
@@ -14,6 +16,7 @@ mod read;
 mod read_las;
 mod read_ply;
 
+pub use page::{Page, PageOptions, write_page};
 pub use picture::{Picture, Rgb};
 pub use points::{Attributes, Point, Points};
 pub use read::{read_points, read_text};

@@ -2,7 +2,6 @@
 
 use super::font;
 use crate::error::{Error, Result};
-use std::path::{Path, PathBuf};
 
 /// Red, green, blue, 0–255 (sRGB).
 pub type Rgb = [u8; 3];
@@ -91,21 +90,6 @@ impl Picture {
         writer.finish().map_err(failed)?;
         Ok(bytes)
     }
-
-    /// Writes the picture as a PNG file, which has its name only once it is complete; until then it is `NAME.part`.
-    pub fn write_png(&self, path: &Path) -> Result<()> {
-        let bytes = self.png()?;
-        let mut part = path.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
-        let written = std::fs::write(&part, bytes).map_err(|e| Error::io("write", &part, e));
-        let finished =
-            written.and_then(|()| std::fs::rename(&part, path).map_err(|e| Error::io("create", path, e)));
-        if finished.is_err() {
-            let _ = std::fs::remove_file(&part);
-        }
-        finished
-    }
 }
 
 #[cfg(test)]
@@ -118,7 +102,7 @@ mod tests {
         picture.set(6, 4, [200, 100, 50]);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("p.png");
-        picture.write_png(&path).unwrap();
+        std::fs::write(&path, picture.png().unwrap()).unwrap();
         let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
         let mut reader = png::Decoder::new(file).read_info().unwrap();
         let mut dots = vec![0; reader.output_buffer_size().unwrap()];
@@ -126,7 +110,6 @@ mod tests {
         assert_eq!((info.width, info.height), (7, 5));
         assert_eq!(&dots[..3], [1, 2, 3]);
         assert_eq!(&dots[dots.len() - 3..], [200, 100, 50]);
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]

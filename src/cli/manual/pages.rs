@@ -139,8 +139,18 @@ vlscan run forest/survey.xml -o forest.laz
 
 # a picture from above and from the side
 vlscan preview forest.laz -o forest.png
-vlscan preview forest.laz -o classes.png --colour class",
-        files: &[("NAME.part", "A picture that is not complete yet.")],
+vlscan preview forest.laz -o classes.png --colour class
+
+# one file to turn around in a browser, also without a network; a smaller one to mail
+vlscan preview forest.laz -o forest.html
+vlscan preview forest.laz -o small.html --most-points 20k
+
+# points from a pipe
+vlscan run forest/survey.xml -o - --format xyz -q | vlscan preview - -o piped.html",
+        files: &[
+            ("*.html", "A page that holds its points, drawn with WebGL 2; it fetches nothing."),
+            ("NAME.part", "A file that is not complete yet."),
+        ],
     },
     Page {
         path: "vlscan completions",

@@ -1,0 +1,279 @@
+//! Points as a page carries them: in blocks along a curve that fills space, as differences, in planes of bytes, deflated.
+//!
+//! Neighbours on the curve are neighbours in space, so differences are small and their upper bytes are nearly all zero; a
+//! forest takes 5 to 7 bytes a point.
+
+use super::super::points::Points;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use rayon::prelude::*;
+use std::io::{self, Write};
+
+/// Points of a block: small enough that the page stays usable while it unpacks one.
+const BLOCK: usize = 65_536;
+/// Steps of the grid along the longest side.
+const STEPS: f64 = ((1u32 << 21) - 1) as f64;
+
+/// What a byte of an attribute stands for.
+pub(super) struct Ranges {
+    /// Intensity at 0 and at 255.
+    pub(super) intensity: (f32, f32),
+}
+
+/// Packed points.
+pub(super) struct Packed {
+    /// Width of the grid on which positions lie, m.
+    pub(super) step: f64,
+    /// Typical distance of neighbours on a surface, m.
+    pub(super) spacing: f64,
+    blocks: Vec<(usize, Vec<u8>)>,
+}
+
+/// Which of `total` points are shown when at most `most` may be: one of each of `most` equal runs, at random, so that
+/// nothing regular in their order (returns, scan lines) shows.
+pub(super) fn sample(total: usize, most: usize) -> Vec<u32> {
+    let total = total.min(u32::MAX as usize) as u64;
+    let most = (most as u64).min(total);
+    (0..most)
+        .map(|i| {
+            let (from, to) = (i * total / most, (i + 1) * total / most);
+            (from + mixed_bits(i) % (to - from).max(1)) as u32
+        })
+        .collect()
+}
+
+/// Bits without a pattern (the finaliser of SplitMix64, Steele 2014).
+fn mixed_bits(i: u64) -> u64 {
+    let mut z = i.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Packs the chosen points.
+pub(super) fn pack(points: &Points, chosen: &[u32], ranges: &Ranges) -> Packed {
+    let grid = Grid::of(points);
+    let mut order: Vec<(u64, u32)> =
+        chosen.par_iter().map(|&i| (curve(grid.cell(&points.offsets[i as usize])), i)).collect();
+    order.par_sort_unstable();
+    let spacing = spacing(&grid, &order);
+    let packed = |block: &[(u64, u32)]| (block.len(), planes(points, block, &grid, ranges));
+    Packed { step: grid.step, spacing, blocks: order.par_chunks(BLOCK).map(packed).collect() }
+}
+
+impl Packed {
+    /// Writes the script elements that the page unpacks.
+    pub(super) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        for (count, bytes) in &self.blocks {
+            write!(out, "<script type=\"text/plain\" class=\"block\" data-count=\"{count}\">")?;
+            out.write_all(&base64(bytes))?;
+            out.write_all(b"</script>\n")?;
+        }
+        Ok(())
+    }
+}
+
+/// The grid on which positions are kept.
+struct Grid {
+    step: f64,
+    /// From the points' origin to the lowest corner, m.
+    low: [f64; 3],
+}
+
+impl Grid {
+    fn of(points: &Points) -> Grid {
+        if points.is_empty() {
+            return Grid { step: 1.0, low: [0.0; 3] };
+        }
+        let bounds = points.bounds();
+        let longest = bounds.size().max_element();
+        // A millimetre, finer for what is itself small.
+        let step = (longest / STEPS).max((longest / 4096.0).min(0.001)).max(1e-9);
+        Grid { step, low: (bounds.min - points.origin()).to_array() }
+    }
+
+    fn cell(&self, offset: &[f32; 3]) -> [u32; 3] {
+        std::array::from_fn(|a| {
+            (((f64::from(offset[a]) - self.low[a]) / self.step).round().clamp(0.0, STEPS)) as u32
+        })
+    }
+}
+
+/// Place on the curve (Morton 1966): the bits of three coordinates in turn.
+fn curve(cell: [u32; 3]) -> u64 {
+    let spread = |v: u32| {
+        let mut v = u64::from(v) & 0x1f_ffff;
+        v = (v | v << 32) & 0x001f_0000_0000_ffff;
+        v = (v | v << 16) & 0x001f_0000_ff00_00ff;
+        v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
+        v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
+        (v | v << 2) & 0x1249_2492_4924_9249
+    };
+    spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
+}
+
+/// The edge of the cubes, by halves, that on average hold not more than four points each: on a surface, points are about
+/// half of that apart.
+fn spacing(grid: &Grid, order: &[(u64, u32)]) -> f64 {
+    for level in (0..=21u32).rev() {
+        let occupied =
+            1 + order.windows(2).filter(|w| w[0].0 >> (3 * level) != w[1].0 >> (3 * level)).count();
+        if order.len() < 4 * occupied && level > 0 {
+            // Between this level and the next coarser one the mean passes four.
+            let filled = order.len() as f64 / occupied as f64;
+            let edge = grid.step * f64::from(1u32 << level);
+            if level < 21 {
+                return edge / filled.max(1.0).sqrt();
+            }
+            return edge;
+        }
+    }
+    grid.step
+}
+
+/// Planes of bytes: the lower, middle and upper bytes of the zigzag differences of x, of y and of z; then what else the
+/// points have.
+fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, ranges: &Ranges) -> Vec<u8> {
+    let cells: Vec<[u32; 3]> = block.iter().map(|&(_, i)| grid.cell(&points.offsets[i as usize])).collect();
+    let mut bytes = Vec::with_capacity(block.len() * 14);
+    for axis in 0..3 {
+        let differences: Vec<u32> = cells
+            .iter()
+            .scan(0i32, |last, cell| {
+                let now = cell[axis] as i32;
+                let difference = now - std::mem::replace(last, now);
+                Some(((difference << 1) ^ (difference >> 31)) as u32)
+            })
+            .collect();
+        for shift in [0, 8, 16] {
+            bytes.extend(differences.iter().map(|d| (d >> shift) as u8));
+        }
+    }
+    let mut plane = |byte: &dyn Fn(usize) -> u8| bytes.extend(block.iter().map(|&(_, i)| byte(i as usize)));
+    let has = points.attributes();
+    if has.intensity {
+        let (low, high) = ranges.intensity;
+        plane(&|i| ((points.intensity[i] - low) / (high - low) * 255.0).round() as u8);
+    }
+    if has.class {
+        plane(&|i| points.class[i]);
+    }
+    if has.return_number {
+        plane(&|i| points.return_number[i]);
+    }
+    if has.object {
+        plane(&|i| points.object[i] as u8);
+        plane(&|i| (points.object[i] >> 8) as u8);
+    }
+    let mut encoder = ZlibEncoder::new(Vec::with_capacity(bytes.len() / 2), Compression::default());
+    // Memory takes all that it is given.
+    let packed = encoder.write_all(&bytes).and_then(|()| encoder.finish());
+    packed.unwrap_or_default()
+}
+
+/// Base64 (RFC 4648 §4).
+fn base64(bytes: &[u8]) -> Vec<u8> {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let at = |i: usize| u32::from(three.get(i).copied().unwrap_or(0));
+        let bits = at(0) << 16 | at(1) << 8 | at(2);
+        for digit in 0..4 {
+            let known = digit <= three.len();
+            text.push(if known { DIGITS[(bits >> (18 - 6 * digit) & 63) as usize] } else { b'=' });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::points::{Attributes, Point};
+    use super::*;
+    use crate::geom::DVec3;
+    use std::io::Read;
+
+    #[test]
+    fn base64_is_that_of_the_standard() {
+        for (bytes, text) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("foobar", "Zm9vYmFy"),
+        ] {
+            assert_eq!(String::from_utf8(base64(bytes.as_bytes())).unwrap(), text);
+        }
+    }
+
+    #[test]
+    fn a_sample_takes_one_of_each_run() {
+        assert_eq!(sample(5, 10), [0, 1, 2, 3, 4]);
+        let chosen = sample(1_000_003, 1000);
+        assert_eq!(chosen.len(), 1000);
+        assert!(chosen.windows(2).all(|w| w[0] < w[1] && w[1] - w[0] < 2002));
+        // Every second point is a second return: about half of the sample are.
+        let second = chosen.iter().filter(|&&i| i % 2 == 1).count();
+        assert!((430..570).contains(&second), "{second}");
+        assert!(sample(0, 10).is_empty());
+    }
+
+    #[test]
+    fn positions_and_attributes_come_back() {
+        let mut points = Points::new(Attributes { class: true, object: true, ..Attributes::default() });
+        for i in 0..3000u32 {
+            let t = f64::from(i);
+            let object = (i % 700).to_string();
+            points.push(&Point {
+                position: DVec3::new(5e5 + 40.0 * (t * 0.37).sin(), 5e6 + 0.01 * t, 100.0 + (t * 0.11).cos()),
+                class: (i % 7) as i32,
+                object: &object,
+                ..Point::default()
+            });
+        }
+        let chosen = sample(points.len(), usize::MAX);
+        let packed = pack(&points, &chosen, &Ranges { intensity: (0.0, 1.0) });
+        assert_eq!((packed.step, packed.blocks.len()), (0.001, 1));
+        let (count, deflated) = &packed.blocks[0];
+        let mut bytes = Vec::new();
+        flate2::read::ZlibDecoder::new(&deflated[..]).read_to_end(&mut bytes).unwrap();
+        assert_eq!(bytes.len(), count * 12);
+        let byte = |plane: usize, i: usize| u32::from(bytes[plane * count + i]);
+        let mut found: Vec<([i64; 3], u32, u32)> = Vec::new();
+        let mut last = [0i64; 3];
+        for i in 0..*count {
+            for (axis, value) in last.iter_mut().enumerate() {
+                let zigzag = byte(3 * axis, i) | byte(3 * axis + 1, i) << 8 | byte(3 * axis + 2, i) << 16;
+                *value += i64::from(zigzag >> 1) ^ -i64::from(zigzag & 1);
+            }
+            found.push((last, byte(9, i), byte(10, i) | byte(11, i) << 8));
+        }
+        let low = points.bounds().min;
+        let mut wanted: Vec<([i64; 3], u32, u32)> = (0..points.len())
+            .map(|i| {
+                let [x, y, z] = points.offsets[i].map(f64::from);
+                let at = DVec3::new(x, y, z) + points.origin() - low;
+                (
+                    at.to_array().map(|v| (v / 0.001).round() as i64),
+                    u32::from(points.class[i]),
+                    u32::from(points.object[i]),
+                )
+            })
+            .collect();
+        found.sort_unstable();
+        wanted.sort_unstable();
+        assert!(found == wanted);
+    }
+
+    #[test]
+    fn the_spacing_is_that_of_a_surface() {
+        let mut points = Points::new(Attributes::default());
+        for i in 0..40_000u32 {
+            let (x, y) = (f64::from(i % 200) * 0.1, f64::from(i / 200) * 0.1);
+            points.push(&Point { position: DVec3::new(x, y, 0.3 * x), ..Point::default() });
+        }
+        let packed = pack(&points, &sample(40_000, usize::MAX), &Ranges { intensity: (0.0, 1.0) });
+        assert!((0.05..0.2).contains(&packed.spacing), "{}", packed.spacing);
+    }
+}

@@ -1,0 +1,180 @@
+//! Pages to turn a cloud around, as a browser shows them. Without Chromium (on the path, or named by `VLSCAN_CHROMIUM`)
+//! these tests say that they skip.
+
+mod common;
+
+use common::{fixture, folder, run, succeed, text};
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// A browser, or `None` (with a printed note) where there is none.
+fn chromium() -> Option<String> {
+    let named = std::env::var("VLSCAN_CHROMIUM").ok();
+    let usual = ["chromium", "chromium-browser", "google-chrome"].map(str::to_owned);
+    for program in named.into_iter().chain(usual) {
+        let found =
+            Command::new(&program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        if found.is_ok_and(|status| status.success()) {
+            return Some(program);
+        }
+    }
+    println!("skipped: no chromium (apt install chromium, or VLSCAN_CHROMIUM)");
+    None
+}
+
+/// What a browser made of a page.
+struct Seen {
+    document: String,
+    messages: String,
+    /// Width, and red, green, blue of all dots.
+    picture: (usize, Vec<[u8; 3]>),
+}
+
+fn open(chromium: &str, folder: &Path, page: &str) -> Seen {
+    let profile = tempfile::tempdir().unwrap();
+    let shot = folder.join("shot.png");
+    let output = Command::new(chromium)
+        .args("--headless --no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader".split(' '))
+        .args("--enable-unsafe-swiftshader --disable-quic --no-first-run --disable-sync".split(' '))
+        .args("--disable-background-networking --disable-component-update --enable-logging=stderr".split(' '))
+        .args(["--window-size=900,600", "--virtual-time-budget=30000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(format!("--screenshot={}", shot.display()))
+        .arg(format!("file://{}", folder.join(page).display()))
+        .stdin(Stdio::null())
+        .output()
+        .expect("the browser starts");
+    let reader = png::Decoder::new(BufReader::new(File::open(&shot).expect("a picture"))).read_info();
+    let mut reader = reader.unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    let samples = info.color_type.samples();
+    let dots = bytes[..info.buffer_size()].chunks_exact(samples).map(|d| [d[0], d[1], d[2]]).collect();
+    Seen {
+        document: text(&output.stdout),
+        messages: text(&output.stderr),
+        picture: (info.width as usize, dots),
+    }
+}
+
+impl Seen {
+    /// The page is ready, shows that many points, and nothing went wrong.
+    fn check(&self, points: usize) {
+        let root = self.document.lines().find(|line| line.contains("<html")).unwrap_or_default();
+        assert!(root.contains("data-state=\"ready\""), "{root}\n{}", self.messages);
+        assert!(root.contains(&format!("data-points=\"{points}\"")), "{root}");
+        // What the browser says about the graphics is for information; errors of the page are not.
+        for line in self.messages.lines().filter(|line| line.contains("CONSOLE")) {
+            assert!(!line.contains("ERROR") && !line.contains("Uncaught"), "{line}");
+        }
+    }
+
+    /// Different colours, and the share of dots unlike the ground, in the middle of the window, clear of the panels.
+    fn middle(&self) -> (usize, f64) {
+        let (width, dots) = &self.picture;
+        let ground = dots[dots.len() - width / 2];
+        let inside = |i: &usize| (width / 3..width * 2 / 3).contains(&(i % width));
+        let middle: Vec<[u8; 3]> = (0..dots.len()).filter(inside).map(|i| dots[i]).collect();
+        let drawn = middle.iter().filter(|dot| **dot != ground).count();
+        (middle.iter().collect::<HashSet<_>>().len(), drawn as f64 / middle.len() as f64)
+    }
+}
+
+#[test]
+fn a_browser_shows_the_points_without_a_complaint() {
+    let Some(chromium) = chromium() else { return };
+    let dir = folder();
+    let survey = fixture("forest/survey.xml");
+    succeed(dir.path(), &[survey.to_str().unwrap(), "-o", "forest.laz", "-q"]);
+    let said = text(&succeed(dir.path(), &["preview", "forest.laz", "-o", "forest.html"]).stderr);
+    assert!(said.contains("forest.html") && said.contains("points; open it in a browser"), "{said}");
+    succeed(
+        dir.path(),
+        &["preview", "forest.laz", "-o", "few.html", "--colour", "class", "--most-points", "5000"],
+    );
+    let page = std::fs::read_to_string(dir.path().join("few.html")).unwrap();
+    assert!(page.contains("5 000 of "), "the page says that it shows a sample");
+
+    let all = std::fs::read_to_string(dir.path().join("forest.html")).unwrap();
+    let blocks = all.split("data-count=\"").skip(1).map(|rest| rest.split('"').next().unwrap());
+    let points: usize = blocks.map(|count| count.parse::<usize>().unwrap()).sum();
+    assert!(points > 30_000, "{points}");
+    for (page, points) in [("forest.html", points), ("few.html", 5000)] {
+        let seen = open(&chromium, dir.path(), page);
+        seen.check(points);
+        let (colours, drawn) = seen.middle();
+        assert!(colours > 40 && drawn > 0.15, "{page}: {colours} colours, {drawn} of the middle drawn");
+    }
+}
+
+#[test]
+fn keys_and_pointer_work() {
+    let Some(chromium) = chromium() else { return };
+    let dir = folder();
+    let survey = fixture("room/survey.xml");
+    succeed(dir.path(), &[survey.to_str().unwrap(), "-o", "room.xyz", "-q"]);
+    succeed(dir.path(), &["preview", "room.xyz", "-o", "room.html", "-q"]);
+    let path = dir.path().join("room.html");
+    let page = std::fs::read_to_string(&path).unwrap();
+    // A visitor who does everything once and writes down what came of it.
+    let visitor = r#"<script>
+      const key = key => dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }));
+      const canvas = document.getElementById('view');
+      const point = (kind, x, y) => canvas.dispatchEvent(new PointerEvent(kind, { pointerId: 1, clientX: x, clientY: y, buttons: 1, bubbles: true }));
+      canvas.setPointerCapture = () => {};
+      const visit = setInterval(() => {
+        if (document.documentElement.dataset.state !== 'ready') return;
+        clearInterval(visit);
+        for (const k of ['ArrowLeft', '+', '-', '[', ']', 'o', 'e', 's', 't', '3']) key(k);
+        const needle = () => document.getElementById('needle').getAttribute('transform');
+        // The picture follows when the browser gets to it.
+        const once = (done, then) => { const wait = setInterval(() => { if (done()) { clearInterval(wait); then(); } }, 50); };
+        const heading = () => Number(document.getElementById('needle').getAttribute('transform').slice(7, -1));
+        once(() => heading() === 0, () => {
+          point('pointerdown', 450, 300); point('pointermove', 500, 310); point('pointerup', 500, 310);
+          canvas.dispatchEvent(new WheelEvent('wheel', { deltaY: -200, clientX: 450, clientY: 300 }));
+          canvas.dispatchEvent(new MouseEvent('dblclick', { clientX: 450, clientY: 330 }));
+          document.querySelector('#legend input').click();
+          once(() => heading() !== 0, () => {
+            const found = { colour: document.getElementById('colour').value, heading: heading(),
+              named: document.getElementById('status').textContent, parallel: !document.getElementById('perspective').checked };
+            document.body.dataset.found = JSON.stringify(found);
+          });
+        });
+      }, 100);
+    </script></body>"#;
+    std::fs::write(&path, page.replace("</body>", visitor)).unwrap();
+    let seen = open(&chromium, dir.path(), "room.html");
+    let found = seen.document.split("data-found=\"").nth(1).and_then(|rest| rest.split('"').next());
+    let found = found.unwrap_or_else(|| panic!("the visitor did not come to an end: {}", seen.messages));
+    let found: serde_json::Value = serde_json::from_str(&found.replace("&quot;", "\"")).unwrap();
+    assert_eq!((&found["colour"], &found["parallel"]), (&"class".into(), &true.into()));
+    // 50 pixels to the right are 0.3 radians.
+    let heading = found["heading"].as_f64().unwrap();
+    assert!((heading + 0.3f64.to_degrees()).abs() < 1e-6, "{heading}");
+    let named = found["named"].as_str().unwrap();
+    assert!(named.starts_with("x ") && named.contains("return 1"), "{named:?}");
+    assert!(!seen.document.contains("data-state=\"error\""), "{named}");
+}
+
+#[test]
+fn a_name_that_tells_no_format_and_numbers_that_are_none_are_refused() {
+    let dir = folder();
+    std::fs::write(dir.path().join("a.xyz"), "1 2 3\n4 5 6\n").unwrap();
+    for (args, expected) in [
+        (&["preview", "a.xyz", "-o", "a.jpeg"][..], ".png or .html"),
+        (&["preview", "a.xyz", "-o", "a.html", "--most-points", "many"], "--most-points"),
+        (&["preview", "a.xyz", "-o", "a.html", "--most-points", "0"], "--most-points"),
+        (&["preview", "a.xyz", "-o", "a.xyz"], "exists already"),
+    ] {
+        let refused = run(dir.path(), args);
+        assert_eq!(refused.status.code(), Some(2), "{args:?}");
+        assert!(text(&refused.stderr).contains(expected), "{}", text(&refused.stderr));
+    }
+    // A picture goes to stdout, whole.
+    let picture = succeed(dir.path(), &["preview", "a.xyz", "-o", "-", "-q"]).stdout;
+    assert!(picture.starts_with(b"\x89PNG") && picture.ends_with(b"IEND\xaeB`\x82"));
+}
