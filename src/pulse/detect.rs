@@ -20,35 +20,10 @@ pub(super) struct Return {
     pub width: f64,
 }
 
-/// Reflections of a pulse by ascending range, as (range, intensity) in `out`. Of those at bit for bit the same range only
-/// the first counts, or their sum if `sum` is set (§4.2, trap 2).
-pub(super) fn order(
-    reflections: &Reflections,
-    sum: bool,
-    keys: &mut Vec<(u64, u32)>,
-    out: &mut Vec<(f64, f64)>,
-) {
-    keys.clear();
-    // The bits of floats that are not negative are ordered like the floats.
-    keys.extend(reflections.ranges().iter().zip(0..).map(|(r, i)| (r.to_bits(), i)));
-    keys.sort_unstable();
-    out.clear();
-    let intensities = reflections.intensities();
-    let mut last = None;
-    for (bits, i) in keys.iter() {
-        let intensity = intensities[*i as usize];
-        if last != Some(*bits) {
-            out.push((f64::from_bits(*bits), intensity));
-            last = Some(*bits);
-        } else if sum && let Some(same) = out.last_mut() {
-            same.1 += intensity;
-        }
-    }
-}
-
 /// Appends what the detector reports of `waveform`, nearest first, at most as many as it can. `kept` says of a range
 /// whether it counts.
-pub(super) fn detect(
+#[inline(always)]
+pub(super) fn detect<const WIDE: bool>(
     waveform: &Waveform,
     instrument: &Instrument,
     echo_width: bool,
@@ -57,7 +32,7 @@ pub(super) fn detect(
 ) {
     let corrections = &instrument.corrections;
     let (shape, most) = (&instrument.shape, instrument.max_returns as usize);
-    for (bin, amplitude) in Peaks::of(waveform, instrument.rule) {
+    for (bin, amplitude) in Peaks::<WIDE>::of(waveform, instrument.rule) {
         let width = if echo_width {
             let reach = corrections.local_fit.then_some(shape.samples.len() as u64);
             let width = fit::width(waveform, bin, amplitude, reach) * shape.bin;
@@ -85,15 +60,16 @@ pub(super) fn detect(
 
 /// The reflection that a return at `range` is attributed to: the nearest by entry point, the first of equally near ones
 /// (§4.7). A range that is no number belongs to the first.
+#[inline(always)]
 pub(super) fn attribute(reflections: &Reflections, range: f64) -> usize {
-    let (mut best, mut least) = (0, f64::INFINITY);
-    for (i, entry) in reflections.entries().iter().enumerate() {
-        let off = (entry - range).abs();
-        if off < least {
-            (best, least) = (i, off);
-        }
+    // The bits of floats that are not negative are ordered like the floats.
+    let off = |entry: &f64| (entry - range).abs().to_bits();
+    let entries = reflections.entries();
+    let mut least = u64::MAX;
+    for entry in entries {
+        least = least.min(off(entry));
     }
-    best
+    entries.iter().position(|entry| off(entry) == least).unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -105,7 +81,7 @@ mod tests {
 
     fn returns(of: &[(f64, f64)], instrument: &Instrument) -> Vec<Return> {
         let mut out = Vec::new();
-        detect(&received(of, instrument), instrument, false, |_| true, &mut out);
+        detect::<false>(&received(of, instrument), instrument, false, |_| true, &mut out);
         out
     }
 
@@ -135,7 +111,7 @@ mod tests {
         for (s, bins, expected) in table {
             let waveform = received(&[(100.0, 1.0), (100.0 + s, 1.0)], &instrument);
             assert_eq!(waveform.bins, bins, "s = {s}");
-            let found: Vec<_> = Peaks::of(&waveform, instrument.rule).map(|p| p.0).collect();
+            let found: Vec<_> = Peaks::<false>::of(&waveform, instrument.rule).map(|p| p.0).collect();
             assert_eq!(found, expected.iter().map(|e| e.0).collect::<Vec<_>>(), "s = {s}");
             for (r, e) in returns(&[(100.0, 1.0), (100.0 + s, 1.0)], &instrument).iter().zip(expected) {
                 assert!(
@@ -195,17 +171,6 @@ mod tests {
         for (r, e) in found.iter().zip(expected) {
             assert!((r.range - e.0).abs() < 5e-5 && (r.amplitude - e.1).abs() < 5e-5, "{r:?} is not {e:?}");
         }
-    }
-
-    #[test]
-    fn equal_ranges_keep_the_first_or_add() {
-        let map = |sum| {
-            let (mut keys, mut out) = (Vec::new(), Vec::new());
-            order(&reflections(&[(3.0, 5.0), (1.0, 1.0), (3.0, 7.0), (3.0, 9.0)]), sum, &mut keys, &mut out);
-            out
-        };
-        assert_eq!(map(false), [(1.0, 1.0), (3.0, 5.0)]);
-        assert_eq!(map(true), [(1.0, 1.0), (3.0, 21.0)]);
     }
 
     #[test]
@@ -273,8 +238,14 @@ mod tests {
             for (a, b) in all.iter().zip(&f) {
                 prop_assert_eq!(a.to_bits(), b.to_bits());
             }
-            let found: Vec<usize> = Peaks::of(&waveform, instrument.rule).map(|p| p.0 as usize).collect();
-            prop_assert_eq!(found, peaks);
+            let found: Vec<usize> = Peaks::<false>::of(&waveform, instrument.rule).map(|p| p.0 as usize).collect();
+            prop_assert_eq!(&found, &peaks);
+            #[cfg(target_arch = "x86_64")]
+            if is_x86_feature_detected!("avx512f") {
+                let found: Vec<usize> =
+                    Peaks::<true>::of(&waveform, instrument.rule).map(|p| p.0 as usize).collect();
+                prop_assert_eq!(found, peaks);
+            }
         }
     }
 

@@ -3,6 +3,7 @@
 use super::options::{Corrections, PhysicsOptions};
 use super::subray::{rays_in_ring, ring_angle};
 use crate::survey::Beam;
+use crate::tree::RayGroup;
 use libm::{pow, sin};
 use std::array::from_fn;
 use std::f64::consts::PI;
@@ -51,32 +52,68 @@ impl Energy {
         }
     }
 
+    /// Gains of the subrays of one pulse, [`LANES`] at a time: the intensity that a reflectance factor of 1 would have at
+    /// those ranges (m). `ranges` are by subray, filled up to whole blocks; where they are not finite, gains are not either
+    /// or mean nothing.
+    #[inline(always)]
+    pub fn gains(&self, ranges: &[Block], out: &mut [Block]) {
+        match &self.law {
+            Law::Legacy => {
+                for ((range, out), ring) in ranges.iter().zip(out).zip(&self.legacy.lanes) {
+                    self.legacy.gains(ring, range, out);
+                }
+            }
+            Law::Improved(law) => {
+                for ((range, out), ring) in ranges.iter().zip(out).zip(&law.lanes) {
+                    law.gains(ring, range, out);
+                }
+            }
+        }
+    }
+
     /// Turns reflectance factors f(θ) into intensities: of a reflection in `rings[i]` at `ranges[i]` m.
     pub fn apply(&self, rings: &[u32], ranges: &[f64], factors: &mut [f64]) {
         let blocks = rings.chunks(LANES).zip(ranges.chunks(LANES)).zip(factors.chunks_mut(LANES));
         for ((rings, ranges), factors) in blocks {
-            let (mut ring, mut range) = ([0; LANES], [1.0; LANES]);
-            ring[..rings.len()].copy_from_slice(rings);
+            let mut range = [1.0; LANES];
             range[..ranges.len()].copy_from_slice(ranges);
-            let per_factor = match &self.law {
-                Law::Legacy => self.legacy.per_factor(&ring, &range),
-                Law::Improved(law) => law.per_factor(&ring, &range),
-            };
-            for (factor, i) in factors.iter_mut().zip(per_factor) {
+            for (factor, i) in factors.iter_mut().zip(self.of_rings(rings, &range)) {
                 *factor *= i;
             }
         }
     }
 
+    /// Gains of subrays of any rings.
+    fn of_rings(&self, rings: &[u32], range: &Block) -> Block {
+        let mut out = [0.0; LANES];
+        match &self.law {
+            Law::Legacy => self.legacy.gains(&Profiles::of(&self.legacy.profile, rings), range, &mut out),
+            Law::Improved(law) => law.gains(&Rings::of(&law.rings, rings), range, &mut out),
+        }
+        out
+    }
+
     /// Intensity of a reflection at `range` m in `ring` from a voxel with the cross-section `sigma` (§3.5).
     pub fn of_cross_section(&self, ring: u32, range: f64, sigma: f64) -> f64 {
-        let damping = self.legacy.damping(&[ring; LANES], &[range; LANES])[0];
+        let mut damping = [0.0; LANES];
+        self.legacy.damping(&Profiles::of(&self.legacy.profile, &[ring]), &[range; LANES], &mut damping);
+        let damping = damping[0];
         self.legacy.cross_section * sigma * damping / (range * range * range * range)
     }
 }
 
-/// Reflections that are evaluated together.
-const LANES: usize = 8;
+/// Subrays that are evaluated together.
+pub(super) const LANES: usize = RayGroup::LANES;
+/// A number for each of them.
+pub(super) type Block = [f64; LANES];
+
+/// The rings of all subrays, ring by ring, in blocks; the last ring fills the last block.
+fn rings_of_lanes(rings: u32) -> Vec<u32> {
+    let mut all: Vec<u32> =
+        (0..rings).flat_map(|r| std::iter::repeat_n(r, rays_in_ring(r) as usize)).collect();
+    all.resize(all.len().next_multiple_of(LANES), rings.saturating_sub(1));
+    all
+}
 
 /// Half opening angle of the traced cone, which is also the angle of the waist formula.
 pub(super) fn half_angle(divergence: f64, corrections: &Corrections) -> f64 {
@@ -112,6 +149,8 @@ struct Legacy {
     surface: f64,
     cross_section: f64,
     profile: Vec<Profile>,
+    /// Of all subrays.
+    lanes: Vec<Profiles>,
     range_min_squared: f64,
     double_extinction: f64,
 }
@@ -123,6 +162,21 @@ struct Profile {
     exponent: f64,
     /// exp(−k), which is what remains far away.
     far: f64,
+}
+
+/// The profiles of a block of subrays.
+#[derive(Clone, Copy, Debug)]
+struct Profiles {
+    exponent: Block,
+    far: Block,
+}
+
+impl Profiles {
+    /// Those of some rings, at most as many as a block holds.
+    fn of(profile: &[Profile], rings: &[u32]) -> Profiles {
+        let lane = |i: usize| profile[rings.get(i).map_or(0, |r| *r as usize)];
+        Profiles { exponent: from_fn(|i| lane(i).exponent), far: from_fn(|i| lane(i).far) }
+    }
 }
 
 impl Legacy {
@@ -145,29 +199,44 @@ impl Legacy {
             let exponent = 2.0 * spread * spread;
             Profile { exponent, far: libm::exp(-exponent) }
         };
+        let profile: Vec<Profile> = (0..rings).map(profile).collect();
         let footprint = if collimated { 1.0 } else { start * start / divisor / (leg * leg) };
         Legacy {
             surface: scale * (PI / 4.0) * footprint,
             cross_section: scale / (4.0 * PI * (leg * leg)),
-            profile: (0..rings).map(profile).collect(),
+            lanes: rings_of_lanes(rings).chunks(LANES).map(|rings| Profiles::of(&profile, rings)).collect(),
+            profile,
             range_min_squared: state.range_min * state.range_min,
             double_extinction: 2.0 * extinction(beam, corrections),
         }
     }
 
     /// Intensities for a reflectance factor of 1.
-    fn per_factor(&self, rings: &[u32; LANES], range: &[f64; LANES]) -> [f64; LANES] {
-        let damping = self.damping(rings, range);
-        from_fn(|i| self.surface * damping[i] / (range[i] * range[i]))
+    #[inline(always)]
+    fn gains(&self, ring: &Profiles, range: &Block, out: &mut Block) {
+        self.damping(ring, range, out);
+        for i in 0..LANES {
+            out[i] = self.surface * out[i] / (range[i] * range[i]);
+        }
     }
 
     /// Losses by the beam's profile and the atmosphere.
-    fn damping(&self, rings: &[u32; LANES], range: &[f64; LANES]) -> [f64; LANES] {
-        let profile = rings.map(|r| self.profile[r as usize]);
-        let near = range.map(|r| self.range_min_squared / (r * r + self.range_min_squared));
-        let rest =
-            exponentials(from_fn(|i| profile[i].exponent * near[i] - range[i] * self.double_extinction));
-        from_fn(|i| profile[i].far * rest[i])
+    #[inline(always)]
+    fn damping(&self, ring: &Profiles, range: &Block, out: &mut Block) {
+        let mut x = [0.0; LANES];
+        let mut other = 0;
+        for i in 0..LANES {
+            let near = self.range_min_squared / (range[i] * range[i] + self.range_min_squared);
+            x[i] = ring.exponent[i] * near - range[i] * self.double_extinction;
+            out[i] = ring.far[i] * (1.0 + x[i] * series(x[i]));
+            let small = x[i].abs() < SMALL;
+            other |= u32::from(!small & range[i].is_finite());
+        }
+        if other != 0 {
+            for i in 0..LANES {
+                out[i] = ring.far[i] * exponential(x[i]);
+            }
+        }
     }
 }
 
@@ -175,6 +244,8 @@ impl Legacy {
 #[derive(Clone, Debug)]
 struct Improved {
     rings: Vec<Ring>,
+    /// Of all subrays.
+    lanes: Vec<Rings>,
     /// w0², m².
     waist_squared: f64,
     /// λ / (π w0²), 1/m.
@@ -183,6 +254,26 @@ struct Improved {
     focus: f64,
     in_metres: bool,
     double_extinction: f64,
+}
+
+/// The rings of a block of subrays.
+#[derive(Clone, Copy, Debug)]
+struct Rings {
+    scale: Block,
+    inner: Block,
+    width: Block,
+}
+
+impl Rings {
+    /// Some rings, at most as many as a block holds.
+    fn of(rings: &[Ring], some: &[u32]) -> Rings {
+        let lane = |i: usize| rings[some.get(i).map_or(0, |r| *r as usize)];
+        Rings {
+            scale: from_fn(|i| lane(i).scale),
+            inner: from_fn(|i| lane(i).inner),
+            width: from_fn(|i| lane(i).width),
+        }
+    }
 }
 
 /// One ring of the improved model.
@@ -203,6 +294,7 @@ impl Improved {
         let collimated = corrections.collimated_energy && divergence == 0.0;
         let ring =
             |i| if collimated { Ring::on_axis(scale, i) } else { Ring::new(scale, divergence, rings, i) };
+        let of_rings: Vec<Ring> = (0..rings).map(ring).collect();
         let wavelength = beam.wavelength * 1e-9;
         let waist = if collimated {
             1.0
@@ -210,7 +302,8 @@ impl Improved {
             beam.quality * wavelength / (PI * half_angle(divergence, corrections))
         };
         Improved {
-            rings: (0..rings).map(ring).collect(),
+            lanes: rings_of_lanes(rings).chunks(LANES).map(|rings| Rings::of(&of_rings, rings)).collect(),
+            rings: of_rings,
             waist_squared: waist * waist,
             spread: wavelength / (PI * (waist * waist)),
             focus: if corrections.waist_at_exit || collimated { 0.0 } else { 1.0 / state.range_min },
@@ -220,19 +313,30 @@ impl Improved {
     }
 
     /// Intensities for a reflectance factor of 1.
-    fn per_factor(&self, rings: &[u32; LANES], range: &[f64; LANES]) -> [f64; LANES] {
-        let ring = rings.map(|r| self.rings[r as usize]);
-        let square = range.map(|r| r * r);
-        let unit: [f64; LANES] = from_fn(|i| {
+    #[inline(always)]
+    fn gains(&self, ring: &Rings, range: &Block, out: &mut Block) {
+        // The energy that a ring has lost to its outer neighbours, and what is left of the rest by then:
+        // e^(−a) − e^(−b) as e^(−a)·(1 − e^(−(b−a))), which does not cancel.
+        let (mut share, mut damping) = ([0.0; LANES], [0.0; LANES]);
+        let mut other = 0;
+        for i in 0..LANES {
+            let square = range[i] * range[i];
             let (defocus, spread) = (1.0 - range[i] * self.focus, range[i] * self.spread);
             let beam_squared = self.waist_squared * (defocus * defocus + spread * spread);
-            if self.in_metres { square[i] / beam_squared } else { 1.0 / beam_squared }
-        });
-        // e^(−a) − e^(−b) as e^(−a)·(1 − e^(−(b−a))), which does not cancel.
-        let share = exponentials_minus_one(from_fn(|i| -(ring[i].width * unit[i])));
-        let damping =
-            exponentials(from_fn(|i| -(ring[i].inner * unit[i] + range[i] * self.double_extinction)));
-        from_fn(|i| -(ring[i].scale * share[i] * damping[i]) / square[i])
+            let unit = if self.in_metres { square / beam_squared } else { 1.0 / beam_squared };
+            let (x, y) =
+                (-(ring.width[i] * unit), -(ring.inner[i] * unit + range[i] * self.double_extinction));
+            (share[i], damping[i]) = (x, y);
+            out[i] = -(ring.scale[i] * (x * series(x)) * (1.0 + y * series(y))) / square;
+            let small = (x.abs() < SMALL) & (y.abs() < SMALL);
+            other |= u32::from(!small & range[i].is_finite());
+        }
+        if other != 0 {
+            for i in 0..LANES {
+                let lost = ring.scale[i] * exponential_minus_one(share[i]) * exponential(damping[i]);
+                out[i] = -lost / (range[i] * range[i]);
+            }
+        }
     }
 }
 
@@ -262,26 +366,17 @@ impl Ring {
 const SMALL: f64 = 1.0 / 16.0;
 
 /// e^x. Near 0, where most arguments of these laws lie, a series of 10 terms is exact to the last digit.
-fn exponentials(x: [f64; LANES]) -> [f64; LANES] {
-    if all_small(&x) {
-        return x.map(|x| 1.0 + x * series(x));
-    }
-    x.map(|x| if x.abs() < SMALL { 1.0 + x * series(x) } else { libm::exp(x) })
+fn exponential(x: f64) -> f64 {
+    if x.abs() < SMALL { 1.0 + x * series(x) } else { libm::exp(x) }
 }
 
 /// e^x − 1.
-fn exponentials_minus_one(x: [f64; LANES]) -> [f64; LANES] {
-    if all_small(&x) {
-        return x.map(|x| x * series(x));
-    }
-    x.map(|x| if x.abs() < SMALL { x * series(x) } else { libm::expm1(x) })
-}
-
-fn all_small(x: &[f64; LANES]) -> bool {
-    x.iter().fold(true, |all, x| all & (x.abs() < SMALL))
+fn exponential_minus_one(x: f64) -> f64 {
+    if x.abs() < SMALL { x * series(x) } else { libm::expm1(x) }
 }
 
 /// (e^x − 1)/x for small x: Σ x^k/(k+1)!.
+#[inline(always)]
 fn series(x: f64) -> f64 {
     const C: [f64; 10] = [
         1.0,
@@ -329,8 +424,10 @@ mod tests {
 
         /// Intensities of ρ = 0.5 by the improved and the legacy model.
         fn at(&self, ring: u32, range: f64) -> (f64, f64) {
-            let (rings, ranges) = ([ring; LANES], [range; LANES]);
-            (self.0.per_factor(&rings, &ranges)[0] * 0.5, self.1.per_factor(&rings, &ranges)[0] * 0.5)
+            let (mut improved, mut legacy) = ([0.0; LANES], [0.0; LANES]);
+            self.0.gains(&Rings::of(&self.0.rings, &[ring]), &[range; LANES], &mut improved);
+            self.1.gains(&Profiles::of(&self.1.profile, &[ring]), &[range; LANES], &mut legacy);
+            (improved[0] * 0.5, legacy[0] * 0.5)
         }
     }
 
@@ -446,15 +543,24 @@ mod tests {
     #[test]
     fn reflections_are_evaluated_alike_wherever_they_stand() {
         let beam = tls_beam();
-        let energy = Energy::new(state(&beam, 3, 1.5), false, &PhysicsOptions::helios());
-        let rings: Vec<u32> = (0..19).map(|i| i % 3).collect();
-        let ranges: Vec<f64> = (0..19).map(|i| 0.3 + 7.0 * f64::from(i * i)).collect();
-        let mut together = vec![0.5; 19];
-        energy.apply(&rings, &ranges, &mut together);
-        for i in 0..19 {
-            let mut alone = [0.5];
-            energy.apply(&rings[i..=i], &ranges[i..=i], &mut alone);
-            assert_eq!(alone[0].to_bits(), together[i].to_bits());
+        for options in
+            [PhysicsOptions::helios(), PhysicsOptions { legacy_energy: true, ..PhysicsOptions::helios() }]
+        {
+            let energy = Energy::new(state(&beam, 3, 1.5), false, &options);
+            let rings = Subrays::new(3e-4, 3).ring;
+            let ranges: Vec<f64> = (0..19).map(|i| 0.3 + 7.0 * f64::from(i * i)).collect();
+            let mut together = vec![0.5; 19];
+            energy.apply(&rings, &ranges, &mut together);
+            let mut blocks = [[f64::INFINITY; LANES]; 3];
+            blocks.as_flattened_mut()[..19].copy_from_slice(&ranges);
+            let mut gains = [[0.0; LANES]; 3];
+            energy.gains(&blocks, &mut gains);
+            for i in 0..19 {
+                let mut alone = [0.5];
+                energy.apply(&rings[i..=i], &ranges[i..=i], &mut alone);
+                assert_eq!(alone[0].to_bits(), together[i].to_bits());
+                assert_eq!((0.5 * gains.as_flattened()[i]).to_bits(), together[i].to_bits());
+            }
         }
     }
 
@@ -462,13 +568,12 @@ mod tests {
     fn the_series_is_as_exact_as_the_library() {
         for i in -6250..6250 {
             let x = f64::from(i) * 1e-5;
-            near(exponentials([x; LANES])[0], libm::exp(x), 3e-16);
+            near(exponential(x), libm::exp(x), 3e-16);
             if x != 0.0 {
-                near(exponentials_minus_one([x; LANES])[0], libm::expm1(x), 5e-16);
+                near(exponential_minus_one(x), libm::expm1(x), 5e-16);
             }
         }
-        let mixed = exponentials([0.0, f64::NEG_INFINITY, 1.0, f64::NAN, 0.0, 0.0, 0.0, 0.0]);
-        assert_eq!(mixed[..3], [1.0, 0.0, libm::exp(1.0)]);
-        assert!(mixed[3].is_nan());
+        assert_eq!([0.0, f64::NEG_INFINITY, 1.0].map(exponential), [1.0, 0.0, libm::exp(1.0)]);
+        assert!(exponential(f64::NAN).is_nan());
     }
 }

@@ -1,8 +1,9 @@
 //! The whole way of a pulse: expand → trace → reflect → receive → detect → emit.
 
-use super::detect::{Return, attribute, detect, order};
+use super::detect::{Return, attribute, detect};
 use super::foliage::FreePaths;
 use super::instrument::{Fleet, Instrument};
+use super::light::Light;
 use super::reflect::{Probe, Reflections, Shot, View};
 use super::waveform::Waveform;
 use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
@@ -12,7 +13,7 @@ use crate::pulse::Batch;
 use crate::rng::{Purpose, Stream};
 use crate::scene::{Actor, Change, Scene, Stage};
 use crate::survey::Survey;
-use crate::tree::{Hits, RayGroup, Tree};
+use crate::tree::{Hits, Level, RayGroup, Tree};
 use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Arc;
@@ -68,6 +69,7 @@ impl<'a> Physics<'a> {
             apart: Volley::default(),
             places: Vec::new(),
             receiver: Receiver::default(),
+            level: Level::best(),
         }
     }
 }
@@ -102,6 +104,8 @@ pub struct Shooter<'p> {
     /// Place of each pulse in its device's volley; `None` if its axis misses the scene.
     places: Vec<Option<usize>>,
     receiver: Receiver,
+    /// The instruction set of everything behind the tracing.
+    pub(super) level: Level,
 }
 
 /// Pulses of one device on their way.
@@ -116,8 +120,7 @@ struct Volley {
 struct Receiver {
     probe: Probe,
     reflections: Reflections,
-    keys: Vec<(u64, u32)>,
-    light: Vec<(f64, f64)>,
+    light: Light,
     waveform: Waveform,
     returns: Vec<Return>,
 }
@@ -228,21 +231,59 @@ impl Shooter<'_> {
         moving: &[Actor],
         batch: &mut Batch,
     ) -> Result<()> {
+        self.receiver.probe.facets.forget_moving();
+        let volley = Arrived { leg, pulses: &pulses[some.clone()], places: some, moving };
+        match self.level {
+            Level::Portable => self.receive_here::<false>(&volley, batch),
+            // SAFETY: the level is available only where the features are.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { self.receive_avx2(&volley, batch) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { self.receive_avx512(&volley, batch) },
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn receive_avx2(&mut self, volley: &Arrived, batch: &mut Batch) -> Result<()> {
+        self.receive_here::<false>(volley, batch)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+    fn receive_avx512(&mut self, volley: &Arrived, batch: &mut Batch) -> Result<()> {
+        self.receive_here::<true>(volley, batch)
+    }
+
+    /// Plain Rust that the compiler turns into instructions of whatever set it is inlined for: nothing is fused or
+    /// reordered, so that all of them give the same bits.
+    #[inline(always)]
+    fn receive_here<const WIDE: bool>(&mut self, volley: &Arrived, batch: &mut Batch) -> Result<()> {
         let physics = self.physics;
-        let view = View { moving, ..physics.view };
-        for (pulse, place) in pulses[some.clone()].iter().zip(&self.places[some]) {
+        let view = View { moving: volley.moving, ..physics.view };
+        for (pulse, place) in volley.pulses.iter().zip(&self.places[volley.places.clone()]) {
             if physics.options.record_pulses {
                 batch.pulses.push(pulse_record(pulse));
             }
             if let Some(place) = *place {
-                let volley = &self.volleys[pulse.device as usize];
-                let instrument = physics.fleet.instrument(leg, pulse.device)?;
-                let shot = Shot::of(&volley.rays, &volley.hits, place);
-                self.receiver.receive(physics, &view, instrument, pulse, shot, batch)?;
+                let of_device = &self.volleys[pulse.device as usize];
+                let instrument = physics.fleet.instrument(volley.leg, pulse.device)?;
+                let shot = Shot::of(&of_device.rays, &of_device.hits, place);
+                self.receiver.receive::<WIDE>(physics, &view, instrument, pulse, shot, batch)?;
             }
         }
         Ok(())
     }
+}
+
+/// Pulses that have been traced.
+struct Arrived<'a> {
+    leg: u32,
+    pulses: &'a [Pulse],
+    /// Where they stand among those that were aimed together.
+    places: Range<usize>,
+    moving: &'a [Actor],
 }
 
 /// Direction of the beam as it is traced; no component is a negative zero.
@@ -268,7 +309,8 @@ fn meets(gate: Option<Aabb>, origin: DVec3, axis: DVec3) -> bool {
 
 impl Receiver {
     /// From the hits of a pulse's subrays to its records.
-    fn receive(
+    #[inline(always)]
+    fn receive<const WIDE: bool>(
         &mut self,
         physics: &Physics,
         view: &View,
@@ -284,18 +326,18 @@ impl Receiver {
         if self.reflections.is_empty() {
             return Ok(());
         }
-        order(&self.reflections, corrections.sum_equal_ranges, &mut self.keys, &mut self.light);
+        self.light.order::<WIDE>(&self.reflections, corrections.sum_equal_ranges);
         if !self.waveform.receive(&self.light, instrument) {
             return Ok(());
         }
         self.returns.clear();
         let kept =
             |range: f64| !corrections.count_kept_returns || !too_near(range + pulse.range_error, instrument);
-        detect(&self.waveform, instrument, physics.options.echo_width, kept, &mut self.returns);
+        detect::<WIDE>(&self.waveform, instrument, physics.options.echo_width, kept, &mut self.returns);
         if self.returns.is_empty() {
             return Ok(());
         }
-        self.emit_echoes(physics, instrument, pulse, batch);
+        self.emit_echoes(physics, view, instrument, pulse, batch);
         if physics.options.record_waveforms {
             self.emit_waveform(physics, instrument, pulse, batch)?;
         }
@@ -303,9 +345,16 @@ impl Receiver {
     }
 
     /// Errors, noise, position and attribution of each return (spec pulse-physics §4.7–4.9).
-    fn emit_echoes(&self, physics: &Physics, instrument: &Instrument, pulse: &Pulse, batch: &mut Batch) {
+    #[inline(always)]
+    fn emit_echoes(
+        &mut self,
+        physics: &Physics,
+        view: &View,
+        instrument: &Instrument,
+        pulse: &Pulse,
+        batch: &mut Batch,
+    ) {
         let direction = pulse.exact_attitude.forward();
-        let scene = physics.view.scene;
         for (number, r) in (1..).zip(&self.returns) {
             let source = attribute(&self.reflections, r.range);
             let primitive = self.reflections.primitives()[source];
@@ -314,7 +363,13 @@ impl Receiver {
                 continue;
             }
             range += range_noise(&physics.range_noise, instrument, pulse, number, range);
-            let surface = scene.surface(primitive);
+            let (part, classification) = match self.probe.facets.look_up(view, primitive) {
+                Some(facet) => (facet.part, facet.classification),
+                None => {
+                    let surface = view.scene.surface(primitive);
+                    (surface.part, view.scene.materials[surface.material as usize].classification)
+                }
+            };
             batch.echoes.push(Echo {
                 position: pulse.origin + direction * range,
                 origin: pulse.origin,
@@ -326,9 +381,9 @@ impl Receiver {
                 number_of_returns: self.returns.len() as u32,
                 pulse_number: pulse.number,
                 device: pulse.device,
-                part: surface.part,
+                part,
                 primitive,
-                classification: scene.materials[surface.material as usize].classification,
+                classification,
                 incidence_cosine: self.reflections.cosines()[source],
                 scan_angle: pulse.scan_angle,
                 time_ns: pulse.time_ns,
@@ -336,6 +391,7 @@ impl Receiver {
         }
     }
 
+    #[inline(never)]
     fn emit_waveform(
         &self,
         physics: &Physics,

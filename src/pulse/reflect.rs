@@ -1,5 +1,7 @@
 //! From what the subrays hit to reflections (spec pulse-physics §2).
 
+use super::energy::{Block, LANES};
+use super::facet::Facets;
 use super::foliage::{self, FreePaths, Passage};
 use super::instrument::Instrument;
 use crate::geom::{Aabb, DVec3, unit};
@@ -16,6 +18,8 @@ const BOX_SLACK: f64 = 1e-4;
 pub(super) struct Reflections {
     /// How many there are; the fields are longer.
     count: usize,
+    /// All of them where the rays entered, so that `entry` and `ring` are not filled in.
+    is_plain: bool,
     range: Vec<f64>,
     entry: Vec<f64>,
     intensity: Vec<f64>,
@@ -28,6 +32,7 @@ impl Reflections {
     /// Forgets all of them and makes room for `most`.
     pub fn clear(&mut self, most: usize) {
         self.count = 0;
+        self.is_plain = false;
         if self.range.len() < most {
             for field in [&mut self.range, &mut self.entry, &mut self.intensity, &mut self.cosine] {
                 field.resize(most, 0.0);
@@ -70,7 +75,7 @@ impl Reflections {
 
     /// Ranges at which the rays entered the primitives, m: what attribution goes by.
     pub fn entries(&self) -> &[f64] {
-        &self.entry[..self.count]
+        if self.is_plain { self.ranges() } else { &self.entry[..self.count] }
     }
 
     /// Received intensities.
@@ -111,39 +116,42 @@ pub(super) struct View<'a> {
 pub(super) struct Shot<'a> {
     /// Where all of them began, m.
     pub origin: DVec3,
-    directions: [&'a [f64]; 3],
-    t: &'a [f64],
+    directions: [&'a [Block]; 3],
+    t: &'a [Block],
+    /// As many as there are subrays; the others are filled up to whole blocks.
     primitive: &'a [u32],
 }
 
 impl<'a> Shot<'a> {
     /// Pulse `pulse` of a group and what it hit.
+    #[inline(always)]
     pub fn of(group: &'a RayGroup, hits: &'a Hits, pulse: usize) -> Shot<'a> {
-        let row = pulse * group.stride()..pulse * group.stride() + group.rays();
+        let row = pulse * group.stride();
         Shot {
             origin: group.origin(pulse),
-            directions: group.directions(pulse),
-            t: &hits.t[row.clone()],
-            primitive: &hits.primitive[row],
+            directions: group.blocks(pulse),
+            t: hits.t[row..row + group.stride()].as_chunks().0,
+            primitive: &hits.primitive[row..row + group.rays()],
         }
     }
 
+    #[inline(always)]
     fn direction(&self, i: usize) -> DVec3 {
-        let [x, y, z] = self.directions;
+        let [x, y, z] = self.directions.map(|d| d.as_flattened());
         DVec3::new(x[i], y[i], z[i])
     }
 
     /// Distance of every hit from the origin, of the point that it has in the scene's frame: that rounding decides which
     /// ranges are equal (§4.2).
-    fn measure(&self, ranges: &mut Vec<f64>) {
-        let n = self.t.len();
-        ranges.resize(n, 0.0);
+    #[inline(always)]
+    fn measure(&self, ranges: &mut [Block]) {
         let (o, [x, y, z]) = (self.origin, self.directions);
-        let (x, y, z, t) = (&x[..n], &y[..n], &z[..n], &self.t[..n]);
-        for (i, range) in ranges[..n].iter_mut().enumerate() {
-            let (dx, dy, dz) =
-                ((o.x + x[i] * t[i]) - o.x, (o.y + y[i] * t[i]) - o.y, (o.z + z[i] * t[i]) - o.z);
-            *range = (dx * dx + dy * dy + dz * dz).sqrt();
+        for ((((range, x), y), z), t) in ranges.iter_mut().zip(x).zip(y).zip(z).zip(self.t) {
+            for i in 0..LANES {
+                let (dx, dy, dz) =
+                    ((o.x + x[i] * t[i]) - o.x, (o.y + y[i] * t[i]) - o.y, (o.z + z[i] * t[i]) - o.z);
+                range[i] = (dx * dx + dy * dy + dz * dz).sqrt();
+            }
         }
     }
 }
@@ -151,12 +159,16 @@ impl<'a> Shot<'a> {
 /// Memory for the way of single rays.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Probe {
-    ranges: Vec<f64>,
+    ranges: Vec<Block>,
+    gains: Vec<Block>,
     foliage: Vec<(usize, f64)>,
+    /// Triangles that were met.
+    pub facets: Facets,
 }
 
 impl<'a> View<'a> {
     /// Replaces `out` by the reflections of a pulse's subrays, in their order.
+    #[inline(always)]
     pub fn reflect(
         &self,
         instrument: &Instrument,
@@ -165,16 +177,73 @@ impl<'a> View<'a> {
         probe: &mut Probe,
         out: &mut Reflections,
     ) {
-        let rings = &instrument.subrays.ring;
-        out.clear(rings.len());
-        probe.foliage.clear();
+        out.clear(instrument.subrays.len());
+        probe.ranges.resize(shot.t.len(), [0.0; LANES]);
         shot.measure(&mut probe.ranges);
         let around = self.voxel_around(instrument, shot.origin);
+        let is_plain =
+            around.is_none() && self.limits.is_none() && self.reflect_plainly(instrument, shot, probe, out);
+        if !is_plain {
+            self.reflect_each(instrument, shot, around, paths, probe, out);
+        }
+    }
+
+    /// [`View::reflect`] of a pulse that meets triangles only, none of which lets rays through; `false` for any other.
+    #[inline(always)]
+    fn reflect_plainly(
+        &self,
+        instrument: &Instrument,
+        shot: Shot,
+        probe: &mut Probe,
+        out: &mut Reflections,
+    ) -> bool {
+        let Probe { ranges, gains, facets, .. } = probe;
+        gains.resize(ranges.len(), [0.0; LANES]);
+        instrument.energy.gains(ranges, gains);
+        let (ranges, gains) = (ranges.as_flattened(), gains.as_flattened());
+        let mut count = 0;
+        for (i, &primitive) in shot.primitive.iter().enumerate() {
+            if primitive == Hits::MISS {
+                continue;
+            }
+            let range = ranges[i];
+            if !(range >= instrument.range_min && range <= instrument.range_max) {
+                if instrument.corrections.see_through_near {
+                    return false;
+                }
+                continue;
+            }
+            let Some(facet) = facets.look_up(self, primitive) else { return false };
+            let cosine = if self.fixed_incidence { 1.0 } else { facet.cosine(shot.direction(i)) };
+            out.range[count] = range;
+            out.intensity[count] = facet.factor(self, cosine) * gains[i];
+            out.cosine[count] = cosine;
+            out.primitive[count] = primitive;
+            count += 1;
+        }
+        (out.count, out.is_plain) = (count, true);
+        true
+    }
+
+    /// [`View::reflect`] of any pulse; `around` is the voxel of foliage in which it begins.
+    #[inline(never)]
+    fn reflect_each(
+        &self,
+        instrument: &Instrument,
+        shot: Shot,
+        around: Option<u32>,
+        paths: &mut FreePaths,
+        probe: &mut Probe,
+        out: &mut Reflections,
+    ) {
+        let rings = &instrument.subrays.ring;
+        probe.foliage.clear();
         let asks = around.is_some() || self.limits.is_some();
         let (triangles, own) = (self.scene.geometry.triangles.len(), self.scene.geometry.len());
         let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
         let mut face = Face::none(self.scene);
-        for (i, (ring, range)) in rings.iter().zip(&probe.ranges).enumerate() {
+        let t = shot.t.as_flattened();
+        for (i, (ring, range)) in rings.iter().zip(probe.ranges.as_flattened()).enumerate() {
             let (primitive, direction) = (shot.primitive[i], shot.direction(i));
             let in_range = *range >= instrument.range_min && *range <= instrument.range_max;
             if !asks && is_triangle(primitive) && in_range {
@@ -183,9 +252,7 @@ impl<'a> View<'a> {
                 out.add(*ring, (*range, *range), primitive, cosine, face.factor(cosine));
             } else if primitive != Hits::MISS || around.is_some() {
                 let first = match around {
-                    None => {
-                        Encounter { from: shot.origin, t: shot.t[i], primitive, range: *range, stop: *range }
-                    }
+                    None => Encounter { from: shot.origin, t: t[i], primitive, range: *range, stop: *range },
                     Some(voxel) => {
                         Encounter { from: shot.origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 }
                     }
@@ -223,9 +290,14 @@ impl<'a> View<'a> {
 
     /// The scene that shows primitive `i` where it is now, and its number there.
     #[inline]
-    fn shown(&self, i: u32) -> (&'a Scene, u32) {
+    pub fn shown(&self, i: u32) -> (&'a Scene, u32) {
         let moving = self.moving.iter().find_map(|a| Some((&a.scene, a.local(i)?)));
         moving.unwrap_or((self.scene, i))
+    }
+
+    /// Whether primitive `i` belongs to a moving part.
+    pub fn moves(&self, i: u32) -> bool {
+        self.moving.iter().any(|a| a.local(i).is_some())
     }
 
     /// Follows a subray from what it met first to what reflects it (§2.7), or `None`.

@@ -12,6 +12,8 @@ pub(super) struct PulseShape {
     pub peak: usize,
     /// Width of a bin, ns.
     pub bin: f64,
+    /// Bins per nanosecond if that is exact, so that times can be multiplied by it instead of divided by `bin`.
+    pub bins_per_ns: Option<f64>,
     /// Pulse length τp, ns.
     pub length: f64,
     /// Bins per τ, inverted: x = Δ/τ.
@@ -44,7 +46,7 @@ impl PulseShape {
             (0..count).map(|k| if k == 0 { 0.0 } else { of_bin(k) }).collect()
         };
         let lateness = [late(|k| -2.0 * k), late(|_| 1.0)];
-        PulseShape { samples, peak, bin, length, decay, lateness }
+        PulseShape { samples, peak, bin, bins_per_ns: exact_inverse(bin), length, decay, lateness }
     }
 
     /// Factors of `samples` and of both `lateness` whose sum is the pulse that starts `by` bins (0 to 1) late:
@@ -63,6 +65,12 @@ impl PulseShape {
         let offset = start + self.peak as f64;
         if offset.abs() <= 1.0 { offset } else { 0.0 }
     }
+}
+
+/// 1/x if no product with it rounds otherwise than the quotient with x: if x is a power of two.
+fn exact_inverse(x: f64) -> Option<f64> {
+    let is_power_of_two = x.is_normal() && x.to_bits() & ((1 << (f64::MANTISSA_DIGITS - 1)) - 1) == 0;
+    (is_power_of_two && (1.0 / x).is_normal()).then_some(1.0 / x)
 }
 
 /// Number of samples of a pulse of `length` ns: the whole bins that fit.
@@ -117,6 +125,12 @@ mod tests {
         assert!((s.offset(late[4], late[6]) - by).abs() < 1e-12);
         assert!(s.offset(s.samples[4], s.samples[6]).abs() < 1e-12);
         assert_eq!(s.offset(0.0, 1.0), 0.0, "nonsense moves nothing");
+    }
+
+    #[test]
+    fn only_powers_of_two_have_exact_inverses() {
+        assert_eq!([0.25, 1.0, 8.0].map(exact_inverse), [Some(4.0), Some(1.0), Some(0.125)]);
+        assert_eq!([0.2, 3.0, 0.0, f64::INFINITY, f64::NAN].map(exact_inverse), [None; 5]);
     }
 
     #[test]

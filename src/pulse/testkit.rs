@@ -1,6 +1,7 @@
 //! Instruments, scenes and pulses that the tests of this room share.
 
 use super::instrument::{Fleet, Instrument};
+use super::light::Light;
 use super::waveform::Waveform;
 use super::{Echo, Physics, PhysicsOptions};
 use crate::flight::Pulse;
@@ -117,7 +118,7 @@ pub fn survey(devices: Vec<Device>) -> Survey {
 /// The waveform that an instrument receives from (range, intensity) pairs.
 pub fn received(returns: &[(f64, f64)], instrument: &Instrument) -> Waveform {
     let mut waveform = Waveform::default();
-    assert!(waveform.receive(returns, instrument), "the dead zone swallowed the pulse");
+    assert!(waveform.receive(&Light::of(returns), instrument), "the dead zone swallowed the pulse");
     waveform
 }
 

@@ -1,6 +1,8 @@
 //! The received waveform (spec pulse-physics §4.2, §4.3).
 
+use super::energy::{Block, LANES};
 use super::instrument::Instrument;
+use super::light::Light;
 
 /// Bins without any light that are still stored when light surrounds them; longer gaps only exist as a difference of
 /// bin numbers, so that a leaf at 5 m and a wall at 5 km take no more memory than two leaves.
@@ -15,8 +17,14 @@ pub(super) struct Waveform {
     /// Number of bins.
     pub bins: u64,
     segments: Vec<Segment>,
+    /// Zero behind the last segment.
     samples: Vec<f64>,
+    /// Where the returns lie, in bins.
+    positions: Vec<Block>,
 }
+
+/// Samples that are cleared at a time.
+const CLEARED: usize = 128;
 
 /// A run of stored bins.
 #[derive(Clone, Copy, Debug)]
@@ -28,29 +36,30 @@ pub(super) struct Segment {
 }
 
 impl Waveform {
-    /// Adds up the pulses that `returns` (range, intensity), ascending, send back. `false` when a return lies so near
-    /// that nothing of this pulse is received.
-    pub fn receive(&mut self, returns: &[(f64, f64)], instrument: &Instrument) -> bool {
+    /// Adds up the pulses that `light` sends back. `false` when a return lies so near that nothing of this pulse is
+    /// received.
+    #[inline(always)]
+    pub fn receive(&mut self, light: &Light, instrument: &Instrument) -> bool {
         self.segments.clear();
         self.samples.clear();
         self.bins = 0;
-        let (Some(&(nearest, _)), Some(&(farthest, _))) = (returns.first(), returns.last()) else {
+        let (Some(&nearest), Some(&farthest)) = (light.ranges().first(), light.ranges().last()) else {
             return true;
         };
-        let shape = &instrument.shape;
+        let (shape, corrections) = (&instrument.shape, &instrument.corrections);
         let (c, bin) = (instrument.light_speed, shape.bin);
         let lead = shape.peak as f64 * bin;
         let mut start = nearest / c - lead;
         let mut end = farthest / c + shape.length - lead + bin;
-        let mut limit = farthest;
+        let mut count = light.ranges().len();
         if instrument.longest > 0.0 && end - start > instrument.longest {
             end = start + instrument.longest;
-            limit =
-                c * instrument.longest + if instrument.corrections.limit_from_first { nearest } else { 0.0 };
+            let limit = c * instrument.longest + if corrections.limit_from_first { nearest } else { 0.0 };
+            count = light.ranges().iter().take_while(|range| **range <= limit).count();
         }
         let blind = instrument.range_min / c;
         if blind > start {
-            if !instrument.corrections.clip_dead_zone {
+            if !corrections.clip_dead_zone {
                 return false;
             }
             // Rounding must not put the first bin before the minimum range.
@@ -58,19 +67,86 @@ impl Waveform {
         }
         self.start = start;
         self.bins = ((end / bin).ceil() - (start / bin).ceil()) as u64;
-        for run in Starts::of(returns, limit, start, instrument) {
-            self.add(&shape.samples, run.bin, run.intensity);
-            if instrument.corrections.fractional_bins {
-                self.add(&shape.lateness[0], run.bin, run.late[0]);
-                self.add(&shape.lateness[1], run.bin, run.late[1]);
-            }
+        self.place(light.blocks(), instrument);
+        if corrections.fractional_bins {
+            self.add_between_bins(count, light.intensities(), instrument);
+        } else {
+            self.add_in_bins(count, light.intensities(), instrument);
         }
         self.store_tail();
         true
     }
 
+    /// Computes in which bin the peak of the pulse from each range lies, and how far in.
+    #[inline(always)]
+    fn place(&mut self, ranges: &[Block], instrument: &Instrument) {
+        let (c, bin, start) = (instrument.light_speed, instrument.shape.bin, self.start);
+        // Only the blind zone may cut off a pulse's front; otherwise rounding must not.
+        let least = if instrument.corrections.clip_dead_zone {
+            f64::NEG_INFINITY
+        } else {
+            instrument.shape.peak as f64
+        };
+        self.positions.resize(ranges.len(), [0.0; LANES]);
+        let positions = self.positions.iter_mut().zip(ranges);
+        match instrument.shape.bins_per_ns {
+            Some(scale) => positions.for_each(|(to, from)| {
+                for i in 0..LANES {
+                    let position = (from[i] / c - start) * scale;
+                    to[i] = if position < least { least } else { position };
+                }
+            }),
+            None => positions.for_each(|(to, from)| {
+                for i in 0..LANES {
+                    let position = (from[i] / c - start) / bin;
+                    to[i] = if position < least { least } else { position };
+                }
+            }),
+        }
+    }
+
+    /// Adds pulses that begin where their bin begins; those of the same bin together.
+    #[inline(always)]
+    fn add_in_bins(&mut self, count: usize, intensities: &[f64], instrument: &Instrument) {
+        let shape = &instrument.shape;
+        let mut i = 0;
+        while i < count {
+            let bin = self.positions.as_flattened()[i] as i64;
+            let mut intensity = 0.0;
+            while i < count && self.positions.as_flattened()[i] as i64 == bin {
+                intensity += intensities[i];
+                i += 1;
+            }
+            self.add(&shape.samples, bin.saturating_sub(shape.peak as i64), intensity);
+        }
+    }
+
+    /// Adds pulses that begin within bins.
+    #[inline(never)]
+    fn add_between_bins(&mut self, count: usize, intensities: &[f64], instrument: &Instrument) {
+        let shape = &instrument.shape;
+        let mut i = 0;
+        while i < count {
+            let bin = self.positions.as_flattened()[i] as i64;
+            let mut sums = [0.0; 3];
+            while i < count && self.positions.as_flattened()[i] as i64 == bin {
+                let late = shape.late(self.positions.as_flattened()[i].fract());
+                for (sum, late) in sums.iter_mut().zip(late) {
+                    *sum += intensities[i] * late;
+                }
+                i += 1;
+            }
+            let from = bin.saturating_sub(shape.peak as i64);
+            for (pulse, sum) in [&shape.samples, &shape.lateness[0], &shape.lateness[1]].into_iter().zip(sums)
+            {
+                self.add(pulse, from, sum);
+            }
+        }
+    }
+
     /// Adds `intensity` times the pulse from bin `from` on; what lies before bin 0 or behind the last is cut off. Later
     /// calls do not begin earlier.
+    #[inline(always)]
     fn add(&mut self, pulse: &[f64], from: i64, intensity: f64) {
         let skip = (-from).max(0) as usize;
         let from = from.max(0) as u64;
@@ -82,14 +158,22 @@ impl Waveform {
         }
         let segment = self.segment_for(from, pulse.len());
         let offset = segment.at + (from - segment.first) as usize;
-        for (sample, power) in self.samples[offset..offset + pulse.len()].iter_mut().zip(pulse) {
+        let (blocks, rest) = self.samples[offset..offset + pulse.len()].as_chunks_mut::<LANES>();
+        let (of_pulse, of_rest) = pulse.as_chunks::<LANES>();
+        for (samples, power) in blocks.iter_mut().zip(of_pulse) {
+            for i in 0..LANES {
+                samples[i] += power[i] * intensity;
+            }
+        }
+        for (sample, power) in rest.iter_mut().zip(of_rest) {
             *sample += power * intensity;
         }
     }
 
     /// The segment that stores `len` bins from `from` on: the last one, made longer, or a new one.
+    #[inline(always)]
     fn segment_for(&mut self, from: u64, len: usize) -> Segment {
-        let stored = self.samples.len();
+        let stored = self.segments.last().map_or(0, |s| s.at + s.len);
         let first = match self.segments.last() {
             Some(s) if from <= s.first + s.len as u64 + LONGEST_STORED_GAP => None,
             None if from <= LONGEST_STORED_GAP => Some(0),
@@ -100,8 +184,17 @@ impl Waveform {
         }
         let s = self.segments.last_mut().expect("there is one now");
         s.len = s.len.max((from - s.first) as usize + len);
-        self.samples.resize(s.at + s.len, 0.0);
-        *s
+        let s = *s;
+        self.clear_to(s.at + s.len);
+        s
+    }
+
+    /// Makes room for `stored` samples.
+    #[inline(always)]
+    fn clear_to(&mut self, stored: usize) {
+        if self.samples.len() < stored {
+            self.samples.resize(stored.next_multiple_of(CLEARED), 0.0);
+        }
     }
 
     /// Stores the bins behind the last light if they are few.
@@ -110,7 +203,8 @@ impl Waveform {
         let tail = self.bins - (s.first + s.len as u64);
         if tail <= LONGEST_STORED_GAP {
             s.len += tail as usize;
-            self.samples.resize(s.at + s.len, 0.0);
+            let stored = s.at + s.len;
+            self.clear_to(stored);
         }
     }
 
@@ -151,70 +245,5 @@ impl Waveform {
             let at = base + first as usize;
             samples[at..at + bins.len()].copy_from_slice(bins);
         }
-    }
-}
-
-/// Returns that begin in the same bin, added up.
-#[derive(Clone, Copy, Debug)]
-struct Start {
-    /// First bin of their pulses; negative where the blind zone cuts them.
-    bin: i64,
-    /// Their intensities together.
-    intensity: f64,
-    /// The same times what `PulseShape::late` says of starts between bins.
-    late: [f64; 2],
-}
-
-/// Groups ascending returns by the bin in which they begin.
-struct Starts<'a> {
-    returns: std::iter::Peekable<std::slice::Iter<'a, (f64, f64)>>,
-    limit: f64,
-    start: f64,
-    instrument: &'a Instrument,
-}
-
-impl<'a> Starts<'a> {
-    fn of(returns: &'a [(f64, f64)], limit: f64, start: f64, instrument: &'a Instrument) -> Starts<'a> {
-        Starts { returns: returns.iter().peekable(), limit, start, instrument }
-    }
-
-    /// First bin of the pulse from `range`, and how much later than that bin it begins.
-    fn place(&self, range: f64) -> (i64, f64) {
-        let Instrument { shape, corrections, .. } = self.instrument;
-        let peak = shape.peak as f64;
-        let mut position = (range / self.instrument.light_speed - self.start) / shape.bin;
-        // Only the blind zone may cut off a pulse's front; otherwise rounding must not.
-        if !corrections.clip_dead_zone && position < peak {
-            position = peak;
-        }
-        ((position as i64).saturating_sub(shape.peak as i64), position.fract())
-    }
-}
-
-impl Iterator for Starts<'_> {
-    type Item = Start;
-
-    fn next(&mut self) -> Option<Start> {
-        let mut run: Option<Start> = None;
-        while let Some(&&(range, intensity)) = self.returns.peek() {
-            if range > self.limit {
-                return run;
-            }
-            let (bin, by) = self.place(range);
-            let start = run.get_or_insert(Start { bin, intensity: 0.0, late: [0.0; 2] });
-            if start.bin != bin {
-                return run;
-            }
-            if self.instrument.corrections.fractional_bins {
-                let [now, late, later] = self.instrument.shape.late(by);
-                start.intensity += intensity * now;
-                start.late[0] += intensity * late;
-                start.late[1] += intensity * later;
-            } else {
-                start.intensity += intensity;
-            }
-            self.returns.next();
-        }
-        run
     }
 }

@@ -48,7 +48,7 @@ pub struct RayGroup {
 
 impl RayGroup {
     /// Lanes of a row are a multiple of this.
-    pub(super) const LANES: usize = 8;
+    pub const LANES: usize = 8;
 
     /// No pulses yet, of `rays` rays each.
     pub fn new(rays: usize) -> RayGroup {
@@ -128,6 +128,12 @@ impl RayGroup {
     pub fn directions(&self, pulse: usize) -> [&[f64]; 3] {
         let row = pulse * self.stride()..pulse * self.stride() + self.rays;
         [&self.x, &self.y, &self.z].map(|d| &d[row.clone()])
+    }
+
+    /// Directions of a pulse: x, y and z of each, filled up to whole registers.
+    pub fn blocks(&self, pulse: usize) -> [&[[f64; RayGroup::LANES]]; 3] {
+        let row = pulse * self.stride()..(pulse + 1) * self.stride();
+        [&self.x, &self.y, &self.z].map(|d| d[row.clone()].as_chunks().0)
     }
 
     /// All directions along one axis, by whole registers.

@@ -400,6 +400,13 @@ fn pulses_yield_the_same_alone_and_together() {
     assert_eq!(together.samples, alone.samples);
     assert_eq!(together.pulses, alone.pulses);
     assert!(together.pulses.iter().zip(&pulses).all(|(r, p)| (r.number, r.device) == (p.number, p.device)));
+    for level in crate::tree::Level::available() {
+        let (mut shooter, mut batch) = (physics.shooter(), Batch::default());
+        shooter.level = level;
+        shooter.fire_all(0, &pulses, &mut batch).unwrap();
+        assert_eq!(batch.echoes, alone.echoes, "{level:?}");
+        assert_eq!(batch.samples, alone.samples, "{level:?}");
+    }
 }
 
 #[test]

@@ -1,0 +1,188 @@
+//! Reflections in the order in which their light arrives (spec pulse-physics §4.2).
+
+use super::energy::{Block, LANES};
+use super::reflect::Reflections;
+
+/// Reflections of a pulse by ascending range: the map of distances and intensities.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Light {
+    len: usize,
+    /// Filled up to whole blocks by anything.
+    range: Vec<Block>,
+    intensity: Vec<f64>,
+    keys: Vec<(u64, u32)>,
+}
+
+/// Most reflections that are ordered by counting.
+#[cfg(target_arch = "x86_64")]
+const FEW: usize = 32;
+
+impl Light {
+    /// Replaces the light by that of `reflections`. Of those at bit for bit the same range only the first counts, or their
+    /// sum if `sum` is set (trap 2). `WIDE` says that this is compiled for AVX-512, and changes nothing but the speed.
+    #[inline(always)]
+    pub fn order<const WIDE: bool>(&mut self, reflections: &Reflections, sum: bool) {
+        let (ranges, intensities) = (reflections.ranges(), reflections.intensities());
+        self.make_room(ranges.len());
+        #[cfg(target_arch = "x86_64")]
+        if WIDE && ranges.len() <= FEW && self.order_few(ranges, intensities) {
+            return;
+        }
+        self.order_any(ranges, intensities, sum);
+    }
+
+    fn make_room(&mut self, most: usize) {
+        if self.intensity.len() < most {
+            self.range.resize(most.div_ceil(LANES), [1.0; LANES]);
+            self.intensity.resize(self.range.len() * LANES, 0.0);
+        }
+    }
+
+    /// By counting how many ranges are smaller than each: no branch depends on the ranges. `false` if some are equal.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn order_few(&mut self, ranges: &[f64], intensities: &[f64]) -> bool {
+        let n = ranges.len();
+        let mut keys = [f64::INFINITY; FEW];
+        keys[..n].copy_from_slice(ranges);
+        let mut ranks = [0; FEW];
+        // SAFETY: `WIDE` holds only where the machine has the feature.
+        unsafe { rank(&keys, n, &mut ranks) };
+        let mut sum = 0;
+        let out = self.range.as_flattened_mut();
+        for i in 0..n {
+            let rank = ranks[i] as usize % FEW;
+            sum += rank;
+            out[rank] = ranges[i];
+            self.intensity[rank] = intensities[i];
+        }
+        self.len = n;
+        // Equal ranges have equal ranks, which leaves out larger ones.
+        sum * 2 == n * n.saturating_sub(1)
+    }
+
+    #[inline(never)]
+    fn order_any(&mut self, ranges: &[f64], intensities: &[f64], sum: bool) {
+        let Light { len, range, intensity, keys } = self;
+        keys.clear();
+        // The bits of floats that are not negative are ordered like the floats.
+        keys.extend(ranges.iter().zip(0..).map(|(r, i)| (r.to_bits(), i)));
+        keys.sort_unstable();
+        let range = range.as_flattened_mut();
+        *len = 0;
+        let mut last = None;
+        for (bits, i) in keys.iter() {
+            let of_this = intensities[*i as usize];
+            if last != Some(*bits) {
+                (range[*len], intensity[*len]) = (f64::from_bits(*bits), of_this);
+                *len += 1;
+                last = Some(*bits);
+            } else if sum {
+                intensity[*len - 1] += of_this;
+            }
+        }
+    }
+
+    /// Ranges, m, strictly ascending.
+    #[inline(always)]
+    pub fn ranges(&self) -> &[f64] {
+        &self.range.as_flattened()[..self.len]
+    }
+
+    /// The same in blocks, the last of which is filled up.
+    #[inline(always)]
+    pub fn blocks(&self) -> &[Block] {
+        &self.range[..self.len.div_ceil(LANES)]
+    }
+
+    /// Intensities.
+    #[inline(always)]
+    pub fn intensities(&self) -> &[f64] {
+        &self.intensity[..self.len]
+    }
+}
+
+/// How many of the first `n` keys are smaller than each key.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+#[inline]
+fn rank(keys: &[f64; FEW], n: usize, ranks: &mut [u64; FEW]) {
+    use std::arch::x86_64::*;
+    let load = |i: usize| {
+        // SAFETY: there are four times eight keys.
+        unsafe { _mm512_loadu_pd(keys.as_ptr().add(i * 8)) }
+    };
+    let (k0, k1, k2, k3) = (load(0), load(1), load(2), load(3));
+    let (mut r0, mut r1, mut r2, mut r3) =
+        (_mm512_setzero_si512(), _mm512_setzero_si512(), _mm512_setzero_si512(), _mm512_setzero_si512());
+    let one = _mm512_set1_epi64(1);
+    for key in &keys[..n] {
+        let key = _mm512_set1_pd(*key);
+        r0 = _mm512_mask_add_epi64(r0, _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, k0), r0, one);
+        r1 = _mm512_mask_add_epi64(r1, _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, k1), r1, one);
+        r2 = _mm512_mask_add_epi64(r2, _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, k2), r2, one);
+        r3 = _mm512_mask_add_epi64(r3, _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, k3), r3, one);
+    }
+    for (i, r) in [r0, r1, r2, r3].into_iter().enumerate() {
+        // SAFETY: there is room for four times eight ranks.
+        unsafe { _mm512_storeu_si512(ranks.as_mut_ptr().add(i * 8).cast(), r) };
+    }
+}
+
+#[cfg(test)]
+impl Light {
+    /// Light of (range, intensity) pairs, ascending.
+    pub fn of(pairs: &[(f64, f64)]) -> Light {
+        let mut light = Light::default();
+        light.make_room(pairs.len());
+        light.len = pairs.len();
+        for (i, (range, intensity)) in pairs.iter().enumerate() {
+            (light.range.as_flattened_mut()[i], light.intensity[i]) = (*range, *intensity);
+        }
+        light
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn ordered(of: &[(f64, f64)], sum: bool) -> [Vec<(f64, f64)>; 2] {
+        let mut reflections = Reflections::default();
+        reflections.clear(of.len());
+        for (range, intensity) in of {
+            reflections.add(0, (*range, *range), 0, 1.0, *intensity);
+        }
+        let pairs = |l: &Light| l.ranges().iter().copied().zip(l.intensities().iter().copied()).collect();
+        let mut light = Light::default();
+        light.order::<false>(&reflections, sum);
+        let slow = pairs(&light);
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx512f") {
+            light.order::<true>(&reflections, sum);
+        }
+        [slow, pairs(&light)]
+    }
+
+    #[test]
+    fn the_first_of_equal_ranges_counts_or_all_of_them() {
+        let of = [(3.0, 1.0), (2.0, 5.0), (3.0, 10.0), (1.0, 7.0), (3.0, 100.0)];
+        assert_eq!(ordered(&of, false), [[(1.0, 7.0), (2.0, 5.0), (3.0, 1.0)]; 2]);
+        assert_eq!(ordered(&of, true), [[(1.0, 7.0), (2.0, 5.0), (3.0, 111.0)]; 2]);
+        assert_eq!(ordered(&[], false), [[]; 2]);
+    }
+
+    proptest! {
+        #[test]
+        fn counting_orders_like_sorting(of in prop::collection::vec((0u32..200, 0.0..1.0f64), 0..40), sum: bool) {
+            let of: Vec<(f64, f64)> = of.into_iter().map(|(r, i)| (100.0 + f64::from(r) * 0.01, i)).collect();
+            let [slow, quick] = ordered(&of, sum);
+            prop_assert_eq!(slow.len(), quick.len());
+            for (a, b) in slow.iter().zip(&quick) {
+                prop_assert_eq!((a.0.to_bits(), a.1.to_bits()), (b.0.to_bits(), b.1.to_bits()));
+            }
+            prop_assert!(slow.is_sorted_by(|a, b| a.0 < b.0));
+        }
+    }
+}
