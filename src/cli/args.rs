@@ -158,6 +158,10 @@ pub struct OutputArgs {
     /// Write every emitted pulse.
     #[arg(long, help_heading = "Output")]
     pub pulses: bool,
+    /// Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside that file or
+    /// beside it as .wdp.
+    #[arg(long, value_name = "WHERE", value_parser = ["inside", "beside"], help_heading = "Output")]
+    pub wave_packets: Option<String>,
     /// One point file per device of a multi-channel scanner.
     #[arg(long, help_heading = "Output")]
     pub split_by_channel: bool,

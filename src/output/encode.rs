@@ -1,6 +1,6 @@
 //! The workers' share of the output: a batch becomes the bytes of every file that it goes to.
 
-use super::las::LasCodec;
+use super::las::{LasCodec, encode_with_packets};
 use super::layout::{Route, Slots};
 use super::plan::{LegFacts, OutputPlan};
 use super::ply::{PlyAsciiCodec, PlyBinaryCodec, PlyFields};
@@ -25,11 +25,13 @@ pub(super) struct Piece {
     pub slot: u32,
     pub bytes: Vec<u8>,
     pub tally: Tally,
+    /// Waveform packets of LAS points, whose offsets in `bytes` count from here.
+    pub packets: Vec<u8>,
 }
 
 impl Piece {
-    fn new(slot: u32, capacity: usize) -> Piece {
-        Piece { slot, bytes: Vec::with_capacity(capacity), tally: Tally::EMPTY }
+    pub fn new(slot: u32, capacity: usize) -> Piece {
+        Piece { slot, bytes: Vec::with_capacity(capacity), tally: Tally::EMPTY, packets: Vec::new() }
     }
 
     /// Records without coordinates, one after the other.
@@ -106,7 +108,10 @@ impl OutputPlan {
             }
             PointFormat::Las | PointFormat::Laz => {
                 let codec = LasCodec { format: &self.las, objects: &self.objects };
-                encode_points(&codec, leg, slots, batch, pieces);
+                match &self.las.packets {
+                    None => encode_points(&codec, leg, slots, batch, pieces),
+                    Some(packets) => encode_with_packets(&codec, packets, leg, slots, batch, pieces),
+                }
             }
             PointFormat::PlyBinary => encode_points(&PlyBinaryCodec(ply), leg, slots, batch, pieces),
             PointFormat::PlyAscii => encode_points(&PlyAsciiCodec(ply), leg, slots, batch, pieces),

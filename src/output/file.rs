@@ -1,19 +1,21 @@
 //! One open output file of any format.
 
 use super::archive::ArchiveStream;
+use super::encode::Piece;
+use super::las::{PACKETS_HEADER, packets_header, place_packets};
 use super::layout::Content;
 use super::layout::FilePlan;
 use super::laz::{self, LazStream};
 use super::medium::{Medium, Place};
 use super::offload::Offload;
-use super::plan::OutputPlan;
+use super::plan::{OutputPlan, packets_path};
 use super::ply;
-use super::request::{PointFormat, TrajectoryFormat};
+use super::request::{PacketPlace, PointFormat, TrajectoryFormat};
 use super::summary::{FileKind, FileSummary, Tally};
 use super::text::TRAJECTORY_HEADER;
 use crate::error::{Error, Result};
 use ::laz::LazVlr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A file that batches are appended to.
 pub(super) struct OutputFile {
@@ -23,6 +25,14 @@ pub(super) struct OutputFile {
     medium: Medium,
     body: Body,
     tally: Tally,
+    packets: Option<Packets>,
+}
+
+/// The waveform packets of a LAS file.
+struct Packets {
+    /// The file beside it; `None`: they are collected in an unnamed file and moved behind the points at the end.
+    path: Option<PathBuf>,
+    medium: Medium,
 }
 
 /// What surrounds the records.
@@ -48,12 +58,12 @@ impl OutputFile {
         let body = match content {
             _ if file.zipped => Body::Archive(ArchiveStream::begin(&mut medium)?),
             Content::Points(PointFormat::Las) => {
-                medium.append(&vec![0; plan.las.head(None, &Tally::EMPTY).len()])?;
+                medium.append(&vec![0; plan.las.head(None, &Tally::EMPTY, None).len()])?;
                 Body::Las
             }
             Content::Points(PointFormat::Laz) => {
                 let laszip = laz::laszip(&plan.las)?;
-                medium.append(&vec![0; plan.las.head(Some(&laszip), &Tally::EMPTY).len()])?;
+                medium.append(&vec![0; plan.las.head(Some(&laszip), &Tally::EMPTY, None).len()])?;
                 let stream = LazStream::begin(laszip.clone(), plan.las.record_length(), &mut medium)?;
                 Body::Laz(laszip, stream)
             }
@@ -71,18 +81,23 @@ impl OutputFile {
             Place::Stdout => None,
             Place::Path(path) => Some(path.clone()),
         };
-        Ok(OutputFile { path, kind: content.kind(), medium, body, tally: Tally::EMPTY })
+        let packets = match (content, plan.las.packet_place()) {
+            (Content::Points(format), Some(place)) if format.is_las() => {
+                Some(Packets::open(plan, place, path.as_deref())?)
+            }
+            _ => None,
+        };
+        Ok(OutputFile { path, kind: content.kind(), medium, body, tally: Tally::EMPTY, packets })
     }
 
     /// Appends encoded records.
-    pub fn append(
-        &mut self,
-        plan: &OutputPlan,
-        bytes: &[u8],
-        tally: &Tally,
-        offload: &dyn Offload,
-    ) -> Result<()> {
-        self.tally.add(tally);
+    pub fn append(&mut self, plan: &OutputPlan, mut piece: Piece, offload: &dyn Offload) -> Result<()> {
+        self.tally.add(&piece.tally);
+        if let Some(packets) = &mut self.packets {
+            place_packets(&mut piece.bytes, plan.las.record_length(), packets.medium.len());
+            packets.medium.append(&piece.packets)?;
+        }
+        let bytes = &piece.bytes;
         match &mut self.body {
             Body::Laz(_, stream) => stream.append(bytes, &mut self.medium, offload)?,
             Body::Archive(stream) => stream.append(bytes, &mut self.medium, offload)?,
@@ -99,27 +114,37 @@ impl OutputFile {
 
     /// Hands everything to the operating system.
     pub fn flush(&mut self) -> Result<()> {
+        self.packets.iter_mut().try_for_each(|packets| packets.medium.flush())?;
         self.medium.flush()
     }
 
     /// Gives the file handle back until the next append.
     pub fn park(&mut self) -> Result<()> {
+        self.packets.iter_mut().try_for_each(|packets| packets.medium.park())?;
         self.medium.park()
     }
 
     /// Writes what comes after the last record and what is known only now, and completes the file.
-    pub fn finish(mut self, plan: &OutputPlan, offload: &dyn Offload) -> Result<FileSummary> {
+    pub fn finish(mut self, plan: &OutputPlan, offload: &dyn Offload) -> Result<Vec<FileSummary>> {
         let mut bounds = self.tally.bounds;
+        let packets = self.packets.take();
+        let mut beside = None;
         match self.body {
             Body::Plain => {}
             Body::Archive(stream) => stream.finish(&mut self.medium, offload)?,
             Body::Las => {
-                self.medium.patch(0, &plan.las.head(None, &self.tally))?;
+                let packets_at = self.medium.len();
+                beside = packets.map(|p| p.finish(&mut self.medium)).transpose()?;
+                let packets_at = plan.las.packets_inside().then_some(packets_at);
+                self.medium.patch(0, &plan.las.head(None, &self.tally, packets_at))?;
                 bounds = plan.las.world(&bounds);
             }
             Body::Laz(laszip, stream) => {
                 stream.finish(&mut self.medium, offload)?;
-                self.medium.patch(0, &plan.las.head(Some(&laszip), &self.tally))?;
+                let packets_at = self.medium.len();
+                beside = packets.map(|p| p.finish(&mut self.medium)).transpose()?;
+                let packets_at = plan.las.packets_inside().then_some(packets_at);
+                self.medium.patch(0, &plan.las.head(Some(&laszip), &self.tally, packets_at))?;
                 bounds = plan.las.world(&bounds);
             }
             Body::Ply(format) => {
@@ -129,6 +154,38 @@ impl OutputFile {
         let bytes = self.medium.len();
         self.medium.finish()?;
         let Tally { records, left_out, by_return, .. } = self.tally;
-        Ok(FileSummary { path: self.path, kind: self.kind, records, bytes, bounds, by_return, left_out })
+        let points =
+            FileSummary { path: self.path, kind: self.kind, records, bytes, bounds, by_return, left_out };
+        Ok([Some(points), beside.flatten()].into_iter().flatten().collect())
+    }
+}
+
+impl Packets {
+    /// Opens the place of the packets; their offsets count from its beginning.
+    fn open(plan: &OutputPlan, place: PacketPlace, las: Option<&Path>) -> Result<Packets> {
+        let (path, mut medium) = match (place, las) {
+            (PacketPlace::Beside, Some(las)) => {
+                let path = packets_path(las);
+                let medium = Medium::open(&Place::Path(path.clone()), plan.force, true)?;
+                (Some(path), medium)
+            }
+            _ => (None, Medium::unnamed()?),
+        };
+        medium.append(&packets_header(0))?;
+        Ok(Packets { path, medium })
+    }
+
+    /// Completes the file beside the points, or moves the packets behind them.
+    fn finish(mut self, points: &mut Medium) -> Result<Option<FileSummary>> {
+        let bytes = self.medium.len();
+        self.medium.patch(0, &packets_header(bytes - PACKETS_HEADER))?;
+        let Some(path) = self.path else {
+            self.medium.pour_into(points)?;
+            return Ok(None);
+        };
+        self.medium.finish()?;
+        let (path, kind) = (Some(path), FileKind::Packets);
+        let Tally { left_out, by_return, bounds, .. } = Tally::EMPTY;
+        Ok(Some(FileSummary { path, kind, records: 0, bytes, bounds, by_return, left_out }))
     }
 }

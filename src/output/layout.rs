@@ -59,6 +59,24 @@ pub(super) enum Slots {
     PerDevice(Vec<u32>),
 }
 
+impl Slots {
+    /// The files.
+    pub fn as_slice(&self) -> &[u32] {
+        match self {
+            Slots::One(slot) => std::slice::from_ref(slot),
+            Slots::PerDevice(slots) => slots,
+        }
+    }
+
+    /// Index among them of the file that takes the points of a device.
+    pub fn of(&self, device: u32) -> usize {
+        match self {
+            Slots::One(_) => 0,
+            Slots::PerDevice(_) => device as usize,
+        }
+    }
+}
+
 /// One product of a leg.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Route {
@@ -72,11 +90,10 @@ impl Route {
     /// The files of the product.
     pub fn slots(&self) -> &[u32] {
         match self {
-            Route::Points(_, Slots::PerDevice(slots)) => slots,
-            Route::Points(_, Slots::One(slot))
-            | Route::Trajectory(_, slot)
-            | Route::Waveforms(slot)
-            | Route::Pulses(slot) => std::slice::from_ref(slot),
+            Route::Points(_, slots) => slots.as_slice(),
+            Route::Trajectory(_, slot) | Route::Waveforms(slot) | Route::Pulses(slot) => {
+                std::slice::from_ref(slot)
+            }
         }
     }
 }

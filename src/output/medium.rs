@@ -3,7 +3,7 @@
 
 use crate::error::{Error, Result};
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// What bytes can be appended to and patched in.
@@ -34,6 +34,8 @@ pub(super) struct Medium {
 enum Kind {
     /// Bytes go straight to where they belong.
     Direct,
+    /// Bytes go to an unnamed file whose contents are wanted elsewhere later.
+    Unnamed(File),
     /// Bytes are collected in an unnamed file and copied at the end.
     Spool { spool: File, stream: File },
     /// `part` gets the file's name at the end; `settled` when it has, or when it must stay under its own.
@@ -100,6 +102,32 @@ impl Medium {
         let file = options.map_err(|e| Error::io("create", &part, e))?;
         let kind = Kind::Part { part, force, settled: false };
         Ok(Medium::new(path, kind, Box::new(file)))
+    }
+
+    /// A file that has no name and goes away when it is closed, see [`Medium::pour_into`].
+    pub fn unnamed() -> Result<Medium> {
+        let name = std::env::temp_dir();
+        let no_file = |e| Error::io("create a file in", std::env::temp_dir(), e);
+        let file = tempfile::tempfile().map_err(no_file)?;
+        let storage = Box::new(file.try_clone().map_err(no_file)?);
+        Ok(Medium::new(name, Kind::Unnamed(file), storage))
+    }
+
+    /// Appends all bytes of an unnamed file to another medium.
+    pub fn pour_into(mut self, other: &mut Medium) -> Result<()> {
+        self.flush()?;
+        let Kind::Unnamed(file) = &mut self.kind else {
+            return Err(Error::Internal(format!("{} has a name", self.name.display())));
+        };
+        let failed = |e| Error::io("read a file in", &self.name, e);
+        file.seek(SeekFrom::Start(0)).map_err(failed)?;
+        let mut block = vec![0; BUFFER];
+        loop {
+            match file.read(&mut block).map_err(failed)? {
+                0 => return Ok(()),
+                n => other.append(&block[..n])?,
+            }
+        }
     }
 
     fn new(name: PathBuf, kind: Kind, storage: Box<dyn Storage>) -> Medium {
@@ -191,7 +219,7 @@ impl Medium {
             storage.flush().map_err(|e| Error::io("write", &self.name, e))?;
         }
         match &mut self.kind {
-            Kind::Direct => Ok(()),
+            Kind::Direct | Kind::Unnamed(_) => Ok(()),
             Kind::Spool { spool, stream } => spool
                 .seek(SeekFrom::Start(0))
                 .and_then(|_| io::copy(spool, stream))

@@ -48,8 +48,8 @@ pub use encode::Encoded;
 pub use offload::{Job, NoOffload, Offload};
 pub use plan::{OutputContext, OutputPlan};
 pub use request::{
-    ExtraDimensions, IntensityMapping, LasSettings, LasVersion, OutputRequest, PointFormat, Target,
-    TrajectoryFormat,
+    ExtraDimensions, IntensityMapping, LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat,
+    Target, TrajectoryFormat,
 };
 pub use summary::{FileKind, FileSummary, Summary};
 pub use writer::Writer;

@@ -4,13 +4,14 @@ use super::crs::epsg;
 use super::las::{LasFormat, ObjectIds};
 use super::layout::{Content, FilePlan, Home, Layout};
 use super::medium::{Place, is_special, part_name};
-use super::request::{OutputRequest, PointFormat, Target};
+use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
 use super::text;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use crate::scene::Scene;
 use crate::survey::Survey;
+use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
@@ -74,11 +75,12 @@ impl OutputPlan {
         let OutputContext { survey, scene } = *context;
         let objects = ObjectIds::new(&scene.parts);
         let crs = request.crs_wkt.as_deref().or(survey.crs_wkt.as_deref());
-        let las = LasFormat::new(&request, scene, &survey.scanner.name, crs, &objects, &mut las_problems);
-        let is_las =
-            |(_, format): &(Target, PointFormat)| matches!(format, PointFormat::Las | PointFormat::Laz);
-        if request.sinks.iter().any(is_las) {
+        let las = LasFormat::new(&request, scene, &survey.scanner, crs, &objects, &mut las_problems);
+        if request.sinks.iter().any(|(_, format)| format.is_las()) {
             problems.extend(las_problems);
+            if las.packet_place() == Some(PacketPlace::Beside) {
+                check_packets(&layout, request.force, &mut problems);
+            }
         }
         let warnings = problems.finish(false)?;
         Ok(OutputPlan {
@@ -103,7 +105,9 @@ impl OutputPlan {
 
     /// Whether waveforms are written, and so have to be recorded.
     pub fn wants_waveforms(&self) -> bool {
-        self.layout.files.iter().any(|f| f.content == Content::Waveforms)
+        let las = |f: &FilePlan| matches!(f.content, Content::Points(format) if format.is_las());
+        let packets = self.las.packets.is_some() && self.layout.files.iter().any(las);
+        packets || self.layout.files.iter().any(|f| f.content == Content::Waveforms)
     }
 
     /// Whether pulses are written, and so have to be recorded.
@@ -158,6 +162,46 @@ fn check_places(layout: &Layout, force: bool, problems: &mut Diagnostics) {
             check_path(path, &layout.directories, force, problems);
         }
     }
+}
+
+/// What is wrong with the files beside LAS that take the waveform packets.
+fn check_packets(layout: &Layout, force: bool, problems: &mut Diagnostics) {
+    let mut taken: BTreeSet<Home> = BTreeSet::new();
+    for file in &layout.files {
+        if !matches!(file.content, Content::Points(format) if format.is_las()) {
+            continue;
+        }
+        let home = match &file.home {
+            Home::Fixed(Place::Stdout) => {
+                problems
+                    .error(None, "waveform packets cannot stand beside standard output")
+                    .help("write them inside: --wave-packets inside");
+                continue;
+            }
+            Home::Fixed(Place::Path(path)) => {
+                let path = packets_path(path);
+                check_path(&path, &layout.directories, force, problems);
+                Home::Fixed(Place::Path(path))
+            }
+            Home::Run { run, name } => {
+                let path = packets_path(Path::new(name));
+                Home::Run { run: *run, name: path.to_string_lossy().into_owned() }
+            }
+        };
+        if let Some(twice) = taken.replace(home) {
+            let name = match twice {
+                Home::Fixed(Place::Path(path)) => path.display().to_string(),
+                Home::Run { name, .. } => name,
+                Home::Fixed(Place::Stdout) => "standard output".to_owned(),
+            };
+            problems.error(None, format!("the waveform packets of two outputs would be written to {name}"));
+        }
+    }
+}
+
+/// The file that takes the waveform packets of a LAS file.
+pub(super) fn packets_path(las: &Path) -> PathBuf {
+    las.with_extension("wdp")
 }
 
 fn check_path(path: &Path, made: &[PathBuf], force: bool, problems: &mut Diagnostics) {

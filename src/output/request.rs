@@ -36,6 +36,11 @@ impl PointFormat {
         !matches!(self, PointFormat::Xyz | PointFormat::Bin)
     }
 
+    /// Whether it is LAS, compressed or not.
+    pub fn is_las(self) -> bool {
+        matches!(self, PointFormat::Las | PointFormat::Laz)
+    }
+
     /// Whether it is text that a terminal can show.
     pub fn is_text(self) -> bool {
         matches!(self, PointFormat::Xyz | PointFormat::PlyAscii)
@@ -165,4 +170,15 @@ pub struct LasSettings {
     pub intensity: IntensityMapping,
     /// Extra bytes.
     pub extra: ExtraDimensions,
+    /// Waveforms as packets that the points refer to (LAS 1.4 with point format 9); `None`: no packets, point format 6.
+    pub packets: Option<PacketPlace>,
+}
+
+/// Where the waveform packets of LAS stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PacketPlace {
+    /// In the same file, as an extended variable length record after the points.
+    Inside,
+    /// In a file of the same name with the extension `.wdp`.
+    Beside,
 }

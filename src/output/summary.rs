@@ -25,6 +25,8 @@ pub enum FileKind {
     Waveforms,
     /// Pulses.
     Pulses,
+    /// Waveform packets that LAS points refer to.
+    Packets,
 }
 
 /// One complete file.

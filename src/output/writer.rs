@@ -92,7 +92,7 @@ impl Writer {
             let file = self.files.get_mut(piece.slot as usize).and_then(Option::as_mut);
             let file =
                 file.ok_or_else(|| Error::Internal(format!("leg {} writes a closed file", encoded.leg)))?;
-            file.append(&self.plan, &piece.bytes, &piece.tally, &*self.offload)?;
+            file.append(&self.plan, piece, &*self.offload)?;
         }
         Ok(())
     }
@@ -193,9 +193,9 @@ impl Writer {
             if let Some(open) = self.files[slot as usize].take() {
                 let done = open.finish(&plan, &*self.offload)?;
                 if matches!(file.content, Content::Points(_)) && file.sink == 0 {
-                    self.summary.points += done.records;
+                    self.summary.points += done.iter().map(|file| file.records).sum::<u64>();
                 }
-                self.summary.files.push(done);
+                self.summary.files.extend(done);
             }
         }
         Ok(())

@@ -4,7 +4,9 @@ use crate::cli::args::{OutputArgs, PhysicsArgs, PhysicsProfile, RunArgs, TreeArg
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::{self, FlightOptions};
-use crate::output::{LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat};
+use crate::output::{
+    LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat, Target, TrajectoryFormat,
+};
 use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::{LoadOptions, Sharing};
 use crate::schedule;
@@ -174,7 +176,7 @@ fn physics(args: &PhysicsArgs, output: &OutputArgs, set: &RunSettings, seed: u64
         fixed_incidence: flag(args.fixed_incidence, set.fixed_incidence),
         echo_width: flag(args.echo_width, set.echo_width),
         waveform_noise: flag(args.waveform_noise, set.waveform_noise),
-        record_waveforms: output.waveforms || set.waveforms.unwrap_or(false),
+        record_waveforms: output.waveforms || output.wave_packets.is_some() || set.waveforms.unwrap_or(false),
         record_pulses: output.pulses || set.pulses.unwrap_or(false),
         corrections,
     })
@@ -238,6 +240,10 @@ fn output(
         las: LasSettings {
             version: if args.las10 { LasVersion::V10 } else { LasVersion::V14 },
             scale: args.las_scale,
+            packets: args.wave_packets.as_deref().map(|place| match place {
+                "inside" => PacketPlace::Inside,
+                _ => PacketPlace::Beside,
+            }),
             ..LasSettings::default()
         },
         force: args.force,

@@ -1,11 +1,17 @@
 //! The public header block.
 
 use super::LasFormat;
-use crate::output::request::LasVersion;
+use crate::output::request::{LasVersion, PacketPlace};
 use crate::output::summary::Tally;
 
 /// The header, field by field as the specification of LAS lists them.
-pub(super) fn header(format: &LasFormat, compressed: bool, vlrs: &[&[u8]], tally: &Tally) -> Vec<u8> {
+pub(super) fn header(
+    format: &LasFormat,
+    compressed: bool,
+    vlrs: &[&[u8]],
+    tally: &Tally,
+    packets_at: Option<u64>,
+) -> Vec<u8> {
     let modern = format.version == LasVersion::V14;
     let size: u16 = if modern { 375 } else { 227 };
     let data = usize::from(size) + vlrs.iter().map(|vlr| vlr.len()).sum::<usize>();
@@ -14,8 +20,14 @@ pub(super) fn header(format: &LasFormat, compressed: bool, vlrs: &[&[u8]], tally
     out.extend_from_slice(b"LASF");
     // File source ID
     out.extend(0u16.to_le_bytes());
-    // Global encoding: GPS week time; a coordinate system as WKT is the only kind that format 6 may have.
-    out.extend(if modern { 0x10u16 } else { 0 }.to_le_bytes());
+    // Global encoding: GPS week time; a coordinate system as WKT is the only kind that formats 6 and 9 may have; where the
+    // waveform packets are
+    let packets = match format.packet_place() {
+        None => 0u16,
+        Some(PacketPlace::Inside) => 2,
+        Some(PacketPlace::Beside) => 4,
+    };
+    out.extend((packets | if modern { 0x10 } else { 0 }).to_le_bytes());
     // Project ID
     out.extend([0; 16]);
     // Version major, minor
@@ -56,10 +68,10 @@ pub(super) fn header(format: &LasFormat, compressed: bool, vlrs: &[&[u8]], tally
     }
     if modern {
         // Start of waveform data packet record
-        out.extend(0u64.to_le_bytes());
+        out.extend(packets_at.unwrap_or(0).to_le_bytes());
         // Start of first extended variable length record, number of them
-        out.extend(0u64.to_le_bytes());
-        out.extend(0u32.to_le_bytes());
+        out.extend(packets_at.unwrap_or(0).to_le_bytes());
+        out.extend(u32::from(packets_at.is_some()).to_le_bytes());
         // Number of point records, and by return
         out.extend(tally.records.to_le_bytes());
         by_return.iter().for_each(|count| out.extend(count.to_le_bytes()));

@@ -1,4 +1,4 @@
-//! LAS 1.4 with point data record format 6, and LAS 1.0 with format 1 (spec outputs §4).
+//! LAS 1.4 with point data record format 6, or 9 with waveform packets, and LAS 1.0 with format 1 (spec outputs §4).
 //!
 //! What the dimensions hold beyond their names:
 //! * coordinates: rounded to the scale, about an offset of whole metres near the scene's centre;
@@ -11,17 +11,21 @@
 
 mod header;
 mod objects;
+mod packets;
 mod record;
 mod vlr;
 
 pub(super) use objects::ObjectIds;
+pub(super) use packets::{PACKETS_HEADER, encode_with_packets, packets_header, place_packets};
 pub(super) use record::{LasCodec, incidence_degrees};
 
-use super::request::{ExtraDimensions, IntensityMapping, LasVersion, OutputRequest};
+use super::request::{ExtraDimensions, IntensityMapping, LasVersion, OutputRequest, PacketPlace};
 use super::summary::Tally;
 use crate::diag::Diagnostics;
 use crate::geom::{Aabb, DVec3};
 use crate::scene::Scene;
+use crate::survey::Scanner;
+use packets::WavePackets;
 
 /// What all LAS files of a run have in common.
 #[derive(Debug)]
@@ -35,6 +39,8 @@ pub(super) struct LasFormat {
     pub shift: DVec3,
     pub intensity: IntensityMapping,
     pub extra: ExtraDimensions,
+    /// How waveforms become packets, where they are asked for.
+    pub packets: Option<WavePackets>,
     creation: (u16, u16),
     system: String,
     /// Records between header and points, those of compression excepted.
@@ -46,7 +52,7 @@ impl LasFormat {
     pub fn new(
         request: &OutputRequest,
         scene: &Scene,
-        scanner: &str,
+        scanner: &Scanner,
         crs: Option<&str>,
         objects: &ObjectIds,
         problems: &mut Diagnostics,
@@ -66,6 +72,14 @@ impl LasFormat {
             vlrs.push(vlr::extra_bytes(settings.extra));
         }
         vlrs.extend(crs.and_then(|wkt| vlr::crs(settings.version, wkt, problems)));
+        let packets = settings.packets.and_then(|place| {
+            if settings.version == LasVersion::V10 {
+                problems.error(None, "LAS 1.0 has no waveform packets").help("write LAS 1.4");
+                return None;
+            }
+            WavePackets::new(place, scanner, problems)
+        });
+        vlrs.extend(packets.iter().flat_map(WavePackets::descriptors));
         vlrs.push(vlr::remarks(settings));
         vlrs.extend(vlr::object_names(&objects.names));
         LasFormat {
@@ -76,24 +90,27 @@ impl LasFormat {
             intensity: settings.intensity,
             extra: settings.extra,
             creation: request.creation,
-            system: scanner.to_owned(),
+            packets,
+            system: scanner.name.clone(),
             vlrs,
         }
     }
 
     /// Number of the point data record format.
     pub fn point_format(&self) -> u8 {
-        match self.version {
-            LasVersion::V14 => 6,
-            LasVersion::V10 => 1,
+        match (self.version, &self.packets) {
+            (LasVersion::V14, None) => 6,
+            (LasVersion::V14, Some(_)) => 9,
+            (LasVersion::V10, _) => 1,
         }
     }
 
     /// Bytes of a point without extra bytes.
     pub fn base_length(&self) -> u16 {
-        match self.version {
-            LasVersion::V14 => 30,
-            LasVersion::V10 => 28,
+        match (self.version, &self.packets) {
+            (LasVersion::V14, None) => 30,
+            (LasVersion::V14, Some(_)) => 59,
+            (LasVersion::V10, _) => 28,
         }
     }
 
@@ -115,11 +132,22 @@ impl LasFormat {
         }
     }
 
-    /// Header and variable length records of a file with these points. The length does not depend on them.
-    pub fn head(&self, laszip: Option<&laz::LazVlr>, tally: &Tally) -> Vec<u8> {
+    /// Whether the waveform packets stand in the same file.
+    pub fn packets_inside(&self) -> bool {
+        self.packet_place() == Some(PacketPlace::Inside)
+    }
+
+    /// Where the waveform packets stand, if there are any.
+    pub fn packet_place(&self) -> Option<PacketPlace> {
+        self.packets.as_ref().map(|p| p.place)
+    }
+
+    /// Header and variable length records of a file with these points, and with packets that begin at `packets_at` of the
+    /// same file. The length does not depend on them.
+    pub fn head(&self, laszip: Option<&laz::LazVlr>, tally: &Tally, packets_at: Option<u64>) -> Vec<u8> {
         let compression = laszip.map(vlr::laszip);
         let vlrs: Vec<&[u8]> = compression.iter().chain(&self.vlrs).map(Vec::as_slice).collect();
-        let mut head = header::header(self, laszip.is_some(), &vlrs, tally);
+        let mut head = header::header(self, laszip.is_some(), &vlrs, tally, packets_at);
         vlrs.iter().for_each(|vlr| head.extend_from_slice(vlr));
         head
     }

@@ -83,6 +83,11 @@ pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) ->
     }
 }
 
+/// What a reader has to know of waveform packets.
+const PACKETS: &str = "Waveform packets: 16-bit samples, amplitude = digitizer offset + digitizer gain * sample; samples \
+     behind the end of the waveform have the amplitude 0.\nParametric dx, dy, dz: point towards the scanner; sample i lies \
+     at point + (location - i * spacing) * (dx, dy, dz).\n";
+
 /// What a reader has to know of the dimensions.
 pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
     let intensity = match settings.intensity {
@@ -92,10 +97,14 @@ pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
         IntensityMapping::Linear { full_scale } => format!("65535 amplitude / {full_scale}"),
         IntensityMapping::Helios => "floor(65535 amplitude / 1000000)".to_owned(),
     };
+    let packets = match settings.packets {
+        None => "",
+        Some(_) => PACKETS,
+    };
     let text = format!(
         "Simulated with vlscan {}.\nIntensity: {intensity}.\nPointSourceId: number of the leg plus one.\n\
          ScannerChannel: device modulo 4.\nScanAngle: deflection of the beam on the scanner.\n\
-         GpsTime: seconds of the GPS week.\n",
+         GpsTime: seconds of the GPS week.\n{packets}",
         env!("CARGO_PKG_VERSION")
     );
     let mut data = text.into_bytes();
@@ -130,7 +139,7 @@ pub(super) fn laszip(laszip: &laz::LazVlr) -> Vec<u8> {
     record(laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID, laz::LazVlr::DESCRIPTION, &data)
 }
 
-fn record(user: &str, id: u16, description: &str, data: &[u8]) -> Vec<u8> {
+pub(super) fn record(user: &str, id: u16, description: &str, data: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(54 + data.len());
     // Reserved
     out.extend(0u16.to_le_bytes());

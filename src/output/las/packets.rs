@@ -1,0 +1,292 @@
+//! Waveforms as packets of LAS 1.4: point data record format 9, whose points say where the packet of their pulse stands.
+//!
+//! A packet is one waveform: 16-bit samples, as many as its descriptor says. There are at most 255 descriptors, and the
+//! header that lists them stands before the first point, while lengths and amplitudes are known only when the pulses have
+//! been fired. So the descriptors are a grid over all lengths and amplitudes that may come: for each width of bin, lengths
+//! that grow by a constant factor (a packet is filled up with samples of amplitude 0) and gains that grow by sixteen.
+
+use super::record::LasCodec;
+use super::vlr::record;
+use crate::diag::Diagnostics;
+use crate::output::encode::{Piece, PointCodec};
+use crate::output::las::header::fixed_text;
+use crate::output::layout::Slots;
+use crate::output::plan::LegFacts;
+use crate::output::request::PacketPlace;
+use crate::pulse::{Batch, Echo, WaveformRecord};
+use crate::survey::Scanner;
+
+/// Gains: 2^(−44), 2^(−40), … 2^12.
+const GAINS: usize = 15;
+/// Binary logarithm of the smallest gain, and of the factor to the next.
+const GAIN_LOG: (i32, i32) = (-44, 4);
+/// The sample that stands for amplitude 0; lower ones are noise below 0.
+const ZERO: f64 = 16_384.0;
+/// Most descriptors.
+const DESCRIPTORS: usize = 255;
+/// Samples of the shortest and of the longest packet.
+const LENGTHS: (f64, f64) = (16.0, 16_777_216.0);
+/// Metres per nanosecond.
+const C: f64 = 0.299792458;
+/// Bytes of the record's part in a point.
+const FIELD: usize = 29;
+/// Where in a point it begins.
+const FIELD_AT: usize = 30;
+/// Bytes before the first packet.
+pub(in crate::output) const PACKETS_HEADER: u64 = 60;
+
+/// How waveforms become packets.
+#[derive(Debug)]
+pub(in crate::output) struct WavePackets {
+    pub place: PacketPlace,
+    /// Widths of bins, ns.
+    bins: Vec<f64>,
+    /// Index of the width, by device.
+    by_device: Vec<usize>,
+    /// Samples of the packets of one width, ascending.
+    lengths: Vec<u32>,
+}
+
+/// Where a waveform's packet stands.
+#[derive(Clone, Copy)]
+struct Packet {
+    descriptor: u8,
+    offset: u64,
+    bytes: u32,
+}
+
+impl WavePackets {
+    /// Lays out the grid of descriptors; `None` with an error where the scanner has too many widths of bins for one.
+    pub fn new(place: PacketPlace, scanner: &Scanner, problems: &mut Diagnostics) -> Option<WavePackets> {
+        let mut bins: Vec<f64> = Vec::new();
+        let mut by_device = Vec::new();
+        for device in &scanner.devices {
+            let bin = device.waveform.bin;
+            by_device.push(bins.iter().position(|b| *b == bin).unwrap_or(bins.len()));
+            if !bins.contains(&bin) {
+                bins.push(bin);
+            }
+        }
+        let steps = DESCRIPTORS / GAINS / bins.len().max(1);
+        if steps < 2 {
+            let most = DESCRIPTORS / GAINS / 2;
+            problems.error(
+                None,
+                format!("waveform packets: expected at most {most} widths of bins, found {}", bins.len()),
+            );
+            return None;
+        }
+        let growth = libm::pow(LENGTHS.1 / LENGTHS.0, 1.0 / (steps - 1) as f64);
+        let length = |step: usize| (LENGTHS.0 * libm::pow(growth, step as f64)).round() as u32;
+        Some(WavePackets { place, bins, by_device, lengths: (0..steps).map(length).collect() })
+    }
+
+    /// The records that describe the packets.
+    pub fn descriptors(&self) -> impl Iterator<Item = Vec<u8>> {
+        let all = self.bins.iter().flat_map(|&bin| {
+            let lengths = self.lengths.iter();
+            lengths.flat_map(move |&length| (0..GAINS).map(move |step| (bin, length, gain(step))))
+        });
+        all.zip(100u16..).map(|((bin, length, gain), id)| {
+            let mut data = Vec::with_capacity(26);
+            // Bits per sample, compression
+            data.extend([16, 0]);
+            // Number of samples
+            data.extend(length.to_le_bytes());
+            // Temporal sample spacing, ps
+            data.extend(spacing(bin).to_le_bytes());
+            // Digitizer gain and offset
+            data.extend(gain.to_le_bytes());
+            data.extend((-ZERO * gain).to_le_bytes());
+            record("LASF_Spec", id, "waveform packets", &data)
+        })
+    }
+
+    /// Appends the samples of a waveform.
+    fn push(&self, out: &mut Vec<u8>, wave: &WaveformRecord, samples: &[f64]) -> Option<Packet> {
+        let bin = *self.by_device.get(wave.device as usize)?;
+        let step = self.lengths.iter().position(|&length| samples.len() <= length as usize)?;
+        let length = *self.lengths.get(step)? as usize;
+        let fits = |gain: f64| {
+            let (least, most) = (-(ZERO + 0.5) * gain, (f64::from(u16::MAX) - ZERO + 0.5) * gain);
+            samples.iter().all(|&s| least < s && s < most)
+        };
+        let exponent = (0..GAINS).find(|&exponent| fits(gain(exponent))).unwrap_or(GAINS - 1);
+        let scale = 1.0 / gain(exponent);
+        let (offset, bytes) = (out.len() as u64, 2 * length);
+        out.reserve(bytes);
+        // Conversions saturate.
+        let digital = samples.iter().map(|s| (s * scale + ZERO).round_ties_even() as u16);
+        digital.for_each(|sample| out.extend(sample.to_le_bytes()));
+        (samples.len()..length).for_each(|_| out.extend((ZERO as u16).to_le_bytes()));
+        let descriptor = 1 + (bin * self.lengths.len() + step) * GAINS + exponent;
+        Some(Packet { descriptor: u8::try_from(descriptor).ok()?, offset, bytes: u32::try_from(bytes).ok()? })
+    }
+
+    /// The point's reference to its packet.
+    fn field(&self, packet: Packet, wave: &WaveformRecord, echo: &Echo) -> [u8; FIELD] {
+        let bin =
+            self.by_device.get(wave.device as usize).and_then(|&b| self.bins.get(b)).copied().unwrap_or(1.0);
+        let spacing = f64::from(spacing(bin));
+        // Sample at which the echo was found; one nanosecond is C metres of range.
+        let sample = (echo.range / C - wave.start_ns) / bin;
+        // Towards the scanner, metres per picosecond
+        let step = echo.direction * (-C * bin / spacing);
+        let mut field = [0; FIELD];
+        field[0] = packet.descriptor;
+        field[1..9].copy_from_slice(&packet.offset.to_le_bytes());
+        field[9..13].copy_from_slice(&packet.bytes.to_le_bytes());
+        let parameters = [sample * spacing, step.x, step.y, step.z];
+        for (four, value) in field[13..].chunks_exact_mut(4).zip(parameters) {
+            four.copy_from_slice(&(value as f32).to_le_bytes());
+        }
+        field
+    }
+}
+
+fn gain(step: usize) -> f64 {
+    libm::exp2(f64::from(GAIN_LOG.0 + GAIN_LOG.1 * step as i32))
+}
+
+/// Picoseconds of a bin as the descriptors have them. The points' parameters make up for what the rounding takes away.
+fn spacing(bin: f64) -> u32 {
+    (bin * 1000.0).round().max(1.0) as u32
+}
+
+/// Encodes the echoes of a batch with the packets of their pulses. All echoes of a pulse refer to the same packet.
+pub(in crate::output) fn encode_with_packets(
+    codec: &LasCodec,
+    packets: &WavePackets,
+    leg: &LegFacts,
+    slots: &Slots,
+    batch: &Batch,
+    pieces: &mut Vec<Piece>,
+) {
+    let first = pieces.len();
+    pieces.extend(slots.as_slice().iter().map(|&slot| Piece::new(slot, 0)));
+    // Echoes and waveforms are both in the order of emission.
+    let mut waves = batch.waveforms.iter().peekable();
+    let mut latest: Option<(&WaveformRecord, Option<Packet>)> = None;
+    for echo in &batch.echoes {
+        let Some(piece) = pieces.get_mut(first + slots.of(echo.device)) else { continue };
+        let is_its =
+            |wave: &WaveformRecord| (wave.device, wave.pulse_number) == (echo.device, echo.pulse_number);
+        if !latest.is_some_and(|(wave, _)| is_its(wave))
+            && let Some(wave) = waves.next_if(|wave| is_its(wave))
+        {
+            let samples = batch.samples.get(wave.first_sample..).unwrap_or_default();
+            let samples = &samples[..wave.samples.min(samples.len())];
+            latest = Some((wave, packets.push(&mut piece.packets, wave, samples)));
+        }
+        let field = match latest {
+            Some((wave, Some(packet))) if is_its(wave) => packets.field(packet, wave, echo),
+            // Descriptor 0: no packet
+            _ => [0; FIELD],
+        };
+        let at = piece.bytes.len() + FIELD_AT;
+        match codec.push(&mut piece.bytes, leg, echo) {
+            Some(stored) => {
+                piece.bytes.splice(at..at, field);
+                piece.tally.point(stored, echo.return_number);
+            }
+            None => piece.tally.left_out += 1,
+        }
+    }
+}
+
+/// Moves the references of packed points to where their packets stand: `before` bytes after the beginning.
+pub(in crate::output) fn place_packets(points: &mut [u8], record_length: u16, before: u64) {
+    for point in points.chunks_exact_mut(usize::from(record_length)) {
+        let Some((descriptor, offset)) =
+            point.get_mut(FIELD_AT..FIELD_AT + 9).and_then(<[u8]>::split_first_mut)
+        else {
+            return;
+        };
+        if *descriptor != 0 {
+            let mut within = [0; 8];
+            within.copy_from_slice(offset);
+            offset.copy_from_slice(&(u64::from_le_bytes(within) + before).to_le_bytes());
+        }
+    }
+}
+
+/// The header before the packets, an extended variable length record of `length` bytes; files of packets begin with the
+/// same.
+pub(in crate::output) fn packets_header(length: u64) -> Vec<u8> {
+    let mut out = Vec::with_capacity(PACKETS_HEADER as usize);
+    // Reserved
+    out.extend(0u16.to_le_bytes());
+    // User ID
+    out.extend(fixed_text::<16>("LASF_Spec"));
+    // Record ID: waveform packet data
+    out.extend(65_535u16.to_le_bytes());
+    // Record length after header
+    out.extend(length.to_le_bytes());
+    // Description
+    out.extend(fixed_text::<32>("waveform packets"));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::testing::{batch, survey};
+
+    fn packets() -> WavePackets {
+        WavePackets::new(PacketPlace::Inside, &survey(2, &[]).scanner, &mut Diagnostics::default()).unwrap()
+    }
+
+    /// What a reader does: the amplitudes of a packet.
+    fn decode(packets: &WavePackets, packet: Packet, bytes: &[u8]) -> Vec<f64> {
+        let all: Vec<Vec<u8>> = packets.descriptors().collect();
+        let vlr = &all[usize::from(packet.descriptor) - 1][54..];
+        let f64_at = |at: usize| f64::from_le_bytes(vlr[at..at + 8].try_into().unwrap());
+        let samples = u32::from_le_bytes(vlr[2..6].try_into().unwrap());
+        assert_eq!(packet.bytes, 2 * samples);
+        let bytes = &bytes[packet.offset as usize..][..packet.bytes as usize];
+        let raw = bytes.chunks_exact(2).map(|b| f64::from(u16::from_le_bytes([b[0], b[1]])));
+        raw.map(|raw| f64_at(18) + f64_at(10) * raw).collect()
+    }
+
+    #[test]
+    fn every_length_and_amplitude_has_a_descriptor() {
+        let packets = packets();
+        assert!(packets.descriptors().count() <= DESCRIPTORS);
+        let wave = batch(0, 0, 1).waveforms[0];
+        let mut bytes = vec![1, 2, 3];
+        for length in [1, 16, 17, 100, 5000] {
+            for amplitude in [1e-9, 3e-5, 0.9, 1234.5, 2e8] {
+                let samples: Vec<f64> =
+                    (0..length).map(|i| amplitude * (libm::sin(i as f64).abs() - 0.03)).collect();
+                let packet = packets.push(&mut bytes, &wave, &samples).unwrap();
+                let decoded = decode(&packets, packet, &bytes);
+                assert!(decoded.len() >= length && decoded[length..].iter().all(|&s| s == 0.0));
+                for (got, put) in decoded.iter().zip(&samples) {
+                    assert!((got - put).abs() <= amplitude / 6000.0, "{got} for {put} of {amplitude}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_no_gain_holds_saturates() {
+        let (packets, wave) = (packets(), batch(0, 0, 1).waveforms[0]);
+        let mut bytes = Vec::new();
+        let packet = packets.push(&mut bytes, &wave, &[1e30, -1e30, 0.0]).unwrap();
+        let decoded = decode(&packets, packet, &bytes);
+        assert!(decoded[0] > 2e8 && decoded[1] < -6e7 && decoded[2] == 0.0, "{decoded:?}");
+    }
+
+    #[test]
+    fn a_scanner_with_too_many_widths_of_bins_is_refused() {
+        let mut scanner = survey(9, &[]).scanner;
+        for (device, i) in scanner.devices.iter_mut().zip(1u8..) {
+            device.waveform.bin = f64::from(i) * 0.1;
+        }
+        let mut problems = Diagnostics::default();
+        assert!(WavePackets::new(PacketPlace::Inside, &scanner, &mut problems).is_none());
+        assert_eq!(problems.items().len(), 1);
+        scanner.devices.truncate(8);
+        assert!(WavePackets::new(PacketPlace::Inside, &scanner, &mut problems).is_some());
+    }
+}
