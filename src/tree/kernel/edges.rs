@@ -1,4 +1,5 @@
-//! Which rays of a pulse pass within a triangle, decided in single precision wherever that suffices.
+//! Which rays of a pulse pass within a triangle, where the rounded corners of a block leave that open: from double
+//! precision, but evaluated in single wherever that suffices.
 //!
 //! Slopes are `d_i/d_k` and `d_j/d_k`. In coordinates sheared along the pulse's first ray, a ray that deviates from it by
 //! slopes `(δ_i, δ_j)` passes the edge
@@ -7,10 +8,17 @@
 //! near the ray, so is the error of `E`. It is bounded; a ray within the bound of an edge is left undecided.
 
 use super::lanes::Deviations;
+use crate::geom::DVec3;
 use crate::tree::simd::{Simd, each_of};
 
 /// Corners of a triangle by axis; the fourth place is idle.
-pub(super) type Corners = [[f64; 4]; 3];
+type Corners = [[f64; 4]; 3];
+
+/// Brings the corners of a triangle into order.
+#[inline(always)]
+pub(super) fn by_axis([a, b, c]: [DVec3; 3]) -> Corners {
+    [[a.x, b.x, c.x, 0.0], [a.y, b.y, c.y, 0.0], [a.z, b.z, c.z, 0.0]]
+}
 
 /// Rounding of the coefficients, the deviations and the evaluation, all in single precision, with room to spare.
 const SINGLE: f64 = 1.0 / (1u64 << 20) as f64;
@@ -41,19 +49,15 @@ pub(super) struct Edges {
 }
 
 impl Edges {
-    pub const NONE: Edges = Edges { coefficients: [[0.0; 4]; 5] };
+    const NONE: Edges = Edges { coefficients: [[0.0; 4]; 5] };
 
-    /// The edges of a triangle as a pulse sees them, written to `edges`; returns whether any of its rays may be inside.
+    /// The edges of a triangle as a pulse sees them.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn of<S: Simd>(
-        edges: &mut Edges,
-        [k, i, j]: [usize; 3],
-        eye: &Eye,
-        corners: &Corners,
-    ) -> bool {
+    pub unsafe fn of<S: Simd>([k, i, j]: [usize; 3], eye: &Eye, corners: &Corners) -> Edges {
+        let mut edges = Edges::NONE;
         let coefficients = &mut edges.coefficients;
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
@@ -78,12 +82,8 @@ impl Edges {
             S::qstore(&mut coefficients[2], c0);
             S::qstore(&mut coefficients[3], error);
             S::qstore(&mut coefficients[4], S::qsub(zero, error));
-            // The whole pulse is left of one edge and right of another.
-            let spread = S::qadd(tilt, error);
-            let left = S::qlt(spread, c0) & 7;
-            let right = S::qlt(c0, S::qsub(zero, spread)) & 7;
-            left == 0 || right == 0
         }
+        edges
     }
 
     /// Of sixteen rays: those surely inside, and those not surely outside.

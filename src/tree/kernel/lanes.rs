@@ -93,6 +93,20 @@ pub(crate) struct Lanes<S: Simd> {
     pub beam: [[BeamSide; 2]; 3],
     /// What each pulse looks from.
     pub eyes: [Eye; GROUP],
+    /// The same in single precision, tree's frame.
+    pub view: View,
+}
+
+/// Whence the pulses look, relative to the apex; by dominant axis and side axes where there are three.
+#[derive(Clone, Copy)]
+pub(crate) struct View {
+    pub from: [PerPulse; 3],
+    /// Slopes of the first ray, exactly those of the eyes.
+    pub middle: [PerPulse; 2],
+    /// Their greatest size.
+    pub tilt: PerPulse,
+    /// Largest deviation from them.
+    pub width: PerPulse,
 }
 
 /// How many pulses from `first` on are near enough to be traced together, at least 1.
@@ -145,6 +159,7 @@ impl<S: Simd> Lanes<S> {
                 width: f64::from(ends[0].max(ends[1])),
             };
         }
+        let view = View::of(&start, &spread, forward as f32);
         // SAFETY: as above.
         unsafe {
             let sides = sides::<S>(axes, forward as f32, &start, &slope, &offset);
@@ -162,8 +177,30 @@ impl<S: Simd> Lanes<S> {
                 sides,
                 beam,
                 eyes,
+                view,
             })
         }
+    }
+}
+
+impl View {
+    #[inline(always)]
+    fn of(start: &Start, spread: &Spread, forward: f32) -> View {
+        let mut view = View {
+            from: [start.depth, start.offset[0], start.offset[1]],
+            middle: [PerPulse([0.0; GROUP]); 2],
+            tilt: PerPulse([0.0; GROUP]),
+            width: PerPulse([0.0; GROUP]),
+        };
+        for l in 0..GROUP {
+            view.from[0].0[l] *= forward;
+            let [i, j] = [0, 1].map(|n| spread.middle[n][l] as f32);
+            (view.middle[0].0[l], view.middle[1].0[l]) = (i, j);
+            view.tilt.0[l] = i.abs().max(j.abs());
+            let ends = spread.aside.each_ref().map(|[lo, hi]| lo.0[l].abs().max(hi.0[l].abs()));
+            view.width.0[l] = raised(ends[0].max(ends[1]));
+        }
+        view
     }
 }
 
@@ -252,7 +289,9 @@ impl Spread {
         for l in 0..pulses.len() {
             let row = (pulses.start + l) * registers;
             let reciprocal = 1.0 / along[row][0];
+            // In single precision, so that both precisions start from the same.
             let (mi, mj) = (i[row][0] * reciprocal, j[row][0] * reciprocal);
+            let (mi, mj) = (f64::from(mi as f32), f64::from(mj as f32));
             (middle[0][l], middle[1][l]) = (mi, mj);
             // SAFETY: the caller vouches for the instruction set.
             unsafe {

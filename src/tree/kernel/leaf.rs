@@ -3,10 +3,12 @@
 //! Each step fills a flat list for the next one without branching on what it finds.
 
 use super::Kernel;
-use super::edges::{Corners, Edges};
+use super::edges::{Edges, by_axis};
 use super::filter::{Seen, boxes_in_beam};
 use super::lanes::{BeamSide, GROUP};
+use super::sides::Sides;
 use super::verdict::{Plane, Rays, Rows, hit_cube};
+use crate::geom::DVec3;
 use crate::tree::block::{Block, LANES};
 use crate::tree::simd::{Simd, prefetch};
 
@@ -21,13 +23,11 @@ pub(super) struct Lists {
     /// `pulse · 16 + lane`, of which the first `count` are meant. Writers may go one register beyond.
     pairs: [u32; PAIRS + LANES],
     count: usize,
-    /// Lanes of the block in any pair, and their corners.
-    lanes: u32,
-    /// Pulses in any pair.
-    pulses: u32,
-    corners: [Corners; LANES],
-    /// Of each pair, one place more than there can be.
-    edges: [Edges; PAIRS + 1],
+    /// The edges of sixteen pairs each.
+    sides: [Sides; PAIRS / LANES],
+    /// Places in `pairs` of those of which any ray may be inside; the first `kept_count` are meant.
+    kept: [u32; PAIRS + LANES],
+    kept_count: usize,
     /// Pairs of which rays are inside, one place more than there can be.
     inside: [Inside; PAIRS + 1],
 }
@@ -44,16 +44,15 @@ impl Lists {
     pub const EMPTY: Lists = Lists {
         pairs: [0; PAIRS + LANES],
         count: 0,
-        lanes: 0,
-        pulses: 0,
-        corners: [[[0.0; 4]; 3]; LANES],
-        edges: [Edges::NONE; PAIRS + 1],
+        sides: [Sides::NONE; PAIRS / LANES],
+        kept: [0; PAIRS + LANES],
+        kept_count: 0,
         inside: [Inside { pair: 0, strictly: 0, maybe: 0 }; PAIRS + 1],
     };
 
     #[inline(always)]
     fn clear(&mut self) {
-        (self.count, self.lanes, self.pulses) = (0, 0, 0);
+        (self.count, self.kept_count) = (0, 0);
     }
 
     /// # Safety
@@ -65,8 +64,6 @@ impl Lists {
             unsafe { S::compress(lanes, (pulse * LANES) as u32, room) };
         }
         self.count += lanes.count_ones() as usize;
-        self.lanes |= lanes;
-        self.pulses |= u32::from(lanes != 0) << pulse;
     }
 }
 
@@ -85,6 +82,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
                 self.pair_cubes(block, mask, hi);
             } else {
                 self.pair_triangles(block, mask, lo, hi);
+                self.find_sides(block);
                 self.order_corners(block);
             }
             self.settle();
@@ -100,19 +98,17 @@ impl<'a, S: Simd> Kernel<'a, S> {
     #[inline(always)]
     pub(super) unsafe fn settle(&mut self) {
         let Some(block) = self.pending.take() else { return };
+        let mut touched = 0;
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             if block.holds_cubes() {
-                self.hit_cubes(block);
+                touched = self.hit_cubes(block);
             } else {
-                self.fetch_corners(block);
-                self.find_edges();
                 for span in 0..self.spans {
                     let count = self.find_inside(span);
-                    self.hit_triangles(block, span, count);
+                    touched |= self.hit_triangles(block, span, count);
                 }
             }
-            let mut touched = self.lists.pulses;
             while touched != 0 {
                 self.lower_limit(touched.trailing_zeros() as usize);
                 touched &= touched - 1;
@@ -120,10 +116,13 @@ impl<'a, S: Simd> Kernel<'a, S> {
         }
     }
 
-    /// Asks for the corners of the triangles of all new pairs.
+    /// Asks for the corners of the triangles of all new pairs that may have rays inside.
     #[inline(always)]
     fn order_corners(&self, block: &Block) {
-        let mut lanes = self.next.lanes;
+        let mut lanes = 0u32;
+        for n in &self.next.kept[..self.next.kept_count] {
+            lanes |= 1 << (self.next.pairs[*n as usize] % LANES as u32);
+        }
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
             for corner in &block.vertex {
@@ -167,37 +166,27 @@ impl<'a, S: Simd> Kernel<'a, S> {
         }
     }
 
-    /// Gets the triangles of all pairs at once, so that they come from memory side by side.
-    #[inline(always)]
-    fn fetch_corners(&mut self, block: &Block) {
-        let mut lanes = self.lists.lanes;
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize;
-            let vertex = |corner: usize| self.geometry.vertices[block.vertex[corner][lane] as usize];
-            let (a, b, c) = (vertex(0), vertex(1), vertex(2));
-            self.lists.corners[lane] = [[a.x, b.x, c.x, 0.0], [a.y, b.y, c.y, 0.0], [a.z, b.z, c.z, 0.0]];
-            lanes &= lanes - 1;
-        }
-    }
-
-    /// Computes the edges of all pairs; drops the pairs of pulses that pass beside their triangle.
+    /// Computes the edges of all new pairs; keeps the pairs whose pulse does not pass beside the triangle.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn find_edges(&mut self) {
-        let mut count = 0;
-        for n in 0..self.lists.count {
-            let pair = self.lists.pairs[n];
-            let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
-            let (eye, corners) = (&self.lanes.eyes[pulse], &self.lists.corners[lane]);
+    unsafe fn find_sides(&mut self, block: &Block) {
+        let lists = &mut *self.next;
+        let batches = lists.count.div_ceil(LANES);
+        let all = lists.pairs.as_chunks::<LANES>().0;
+        for ((batch, pairs), sides) in (0..batches).zip(all).zip(&mut lists.sides) {
+            let meant = lists.count - batch * LANES;
+            let meant = if meant < LANES { (1u32 << meant) - 1 } else { 0xffff };
             // SAFETY: the caller vouches for the instruction set.
-            let may_hit =
-                unsafe { Edges::of::<S>(&mut self.lists.edges[count], self.lanes.axes, eye, corners) };
-            self.lists.pairs[count] = pair;
-            count += usize::from(may_hit);
+            unsafe {
+                let kept = meant & Sides::of::<S>(sides, &self.lanes, block, pairs);
+                if let Some(room) = lists.kept[lists.kept_count..].first_chunk_mut() {
+                    S::compress(kept, (batch * LANES) as u32, room);
+                }
+                lists.kept_count += kept.count_ones() as usize;
+            }
         }
-        self.lists.count = count;
     }
 
     /// Finds the rays of a span that pass within the triangles of the pairs; returns how many pairs have any.
@@ -211,14 +200,15 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let lanes = (self.rays.stride() - span * SPAN).min(SPAN);
         let valid = if lanes == SPAN { !0 } else { (1u32 << lanes) - 1 };
         let mut count = 0;
-        for n in 0..self.lists.count {
+        for n in 0..self.lists.kept_count {
+            let n = self.lists.kept[n] as usize;
             let pair = self.lists.pairs[n];
-            let (edges, row) = (&self.lists.edges[n], pair as usize / LANES * wide + first);
+            let (sides, row) = (&self.lists.sides[n / LANES], pair as usize / LANES * wide + first);
             // SAFETY: the caller vouches for the instruction set.
-            let (mut strictly, mut maybe) = unsafe { edges.inside::<S>(&self.deviations[row]) };
+            let (mut strictly, mut maybe) = unsafe { sides.inside::<S>(n % LANES, &self.deviations[row]) };
             if first + 1 < wide {
                 // SAFETY: as above.
-                let (s, m) = unsafe { edges.inside::<S>(&self.deviations[row + 1]) };
+                let (s, m) = unsafe { sides.inside::<S>(n % LANES, &self.deviations[row + 1]) };
                 (strictly, maybe) = (strictly | s << 16, maybe | m << 16);
             }
             (strictly, maybe) = (strictly & valid, maybe & valid);
@@ -228,19 +218,29 @@ impl<'a, S: Simd> Kernel<'a, S> {
         count
     }
 
+    /// Finds the hits of the pairs in `inside`; returns the pulses that have any.
+    ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn hit_triangles(&mut self, block: &Block, span: usize, count: usize) {
+    unsafe fn hit_triangles(&mut self, block: &Block, span: usize, count: usize) -> u32 {
         let (k, forward) = (self.lanes.axes[0], f64::from(self.lanes.forward));
         // The same number of registers for every pair, so that no branch depends on who hits what.
         let registers = (self.registers - span * SPAN / 8).min(SPAN / 8);
+        let mut touched = 0;
         for n in 0..count {
-            let Inside { pair, strictly, maybe } = self.lists.inside[n];
+            let Inside { pair, mut strictly, mut maybe } = self.lists.inside[n];
             let (pulse, lane) = (pair as usize / LANES, pair as usize % LANES);
-            let corners = &self.lists.corners[lane];
+            let geometry = self.geometry;
+            let corners = [0, 1, 2].map(|c| &geometry.vertices[block.vertex[c][lane] as usize]);
+            if strictly != maybe {
+                // SAFETY: the caller vouches for the instruction set.
+                (strictly, maybe) =
+                    unsafe { self.look_closely(span, pulse, corners.map(|c| *c), strictly, maybe) };
+            }
+            touched |= 1 << pulse;
+            let corners = corners.map(|c| c.as_ref());
             let origin = &self.lanes.eyes[pulse].origin;
-            let plane = Plane::of(block.id[lane], corners, origin, k, forward);
             let first = (self.first + pulse) * self.registers + span * SPAN / 8;
             let row = first..first + registers;
             let d = &self.directions;
@@ -250,20 +250,54 @@ impl<'a, S: Simd> Kernel<'a, S> {
                 id: &mut self.ids[row],
             };
             // SAFETY: the caller vouches for the instruction set.
-            unsafe { plane.hit::<S>(k, strictly, maybe, rays, corners, origin) };
+            unsafe {
+                let plane = Plane::of::<S>(block.id[lane], corners, origin, k, forward);
+                plane.hit::<S>(k, strictly, maybe, rays, corners, origin);
+            }
+        }
+        touched
+    }
+
+    /// Decides from double precision about rays that single precision leaves undecided.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn look_closely(
+        &self,
+        span: usize,
+        pulse: usize,
+        corners: [DVec3; 3],
+        strictly: u32,
+        maybe: u32,
+    ) -> (u32, u32) {
+        let (eye, row) = (&self.lanes.eyes[pulse], pulse * self.wide + 2 * span);
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let edges = Edges::of::<S>(self.lanes.axes, eye, &by_axis(corners));
+            let (mut s, mut m) = edges.inside::<S>(&self.deviations[row]);
+            if 2 * span + 1 < self.wide {
+                let (s1, m1) = edges.inside::<S>(&self.deviations[row + 1]);
+                (s, m) = (s | s1 << 16, m | m1 << 16);
+            }
+            ((strictly | s) & maybe, maybe & m)
         }
     }
 
+    /// Asks all pairs of a block of cubes; returns the pulses that are in any.
     #[inline(always)]
-    fn hit_cubes(&mut self, block: &Block) {
+    fn hit_cubes(&mut self, block: &Block) -> u32 {
+        let mut touched = 0;
         for n in 0..self.lists.count {
             let pair = self.lists.pairs[n] as usize;
+            touched |= 1 << (pair / LANES);
             let (pulse, id) = (self.first + pair / LANES, block.id[pair % LANES]);
             let cube = self.geometry.cubes[id as usize - self.geometry.triangles.len()];
             for register in pulse * self.registers..(pulse + 1) * self.registers {
                 hit_cube(id, cube, self.rays.origin(pulse), &mut self.rays_of(register));
             }
         }
+        touched
     }
 
     #[inline(always)]

@@ -8,6 +8,7 @@ mod edges;
 mod filter;
 mod lanes;
 mod leaf;
+mod sides;
 mod verdict;
 mod walk;
 

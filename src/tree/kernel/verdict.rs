@@ -2,7 +2,6 @@
 //! [`intersect`](crate::tree::intersect), operation by operation, so that the bits are the same. Rays for which that
 //! arithmetic takes one of its rare turns are referred to it.
 
-use super::edges::Corners;
 use crate::geom::DVec3;
 use crate::tree::geometry::Cube;
 use crate::tree::intersect::{self, DEPTH_SLACK, EDGE_ON};
@@ -52,8 +51,8 @@ impl Rays<'_> {
 /// What the distances of all rays from one origin to a triangle share.
 pub(super) struct Plane {
     id: u32,
-    e1: [f64; 3],
-    e2: [f64; 3],
+    e1: [f64; 4],
+    e2: [f64; 4],
     /// `e2·q`.
     numerator: f64,
     /// Range of depths that a sound distance has.
@@ -64,23 +63,37 @@ pub(super) struct Plane {
 }
 
 impl Plane {
+    /// # Safety
+    /// As for [`Simd`].
     #[inline(always)]
-    pub fn of(id: u32, corners: &Corners, origin: &[f64; 3], k: usize, forward: f64) -> Plane {
-        let edge = |to: usize| each_of!([0, 1, 2], a => corners[a][to] - corners[a][0]);
-        let (e1, e2) = (edge(1), edge(2));
-        let s = each_of!([0, 1, 2], a => -(corners[a][0] - origin[a]));
-        let q = [s[1] * e1[2] - s[2] * e1[1], s[2] * e1[0] - s[0] * e1[2], s[0] * e1[1] - s[1] * e1[0]];
-        let depths = each_of!([0, 1, 2], v => (corners[k][v] - origin[k]) * forward);
-        let longest = |e: [f64; 3]| e[0].abs().max(e[1].abs()).max(e[2].abs());
-        Plane {
-            id,
-            numerator: e2[0] * q[0] + e2[1] * q[1] + e2[2] * q[2],
-            nearest: depths[0].min(depths[1]).min(depths[2]) * (1.0 - DEPTH_SLACK),
-            farthest: depths[0].max(depths[1]).max(depths[2]) * (1.0 + DEPTH_SLACK),
-            least: EDGE_ON * longest(e1) * longest(e2),
-            e1,
-            e2,
+    pub unsafe fn of<S: Simd>(
+        id: u32,
+        corners: [&[f64; 3]; 3],
+        origin: &[f64; 3],
+        k: usize,
+        forward: f64,
+    ) -> Plane {
+        let mut plane =
+            Plane { id, e1: [0.0; 4], e2: [0.0; 4], numerator: 0.0, nearest: 0.0, farthest: 0.0, least: 0.0 };
+        let depths = each_of!([0, 1, 2], v => (corners[v][k] - origin[k]) * forward);
+        plane.nearest = depths[0].min(depths[1]).min(depths[2]) * (1.0 - DEPTH_SLACK);
+        plane.farthest = depths[0].max(depths[1]).max(depths[2]) * (1.0 + DEPTH_SLACK);
+        let mut products = [0.0; 4];
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let [a, b, c] = each_of!([0, 1, 2], v => S::qload3(corners[v]));
+            let (e1, e2, p) = (S::qsub(b, a), S::qsub(c, a), S::qsub(a, S::qload3(origin)));
+            // e1 × p is -p × e1, bit for bit.
+            let (e1t, pt) = (S::qturn(e1), S::qturn(p));
+            let q = S::qsub(S::qmul(e1t, S::qturn(pt)), S::qmul(S::qturn(e1t), pt));
+            S::qkeep(&mut products, S::qmul(e2, q));
+            S::qkeep(&mut plane.e1, e1);
+            S::qkeep(&mut plane.e2, e2);
         }
+        let longest = |e: &[f64; 4]| e[0].abs().max(e[1].abs()).max(e[2].abs());
+        plane.least = EDGE_ON * longest(&plane.e1) * longest(&plane.e2);
+        plane.numerator = products[0] + products[1] + products[2];
+        plane
     }
 
     /// Distances of the rays that are `strictly` inside, and the verdicts on those that are not but `maybe`.
@@ -94,7 +107,7 @@ impl Plane {
         mut strictly: u32,
         mut maybe: u32,
         rays: Rows,
-        corners: &Corners,
+        corners: [&[f64; 3]; 3],
         origin: &[f64; 3],
     ) {
         let [x, y, z] = rays.directions;
@@ -140,11 +153,10 @@ impl Plane {
 
     /// The full verdict, ray by ray.
     #[cold]
-    fn ask(&self, mut rest: u32, rays: &mut Rays, corners: &Corners, origin: &[f64; 3]) {
-        let corner = |v: usize| DVec3::new(corners[0][v], corners[1][v], corners[2][v]);
+    fn ask(&self, mut rest: u32, rays: &mut Rays, corners: [&[f64; 3]; 3], origin: &[f64; 3]) {
+        let corners = corners.map(|c| DVec3::from(*c));
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize;
-            let corners = [corner(0), corner(1), corner(2)];
             if let Some(t) = intersect::triangle(DVec3::from(*origin), rays.direction(ray), corners) {
                 rays.offer(ray, t, self.id);
             }

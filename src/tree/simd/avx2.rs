@@ -61,6 +61,7 @@ impl Simd for Avx2 {
     type D = [__m256d; 2];
     type N = [__m256d; 2];
     type Q = __m256d;
+    type I = [__m256i; 2];
 
     pairwise!(add, _mm256_add_ps, __m256);
     pairwise!(sub, _mm256_sub_ps, __m256);
@@ -90,6 +91,34 @@ impl Simd for Avx2 {
         unsafe {
             _mm256_storeu_ps(x.as_mut_ptr(), v[0]);
             _mm256_storeu_ps(x[8..].as_mut_ptr(), v[1]);
+        }
+    }
+    #[inline(always)]
+    unsafe fn abs(a: [__m256; 2]) -> [__m256; 2] {
+        unsafe {
+            let sign = _mm256_set1_ps(-0.0);
+            [_mm256_andnot_ps(sign, a[0]), _mm256_andnot_ps(sign, a[1])]
+        }
+    }
+    #[inline(always)]
+    unsafe fn places(x: &[u32; 16]) -> [[__m256i; 2]; 2] {
+        unsafe {
+            let x = each_of!([0, 1], n => _mm256_loadu_si256(x[8 * n..].as_ptr().cast()));
+            [x, [_mm256_srli_epi32::<4>(x[0]), _mm256_srli_epi32::<4>(x[1])]]
+        }
+    }
+    #[inline(always)]
+    unsafe fn pick(table: &[f32; 16], at: [__m256i; 2]) -> [__m256; 2] {
+        unsafe {
+            let [low, high] = Self::load(table);
+            each_of!([0, 1], n => {
+                let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at[n]));
+                _mm256_blendv_ps(
+                    _mm256_permutevar8x32_ps(low, at[n]),
+                    _mm256_permutevar8x32_ps(high, at[n]),
+                    upper,
+                )
+            })
         }
     }
     #[inline(always)]
@@ -224,6 +253,14 @@ impl Simd for Avx2 {
         unsafe { _mm256_loadu_pd(x.as_ptr()) }
     }
     #[inline(always)]
+    unsafe fn qload3(x: &[f64; 3]) -> __m256d {
+        unsafe { _mm256_maskload_pd(x.as_ptr(), _mm256_setr_epi64x(-1, -1, -1, 0)) }
+    }
+    #[inline(always)]
+    unsafe fn qkeep(x: &mut [f64; 4], v: __m256d) {
+        unsafe { _mm256_storeu_pd(x.as_mut_ptr(), v) }
+    }
+    #[inline(always)]
     unsafe fn qadd(a: __m256d, b: __m256d) -> __m256d {
         unsafe { _mm256_add_pd(a, b) }
     }
@@ -242,10 +279,6 @@ impl Simd for Avx2 {
     #[inline(always)]
     unsafe fn qturn(a: __m256d) -> __m256d {
         unsafe { _mm256_permute4x64_pd::<0b11_00_10_01>(a) }
-    }
-    #[inline(always)]
-    unsafe fn qlt(a: __m256d, b: __m256d) -> u32 {
-        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(a, b)) as u32 }
     }
     #[inline(always)]
     unsafe fn qstore(x: &mut [f32; 4], v: __m256d) {

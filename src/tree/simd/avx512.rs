@@ -33,6 +33,7 @@ impl Simd for Avx512 {
     type D = __m512d;
     type N = __mmask8;
     type Q = __m256d;
+    type I = __m512i;
 
     #[inline(always)]
     unsafe fn splat(x: f32) -> __m512 {
@@ -69,6 +70,22 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn max(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_max_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn abs(a: __m512) -> __m512 {
+        unsafe { _mm512_abs_ps(a) }
+    }
+    #[inline(always)]
+    unsafe fn places(x: &[u32; 16]) -> [__m512i; 2] {
+        unsafe {
+            let x = _mm512_loadu_si512(x.as_ptr().cast());
+            [x, _mm512_srli_epi32::<4>(x)]
+        }
+    }
+    #[inline(always)]
+    unsafe fn pick(table: &[f32; 16], at: __m512i) -> __m512 {
+        // The instruction looks at the low four bits of a place only.
+        unsafe { _mm512_permutexvar_ps(at, _mm512_loadu_ps(table.as_ptr())) }
     }
     #[inline(always)]
     unsafe fn le(a: __m512, b: __m512) -> __mmask16 {
@@ -197,8 +214,11 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn put(bits: u32, t: &mut [f64; 8], v: __m512d, ids: &mut [u32; 8], id: u32) {
         unsafe {
-            _mm512_mask_storeu_pd(t.as_mut_ptr(), bits as u8, v);
-            _mm256_mask_storeu_epi32(ids.as_mut_ptr().cast(), bits as u8, _mm256_set1_epi32(id as i32));
+            // Whole registers: a masked store would keep the next load waiting.
+            let (old, old_ids) = (_mm512_loadu_pd(t.as_ptr()), _mm256_loadu_si256(ids.as_ptr().cast()));
+            _mm512_storeu_pd(t.as_mut_ptr(), _mm512_mask_mov_pd(old, bits as u8, v));
+            let new_ids = _mm256_mask_set1_epi32(old_ids, bits as u8, id as i32);
+            _mm256_storeu_si256(ids.as_mut_ptr().cast(), new_ids);
         }
     }
     #[inline(always)]
@@ -222,6 +242,14 @@ impl Simd for Avx512 {
         unsafe { _mm256_loadu_pd(x.as_ptr()) }
     }
     #[inline(always)]
+    unsafe fn qload3(x: &[f64; 3]) -> __m256d {
+        unsafe { _mm256_maskz_loadu_pd(7, x.as_ptr()) }
+    }
+    #[inline(always)]
+    unsafe fn qkeep(x: &mut [f64; 4], v: __m256d) {
+        unsafe { _mm256_storeu_pd(x.as_mut_ptr(), v) }
+    }
+    #[inline(always)]
     unsafe fn qadd(a: __m256d, b: __m256d) -> __m256d {
         unsafe { _mm256_add_pd(a, b) }
     }
@@ -240,10 +268,6 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn qturn(a: __m256d) -> __m256d {
         unsafe { _mm256_permute4x64_pd::<0b11_00_10_01>(a) }
-    }
-    #[inline(always)]
-    unsafe fn qlt(a: __m256d, b: __m256d) -> u32 {
-        unsafe { u32::from(_mm256_cmp_pd_mask::<_CMP_LT_OQ>(a, b)) }
     }
     #[inline(always)]
     unsafe fn qstore(x: &mut [f32; 4], v: __m256d) {

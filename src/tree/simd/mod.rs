@@ -70,7 +70,7 @@ pub(crate) fn prefetch<T>(x: &T) {
 }
 
 /// Operations of an instruction set. `F` are sixteen `f32`, `D` eight `f64`; `M` and `N` are their masks. `Q` are four
-/// `f64`.
+/// `f64`. `I` are sixteen places in a table of sixteen.
 ///
 /// # Safety
 /// Every function may only run where the set's target features are available.
@@ -80,6 +80,7 @@ pub(crate) trait Simd: Copy {
     type D: Copy;
     type N: Copy;
     type Q: Copy;
+    type I: Copy;
 
     unsafe fn splat(x: f32) -> Self::F;
     unsafe fn load(x: &[f32; 16]) -> Self::F;
@@ -92,6 +93,11 @@ pub(crate) trait Simd: Copy {
     unsafe fn min(a: Self::F, b: Self::F) -> Self::F;
     /// `a > b ? a : b`.
     unsafe fn max(a: Self::F, b: Self::F) -> Self::F;
+    unsafe fn abs(a: Self::F) -> Self::F;
+    /// Places `x mod 16`, and `x / 16 mod 16`.
+    unsafe fn places(x: &[u32; 16]) -> [Self::I; 2];
+    /// What stands at each of the places.
+    unsafe fn pick(table: &[f32; 16], at: Self::I) -> Self::F;
     /// `a <= b`, false when either is no number.
     unsafe fn le(a: Self::F, b: Self::F) -> Self::M;
     unsafe fn and(a: Self::M, b: Self::M) -> Self::M;
@@ -137,14 +143,15 @@ pub(crate) trait Simd: Copy {
 
     unsafe fn qsplat(x: f64) -> Self::Q;
     unsafe fn qload(x: &[f64; 4]) -> Self::Q;
+    /// The fourth lane is 0.
+    unsafe fn qload3(x: &[f64; 3]) -> Self::Q;
+    unsafe fn qkeep(x: &mut [f64; 4], v: Self::Q);
     unsafe fn qadd(a: Self::Q, b: Self::Q) -> Self::Q;
     unsafe fn qsub(a: Self::Q, b: Self::Q) -> Self::Q;
     unsafe fn qmul(a: Self::Q, b: Self::Q) -> Self::Q;
     unsafe fn qabs(a: Self::Q) -> Self::Q;
     /// Lanes 1, 2, 0, 3.
     unsafe fn qturn(a: Self::Q) -> Self::Q;
-    /// One bit per lane where `a < b`.
-    unsafe fn qlt(a: Self::Q, b: Self::Q) -> u32;
     /// Rounded to nearest.
     unsafe fn qstore(x: &mut [f32; 4], v: Self::Q);
 }
@@ -185,6 +192,11 @@ mod tests {
             };
             for v in [S::add(a, b), S::sub(a, b), S::mul(a, b), S::div(a, b), S::min(a, b), S::max(a, b)] {
                 keep(v);
+            }
+            keep(S::abs(a));
+            let numbers: [u32; 16] = std::array::from_fn(|n| draw.bits(12, round, n as u32)[0] & 255);
+            for at in S::places(&numbers) {
+                keep(S::pick(&singles(1), at));
             }
             keep(S::min_where(m, a, b));
             keep(S::max_where(m, a, b));
@@ -239,7 +251,9 @@ mod tests {
                 S::qstore(&mut x, v);
                 out.extend(x.map(|x| if x.is_nan() { 1 } else { u64::from(x.to_bits()) }));
             }
-            out.push(u64::from(S::qlt(a, b)));
+            let mut x = [0.0; 4];
+            S::qkeep(&mut x, S::qload3(&[number(10, 0), number(10, 1), number(10, 2)]));
+            out.extend(x.map(|x| if x.is_nan() { 1 } else { x.to_bits() }));
         }
         out
     }

@@ -22,6 +22,7 @@ impl Simd for Portable {
     type D = [f64; 8];
     type N = u32;
     type Q = [f64; 4];
+    type I = [u32; 16];
 
     #[inline(always)]
     unsafe fn splat(x: f32) -> Self::F {
@@ -46,6 +47,18 @@ impl Simd for Portable {
     #[inline(always)]
     unsafe fn mul(a: Self::F, b: Self::F) -> Self::F {
         map(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    unsafe fn abs(a: Self::F) -> Self::F {
+        a.map(f32::abs)
+    }
+    #[inline(always)]
+    unsafe fn places(x: &[u32; 16]) -> [Self::I; 2] {
+        [x.map(|x| x & 15), x.map(|x| x >> 4 & 15)]
+    }
+    #[inline(always)]
+    unsafe fn pick(table: &[f32; 16], at: Self::I) -> Self::F {
+        at.map(|n| table[n as usize & 15])
     }
     #[inline(always)]
     unsafe fn div(a: Self::F, b: Self::F) -> Self::F {
@@ -190,6 +203,14 @@ impl Simd for Portable {
         *x
     }
     #[inline(always)]
+    unsafe fn qload3(x: &[f64; 3]) -> Self::Q {
+        [x[0], x[1], x[2], 0.0]
+    }
+    #[inline(always)]
+    unsafe fn qkeep(x: &mut [f64; 4], v: Self::Q) {
+        *x = v;
+    }
+    #[inline(always)]
     unsafe fn qadd(a: Self::Q, b: Self::Q) -> Self::Q {
         map(a, b, |a, b| a + b)
     }
@@ -208,10 +229,6 @@ impl Simd for Portable {
     #[inline(always)]
     unsafe fn qturn(a: Self::Q) -> Self::Q {
         [a[1], a[2], a[0], a[3]]
-    }
-    #[inline(always)]
-    unsafe fn qlt(a: Self::Q, b: Self::Q) -> u32 {
-        mask(a, b, |a, b| a < b)
     }
     #[inline(always)]
     unsafe fn qstore(x: &mut [f32; 4], v: Self::Q) {

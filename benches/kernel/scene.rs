@@ -1,0 +1,20 @@
+//! The forests.
+
+use vlscan::scene::make::{Kind, MakeOptions, make};
+use vlscan::scene::{LoadOptions, load};
+use vlscan::survey::{ReadOptions, read_survey};
+use vlscan::tree::Geometry;
+
+/// What `vlscan scene make forest -n SIZE` makes, loaded as a run loads it.
+pub fn forest(size: &str) -> Geometry {
+    let triangles = match size.strip_suffix('M') {
+        Some(millions) => millions.parse().map(|n: f64| (n * 1e6) as u64),
+        None => size.parse().map(|n: f64| n as u64),
+    };
+    let triangles = triangles.unwrap_or_else(|e| panic!("{size} is no number of triangles: {e}"));
+    let folder = tempfile::tempdir().expect("a place for the scene");
+    let made = make(&MakeOptions::new(Kind::Forest, triangles), folder.path(), |_| {});
+    let survey = made.and_then(|made| read_survey(&made.survey, &ReadOptions::default()));
+    let scene = survey.and_then(|(survey, _)| load(&survey.scene, &LoadOptions::default()));
+    scene.unwrap_or_else(|e| panic!("the forest cannot be made: {e}")).0.geometry
+}
