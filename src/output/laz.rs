@@ -1,5 +1,13 @@
 //! Compression of LAS points in chunks of fixed size, on other threads where there are any to spare. The bytes depend on
 //! the points only: not on batches, threads or who compressed what.
+//!
+//! LAS 1.4 points of one scanner channel are compressed here ([`chunk`]), others by the `laz` crate; where both could, they
+//! give the same bytes.
+
+mod chunk;
+mod coder;
+mod extra;
+mod point;
 
 use super::blocks::Blocks;
 use super::las::LasFormat;
@@ -8,7 +16,7 @@ use super::offload::Offload;
 use crate::error::{Error, Result};
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
-use laz::{LazVlr, LazVlrBuilder};
+use laz::{LazItemType, LazVlr, LazVlrBuilder};
 
 /// Points per chunk, as LASzip has it.
 const CHUNK_POINTS: usize = 50_000;
@@ -95,12 +103,24 @@ fn write(chunk: &[u8], table: &mut ChunkTable, medium: &mut Medium) -> Result<()
 /// Compresses `points` into `out`, which is empty.
 fn compress(points: &[u8], mut out: Vec<u8>, laszip: &LazVlr) -> laz::Result<Vec<u8>> {
     out.reserve(points.len() / 2);
+    let length = laszip.items().iter().map(|item| usize::from(item.size())).sum();
+    if layers_are_known(laszip) && chunk::suits(points, length) {
+        chunk::compress(points, length, &mut out);
+        return Ok(out);
+    }
     let layered = laszip.items().first().is_some_and(|item| item.version() >= 3);
     if layered {
         compress_with(LayeredPointRecordCompressor::new(out), points, laszip)
     } else {
         compress_with(SequentialPointRecordCompressor::new(out), points, laszip)
     }
+}
+
+/// Whether the records are those of [`chunk`]: points of format 6, and perhaps extra bytes.
+fn layers_are_known(laszip: &LazVlr) -> bool {
+    let items = laszip.items();
+    items.first().is_some_and(|i| i.version() >= 3 && i.item_type() == LazItemType::Point14)
+        && items[1..].iter().all(|i| matches!(i.item_type(), LazItemType::Byte14(_)))
 }
 
 fn compress_with(
@@ -112,4 +132,90 @@ fn compress_with(
     compressor.compress_many(points)?;
     compressor.done()?;
     Ok(compressor.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Purpose, Stream};
+    use proptest::prelude::*;
+
+    fn both(points: &[u8], extra: u16) -> [Vec<u8>; 2] {
+        let laszip = LazVlrBuilder::default().with_point_format(6, extra).unwrap().build();
+        let length = 30 + usize::from(extra);
+        assert!(layers_are_known(&laszip) && chunk::suits(points, length));
+        let theirs = compress_with(LayeredPointRecordCompressor::new(Vec::new()), points, &laszip).unwrap();
+        [compress(points, Vec::new(), &laszip).unwrap(), theirs]
+    }
+
+    /// Points as scanners measure them, the last digits of which are noise.
+    fn strip(count: u64, extra: usize) -> Vec<u8> {
+        let draw = Stream::new(1, Purpose::SceneMaking);
+        let mut out = Vec::new();
+        for i in 0..count {
+            let noise = |n: u32, below: f64| (draw.uniform(0, i, n) * below) as u32;
+            let returns = 1 + noise(0, 3.0) as u64;
+            for number in 1..=returns {
+                let x = (i % 500) as i32 * 1000 + noise(1, 40.0) as i32;
+                let y = (i / 500) as i32 * 700 + noise(2, 900.0) as i32;
+                let z = noise(3, 2e5) as i32;
+                [x, y, z].into_iter().for_each(|c| out.extend(c.to_le_bytes()));
+                out.extend((9000 + noise(4, 3000.0) as u16).to_le_bytes());
+                out.push((number | returns << 4) as u8);
+                out.push(0x10);
+                out.push(noise(5, 4.0) as u8 * 2);
+                out.push(0);
+                out.extend(((i % 500) as i16 * 13 - 3000).to_le_bytes());
+                out.extend(((i / 3000) as u16).to_le_bytes());
+                let gap = if i % 700 == 699 { 86_400.0 } else { (i / 500) as f64 * 1e-3 };
+                out.extend((1e5 + gap + i as f64 * 1e-6).to_le_bytes());
+                out.extend((0..extra).map(|b| match b % 4 {
+                    0 => noise(6, 256.0) as u8,
+                    1 => (i / 100) as u8,
+                    2 if i > 1000 => 7,
+                    _ => 0,
+                }));
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn chunks_are_those_of_the_library() {
+        for (count, extra) in [(1, 0), (1, 5), (2, 3), (4000, 34), (20_000, 0)] {
+            let points = strip(count, usize::from(extra));
+            let [ours, theirs] = both(&points, extra);
+            assert!(ours == theirs, "{count} points with {extra} extra bytes");
+        }
+    }
+
+    #[test]
+    fn points_of_several_channels_are_left_to_the_library() {
+        let mut points = strip(100, 3);
+        points[33 + 15] ^= 0x20;
+        let laszip = LazVlrBuilder::default().with_point_format(6, 3).unwrap().build();
+        assert!(!chunk::suits(&points, 33) && layers_are_known(&laszip));
+        let theirs = compress_with(LayeredPointRecordCompressor::new(Vec::new()), &points, &laszip).unwrap();
+        assert!(compress(&points, Vec::new(), &laszip).unwrap() == theirs);
+    }
+
+    proptest! {
+        #[test]
+        fn any_points_give_the_bytes_of_the_library(
+            mut points in prop::collection::vec(prop::collection::vec(any::<u8>(), 33), 1..200),
+            alike in prop::collection::vec(0usize..33, 0..30),
+            times in prop::collection::vec(prop::sample::select(vec![0i64, 1, -1, 3, 7000, 1 << 33, -(1 << 40)]), 200),
+        ) {
+            let first = points[0].clone();
+            let mut time = i64::from_le_bytes(first[22..30].try_into().unwrap()) & i64::MAX >> 2;
+            for (point, step) in points.iter_mut().zip(times) {
+                alike.iter().for_each(|&at| point[at] = first[at]);
+                point[15] = point[15] & 0xCF | 0x20;
+                time = time.wrapping_add(step);
+                point[22..30].copy_from_slice(&time.to_le_bytes());
+            }
+            let [ours, theirs] = both(&points.concat(), 3);
+            prop_assert!(ours == theirs);
+        }
+    }
 }

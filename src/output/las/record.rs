@@ -17,6 +17,9 @@ pub(in crate::output) struct LasCodec<'a> {
 /// 1000·log10(a) = DECIBEL·ln(a)
 const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
 
+/// Adding this rounds to whole numbers, ties to even.
+const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
+
 /// Bytes of the longest record.
 const LONGEST: usize = 64;
 
@@ -40,8 +43,8 @@ impl LasCodec<'_> {
     /// Integer coordinates, if 32 bits hold them.
     fn stored(&self, position: DVec3) -> Option<DVec3> {
         let scaled = (position + self.format.shift) / self.format.scale;
-        let stored =
-            DVec3::new(scaled.x.round_ties_even(), scaled.y.round_ties_even(), scaled.z.round_ties_even());
+        // Without an instruction for it, `round_ties_even` is a call; what this rounds otherwise is beyond the limit.
+        let stored = (scaled + WHOLE) - WHOLE;
         let limit = f64::from(i32::MAX);
         // NaN is not within the limit either.
         let holds = stored.x.abs() <= limit && stored.y.abs() <= limit && stored.z.abs() <= limit;

@@ -1,0 +1,31 @@
+//! A chunk of LAS 1.4 points with their extra bytes, layer by layer: the bytes that LASzip writes, several times sooner.
+//! What never changes within a chunk costs nothing, and layers, which do not depend on each other, are written side by
+//! side.
+
+use super::extra;
+use super::point::{POINT, Points, channel};
+
+/// Whether [`compress`] can do it: all points are of one scanner channel.
+pub(super) fn suits(records: &[u8], length: usize) -> bool {
+    let Some(first) = records.get(..length) else { return false };
+    records.chunks_exact(length).all(|record| channel(record) == channel(first))
+}
+
+/// Appends the chunk of `records`, each `length` bytes long, at least one.
+pub(super) fn compress(records: &[u8], length: usize, out: &mut Vec<u8>) {
+    let count = records.len() / length;
+    let Some((first, _)) = records.split_first_chunk::<POINT>() else { return };
+    let mut points = Points::new(first, count);
+    for record in records.chunks_exact(length).skip(1) {
+        if let Some((record, _)) = record.split_first_chunk() {
+            points.write(record);
+        }
+    }
+    let of_points = points.finish();
+    let of_extra = extra::layers(records, POINT, length);
+    out.extend_from_slice(&records[..length]);
+    out.extend((count as u32).to_le_bytes());
+    let layers = || of_points.iter().chain(&of_extra);
+    layers().for_each(|layer| out.extend((layer.len() as u32).to_le_bytes()));
+    layers().for_each(|layer| out.extend_from_slice(layer));
+}

@@ -1,0 +1,281 @@
+//! Adaptive arithmetic coding as LAZ has it: 32-bit intervals, carries propagated into what was written, models of
+//! frequencies that are brought up to date ever more rarely.
+
+/// Bits of a probability.
+const PROBABILITY_BITS: u32 = 15;
+/// Sum of counts at which they are halved.
+const MOST_COUNTS: u32 = 1 << PROBABILITY_BITS;
+/// The same of models of one bit.
+const BIT_PROBABILITY_BITS: u32 = 13;
+/// Intervals are kept longer than this.
+const SHORTEST: u32 = 1 << 24;
+
+/// Writes symbols as one long fraction.
+#[derive(Debug)]
+pub(super) struct Coder {
+    base: u32,
+    length: u32,
+    /// Bytes so far, and room for more.
+    out: Vec<u8>,
+    at: usize,
+}
+
+impl Coder {
+    /// Nothing written; `room` bytes will do for most.
+    pub fn new(room: usize) -> Coder {
+        Coder { base: 0, length: u32::MAX, out: vec![0; room.max(16)], at: 0 }
+    }
+
+    /// Writes `symbol` by what `model` expects, and lets the model learn.
+    #[inline(always)]
+    pub fn symbol(&mut self, model: &mut Model, symbol: u32) {
+        let s = symbol as usize;
+        let unit = self.length >> PROBABILITY_BITS;
+        // There is one more slot than symbols.
+        let next = u32::from(model.slots[s + 1].before);
+        let slot = &mut model.slots[s];
+        let low = u32::from(slot.before) * unit;
+        // The last symbol gets what rounding leaves of the interval.
+        let high = if symbol == model.last { self.length } else { next * unit };
+        slot.count += 1;
+        self.narrow(low, high - low);
+        model.until_update -= 1;
+        if model.until_update == 0 {
+            model.update();
+        }
+    }
+
+    /// Writes one bit.
+    #[inline(always)]
+    pub fn bit(&mut self, model: &mut BitModel, bit: bool) {
+        let zero = model.zero * (self.length >> BIT_PROBABILITY_BITS);
+        if bit {
+            self.narrow(zero, self.length - zero);
+        } else {
+            model.zeros += 1;
+            self.narrow(0, zero);
+        }
+        model.until_update -= 1;
+        if model.until_update == 0 {
+            model.update();
+        }
+    }
+
+    /// Writes the low `bits` bits of `value` (at most 32), the others of which are 0, as they are.
+    #[inline(always)]
+    pub fn raw(&mut self, mut bits: u32, mut value: u32) {
+        if bits > 19 {
+            let unit = self.length >> 16;
+            self.narrow((value & 0xFFFF) * unit, unit);
+            (bits, value) = (bits - 16, value >> 16);
+        }
+        let unit = self.length >> bits;
+        self.narrow(value * unit, unit);
+    }
+
+    /// Writes 32 bits as they are.
+    pub fn word(&mut self, value: u32) {
+        for half in [value & 0xFFFF, value >> 16] {
+            let unit = self.length >> 16;
+            self.narrow(half * unit, unit);
+        }
+    }
+
+    /// Goes on with a part of the interval.
+    #[inline(always)]
+    fn narrow(&mut self, low: u32, length: u32) {
+        let (base, carry) = self.base.overflowing_add(low);
+        if carry {
+            self.carry();
+        }
+        self.base = base;
+        self.length = length;
+        if length < SHORTEST {
+            self.write_settled();
+        }
+    }
+
+    /// Writes the bytes that no later symbol changes, but for a carry.
+    #[inline(always)]
+    fn write_settled(&mut self) {
+        let bytes = self.length.leading_zeros() / 8;
+        if self.at + 4 > self.out.len() {
+            self.make_room();
+        }
+        self.out[self.at..self.at + 4].copy_from_slice(&self.base.to_be_bytes());
+        self.at += bytes as usize;
+        self.base <<= 8 * bytes;
+        self.length <<= 8 * bytes;
+    }
+
+    #[cold]
+    fn make_room(&mut self) {
+        self.out.resize(self.out.len() * 2, 0);
+    }
+
+    #[cold]
+    fn carry(&mut self) {
+        for byte in self.out[..self.at].iter_mut().rev() {
+            *byte = byte.wrapping_add(1);
+            if *byte != 0 {
+                break;
+            }
+        }
+    }
+
+    /// Writes the rest and returns all bytes.
+    pub fn finish(mut self) -> Vec<u8> {
+        let is_long = self.length > 2 * SHORTEST;
+        let (low, length) = if is_long { (SHORTEST, SHORTEST >> 1) } else { (SHORTEST >> 1, SHORTEST >> 9) };
+        self.narrow(low, length);
+        self.out.truncate(self.at);
+        self.out.extend(&[0, 0, 0][..if is_long { 3 } else { 2 }]);
+        self.out
+    }
+}
+
+/// How often each of some symbols came.
+#[derive(Clone, Debug)]
+pub(super) struct Model {
+    /// One per symbol, and one more.
+    slots: Box<[Slot]>,
+    last: u32,
+    until_update: u32,
+    cycle: u32,
+    total: u32,
+}
+
+/// What a model knows of a symbol.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    /// Probability of all smaller symbols together.
+    before: u16,
+    /// How often it came.
+    count: u16,
+}
+
+impl Model {
+    /// A model of `symbols` symbols (at least 2), all of which are equally likely.
+    pub fn new(symbols: u32) -> Model {
+        let slots = vec![Slot { before: 0, count: 1 }; symbols as usize + 1].into_boxed_slice();
+        let mut model = Model { slots, last: symbols - 1, until_update: 0, cycle: symbols, total: 0 };
+        model.update();
+        model.cycle = (symbols + 6) >> 1;
+        model.until_update = model.cycle;
+        model
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn update(&mut self) {
+        let symbols = self.last as usize + 1;
+        let slots = &mut self.slots[..symbols];
+        self.total += self.cycle;
+        if self.total > MOST_COUNTS {
+            self.total = 0;
+            for slot in slots.iter_mut() {
+                slot.count = slot.count.div_ceil(2);
+                self.total += u32::from(slot.count);
+            }
+        }
+        let scale = (1 << 31) / self.total;
+        let mut sum = 0;
+        for slot in slots.iter_mut() {
+            slot.before = ((scale * sum) >> (31 - PROBABILITY_BITS)) as u16;
+            sum += u32::from(slot.count);
+        }
+        self.cycle = (5 * self.cycle / 4).min((symbols as u32 + 6) << 3);
+        self.until_update = self.cycle;
+    }
+}
+
+/// How often a bit was 0.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BitModel {
+    zeros: u32,
+    total: u32,
+    /// Probability of 0.
+    zero: u32,
+    until_update: u32,
+    cycle: u32,
+}
+
+impl BitModel {
+    /// Both are equally likely.
+    pub const EVEN: BitModel =
+        BitModel { zeros: 1, total: 2, zero: 1 << (BIT_PROBABILITY_BITS - 1), until_update: 4, cycle: 4 };
+
+    #[cold]
+    fn update(&mut self) {
+        self.total += self.cycle;
+        if self.total > 1 << BIT_PROBABILITY_BITS {
+            self.total = (self.total + 1) >> 1;
+            self.zeros = (self.zeros + 1) >> 1;
+            if self.zeros == self.total {
+                self.total += 1;
+            }
+        }
+        let scale = (1 << 31) / self.total;
+        self.zero = (self.zeros * scale) >> (31 - BIT_PROBABILITY_BITS);
+        self.cycle = (5 * self.cycle / 4).min(64);
+        self.until_update = self.cycle;
+    }
+}
+
+/// Writes integers as differences from a prediction: the magnitude as a symbol, the upper bits below it as another, the
+/// lower ones as they are.
+#[derive(Debug)]
+pub(super) struct Integers {
+    /// Binary magnitude of the last difference.
+    pub magnitude: u32,
+    bits: u32,
+    magnitudes: Vec<Model>,
+    small: BitModel,
+    /// By magnitude; `None` until one of it comes.
+    upper: [Option<Model>; 31],
+}
+
+/// Bits of a difference that are modelled.
+const MODELLED_BITS: u32 = 8;
+
+impl Integers {
+    /// Integers of 16 or 32 `bits`, whose magnitudes depend on `contexts` contexts.
+    pub fn new(bits: u32, contexts: usize) -> Integers {
+        Integers {
+            magnitude: 0,
+            bits,
+            magnitudes: vec![Model::new(bits + 1); contexts],
+            small: BitModel::EVEN,
+            upper: [const { None }; 31],
+        }
+    }
+
+    /// Writes `real`.
+    #[inline(always)]
+    pub fn write(&mut self, coder: &mut Coder, predicted: i32, real: i32, context: usize) {
+        let mut off = real.wrapping_sub(predicted);
+        if self.bits == 16 {
+            off = i32::from(off as i16);
+        }
+        // The least k so that −2^k < off ≤ 2^k.
+        let beyond = if off <= 0 { off.wrapping_neg() } else { off - 1 } as u32;
+        let k = 32 - beyond.leading_zeros();
+        self.magnitude = k;
+        coder.symbol(&mut self.magnitudes[context], k);
+        if k == 0 {
+            coder.bit(&mut self.small, off == 1);
+        } else if k < 32 {
+            // Among the 2^k differences of this magnitude.
+            let place = if off > 0 { off - 1 } else { off + ((1u32 << k) - 1) as i32 } as u32;
+            let upper =
+                self.upper[k as usize - 1].get_or_insert_with(|| Model::new(1 << k.min(MODELLED_BITS)));
+            if k <= MODELLED_BITS {
+                coder.symbol(upper, place);
+            } else {
+                let lower = k - MODELLED_BITS;
+                coder.symbol(upper, place >> lower);
+                coder.raw(lower, place & ((1 << lower) - 1));
+            }
+        }
+    }
+}
