@@ -4,7 +4,7 @@ use super::options::Corrections;
 use crate::geom::DVec3;
 use crate::rng::Stream;
 use crate::scene::{LadTable, Scene, VoxelKind};
-use crate::tree::{Cube, Hits, Tree};
+use crate::tree::{Cube, Tree};
 use libm::log;
 use std::f64::consts::TAU;
 
@@ -100,6 +100,15 @@ fn extinction(density: f64, table: Option<&LadTable>, corrections: &Corrections,
     }
 }
 
+/// Whether a ray that enters voxel `i` at `entry` metres runs through its inside or along a lower face, but not along an
+/// upper one, which the neighbour owns.
+pub(super) fn is_within(scene: &Scene, i: u32, (from, direction): (DVec3, DVec3), entry: f64) -> bool {
+    let cube = (i as usize).checked_sub(scene.geometry.triangles.len());
+    let Some(cube) = cube.and_then(|c| scene.geometry.cubes.get(c)) else { return true };
+    let middle = from + direction * (0.5 * (entry + exit(cube, from, direction)));
+    middle.cmpge(cube.centre - cube.half).all() && middle.cmplt(cube.centre + cube.half).all()
+}
+
 /// Where a ray leaves a cube, in metres from `from`.
 fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
     let mut nearest = f64::INFINITY;
@@ -114,19 +123,23 @@ fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
     nearest
 }
 
-/// The voxel of foliage that contains `point`, if any: no ray that begins there ever enters it. `size` is the edge of the
+/// The voxels of foliage that contain or touch `point`: no ray that begins there ever enters them. `size` is the edge of the
 /// scene's largest cube.
-pub(super) fn around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Option<u32> {
+pub(super) fn around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Vec<u32> {
     let first_cube = scene.geometry.triangles.len();
     let contains = |i: u32| {
         let cube = (i as usize).checked_sub(first_cube).and_then(|c| scene.geometry.cubes.get(c));
-        cube.is_some_and(|c| (point - c.centre).abs().cmplt(DVec3::splat(c.half)).all())
+        cube.is_some_and(|c| (point - c.centre).abs().cmple(DVec3::splat(c.half)).all())
             && scene.voxel(i).is_some_and(|v| v.kind != VoxelKind::Opaque)
     };
     let before = point - DVec3::Y * (2.0 * size);
-    tree.nearest_where(&scene.geometry, before, DVec3::Y, contains)
-        .map(|h| h.primitive)
-        .filter(|i| *i != Hits::MISS)
+    let mut found = Vec::new();
+    while let Some(hit) =
+        tree.nearest_where(&scene.geometry, before, DVec3::Y, |i| contains(i) && !found.contains(&i))
+    {
+        found.push(hit.primitive);
+    }
+    found
 }
 
 #[cfg(test)]
@@ -202,8 +215,8 @@ mod tests {
     fn the_voxel_around_a_point_is_found() {
         let scene = foliage(&[(10.0, 1.0, VoxelKind::Transmittive), (11.0, 1.0, VoxelKind::Opaque)], None);
         let find = |y: f64| around(&scene, &tree(&scene), DVec3::Y * y - scene.shift, 1.0);
-        assert_eq!(find(10.5), Some(0));
-        assert_eq!(find(11.5), None, "opaque ones are left alone");
-        assert_eq!(find(9.5), None);
+        assert_eq!(find(10.5), [0]);
+        assert!(find(11.5).is_empty(), "opaque ones are left alone");
+        assert!(find(9.5).is_empty());
     }
 }

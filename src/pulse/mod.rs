@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! aim (subray) ─► trace (tree) ─► reflect ─► receive (waveform) ─► detect (peaks, fit) ─► emit (physics)
-//!                               foliage, energy    shape
+//!                               foliage, medium, energy  shape
 //! ```
 
 mod batch;
@@ -16,6 +16,7 @@ mod fit;
 mod foliage;
 mod instrument;
 mod light;
+mod medium;
 mod options;
 mod peaks;
 mod physics;

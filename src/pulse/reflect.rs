@@ -9,7 +9,7 @@ use crate::scene::{Actor, Material, Scene, Voxel};
 use crate::tree::{Hit, Hits, RayGroup, Tree};
 
 /// How far behind a surface a ray goes on, m.
-const STEP_BEHIND: f64 = 1e-5;
+pub(super) const STEP_BEHIND: f64 = 1e-5;
 /// Tolerance of the scene's box, m.
 const BOX_SLACK: f64 = 1e-4;
 
@@ -180,11 +180,11 @@ impl<'a> View<'a> {
         out.clear(instrument.subrays.len());
         probe.ranges.resize(shot.t.len(), [0.0; LANES]);
         shot.measure(&mut probe.ranges);
-        let around = self.voxel_around(instrument, shot.origin);
+        let around = self.voxels_around(instrument, shot.origin);
         let is_plain =
-            around.is_none() && self.limits.is_none() && self.reflect_plainly(instrument, shot, probe, out);
+            around.is_empty() && self.limits.is_none() && self.reflect_plainly(instrument, shot, probe, out);
         if !is_plain {
-            self.reflect_each(instrument, shot, around, paths, probe, out);
+            self.reflect_each(instrument, shot, &around, paths, probe, out);
         }
     }
 
@@ -225,20 +225,20 @@ impl<'a> View<'a> {
         true
     }
 
-    /// [`View::reflect`] of any pulse; `around` is the voxel of foliage in which it begins.
+    /// [`View::reflect`] of any pulse; `around` are the voxels of foliage in which it begins.
     #[inline(never)]
     fn reflect_each(
         &self,
         instrument: &Instrument,
         shot: Shot,
-        around: Option<u32>,
+        around: &[u32],
         paths: &mut FreePaths,
         probe: &mut Probe,
         out: &mut Reflections,
     ) {
         let rings = &instrument.subrays.ring;
         probe.foliage.clear();
-        let asks = around.is_some() || self.limits.is_some();
+        let asks = !around.is_empty() || self.limits.is_some();
         let (triangles, own) = (self.scene.geometry.triangles.len(), self.scene.geometry.len());
         let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
         let mut face = Face::none(self.scene);
@@ -250,16 +250,15 @@ impl<'a> View<'a> {
                 face.turn_to(self, primitive);
                 let cosine = if self.fixed_incidence { 1.0 } else { face.plane_cosine(direction) };
                 out.add(*ring, (*range, *range), primitive, cosine, face.factor(cosine));
-            } else if primitive != Hits::MISS || around.is_some() {
-                let first = match around {
-                    None => Encounter { from: shot.origin, t: t[i], primitive, range: *range, stop: *range },
-                    Some(voxel) => {
-                        Encounter { from: shot.origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 }
-                    }
+            } else if primitive != Hits::MISS || !around.is_empty() {
+                let first =
+                    Encounter { from: shot.origin, t: t[i], primitive, range: *range, stop: *range };
+                let end = if instrument.corrections.adjacent_voxels {
+                    self.cross(instrument, shot.origin, direction, first, around, paths)
+                } else {
+                    self.follow(instrument, shot.origin, direction, first, paths)
                 };
-                let Some(at) = self.follow(instrument, shot.origin, direction, first, paths) else {
-                    continue;
-                };
+                let Some(at) = end else { continue };
                 face.turn_to(self, at.primitive);
                 let cosine = if self.fixed_incidence { 1.0 } else { face.cosine(&at, direction) };
                 if let Some(sigma) = foliage::cross_section(face.scene, face.local, direction) {
@@ -272,8 +271,8 @@ impl<'a> View<'a> {
         out.illuminate(instrument, &probe.foliage);
     }
 
-    /// The voxel of foliage around a pulse's origin, if it is to be seen at all.
-    fn voxel_around(&self, instrument: &Instrument, origin: DVec3) -> Option<u32> {
+    /// The voxels of foliage around a pulse's origin, if they are to be seen at all.
+    fn voxels_around(&self, instrument: &Instrument, origin: DVec3) -> Vec<u32> {
         let b = self.scene.bounds;
         let may = instrument.corrections.adjacent_voxels
             && self.largest_cube > 0.0
@@ -281,11 +280,12 @@ impl<'a> View<'a> {
             && origin.cmple(b.max).all();
         let around = |scene, tree| foliage::around(scene, tree, origin, self.largest_cube);
         if !may {
-            return None;
+            return Vec::new();
         }
-        around(self.scene, self.tree).or_else(|| {
-            self.moving.iter().find_map(|a| around(&a.scene, &a.tree).map(|voxel| a.global(voxel)))
-        })
+        let moving = self.moving.iter().flat_map(|a| {
+            around(&a.scene, &a.tree).into_iter().map(|voxel| a.global(voxel)).collect::<Vec<_>>()
+        });
+        around(self.scene, self.tree).into_iter().chain(moving).collect()
     }
 
     /// The scene that shows primitive `i` where it is now, and its number there.
@@ -315,48 +315,40 @@ impl<'a> View<'a> {
             if at.primitive == Hits::MISS || !at.range.is_finite() {
                 return None;
             }
-            // A ray that begins within foliage has no entry to go by.
-            let inside = at.t == 0.0;
             let (scene, local) = self.shown(at.primitive);
-            let by_stop = inside || corrections.voxel_stop_point && foliage::scatters(scene, local);
-            let (next, behind) = match self.standing(&at, direction) {
+            let by_stop = corrections.voxel_stop_point && foliage::scatters(scene, local);
+            let next = match self.standing(&at, direction) {
                 Standing::Beyond => return None,
-                Standing::Before(entry) => (entry, None),
+                Standing::Before(entry) => entry,
                 Standing::Inside if at.range > instrument.range_max => return None,
                 Standing::Inside if at.range < instrument.range_min && !by_stop => {
                     if !corrections.see_through_near {
                         return None;
                     }
-                    (at.point(direction) + direction * STEP_BEHIND, None)
+                    at.point(direction) + direction * STEP_BEHIND
                 }
                 Standing::Inside => {
                     match foliage::pass(scene, corrections, local, (at.from, direction), at.t, paths) {
                         Passage::Stops(0.0) => return Some(at),
                         Passage::Stops(path) => {
                             at.stop = distance((at.point(direction) + direction * path) - origin);
-                            at.range = if inside { at.stop } else { at.range };
                             let within = at.stop >= instrument.range_min && at.stop <= instrument.range_max;
                             return (within || !by_stop).then_some(at);
                         }
                         Passage::Lost => return None,
-                        Passage::Leaves(exit) if corrections.adjacent_voxels => {
-                            // Just before the exit, so that the next voxel's face still lies ahead.
-                            let back = STEP_BEHIND.min((exit - at.t) * 0.5);
-                            (at.from + direction * (exit - back), Some(at.primitive))
-                        }
-                        Passage::Leaves(exit) => (at.from + direction * exit + direction * STEP_BEHIND, None),
+                        Passage::Leaves(exit) => at.from + direction * exit + direction * STEP_BEHIND,
                     }
                 }
             };
             if next == at.from {
                 return None;
             }
-            at = self.first_behind(next, direction, origin, behind);
+            at = self.first_behind(next, direction, origin, |_| true);
         }
     }
 
     /// Where an encounter lies relative to the scene's box. Only moving parts ever leave it (§6).
-    fn standing(&self, at: &Encounter, direction: DVec3) -> Standing {
+    pub(super) fn standing(&self, at: &Encounter, direction: DVec3) -> Standing {
         let Some(b) = self.limits else { return Standing::Inside };
         let point = at.point(direction);
         if point.cmpge(b.min - BOX_SLACK).all() && point.cmple(b.max + BOX_SLACK).all() {
@@ -374,11 +366,17 @@ impl<'a> View<'a> {
         }
     }
 
-    /// What a ray meets first from a point on its way on, other than what it has just left; `origin` is the pulse's.
-    fn first_behind(&self, from: DVec3, direction: DVec3, origin: DVec3, left: Option<u32>) -> Encounter {
-        let hit = self.tree.nearest_where(&self.scene.geometry, from, direction, |i| Some(i) != left);
+    /// What a ray meets first from a point on its way on, of what `accept` approves; `origin` is the pulse's.
+    pub(super) fn first_behind(
+        &self,
+        from: DVec3,
+        direction: DVec3,
+        origin: DVec3,
+        accept: impl Fn(u32) -> bool,
+    ) -> Encounter {
+        let hit = self.tree.nearest_where(&self.scene.geometry, from, direction, &accept);
         let nearest = self.moving.iter().fold(hit, |best, actor| {
-            let accept = |i| Some(actor.global(i)) != left;
+            let accept = |i| accept(actor.global(i));
             let hit = actor.tree.nearest_where(&actor.scene.geometry, from, direction, accept);
             nearer(best, hit.map(|h| Hit { primitive: actor.global(h.primitive), ..h }))
         });
@@ -398,27 +396,27 @@ impl<'a> View<'a> {
 
 /// A ray meets a primitive.
 #[derive(Clone, Copy, Debug)]
-struct Encounter {
+pub(super) struct Encounter {
     /// Where this stretch of the ray began.
-    from: DVec3,
-    /// Way from there, m.
-    t: f64,
+    pub from: DVec3,
+    /// Way from there, m; 0 where the ray began within foliage.
+    pub t: f64,
     /// What it met, or [`Hits::MISS`].
-    primitive: u32,
+    pub primitive: u32,
     /// Distance of the entry from the pulse's origin, m.
-    range: f64,
+    pub range: f64,
     /// Distance of what reflects the ray from there, m: behind the entry in foliage.
-    stop: f64,
+    pub stop: f64,
 }
 
 impl Encounter {
-    fn point(&self, direction: DVec3) -> DVec3 {
+    pub fn point(&self, direction: DVec3) -> DVec3 {
         self.from + direction * self.t
     }
 }
 
 /// See [`View::standing`].
-enum Standing {
+pub(super) enum Standing {
     Inside,
     /// The box begins here, behind the encounter.
     Before(DVec3),
@@ -434,7 +432,7 @@ fn nearer(a: Option<Hit>, b: Option<Hit>) -> Option<Hit> {
 }
 
 /// √(x² + y² + z²), added in this order.
-fn distance(d: DVec3) -> f64 {
+pub(super) fn distance(d: DVec3) -> f64 {
     (d.x * d.x + d.y * d.y + d.z * d.z).sqrt()
 }
 

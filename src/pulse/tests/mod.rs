@@ -2,6 +2,7 @@
 
 mod foliage;
 mod moving;
+mod slabs;
 
 use super::testkit::*;
 use super::{Corrections, PhysicsOptions};
