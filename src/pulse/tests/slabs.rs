@@ -134,7 +134,7 @@ fn rays_that_begin_inside() {
     let scene = slab(8, 0.6, None);
     let middle = DVec3::new(0.0, FRONT + 2.0, 0.0);
     let left = |p: &Pulse| FRONT + 4.0 - p.origin.y;
-    assert_beer_lambert(&scene, refined(), |n| aimed(n, middle, 1.3, 0.5), left, |_| 0.6);
+    assert_beer_lambert(&scene, refined(), |n| aimed(n, middle, 1.3, 0.35), left, |_| 0.6);
 }
 
 #[test]
