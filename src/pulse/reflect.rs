@@ -251,8 +251,7 @@ impl<'a> View<'a> {
                 let cosine = if self.fixed_incidence { 1.0 } else { face.plane_cosine(direction) };
                 out.add(*ring, (*range, *range), primitive, cosine, face.factor(cosine));
             } else if primitive != Hits::MISS || !around.is_empty() {
-                let first =
-                    Encounter { from: shot.origin, t: t[i], primitive, range: *range, stop: *range };
+                let first = Encounter { from: shot.origin, t: t[i], primitive, range: *range, stop: *range };
                 let end = if instrument.corrections.adjacent_voxels {
                     self.cross(instrument, shot.origin, direction, first, around, paths)
                 } else {
