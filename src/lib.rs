@@ -28,7 +28,7 @@
 //! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes echoes | flight, scene, tree |
 //! | [`schedule`] | bounded queues, workers, order | nothing of lidar |
 //! | [`output`] | sinks, one file per format | pulse, flight, scene, survey |
-//! | [`preview`] | reads point clouds and draws them as PNG | geom, diag |
+//! | [`preview`] | draws point clouds as PNG and as pages for a browser, and waveforms | pulse, geom, diag |
 //! | [`pipeline`] | the wiring of all of them | all above |
 //! | [`cli`] | the command line | all above |
 //!

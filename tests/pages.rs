@@ -1,9 +1,9 @@
-//! Pages to turn a cloud around, as a browser shows them. Without Chromium (on the path, or named by `VLSCAN_CHROMIUM`)
+//! What `vlscan preview` makes: pages to turn a cloud around, as a browser shows them, and plots of waveforms. Without Chromium (on the path, or named by `VLSCAN_CHROMIUM`)
 //! these tests say that they skip.
 
 mod common;
 
-use common::{fixture, folder, run, succeed, text};
+use common::{files, fixture, folder, run, succeed, text};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::BufReader;
@@ -177,4 +177,43 @@ fn a_name_that_tells_no_format_and_numbers_that_are_none_are_refused() {
     // A picture goes to stdout, whole.
     let picture = succeed(dir.path(), &["preview", "a.xyz", "-o", "-", "-q"]).stdout;
     assert!(picture.starts_with(b"\x89PNG") && picture.ends_with(b"IEND\xaeB`\x82"));
+}
+
+#[test]
+fn a_waveform_is_plotted_with_the_echoes_that_the_run_found() {
+    let dir = folder();
+    let survey = fixture("forest/survey.xml");
+    let survey = survey.to_str().unwrap();
+    for zip in [&[][..], &["--zip-output"]] {
+        succeed(
+            dir.path(),
+            &[&["run", survey, "--output", "out", "--waveforms", "--echo-width", "-q"], zip].concat(),
+        );
+    }
+    let find = |ending: &str| {
+        let found =
+            files(&dir.path().join("out")).into_iter().find(|f| f.to_str().unwrap().ends_with(ending));
+        dir.path().join("out").join(found.unwrap_or_else(|| panic!("no {ending}"))).display().to_string()
+    };
+    let points = std::fs::read_to_string(find("001_points.xyz")).unwrap();
+    let only = points.lines().map(|l| l.split(' ').collect::<Vec<_>>()).find(|p| p[6] == "1").unwrap();
+    let pulse = only[7];
+    let wave = find("001_fullwave.txt");
+    succeed(dir.path(), &["preview", &wave, "--pulse", pulse, "-o", "wave.html", "-q"]);
+    let page = std::fs::read_to_string(dir.path().join("wave.html")).unwrap();
+    let width: f64 = only[4].parse().unwrap();
+    assert!(page.contains(&format!("fitted width {width:.2} ns")), "{width} in {page}");
+    assert!(page.contains("echo 1: range ") && !page.contains("echo 2"), "{page}");
+
+    let packed = find("001_fullwave.bin");
+    succeed(dir.path(), &["preview", &packed, "--pulse", pulse, "-o", "packed.png", "-q"]);
+    succeed(dir.path(), &["preview", &wave, "--pulse", pulse, "-o", "wave.png", "-q"]);
+    let picture = std::fs::read(dir.path().join("wave.png")).unwrap();
+    assert!(picture.len() > 5000 && picture.starts_with(b"\x89PNG"), "{} bytes", picture.len());
+    let text = std::fs::read(&wave).unwrap();
+    let piped = common::feed(dir.path(), &["preview", "-", "--pulse", pulse, "-o", "-", "-q"], &text);
+    assert!(piped.status.success() && piped.stdout.starts_with(b"\x89PNG"));
+    let refused = run(dir.path(), &["preview", &wave, "--pulse", "99999999", "-o", "none.png"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(common::text(&refused.stderr).contains("the nearest: "), "{}", common::text(&refused.stderr));
 }

@@ -410,11 +410,16 @@ pub enum Colour {
 /// `vlscan preview`.
 #[derive(Debug, Args)]
 pub struct PreviewArgs {
-    /// The points: .xyz, .las, .laz, .ply, or - for text on stdin.
+    /// The points: .xyz, .las, .laz, .ply, or - for text on stdin; with --pulse waveforms (*_fullwave.txt, also .gz or
+    /// .bin).
     pub points: PathBuf,
     /// A picture (.png), or a page to turn the points around in a browser (.html); - for stdout, which gets the picture.
     #[arg(short = 'o', long, value_name = "PATH")]
     pub out: PathBuf,
+    /// Plot the waveform of this pulse, its echoes marked with their fitted widths; the number is the eighth column of
+    /// point files.
+    #[arg(long, value_name = "N")]
+    pub pulse: Option<u64>,
     /// What colours the points.
     #[arg(long, value_enum, default_value = "height")]
     pub colour: Colour,

@@ -1,16 +1,21 @@
-//! `vlscan preview`: a picture of a point cloud, or a page to turn it around.
+//! `vlscan preview`: a picture of a point cloud, a page to turn it around, or the waveform of a pulse.
 
 use super::Console;
 use super::args::{Colour, PreviewArgs};
 use super::watch::amount;
 use crate::error::{Error, Result};
-use crate::preview::{ColourBy, PageOptions, PreviewOptions, draw, read_points, write_page};
+use crate::preview::{
+    Chart, ColourBy, PageOptions, PreviewOptions, Wave, draw, read_points, read_wave, write_page,
+};
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 /// Runs `vlscan preview`.
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     check(args)?;
+    if let Some(pulse) = args.pulse {
+        return plot(args, pulse, console);
+    }
     let most_points = super::run::count(&args.most_points).filter(|n| *n > 0).ok_or_else(|| {
         Error::input(format!("--most-points: expected a number such as 500k, found {:?}", args.most_points))
     })?;
@@ -42,6 +47,31 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     };
     console.say(format!("{}: {sampled}; open it in a browser", args.out.display()));
     Ok(())
+}
+
+/// Plots the waveform of one pulse.
+fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
+    let wave = waveform(&args.points, pulse)?;
+    let chart = Chart::new(&wave, &title(&args.points), args.width, args.height);
+    let content = if is_page(&args.out) { chart.page().into_bytes() } else { chart.picture().png()? };
+    write(&args.out, |out| out.write_all(&content))?;
+    console.say(format!("{}: pulse {pulse}, {} samples", args.out.display(), wave.samples.len()));
+    Ok(())
+}
+
+fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
+    if is_stdout(path) {
+        return read_wave(std::io::stdin().lock(), Path::new("<stdin>"), pulse);
+    }
+    let open = |path: &Path| std::fs::File::open(path).map_err(|e| Error::io("read", path, e));
+    let file = open(path)?;
+    if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("bin")) {
+        return read_wave(file, path, pulse);
+    }
+    let folder = tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir(), e))?;
+    let text = folder.path().join("text");
+    crate::output::unzip(path, std::io::BufReader::new(file), Some(&text), false)?;
+    read_wave(open(&text)?, path, pulse)
 }
 
 /// Whatever can be refused before the points are read.

@@ -2,8 +2,9 @@
 //! around.
 //!
 //! [`read_points`] reads text, LAS, LAZ and PLY; [`draw`] makes a [`Picture`], which is written as PNG, and [`write_page`] an
-//! HTML page. A point takes 20 bytes at most while it is drawn. The same points and options give the same picture.
+//! HTML page; [`Chart`] shows the waveform of one pulse. A point takes 20 bytes at most while it is drawn. The same points and options give the same picture.
 
+mod chart;
 mod colour;
 mod font;
 mod label;
@@ -15,11 +16,14 @@ mod points;
 mod read;
 mod read_las;
 mod read_ply;
+mod wave;
 
+pub use chart::Chart;
 pub use page::{Page, PageOptions, write_page};
 pub use picture::{Picture, Rgb};
 pub use points::{Attributes, Point, Points};
 pub use read::{read_points, read_text};
+pub use wave::{Wave, read_wave};
 
 use colour::Colouring;
 

@@ -77,6 +77,18 @@ impl Picture {
         }
     }
 
+    /// The picture at half the size; each dot is the mean of four.
+    pub(super) fn halved(&self) -> Picture {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let mut half = Picture::new(width, height, [0; 3]);
+        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| self.dot(2 * x + i, 2 * y + j));
+            let mean = |c: usize| four.iter().map(|dot| u32::from(dot[c])).sum::<u32>() / 4;
+            half.set(x, y, std::array::from_fn(|c| mean(c) as u8));
+        }
+        half
+    }
+
     /// The picture as PNG.
     pub fn png(&self) -> Result<Vec<u8>> {
         let failed = |e: png::EncodingError| Error::Internal(format!("PNG encoding: {e}"));

@@ -15,18 +15,23 @@ const UNDERFLOW: f64 = 746.0;
 /// Half width at 1/e, in bins, of the Gaussian on a pedestal that fits `waveform` around its peak of height `top` in bin
 /// `peak`. Bins up to `reach` away take part, or all of them. May come out negative, absurd or NaN.
 pub(super) fn width(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> f64 {
+    bell(waveform, peak, top, reach)[3]
+}
+
+/// That Gaussian: pedestal, height above it, centre and half width at 1/e, in bins.
+pub(super) fn bell(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> [f64; 4] {
     let reach = reach.unwrap_or(REACH).min(REACH);
     let window = (peak.saturating_sub(reach), peak.saturating_add(reach + 1).min(waveform.bins));
     marquardt(waveform, window, [0.0, top, peak as f64, 1.0]).0
 }
 
 /// Fits and says how many iterations that took.
-fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> (f64, u32) {
+fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64; 4], u32) {
     let mut at = start;
     let mut sums = Sums::over(waveform, window, &at);
     let mut mu = 0.01;
     for iteration in 1..=MOST_ITERATIONS {
-        let Some(step) = sums.step(mu) else { return (at[3], iteration) };
+        let Some(step) = sums.step(mu) else { return (at, iteration) };
         let tried = std::array::from_fn(|k| at[k] + step[k]);
         let there = Sums::over(waveform, window, &tried);
         let gain = sums.error - there.error;
@@ -37,10 +42,10 @@ fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> (f64, 
         (at, sums) = (tried, there);
         // NaN begets NaN: nothing can change any more.
         if (0.0..LEAST_GAIN).contains(&gain) || at[3].is_nan() {
-            return (at[3], iteration);
+            return (at, iteration);
         }
     }
-    (at[3], MOST_ITERATIONS)
+    (at, MOST_ITERATIONS)
 }
 
 /// What a step of the fit needs, summed over the bins.
@@ -212,7 +217,7 @@ mod tests {
     fn fitted(pulse_length: f64, returns: &[(f64, f64)], peak: u64) -> (f64, u32) {
         let waveform = received(returns, &tls_instrument(pulse_length));
         let top = waveform.at(peak);
-        let (p3, iterations) = marquardt(&waveform, (0, waveform.bins), [0.0, top, peak as f64, 1.0]);
+        let ([.., p3], iterations) = marquardt(&waveform, (0, waveform.bins), [0.0, top, peak as f64, 1.0]);
         assert_eq!(p3.to_bits(), width(&waveform, peak, top, None).to_bits());
         (p3 * 0.25, iterations)
     }
@@ -256,7 +261,7 @@ mod tests {
     #[test]
     fn a_fit_without_numbers_ends_at_once_and_stays_nan() {
         let waveform = received(&[(100.0, f64::NAN)], &tls_instrument(5.0));
-        let (p3, iterations) = marquardt(&waveform, (0, waveform.bins), [0.0, f64::NAN, 6.0, 1.0]);
+        let ([.., p3], iterations) = marquardt(&waveform, (0, waveform.bins), [0.0, f64::NAN, 6.0, 1.0]);
         assert!(p3.is_nan() && iterations == 1);
     }
 

@@ -208,6 +208,12 @@ impl Waveform {
         }
     }
 
+    /// A waveform of samples that were recorded.
+    pub fn of_samples(samples: &[f64]) -> Waveform {
+        let whole = Segment { first: 0, at: 0, len: samples.len() };
+        Waveform { start: 0.0, bins: samples.len() as u64, segments: vec![whole], samples: samples.to_vec() }
+    }
+
     /// Stored runs, ascending and apart from each other.
     pub fn segments(&self) -> impl Iterator<Item = (u64, &[f64])> {
         self.segments.iter().map(|s| (s.first, &self.samples[s.at..s.at + s.len]))

@@ -146,8 +146,17 @@ vlscan preview forest.laz -o forest.html
 vlscan preview forest.laz -o small.html --most-points 20k
 
 # points from a pipe
-vlscan run forest/survey.xml -o - --format xyz -q | vlscan preview - -o piped.html",
+vlscan run forest/survey.xml -o - --format xyz -q | vlscan preview - -o piped.html
+
+# the waveform of the first pulse with three echoes
+vlscan run forest/survey.xml --output out --waveforms -q
+pulse=$(awk '$7 == 3 { print $8; exit }' out/forest/*/strip001_points.xyz)
+vlscan preview out/forest/*/strip001_fullwave.txt --pulse $pulse -o pulse.png",
         files: &[
+            (
+                "*_fullwave.txt, *_fullwave.bin",
+                "Waveforms, for --pulse; text may be compressed with gzip(1).",
+            ),
             ("*.html", "A page that holds its points, drawn with WebGL 2; it fetches nothing."),
             ("NAME.part", "A file that is not complete yet."),
         ],

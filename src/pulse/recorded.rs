@@ -1,0 +1,92 @@
+//! What a recorded waveform shows: the echoes of samples that were written earlier, for those who look at them again.
+
+use super::fit;
+use super::peaks::{PeakRule, Peaks};
+use super::waveform::Waveform;
+
+/// An echo in recorded samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RecordedEcho {
+    /// Number of the sample with its top.
+    pub sample: usize,
+    /// Amplitude there.
+    pub amplitude: f64,
+    /// Half width at 1/e of the Gaussian that fits it (spec pulse-physics §4.5), samples. May be NaN or absurd where
+    /// nothing like a Gaussian is, as may be the others.
+    pub width: f64,
+    /// Where the fitted Gaussian has its centre, samples.
+    pub centre: f64,
+    /// Its height above the pedestal.
+    pub height: f64,
+    /// The pedestal on which it stands.
+    pub pedestal: f64,
+}
+
+/// Samples on either side that an echo tops; one nanosecond in waveforms of the usual 0.25 ns.
+const WINDOW: u64 = 5;
+/// Echoes are at least this share of the highest.
+const LEAST_SHARE: f64 = 0.01;
+
+/// The echoes of `samples` in their order. A waveform of one echo is fitted whole, as a run with echo widths does; several
+/// are fitted each up to the nearer of the valleys beside it.
+pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
+    let highest = samples.iter().copied().fold(0.0, f64::max);
+    if highest <= 0.0 || !highest.is_finite() {
+        return Vec::new();
+    }
+    let waveform = Waveform::of_samples(samples);
+    let rule =
+        PeakRule { threshold: LEAST_SHARE * highest, window: WINDOW, weak_neighbours: true, first_bin: true };
+    let peaks: Vec<(u64, f64)> = Peaks::of(&waveform, rule).collect();
+    let echo = |&(bin, amplitude): &(u64, f64)| {
+        let sample = bin as usize;
+        let reach = (peaks.len() > 1).then(|| valley(samples, sample));
+        let [pedestal, height, centre, width] = fit::bell(&waveform, bin, amplitude, reach);
+        RecordedEcho { sample, amplitude, width: width.abs(), centre, height, pedestal }
+    };
+    peaks.iter().map(echo).collect()
+}
+
+/// Distance from a peak to the nearer of the valleys beside it, at least 3.
+fn valley(samples: &[f64], peak: usize) -> u64 {
+    let falls = |run: &mut dyn Iterator<Item = &f64>| {
+        let mut last = samples[peak];
+        run.take_while(|s| **s < std::mem::replace(&mut last, **s)).count()
+    };
+    let after = falls(&mut samples[peak + 1..].iter());
+    let before = falls(&mut samples[..peak].iter().rev());
+    (before.min(after) as u64).max(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use libm::exp;
+
+    fn bells(of: &[(f64, f64, f64)], count: usize) -> Vec<f64> {
+        let at = |t: f64| {
+            of.iter().map(|(top, centre, w)| top * exp(-((t - centre) / w) * ((t - centre) / w))).sum()
+        };
+        (0..count).map(|i| at(i as f64)).collect()
+    }
+
+    #[test]
+    fn bells_are_found_where_they_are_with_their_widths() {
+        let echoes = recorded_echoes(&bells(&[(2.0, 20.0, 4.0)], 60));
+        assert_eq!(echoes.len(), 1);
+        assert_eq!((echoes[0].sample, echoes[0].amplitude), (20, 2.0));
+        assert!((echoes[0].width - 4.0).abs() < 1e-3, "{}", echoes[0].width);
+        let echoes = recorded_echoes(&bells(&[(2.0, 20.0, 4.0), (0.5, 50.0, 3.0)], 80));
+        assert_eq!(echoes.iter().map(|e| e.sample).collect::<Vec<_>>(), [20, 50]);
+        assert!((echoes[0].width - 4.0).abs() < 0.1 && (echoes[1].width - 3.0).abs() < 0.1, "{echoes:?}");
+    }
+
+    #[test]
+    fn odd_samples_do_no_harm() {
+        for samples in
+            [&[][..], &[0.0; 9], &[1.0], &[f64::NAN; 5], &[f64::INFINITY, 1.0], &[-1.0, -2.0], &[3.0, 3.0]]
+        {
+            recorded_echoes(samples);
+        }
+    }
+}
