@@ -37,7 +37,7 @@ pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     let waveform = Waveform::of_samples(samples);
     let rule =
         PeakRule { threshold: LEAST_SHARE * highest, window: WINDOW, weak_neighbours: true, first_bin: true };
-    let peaks: Vec<(u64, f64)> = Peaks::of(&waveform, rule).collect();
+    let peaks: Vec<(u64, f64)> = Peaks::<false>::of(&waveform, rule).collect();
     let echo = |&(bin, amplitude): &(u64, f64)| {
         let sample = bin as usize;
         let reach = (peaks.len() > 1).then(|| valley(samples, sample));

@@ -211,7 +211,13 @@ impl Waveform {
     /// A waveform of samples that were recorded.
     pub fn of_samples(samples: &[f64]) -> Waveform {
         let whole = Segment { first: 0, at: 0, len: samples.len() };
-        Waveform { start: 0.0, bins: samples.len() as u64, segments: vec![whole], samples: samples.to_vec() }
+        Waveform {
+            start: 0.0,
+            bins: samples.len() as u64,
+            segments: vec![whole],
+            samples: samples.to_vec(),
+            ..Waveform::default()
+        }
     }
 
     /// Stored runs, ascending and apart from each other.
