@@ -15,9 +15,16 @@ use clap_mangen::roff::{Roff, bold, roman};
 use pages::{EXIT_STATUS, PAGES, Page};
 use std::path::Path;
 
+/// What stands below the short help, for those who see it first.
+const BEGIN: &str = "\
+To begin:
+  vlscan scene make forest -n 20k -o forest
+  vlscan run forest/survey.xml -o forest.laz
+  vlscan preview forest.laz -o forest.html";
+
 /// The command line with the examples of [`pages`] at the end of each `--help`.
 pub fn command() -> Command {
-    let mut command = with_examples(Cli::command(), "vlscan");
+    let mut command = with_examples(Cli::command(), "vlscan").after_help(BEGIN);
     // Options that hold everywhere reach the subcommands, and all get their full names.
     command.build();
     command

@@ -19,7 +19,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     let most_points = super::run::count(&args.most_points).filter(|n| *n > 0).ok_or_else(|| {
         Error::input(format!("--most-points: expected a number such as 500k, found {:?}", args.most_points))
     })?;
-    let points = read_points(&args.points)?;
+    let points = read_points(&args.points).map_err(|e| missing(e, &args.points))?;
     let colour = match args.colour {
         Colour::Height => ColourBy::Height,
         Colour::Class => ColourBy::Class,
@@ -51,7 +51,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
 
 /// Plots the waveform of one pulse.
 fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
-    let wave = waveform(&args.points, pulse)?;
+    let wave = waveform(&args.points, pulse).map_err(|e| missing(e, &args.points))?;
     let chart = Chart::new(&wave, &title(&args.points), args.width, args.height);
     let content = if is_page(&args.out) { chart.page().into_bytes() } else { chart.picture().png()? };
     write(&args.out, |out| out.write_all(&content))?;
@@ -74,6 +74,16 @@ fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
     read_wave(open(&text)?, path, pulse)
 }
 
+/// A file that is not there is a slip of the user, not of the machine.
+fn missing(error: Error, path: &Path) -> Error {
+    match error {
+        Error::Io { action: "read", ref source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+            Error::input(format!("{}: there is no such file", path.display()))
+        }
+        other => other,
+    }
+}
+
 /// Whatever can be refused before the points are read.
 fn check(args: &PreviewArgs) -> Result<()> {
     let out = &args.out;
@@ -86,7 +96,7 @@ fn check(args: &PreviewArgs) -> Result<()> {
         return Ok(());
     }
     if out.exists() && !args.force {
-        return Err(Error::input(format!("{} exists already; --force overwrites it", out.display())));
+        return Err(Error::input(format!("{} exists already; overwrite it with --force", out.display())));
     }
     let ending = out.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     if is_page(out) || ending.as_deref() == Some("png") {

@@ -100,6 +100,13 @@ impl Assets {
 
     /// The folders that were searched for `name`, for a message.
     pub fn searched(&self, name: &str, referring: &Path) -> String {
+        if let Some(folder) = self.folders(referring).iter().map(|f| f.join(name)).find(|path| path.is_dir())
+        {
+            let survey = folder.join("survey.xml");
+            let file =
+                if survey.is_file() { survey.display().to_string() } else { "a file in it".to_owned() };
+            return format!("{} is a folder; name {file}", folder.display());
+        }
         if Path::new(name).is_absolute() {
             return "an absolute path is not searched for elsewhere".to_owned();
         }

@@ -42,7 +42,16 @@ pub(super) fn read_survey_document(
 pub(super) fn read_survey_parts(context: &Context, root: &Element) -> Option<(Survey, Vec<Element>)> {
     let surveys: Vec<Element> = root.named("survey").collect();
     let Some(element) = surveys.first() else {
-        context.error(root.place(), "the document holds no <survey>");
+        let message = "the document holds no <survey>";
+        match ["scene", "scanner", "platform"].into_iter().find(|kind| root.child(kind).is_some()) {
+            Some(kind) => {
+                let help = format!(
+                    "it holds a <{kind}>; a survey is the file whose <survey> names scene, platform and scanner"
+                );
+                context.error_help(Some(root.place()), message, help);
+            }
+            None => context.error(root.place(), message),
+        }
         return None;
     };
     if let Some(second) = surveys.get(1) {

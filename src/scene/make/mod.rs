@@ -200,7 +200,10 @@ fn check(options: &MakeOptions) -> Result<f64> {
 fn refuse_existing(folder: &Path) -> Result<()> {
     let fixed = ["survey.xml", "scene.xml", "scanners.xml", "platforms.xml", "ground.obj", "shell.obj"];
     match fixed.iter().find(|name| folder.join(name).exists()) {
-        Some(name) => Err(Error::input(format!("{} exists already", folder.join(name).display()))),
+        Some(name) => {
+            let shown = folder.join(name);
+            Err(Error::input(format!("{} exists already; overwrite it with --force", shown.display())))
+        }
         None => Ok(()),
     }
 }
