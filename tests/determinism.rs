@@ -34,12 +34,55 @@ fn threads_and_chunk_sizes_leave_no_trace() {
             &["-j", "2", "--chunk-size", "4096"],
             &["-j", "1", "--chunk-size", "7", "--tree-jobs", "1"],
             &["-j", "2", "--tree-bins", "8"],
+            &["-j", "4", "--tree", "fsah", "--tree-geom-jobs", "1"],
+            &["-j", "2", "--tree", "sah", "--tree-strict", "--tree-depth", "20"],
         ];
         for extra in settings {
             for (file, bytes) in outputs(&survey, extra) {
                 assert!(reference.get(&file) == Some(&bytes), "{} differs with {extra:?}", file.display());
             }
         }
+    }
+}
+
+#[test]
+fn schedules_leave_no_trace() {
+    for survey in ["forest/survey.xml", "room/survey.xml", "moving/survey.xml"] {
+        let dir = folder();
+        let survey = fixture(survey);
+        let points = |extra: &[&str]| {
+            let mut args = vec!["run", survey.to_str().unwrap(), "-q", "--seed", "11", "--force"];
+            args.extend(["-o", "all.xyz", "--trajectory-out", "way.csv"]);
+            args.extend(extra);
+            succeed(dir.path(), &args);
+            ["all.xyz", "way.csv"].map(|name| std::fs::read(dir.path().join(name)).unwrap())
+        };
+        let reference = points(&["-j", "1", "--chunk-size", "300"]);
+        assert!(reference.iter().all(|bytes| bytes.len() > 1000));
+        for schedule in ["single", "static", "dynamic", "warehouse"] {
+            for threads in ["1", "2", "8"] {
+                for size in ["1", "13", "1024"] {
+                    if schedule == "single" && size != "1" {
+                        continue;
+                    }
+                    let extra = ["--schedule", schedule, "-j", threads, "--chunk-size", size];
+                    assert!(points(&extra) == reference, "{extra:?}");
+                }
+                let extra = ["--schedule", schedule, "-j", threads, "--chunk-size", "9", "--leg-barrier"];
+                assert!(points(&extra) == reference, "{extra:?}");
+            }
+        }
+        // Every hand-over after an idle time changes the size.
+        let extra =
+            ["--schedule", "dynamic", "--idle-threshold", "0", "--schedule-log", "log.json", "-j", "3"];
+        assert!(points(&extra) == reference, "{extra:?}");
+        let log = std::fs::read_to_string(dir.path().join("log.json")).unwrap();
+        let log: serde_json::Value = serde_json::from_str(&log).unwrap();
+        assert_eq!((log["schedule"].as_str(), log["threads"].as_u64()), (Some("dynamic"), Some(3)));
+        let tasks = |thread: &serde_json::Value| thread["tasks"].as_u64().unwrap();
+        let by_workers: u64 = log["workers"].as_array().unwrap().iter().map(tasks).sum();
+        assert_eq!(by_workers + tasks(&log["producer"]), log["tasks"].as_u64().unwrap());
+        assert!(log["tasks"].as_u64().unwrap() > 1000);
     }
 }
 

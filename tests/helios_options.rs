@@ -125,6 +125,8 @@ fn these_options_leave_the_points_alone() {
     let plain = Run::of("").points();
     for options in [
         "--parallelization 0",
+        "--parallelization 0 --chunkSize 5 -j 3",
+        "--parallelization 0 --chunkSize -5 -j 3",
         "--parallelization 1",
         "--chunkSize 7",
         "--CHUNKSIZE -32",

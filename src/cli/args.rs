@@ -104,6 +104,19 @@ pub enum TreeKind {
     Median,
 }
 
+/// How pulses are handed out to threads; the points are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ScheduleKind {
+    /// Chunks wait in a bounded queue; while it is full the producer works off a chunk itself.
+    Warehouse,
+    /// Chunks go to free workers, and grow or shrink with the workers' idle times.
+    Dynamic,
+    /// Chunks of one size go to free workers; while all are busy the producer computes single pulses.
+    Static,
+    /// Pulses go to free workers one by one; the producer computes none.
+    Single,
+}
+
 /// `vlscan run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
@@ -260,9 +273,21 @@ pub struct ScheduleArgs {
     /// Chunks per worker that may wait. [default: 4]
     #[arg(long, value_name = "N", help_heading = "Speed")]
     pub warehouse_factor: Option<usize>,
-    /// Accepted for compatibility: 0 and 1 stand for schedules of the reference program; the points are the same.
-    #[arg(long, hide = true, value_parser = ["0", "1"])]
+    /// How pulses are handed out to the threads; the points are the same. [default: warehouse]
+    #[arg(long, value_name = "SCHEDULE", help_heading = "Speed")]
+    pub schedule: Option<ScheduleKind>,
+    /// The reference program's schedules: 0 is static, dynamic with a negative --chunk-size; 1 is warehouse.
+    #[arg(long, hide = true, value_parser = ["0", "1"], conflicts_with = "schedule")]
     pub parallelization: Option<String>,
+    /// Dynamic chunks: idle times shorter than this mean nothing, in milliseconds. [default: 0.1]
+    #[arg(long, value_name = "MS", help_heading = "Speed")]
+    pub idle_threshold: Option<f64>,
+    /// Begin a leg only when everything of the one before is done, as in the paper; slower.
+    #[arg(long, help_heading = "Speed")]
+    pub leg_barrier: bool,
+    /// Write what the schedule did as JSON: idle times, queue depths, chunk sizes, leg ends.
+    #[arg(long, value_name = "FILE", help_heading = "Speed")]
+    pub schedule_log: Option<PathBuf>,
     /// Refuse scenes that need more memory than this, e.g. 4G.
     #[arg(long, value_name = "SIZE", help_heading = "Speed")]
     pub max_memory: Option<String>,
@@ -284,9 +309,22 @@ pub struct TreeArgs {
     /// Threads that build the tree; 0 or nothing = as --threads.
     #[arg(long, value_name = "N", help_heading = "Speed")]
     pub tree_jobs: Option<usize>,
-    /// Threads for the upper nodes: one pool builds all nodes here, as large as the larger of this and --tree-jobs.
-    #[arg(long, value_name = "N", hide = true)]
-    pub kdt_geom_jobs: Option<usize>,
+    /// Threads that work together on a kd-tree's large upper nodes; 1 = none help, 0 or nothing = as --tree-jobs.
+    #[arg(long, value_name = "N", help_heading = "Speed")]
+    pub tree_geom_jobs: Option<usize>,
+    /// kd-trees: cost of visiting an interior node, visiting a leaf and testing a primitive. [default: 8,1,1]
+    #[arg(long, value_name = "CI,CL,CO", value_delimiter = ',', help_heading = "Speed")]
+    pub tree_costs: Vec<f64>,
+    /// kd-trees: smallest number of primitives that may be split. [default: 17]
+    #[arg(long, value_name = "N", help_heading = "Speed")]
+    pub tree_min_primitives: Option<usize>,
+    /// kd-trees: deepest level, at most 64. [default: 8 + 1.3 log2 of the primitives]
+    #[arg(long, value_name = "N", help_heading = "Speed")]
+    pub tree_depth: Option<u32>,
+    /// kd-trees by the paper's rules: unit costs, 5 primitives, axes in turn, every split booked in the cost of the whole
+    /// tree; the other --tree options change single rules.
+    #[arg(long, help_heading = "Speed")]
+    pub tree_strict: bool,
     /// Whether parts of one mesh file share it; the points are the same.
     #[arg(long, value_name = "WHEN", hide = true, value_parser = ["auto", "always", "never"])]
     pub instances: Option<String>,

@@ -44,7 +44,7 @@ const NAMES: &[(&str, &str, Takes)] = &[
     ("--noSceneWriting", "--no-scene-writing", Nothing),
     ("--kdt", "--tree", Value),
     ("--kdtJobs", "--tree-jobs", Value),
-    ("--kdtGeomJobs", "--kdt-geom-jobs", Value),
+    ("--kdtGeomJobs", "--tree-geom-jobs", Value),
     ("--sahNodes", "--tree-bins", Value),
     ("--disablePlatformNoise", "--no-platform-noise", Nothing),
     ("--disableLegNoise", "--no-leg-noise", Nothing),

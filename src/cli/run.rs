@@ -2,6 +2,7 @@
 //! for each play; in single files and streams the plays follow one another, told apart by GPS time and pulse number.
 
 mod job;
+mod speed;
 
 use super::args::RunArgs;
 use super::watch::{amount, duration, watched};
@@ -13,6 +14,7 @@ use crate::pipeline::{self, Ended, Progress};
 use crate::platform::PoseReader;
 use crate::pulse::Physics;
 use crate::scene::{self, Movers, Scene, Stand};
+use crate::schedule::Recorder;
 use crate::survey::PlatformKind;
 use crate::tree::Tree;
 use job::Job;
@@ -47,6 +49,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let mut poses = stream.map(PoseReader::open).transpose()?;
 
     let progress = Progress::default();
+    let recorder = job.schedule_log.is_some().then(Recorder::new);
     let (mut flying, mut before) = (0.0, None);
     let mut play = 0;
     let summary = loop {
@@ -58,7 +61,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
             output: output.clone(),
             poses: poses.take(),
             schedule: job.schedule,
-            chunk_size: job.chunk_size,
+            recorder: recorder.as_ref(),
             stop: &interrupt::STOP,
             progress: &progress,
         };
@@ -78,6 +81,10 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         console.detail(format!("play {} of {plays}", play + 1));
         stage = load_and_build(&job, console, play, Some(first))?;
     };
+    if let (Some(path), Some(recorder)) = (&job.schedule_log, recorder) {
+        let text = serde_json::to_string(&recorder.finish()).map_err(|e| Error::Internal(e.to_string()))?;
+        std::fs::write(path, text + "\n").map_err(|e| Error::io("write", path, e))?;
+    }
     let pulses = progress.snapshot().pulses;
     report(console, &summary, pulses, flying, started.elapsed().as_secs_f64());
     Ok(())

@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
 use crate::platform::PoseReader;
 use crate::scene::{MoverState, Movers};
-use crate::schedule::Stop;
+use crate::schedule::{Feed, Stop, Tasks};
 
 /// Steps after which a chunk ends although few of them fired: the wish to stop is looked at between chunks.
 const MAX_STEPS: u32 = 1 << 16;
@@ -25,6 +25,52 @@ pub struct Chunk {
     pub leg: u32,
     /// Done part of the survey after this chunk, 0–1; NaN when its end is not known (a stream).
     pub done: f64,
+    /// Poses to be written among the steps.
+    poses: u32,
+}
+
+impl Tasks for Chunk {
+    fn tasks(&self) -> u32 {
+        self.pulses
+    }
+}
+
+impl Chunk {
+    /// No steps yet.
+    fn begin(plan: &FlightPlan, state: &FlightState, movers: Option<&MoverState>) -> Chunk {
+        Chunk {
+            start: state.clone(),
+            movers: movers.cloned(),
+            steps: 0,
+            pulses: 0,
+            leg: state.leg(plan),
+            done: f64::NAN,
+            poses: 0,
+        }
+    }
+
+    /// Whether anything comes of it.
+    fn yields(&self) -> bool {
+        self.pulses > 0 || self.poses > 0
+    }
+
+    /// Takes off its first pulse, with the steps that lead to it, as a chunk of its own.
+    fn split_first(&mut self, plan: &FlightPlan, movers: Option<&Movers>) -> Result<Chunk> {
+        let mut first = Chunk { steps: 0, pulses: 0, poses: 0, ..self.clone() };
+        let mut count = Count::default();
+        while count.pulses == 0 && first.steps < self.steps {
+            self.start.step(plan, &mut count)?;
+            if let (Some(state), Some(plan)) = (&mut self.movers, movers) {
+                state.step(plan, |_, _| ());
+            }
+            first.steps += 1;
+        }
+        (first.pulses, first.poses) = (count.pulses, count.poses);
+        self.steps -= first.steps;
+        self.pulses -= first.pulses;
+        self.poses -= first.poses;
+        Ok(first)
+    }
 }
 
 /// Counts what a step would yield without computing it.
@@ -44,50 +90,102 @@ impl FlightSink for Count {
     }
 }
 
-/// Steps from `state`, the beginning of a flight, through the whole of it and puts every chunk that yields anything. A
-/// chunk ends after `size` pulses, at the end of its leg, or when the next pose has not arrived yet. Returns early when
-/// `stop` is asked.
+/// Where chunks go; see [`Feed`] for what its methods mean.
+pub trait Outlet {
+    /// Pulses that the chunk in the making shall hold.
+    fn size(&self) -> u32;
+    /// Takes a chunk of that size, or gives it back for its first pulse to be computed.
+    fn offer(&mut self, chunk: Chunk) -> Result<Option<Chunk>>;
+    /// Takes a chunk that ends early.
+    fn put(&mut self, chunk: Chunk) -> Result<()>;
+    /// Computes a chunk now.
+    fn compute(&mut self, chunk: Chunk) -> Result<()>;
+    /// All chunks of a leg have come.
+    fn leg_ended(&mut self);
+}
+
+impl<R, W: FnMut(Chunk) -> Result<R>> Outlet for Feed<'_, Chunk, R, W> {
+    fn size(&self) -> u32 {
+        Feed::size(self)
+    }
+
+    fn offer(&mut self, chunk: Chunk) -> Result<Option<Chunk>> {
+        Feed::offer(self, chunk)
+    }
+
+    fn put(&mut self, chunk: Chunk) -> Result<()> {
+        Feed::put(self, chunk)
+    }
+
+    fn compute(&mut self, chunk: Chunk) -> Result<()> {
+        Feed::compute(self, chunk)
+    }
+
+    fn leg_ended(&mut self) {
+        Feed::leg_ended(self);
+    }
+}
+
+/// Steps from `state`, the beginning of a flight, through the whole of it and puts every chunk that yields anything into
+/// `outlet`. A chunk ends when it has the size that the outlet wants, at the end of its leg, or when the next pose has not
+/// arrived yet. Returns early when `stop` is asked.
 pub fn produce(
     plan: &FlightPlan,
     movers: Option<&Movers>,
     state: &mut FlightState,
     mut poses: Option<PoseReader>,
-    size: u32,
     stop: &Stop,
-    mut put: impl FnMut(Chunk) -> Result<()>,
+    outlet: &mut impl Outlet,
 ) -> Result<()> {
-    let mut moving = movers.map(|plan| (plan, MoverState::start(plan)));
+    let mut moving = movers.map(MoverState::start);
+    let mut chunk = Chunk::begin(plan, state, moving.as_ref());
     loop {
-        let start = state.clone();
-        let movers = moving.as_ref().map(|(_, state)| state.clone());
-        let mut count = Count::default();
-        let mut steps = 0;
+        let size = outlet.size();
+        let mut count = Count { pulses: chunk.pulses, poses: chunk.poses };
         let step = loop {
             let step = state.step(plan, &mut count)?;
             if step != Step::Went {
                 break step;
             }
-            steps += 1;
-            if let Some((plan, state)) = &mut moving {
+            chunk.steps += 1;
+            if let (Some(state), Some(plan)) = (&mut moving, movers) {
                 state.step(plan, |_, _| ());
             }
-            if count.pulses >= size || steps >= MAX_STEPS {
+            if count.pulses >= size || chunk.steps >= MAX_STEPS {
                 break step;
             }
         };
-        if count.pulses > 0 || count.poses > 0 {
-            let (leg, done) = (start.leg(plan), done(plan, state));
-            put(Chunk { start, movers, steps, pulses: count.pulses, leg, done })?;
-        }
+        (chunk.pulses, chunk.poses) = (count.pulses, count.poses);
+        chunk.done = done(plan, state);
+        let is_full = step == Step::Went && chunk.pulses >= size;
+        let rest = if is_full {
+            outlet.offer(chunk)?
+        } else if chunk.yields() {
+            outlet.put(chunk)?;
+            None
+        } else {
+            None
+        };
         match step {
-            Step::Ended => return Ok(()),
+            Step::Ended => {
+                outlet.leg_ended();
+                return Ok(());
+            }
             _ if stop.asked() => return Ok(()),
-            Step::Went | Step::LegChanged => {}
+            Step::Went => {}
+            Step::LegChanged => outlet.leg_ended(),
             Step::NeedsPoses => match poses.as_mut().map(PoseReader::next_block).transpose()?.flatten() {
                 Some(block) => state.feed(plan, block),
                 None => state.end_of_poses(),
             },
         }
+        chunk = match rest {
+            Some(mut rest) => {
+                outlet.compute(rest.split_first(plan, movers)?)?;
+                rest
+            }
+            None => Chunk::begin(plan, state, moving.as_ref()),
+        };
     }
 }
 

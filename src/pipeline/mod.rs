@@ -6,7 +6,7 @@ mod collector;
 mod progress;
 mod worker;
 
-pub use chunk::{Chunk, produce};
+pub use chunk::{Chunk, Outlet, produce};
 pub use progress::{Progress, Snapshot};
 
 use crate::error::Result;
@@ -15,7 +15,7 @@ use crate::output::{Offload, OutputPlan, Summary, Writer};
 use crate::platform::PoseReader;
 use crate::pulse::Physics;
 use crate::scene::Movers;
-use crate::schedule::{self, Job, JobQueue, Stop};
+use crate::schedule::{self, Job, JobQueue, Recorder, Stop};
 use crate::tree::BuildOptions;
 use collector::{Closed, Collector};
 use std::sync::Arc;
@@ -33,10 +33,10 @@ pub struct Run<'a> {
     pub output: Arc<OutputPlan>,
     /// Poses of a streamed platform as they arrive.
     pub poses: Option<PoseReader>,
-    /// Threads and the warehouse's size.
+    /// Threads, and how pulses are handed out to them.
     pub schedule: schedule::Settings,
-    /// Pulses per chunk.
-    pub chunk_size: u32,
+    /// Takes down what the schedule does.
+    pub recorder: Option<&'a Recorder>,
     /// The user's wish to end.
     pub stop: &'a Stop,
     /// What has been done so far, for whoever watches.
@@ -57,7 +57,7 @@ pub enum Ended {
     Play(Box<Interval>),
 }
 
-/// Flies the survey once: chunks → warehouse → workers (replay, trace, detect, encode) → sinks in chunk order. When this
+/// Flies the survey once: chunks → schedule → workers (replay, trace, detect, encode) → sinks in chunk order. When this
 /// fails, outputs that are not complete are gone.
 ///
 /// The first play begins `after` nothing, every other one after the play before: its legs begin anew, while the clock
@@ -78,14 +78,12 @@ pub fn fly(run: Run<'_>, after: Option<Box<Interval>>, is_last: bool) -> Result<
         run.schedule,
         &jobs,
         run.stop,
+        run.recorder,
         || {
             let mut worker = Worker::new(flight, physics, movers, &output);
             move |chunk| worker.measure(chunk)
         },
-        |feed| {
-            let put = |chunk| feed.put(chunk);
-            produce(flight, movers.map(|(plan, _)| plan), &mut state, poses, run.chunk_size, run.stop, put)
-        },
+        |feed| produce(flight, movers.map(|(plan, _)| plan), &mut state, poses, run.stop, feed),
         Collector { writer, progress: run.progress, is_last },
     )?;
     Ok(match closed {

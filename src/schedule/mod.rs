@@ -1,22 +1,41 @@
-//! Chunks of work, the warehouse that holds them, and the threads that empty it; nothing of lidar.
+//! Chunks of work, the schedules that hand them out, and the threads that compute them; nothing of lidar.
 //!
 //! One producer makes chunk descriptors, workers turn each into a result, one collector takes the results in the order in
-//! which the chunks were made (spec kdtree-and-scheduling §3.5, with the paper's leg barrier removed):
+//! which the chunks were made (spec kdtree-and-scheduling §3):
 //!
 //! ```text
-//!             ┌─ warehouse (bounded: factor × workers) ─► workers ─┐ one-shot each
-//! producer ───┤                                                    ▼
-//!             └─ receipts  (bounded, in order) ───────────────► collector
+//!             ┌─ warehouse (bounded) ────────► workers ─┐ one-shot each
+//! producer ───┤                                         ▼
+//!   (Feed)    └─ receipts  (bounded, in order) ────► collector
 //! ```
 //!
 //! Order comes from the queue of receipts alone: no sequence numbers, no heap. Every queue is bounded, so a slow reader of
-//! the results slows the producer. A producer that finds the warehouse full works off its chunk itself.
+//! the results slows the producer. A [`Policy`] decides how large chunks are, when they go to a worker and what the
+//! producer does while all workers are busy; workers and collector do not know which one is in force, and the results are
+//! the same. The paper's barrier between legs is a switch.
+//!
+//! | file | what |
+//! |---|---|
+//! | `policy` | the four schedules and their settings |
+//! | `run` | the threads, and the producer's end of them |
+//! | `dropper` | the size of dynamic chunks |
+//! | `record` | idle times, queue depths, chunk sizes |
+//! | `replay` | the same in simulated time, for machines that are not here |
+//! | `jobs` | side jobs of the collector |
 
+mod dropper;
 mod jobs;
-mod warehouse;
+mod policy;
+mod record;
+mod replay;
+mod run;
 
+pub use dropper::{Direction, Dropper};
 pub use jobs::{Job, JobQueue};
-pub use warehouse::{Collect, Feed, Settings, run};
+pub use policy::{Policy, Settings};
+pub use record::{Depth, LegEnd, Log, Recorder, Series, SizeChange, ThreadLog};
+pub use replay::{Profile, Replayed, Workload, replay};
+pub use run::{Collect, Feed, Tasks, run};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

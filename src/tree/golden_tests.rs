@@ -120,3 +120,36 @@ fn every_builder_gives_the_published_hits_with_its_own_defaults() {
         assert_published_hits(&Tree::build(&g, &BuildOptions::of(builder)), &g);
     }
 }
+
+/// The paper's Algorithm 1 by several threads, and the local verdict. They differ only where a split gains nothing at all,
+/// which no split does at this cost, or less than the running sums can hold, which is deeper down.
+#[test]
+fn the_running_cost_and_the_local_verdict_agree() {
+    let g = mesh(1.0);
+    for builder in [Builder::Sah, Builder::AxisSah, Builder::Fsah] {
+        let build = |accounting, jobs| {
+            let options = BuildOptions {
+                accounting,
+                jobs,
+                geometry_jobs: jobs,
+                max_depth: Some(14),
+                cost_interior: 1.0137,
+                ..BuildOptions::strict(builder)
+            };
+            *Tree::build(&g, &options).statistics()
+        };
+        let local = build(Accounting::Local, 1);
+        for jobs in [1, 2, 8] {
+            let global = build(Accounting::Global, jobs);
+            assert_eq!(Statistics { booked_cost: None, ..global }, local, "{builder:?}, {jobs} threads");
+            let booked = global.booked_cost.unwrap();
+            let empty = local.interior + 1 - local.leaves;
+            if empty == 0 {
+                assert!((booked - local.cost).abs() < 1e-9, "{builder:?} {jobs}: {global:?}");
+            } else {
+                assert!(booked > local.cost && booked < local.cost + 1.0, "{builder:?} {jobs}: {global:?}");
+            }
+            assert_eq!(build(Accounting::Local, jobs), local);
+        }
+    }
+}

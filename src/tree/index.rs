@@ -53,7 +53,7 @@ impl Tree {
             // All threads are wanted, which the global pool has, or none but this one is worth waking.
             return build(geometry, options, keep);
         }
-        match rayon::ThreadPoolBuilder::new().num_threads(options.jobs).build() {
+        match rayon::ThreadPoolBuilder::new().num_threads(options.jobs.max(options.geometry_jobs)).build() {
             Ok(pool) => pool.install(|| build(geometry, options, keep)),
             // No more threads are to be had.
             Err(_) => build(geometry, options, keep),

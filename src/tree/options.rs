@@ -21,8 +21,10 @@ pub enum Builder {
 pub enum Accounting {
     /// By the node alone; independent of the order of the build.
     Local,
-    /// By the running cost of the whole tree. Differs from [`Accounting::Local`] in rounding only, but there it decides
-    /// when a build without depth cap ends. Builds on one thread.
+    /// By the running cost of the whole tree, the paper's ILOT cache, which several threads book in under a lock (its
+    /// Algorithm 1). In exact arithmetic the verdicts are those of [`Accounting::Local`]: the sides of a split have the
+    /// area of the node together, so its effect on the whole is its effect on the node. Rounding differs, and decides when
+    /// a build without depth cap ends; with several threads it depends on their order.
     Global,
 }
 
@@ -73,8 +75,12 @@ pub struct BuildOptions {
     pub areas: Areas,
     /// How a split's gain is judged.
     pub accounting: Accounting,
-    /// Threads for the build; 0 is as many as the machine has.
+    /// Threads for the build, each on nodes of its own; 0 is as many as the machine has, with 1 nodes are built one after
+    /// the other (spec §2.1).
     pub jobs: usize,
+    /// Threads that work together on the nodes of the upper ⌊log2⌋ levels of a kd-tree, where there are fewer nodes than
+    /// threads; 0 is as many as the machine has, with 1 none is helped (spec §2.3).
+    pub geometry_jobs: usize,
     /// Smallest number of primitives that is handed to another thread.
     pub delegate: usize,
 }
@@ -95,6 +101,7 @@ impl Default for BuildOptions {
             areas: Areas::Surface,
             accounting: Accounting::Local,
             jobs: 0,
+            geometry_jobs: 0,
             delegate: 32,
         }
     }
@@ -124,6 +131,7 @@ impl BuildOptions {
             areas: Areas::Proportional,
             accounting: Accounting::Global,
             jobs: 1,
+            geometry_jobs: 1,
             ..BuildOptions::default()
         }
     }
@@ -150,4 +158,6 @@ pub struct Statistics {
     pub root_area: f64,
     /// Expected cost of a ray, C_T of spec §1.9, with proportional areas.
     pub cost: f64,
+    /// The same as booked by [`Accounting::Global`], for which the empty side of a split costs as much as a leaf.
+    pub booked_cost: Option<f64>,
 }

@@ -1,6 +1,7 @@
 //! From arguments as typed and a file as written to a job with every choice made.
 
-use crate::cli::args::{OutputArgs, PhysicsArgs, PhysicsProfile, RunArgs, TreeArgs, TreeKind};
+use super::speed::{schedule, tree};
+use crate::cli::args::{OutputArgs, PhysicsArgs, PhysicsProfile, RunArgs};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::{self, FlightOptions};
@@ -11,15 +12,11 @@ use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::{LoadOptions, Sharing};
 use crate::schedule;
 use crate::survey::{self, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
-use crate::tree::{BuildOptions, Builder};
-use clap::ValueEnum;
+use crate::tree::BuildOptions;
 use std::path::{Path, PathBuf};
 
 /// Start of the GPS clock when nobody asks for another: a fixed one, so that equal runs give equal bytes.
 const GPS_START: &str = "2024-01-01 00:00:00";
-
-/// Pulses per chunk: enough to make the queues' cost invisible, few enough to keep all threads busy on short legs.
-const CHUNK_SIZE: u32 = 1024;
 
 /// Everything that a run needs to know.
 pub struct Job {
@@ -31,7 +28,7 @@ pub struct Job {
     pub physics: PhysicsOptions,
     pub output: OutputRequest,
     pub schedule: schedule::Settings,
-    pub chunk_size: u32,
+    pub schedule_log: Option<PathBuf>,
     pub progress_lines: bool,
 }
 
@@ -74,7 +71,7 @@ impl Job {
                 },
                 ..LoadOptions::default()
             },
-            tree: tree(&args.tree, &set, threads),
+            tree: tree(&args.tree, &set, threads)?,
             flight: FlightOptions {
                 seed,
                 platform_noise: !args.flight.no_platform_noise && set.platform_noise.unwrap_or(true),
@@ -84,18 +81,8 @@ impl Job {
             },
             physics: physics(&args.physics, &args.output, &set, seed)?,
             output: output(&args.output, args.trajectory_out.as_ref(), &set, &survey, &gps)?,
-            schedule: schedule::Settings {
-                threads,
-                factor: args
-                    .schedule
-                    .warehouse_factor
-                    .or(set.warehouse_factor)
-                    .unwrap_or(4)
-                    .clamp(1, 1 << 16),
-            },
-            chunk_size: chunk_size(
-                args.schedule.chunk_size.or(set.chunk_size.and_then(|n| i64::try_from(n).ok())),
-            )?,
+            schedule: schedule(&args.schedule, &set, threads)?,
+            schedule_log: args.schedule.schedule_log.clone(),
             progress_lines: args.schedule.progress,
             survey,
         };
@@ -112,44 +99,10 @@ fn read(path: &Path, reading: &ReadOptions) -> Result<(Survey, RunSettings, Diag
     Ok((survey, RunSettings::default(), warnings))
 }
 
-/// The builder and its settings. `--kdtGeomJobs` is about the upper nodes, which the same threads build here.
-fn tree(args: &TreeArgs, set: &RunSettings, threads: usize) -> BuildOptions {
-    let usual = BuildOptions::default();
-    // The file's reader takes the same names only.
-    let written = set.tree.as_deref().and_then(|name| TreeKind::from_str(name, true).ok());
-    let builder = match args.tree.or(written) {
-        None => usual.builder,
-        Some(TreeKind::Bvh) => Builder::Bvh,
-        Some(TreeKind::Fsah) => Builder::Fsah,
-        Some(TreeKind::AxisSah) => Builder::AxisSah,
-        Some(TreeKind::Sah) => Builder::Sah,
-        Some(TreeKind::Median) => Builder::Median,
-    };
-    let jobs = args.tree_jobs.filter(|&n| n > 0).map(|n| n.max(args.kdt_geom_jobs.unwrap_or(0)));
-    BuildOptions {
-        builder,
-        bins: args.tree_bins.unwrap_or(usual.bins).clamp(2, 1024),
-        candidates: args.tree_bins.unwrap_or(usual.candidates).clamp(2, 1024),
-        jobs: jobs.unwrap_or(threads).min(1024),
-        ..usual
-    }
-}
-
 fn threads(wanted: Option<usize>) -> usize {
     match wanted {
         Some(n) if n > 0 => n.min(1024),
         _ => std::thread::available_parallelism().map_or(1, usize::from),
-    }
-}
-
-fn chunk_size(wanted: Option<i64>) -> Result<u32> {
-    match wanted {
-        None => Ok(CHUNK_SIZE),
-        // The reference marks a dynamic chunk size by its sign; its warehouse uses the absolute value.
-        Some(n) => match u32::try_from(n.unsigned_abs()) {
-            Ok(n @ 1..=16_777_216) => Ok(n),
-            _ => Err(Error::input(format!("--chunk-size: expected 1 to 16777216 pulses, found {n}"))),
-        },
     }
 }
 
@@ -377,20 +330,6 @@ mod tests {
         assert_eq!(c, Corrections::NONE);
         let unknown = correct(&mut c, "sum").unwrap_err().to_string();
         assert!(unknown.contains("sum-equal-ranges"), "{unknown}");
-    }
-
-    #[test]
-    fn a_pipeline_file_may_name_the_tree() {
-        use crate::cli::{Cli, Command};
-        use clap::Parser;
-        let Command::Run(mut args) = Cli::parse_from(["vlscan", "run", "a.toml"]).command else {
-            panic!("no run")
-        };
-        let set = RunSettings { tree: Some("axis-sah".to_owned()), ..RunSettings::default() };
-        assert_eq!(tree(&args.tree, &RunSettings::default(), 1).builder, BuildOptions::default().builder);
-        assert_eq!(tree(&args.tree, &set, 1).builder, Builder::AxisSah);
-        args.tree.tree = Some(TreeKind::Median);
-        assert_eq!(tree(&args.tree, &set, 1).builder, Builder::Median);
     }
 
     #[test]

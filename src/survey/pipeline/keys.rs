@@ -324,6 +324,10 @@ pub struct PhysicsKeys {
 pub struct ScheduleKeys {
     /// Number of threads; 0 is one per core, the default.
     pub threads: Option<usize>,
+    /// How pulses are handed out: `warehouse` (the default), `dynamic`, `static` or `single`.
+    pub policy: Key<String>,
+    /// A leg begins only when the one before is done. Default: false.
+    pub leg_barrier: Option<bool>,
     /// Pulses per chunk.
     pub chunk_size: Key<usize>,
     /// Capacity of the warehouse in chunks per thread.

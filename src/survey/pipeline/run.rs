@@ -19,6 +19,10 @@ pub struct RunSettings {
     pub gps_start: Option<String>,
     /// Number of threads; 0 = one per core.
     pub threads: Option<usize>,
+    /// `warehouse`, `dynamic`, `static` or `single`.
+    pub policy: Option<String>,
+    /// Legs are kept apart.
+    pub leg_barrier: Option<bool>,
     /// Pulses per chunk, at least 1.
     pub chunk_size: Option<usize>,
     /// Chunks per thread in the warehouse, at least 1.
@@ -82,6 +86,8 @@ pub(super) fn read_settings(context: &Context, source: &Source, keys: &PipelineK
         seed: read_seed(context, source, &keys.seed),
         gps_start: keys.gps_start.clone(),
         threads: schedule.threads,
+        policy: one_of(&schedule.policy, &["warehouse", "dynamic", "static", "single"]),
+        leg_barrier: schedule.leg_barrier,
         chunk_size: at_least_1(&schedule.chunk_size),
         warehouse_factor: at_least_1(&schedule.warehouse_factor),
         tree: one_of(&schedule.tree, &["fsah", "sah", "axis-sah", "median", "bvh"]),

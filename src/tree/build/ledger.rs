@@ -1,6 +1,7 @@
 //! What a tree costs: the running sums of spec §1.12 and the statistics of §1.16.
 
 use crate::tree::options::{BuildOptions, Statistics};
+use std::sync::{Mutex, PoisonError};
 
 /// Sums over the nodes of a tree or of a part of it.
 #[derive(Clone, Copy, Debug)]
@@ -85,6 +86,7 @@ impl Sums {
             } else {
                 options.cost_leaf + options.cost_primitive * primitives as f64
             },
+            booked_cost: None,
         }
     }
 }
@@ -99,18 +101,30 @@ pub(crate) struct Proposal {
     pub counts: [usize; 3],
 }
 
-/// Judges splits.
+/// Judges splits, for any number of threads at once.
 pub(crate) enum Ledger {
     /// By each node alone.
     Local,
-    /// By the cost of the tree so far, every unfinished node being a leaf (spec §1.12).
-    Global { interior: f64, leaves: f64, primitives: f64, total: f64, root: f64 },
+    /// By the cost of the tree so far. Choosing a split and parting the primitives happen outside the lock (the paper's
+    /// Algorithm 1).
+    Global(Mutex<Ilot>),
 }
 
-impl Ledger {
-    /// The running sums when the root is a leaf (eq 9).
-    pub fn global(options: &BuildOptions, root: f64, count: usize) -> Ledger {
-        Ledger::Global {
+/// The paper's cache: running sums over interior nodes, leaves and primitives ("objects"), and their total, while every
+/// unfinished node counts as a leaf (spec §1.12).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ilot {
+    interior: f64,
+    leaves: f64,
+    primitives: f64,
+    total: f64,
+    root: f64,
+}
+
+impl Ilot {
+    /// The root is a leaf (eq 9).
+    fn of_root(options: &BuildOptions, root: f64, count: usize) -> Ilot {
+        Ilot {
             interior: 0.0,
             leaves: options.cost_leaf * root,
             primitives: options.cost_primitive * root * count as f64,
@@ -119,24 +133,50 @@ impl Ledger {
         }
     }
 
-    /// Whether the split makes the tree cheaper; if so it is booked.
-    pub fn accepts(&mut self, options: &BuildOptions, split: &Proposal) -> bool {
+    /// The sums with the node of the proposal as an interior one (eqs 10–12).
+    fn with(&self, options: &BuildOptions, split: &Proposal, [n, nl, nr]: [f64; 3]) -> Ilot {
         let (ci, cl, co) = (options.cost_interior, options.cost_leaf, options.cost_primitive);
-        let [n, nl, nr] = split.counts.map(|c| c.next_multiple_of(options.grain.max(1)) as f64);
+        let (left, right) = (split.chances[0] * split.area, split.chances[1] * split.area);
+        let interior = self.interior + ci * split.area;
+        let leaves = self.leaves + (cl * (left + right) - cl * split.area);
+        let primitives = self.primitives + (co * (left * nl + right * nr) - co * split.area * n);
+        let total = (interior + leaves + primitives) / self.root;
+        Ilot { interior, leaves, primitives, total, root: self.root }
+    }
+}
+
+impl Ledger {
+    /// The cache of a tree whose root has this area and so many primitives.
+    pub fn global(options: &BuildOptions, root: f64, count: usize) -> Ledger {
+        Ledger::Global(Mutex::new(Ilot::of_root(options, root, count)))
+    }
+
+    /// Whether the split makes the tree cheaper; if so it is booked.
+    pub fn accepts(&self, options: &BuildOptions, split: &Proposal) -> bool {
+        let counts = split.counts.map(|c| c.next_multiple_of(options.grain.max(1)) as f64);
         match self {
-            Ledger::Local => ci + co * (split.chances[0] * nl + split.chances[1] * nr) < co * n,
-            Ledger::Global { interior, leaves, primitives, total, root } => {
-                let (left, right) = (split.chances[0] * split.area, split.chances[1] * split.area);
-                let i = *interior + ci * split.area;
-                let l = *leaves + (cl * (left + right) - cl * split.area);
-                let o = *primitives + (co * (left * nl + right * nr) - co * split.area * n);
-                let t = (i + l + o) / *root;
-                if t < *total {
-                    (*interior, *leaves, *primitives, *total) = (i, l, o, t);
-                    return true;
-                }
-                false
+            Ledger::Local => {
+                let [n, nl, nr] = counts;
+                let (ci, co) = (options.cost_interior, options.cost_primitive);
+                ci + co * (split.chances[0] * nl + split.chances[1] * nr) < co * n
             }
+            Ledger::Global(ilot) => {
+                let mut ilot = ilot.lock().unwrap_or_else(PoisonError::into_inner);
+                let speculated = ilot.with(options, split, counts);
+                let accepted = speculated.total < ilot.total;
+                if accepted {
+                    *ilot = speculated;
+                }
+                accepted
+            }
+        }
+    }
+
+    /// The booked cost of the tree, when it is finished; `None` where nothing is booked.
+    pub fn total(&self) -> Option<f64> {
+        match self {
+            Ledger::Local => None,
+            Ledger::Global(ilot) => Some(ilot.lock().unwrap_or_else(PoisonError::into_inner).total),
         }
     }
 }

@@ -24,6 +24,22 @@ fn fold<T: Send>(
     add: impl Fn(&mut T, &Prim) + Sync,
     join: impl Fn(T, T) -> T + Sync + Send,
 ) -> T {
+    fold_by(crew(prims, rayon::current_num_threads()), prims, nothing, add, join)
+}
+
+/// How many of `threads` are worth being set upon one node.
+fn crew(prims: &[Prim], threads: usize) -> usize {
+    if prims.len() < MANY { 1 } else { threads.max(1) }
+}
+
+/// Folds the primitives of a node in as many pieces at a time. `join` must not care about grouping.
+fn fold_by<T: Send>(
+    crew: usize,
+    prims: &[Prim],
+    nothing: impl Fn() -> T + Sync + Send,
+    add: impl Fn(&mut T, &Prim) + Sync,
+    join: impl Fn(T, T) -> T + Sync + Send,
+) -> T {
     let one = |prims: &[Prim]| {
         let mut sum = nothing();
         for p in prims {
@@ -31,7 +47,10 @@ fn fold<T: Send>(
         }
         sum
     };
-    if prims.len() < MANY { one(prims) } else { prims.par_chunks(MANY / 4).map(one).reduce(&nothing, join) }
+    if crew < 2 {
+        return one(prims);
+    }
+    prims.par_chunks(prims.len().div_ceil(crew).max(1)).map(one).reduce(&nothing, join)
 }
 
 /// A tree under construction: nodes, and the primitives of its leaves in whole blocks.

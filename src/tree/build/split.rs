@@ -1,10 +1,11 @@
 //! Where to split a node: the four searches of spec §1.8 to §1.11.
 
 use super::prim::Prim;
-use super::{MANY, fold};
+use super::{fold, fold_by};
 use crate::tree::Geometry;
 use crate::tree::frame::Frame;
 use crate::tree::options::{Areas, BuildOptions, Builder};
+use rayon::prelude::*;
 
 /// Most bins of a histogram.
 const MAX_BINS: usize = 1024;
@@ -63,19 +64,19 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The split of the builder in use on `axis`; `None` when the cell has no extent there.
-    pub fn on_axis(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+    /// The split of the builder in use on `axis`, found by `crew` threads; `None` when the cell has no extent there.
+    pub fn on_axis(&self, crew: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         match self.options.builder {
-            Builder::Median => self.median_split(prims, cell, axis),
-            Builder::Sah | Builder::AxisSah => self.sah_split(prims, cell, axis),
-            Builder::Fsah | Builder::Bvh => self.fsah_split(prims, cell, axis),
+            Builder::Median => self.median_split(crew, prims, cell, axis),
+            Builder::Sah | Builder::AxisSah => self.sah_split(crew, prims, cell, axis),
+            Builder::Fsah | Builder::Bvh => self.fsah_split(crew, prims, cell, axis),
         }
     }
 
     /// The split of least loss over all axes, the first of equals.
-    pub fn on_best_axis(&self, prims: &[Prim], cell: &Cell) -> Option<Split> {
+    pub fn on_best_axis(&self, crew: usize, prims: &[Prim], cell: &Cell) -> Option<Split> {
         (0..3)
-            .filter_map(|a| self.on_axis(prims, cell, a))
+            .filter_map(|a| self.on_axis(crew, prims, cell, a))
             .reduce(|best, s| if s.loss < best.loss { s } else { best })
     }
 
@@ -85,24 +86,24 @@ impl Search<'_> {
         chances[0] * l + chances[1] * r
     }
 
-    fn median_split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
-        let p = self.object_median(prims, axis);
+    fn median_split(&self, crew: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+        let p = self.object_median(crew, prims, axis);
         let r = share(cell, axis, p)?;
         // Of three medians the one in the longest side is best.
         Some(Split { axis, position: p, r, loss: cell.lo[axis] - cell.hi[axis] })
     }
 
-    fn sah_split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+    fn sah_split(&self, crew: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let (a, b) = (cell.lo[axis], cell.hi[axis]);
         let middle = (a + b) / 2.0;
-        let median = self.object_median(prims, axis).max(a).min(b);
+        let median = self.object_median(crew, prims, axis).max(a).min(b);
         let n = self.options.candidates.max(2);
         let (start, step) = (middle.min(median), (middle - median).abs() / (n - 1) as f64);
         let mut best: Option<Split> = None;
         for i in 0..n {
             let p = start + i as f64 * step;
             let r = share(cell, axis, p)?;
-            let loss = self.loss(self.chances(cell, axis, r), count(prims, axis, p));
+            let loss = self.loss(self.chances(cell, axis, r), count(crew, prims, axis, p));
             if best.is_none_or(|s| loss < s.loss) {
                 best = Some(Split { axis, position: p, r, loss });
             }
@@ -111,7 +112,7 @@ impl Search<'_> {
     }
 
     /// The best boundary of min/max histograms (spec §1.11), bins clamped at both ends.
-    fn fsah_split(&self, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+    fn fsah_split(&self, crew: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let (a, b) = (cell.lo[axis], cell.hi[axis]);
         if b <= a {
             return None;
@@ -124,7 +125,8 @@ impl Search<'_> {
             h.starts[bin(o.lo[axis])] += 1;
             h.ends[bin(o.hi[axis])] += 1;
         };
-        let Histograms { starts, ends } = fold(prims, || Histograms::empty(bins), add, Histograms::plus);
+        let Histograms { starts, ends } =
+            fold_by(crew, prims, || Histograms::empty(bins), add, Histograms::plus);
         let (mut below, mut above) = (0, prims.len());
         let (mut best, mut loss) = (0, self.loss([0.0, 1.0], [0, above]));
         for i in 1..=bins {
@@ -159,8 +161,13 @@ impl Search<'_> {
     }
 
     /// The centroid at place ⌊N/2⌋ in descending order.
-    fn object_median(&self, prims: &[Prim], axis: usize) -> f64 {
-        let mut centroids: Vec<f64> = prims.iter().map(|p| self.centroid(p.id, axis)).collect();
+    fn object_median(&self, crew: usize, prims: &[Prim], axis: usize) -> f64 {
+        let centroid = |p: &Prim| self.centroid(p.id, axis);
+        let mut centroids: Vec<f64> = if crew < 2 {
+            prims.iter().map(centroid).collect()
+        } else {
+            prims.par_iter().with_min_len(prims.len().div_ceil(crew)).map(centroid).collect()
+        };
         let place = prims.len() / 2;
         *centroids.select_nth_unstable_by(place, |x, y| y.total_cmp(x)).1
     }
@@ -200,16 +207,16 @@ fn share(cell: &Cell, axis: usize, p: f64) -> Option<f64> {
 }
 
 /// How many primitives go to the lower and to the upper side (spec §1.5).
-pub(crate) fn count(prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
+pub(crate) fn count(crew: usize, prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
     let add = |n: &mut [usize; 2], o: &Prim| {
         n[0] += usize::from(f64::from(o.lo[axis]) <= p);
         n[1] += usize::from(f64::from(o.hi[axis]) > p);
     };
-    fold(prims, || [0, 0], add, |a, b| [a[0] + b[0], a[1] + b[1]])
+    fold_by(crew, prims, || [0, 0], add, |a, b| [a[0] + b[0], a[1] + b[1]])
 }
 
 /// The primitives of either side in their order; those across the plane are in both.
-pub(crate) fn partition(prims: &[Prim], split: &Split, [nl, nr]: [usize; 2]) -> [Vec<Prim>; 2] {
+pub(crate) fn partition(crew: usize, prims: &[Prim], split: &Split, [nl, nr]: [usize; 2]) -> [Vec<Prim>; 2] {
     let side = |lower: bool, count: usize| {
         let mut side = Vec::with_capacity(count);
         if lower {
@@ -219,7 +226,7 @@ pub(crate) fn partition(prims: &[Prim], split: &Split, [nl, nr]: [usize; 2]) -> 
         }
         side
     };
-    if prims.len() < MANY {
+    if crew < 2 {
         return [side(true, nl), side(false, nr)];
     }
     let (left, right) = rayon::join(|| side(true, nl), || side(false, nr));

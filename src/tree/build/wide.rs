@@ -58,6 +58,7 @@ pub(crate) fn build_wide(
         } else {
             options.cost_leaf + options.cost_primitive * count as f64
         },
+        booked_cost: None,
     };
     if part.arena.nodes.is_empty() {
         part.arena.nodes.push(WideNode::EMPTY);

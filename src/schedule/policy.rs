@@ -1,0 +1,78 @@
+//! How chunks are handed out.
+
+/// The four schedules of spec kdtree-and-scheduling §3. With one thread they are all the same: chunk after chunk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Policy {
+    /// One task at a time for every free worker; the producer waits and never computes (§3.2).
+    Single,
+    /// Chunks of `size` tasks for free workers; while all are busy the producer computes single tasks of the next chunk
+    /// (§3.3).
+    Static {
+        /// Tasks per chunk.
+        size: u32,
+    },
+    /// As [`Policy::Static`], with a size that follows the workers' idle times (§3.4, [`super::Dropper`]).
+    Dynamic {
+        /// Tasks of the first chunk.
+        size: u32,
+        /// Idle times below this, and changes up to this, mean nothing: τ and ε, ns.
+        significant_ns: u64,
+    },
+    /// Chunks wait in a bounded warehouse; while it is full the producer works off a whole chunk (§3.5).
+    Warehouse {
+        /// Tasks per chunk.
+        size: u32,
+        /// Chunks that may wait, per worker.
+        factor: usize,
+    },
+}
+
+impl Policy {
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Policy::Single => "single",
+            Policy::Static { .. } => "static",
+            Policy::Dynamic { .. } => "dynamic",
+            Policy::Warehouse { .. } => "warehouse",
+        }
+    }
+
+    /// Tasks of the first chunk, at least one.
+    pub fn size(self) -> u32 {
+        match self {
+            Policy::Single => 1,
+            Policy::Static { size } | Policy::Dynamic { size, .. } | Policy::Warehouse { size, .. } => {
+                size.max(1)
+            }
+        }
+    }
+}
+
+/// How the work is spread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Threads that compute, the producer's included; at least one.
+    pub threads: usize,
+    /// How chunks are handed out.
+    pub policy: Policy,
+    /// Whether a leg begins only when everything of the one before is done, as in the paper. Costs time and changes
+    /// nothing else.
+    pub leg_barrier: bool,
+}
+
+impl Settings {
+    /// Threads beside the producer's.
+    pub fn workers(&self) -> usize {
+        self.threads.max(1) - 1
+    }
+
+    /// Chunks that may wait for a worker.
+    pub(super) fn capacity(&self) -> usize {
+        match self.policy {
+            Policy::Warehouse { factor, .. } => (factor.max(1) * self.workers()).max(1),
+            // Only as many as there are free workers are ever sent.
+            _ => self.workers().max(1),
+        }
+    }
+}

@@ -1,0 +1,453 @@
+//! The threads: one producer, workers, one collector; and the producer's end, which is where schedules differ.
+
+use super::Stop;
+use super::dropper::Dropper;
+use super::jobs::JobQueue;
+use super::policy::{Policy, Settings};
+use super::record::{Account, Ledger, Recorder};
+use crate::error::{Error, Result};
+use crossbeam::sync::WaitGroup;
+use crossbeam_channel::{Receiver, Sender, TrySendError, bounded, select};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+/// Work that is handed out: a number of tasks.
+pub trait Tasks {
+    /// How many.
+    fn tasks(&self) -> u32;
+}
+
+/// Takes results in chunk order.
+pub trait Collect<R>: Send {
+    /// What is known at the end.
+    type Summary: Send;
+    /// Takes the next result. `more_waiting` tells whether another result is already on its way, so that a live stream
+    /// can be flushed when there is none.
+    fn take(&mut self, result: R, more_waiting: bool) -> Result<()>;
+    /// All results were taken.
+    fn finish(self) -> Result<Self::Summary>;
+    /// The run ends early.
+    fn abort(self);
+}
+
+struct Crate<C, R> {
+    chunk: C,
+    receipt: flume::Sender<Result<R>>,
+    /// Held until the chunk is done, where legs are kept apart.
+    pending: Option<WaitGroup>,
+}
+
+/// When the first worker became idle, for dynamic chunks; 0 while no measurement is running.
+struct IdleClock {
+    origin: Instant,
+    since: AtomicU64,
+}
+
+impl IdleClock {
+    fn now(&self) -> u64 {
+        // Zero is taken; a nanosecond does no harm.
+        self.origin.elapsed().as_nanos().max(1) as u64
+    }
+
+    fn worker_ends(&self) {
+        if self.since.load(Ordering::Relaxed) == 0 {
+            let _ = self.since.compare_exchange(0, self.now(), Ordering::Relaxed, Ordering::Relaxed);
+        }
+    }
+
+    /// Ends the measurement: the time since the first worker became idle, if one did.
+    fn saturated(&self) -> Option<u64> {
+        match self.since.swap(0, Ordering::Relaxed) {
+            0 => None,
+            since => Some(self.now().saturating_sub(since)),
+        }
+    }
+}
+
+/// The producer's end: takes chunks and sees to it that they are computed, here or by a worker, as the schedule has it.
+///
+/// Whatever the schedule, results keep the order in which chunks come in. Every method blocks while the collector is
+/// behind, and fails when it has gone.
+pub struct Feed<'a, C, R, W> {
+    settings: Settings,
+    warehouse: Sender<Crate<C, R>>,
+    shelves: Receiver<Crate<C, R>>,
+    /// One for each worker that has nothing to do; not used by the warehouse.
+    free: Receiver<()>,
+    receipts: Sender<flume::Receiver<Result<R>>>,
+    jobs: &'a JobQueue,
+    dropper: Option<Dropper>,
+    idle: &'a IdleClock,
+    measured: Option<u64>,
+    pending: Option<WaitGroup>,
+    ledger: Ledger<'a>,
+    work: W,
+}
+
+impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
+    /// Tasks that the chunk in the making shall hold.
+    pub fn size(&self) -> u32 {
+        self.dropper.map_or(self.settings.policy.size(), |d| d.size())
+    }
+
+    /// Takes a chunk that has reached its size. It comes back when all workers are busy and the schedule wants the
+    /// producer to [`Feed::compute`] its first task meanwhile and go on filling the rest.
+    pub fn offer(&mut self, chunk: C) -> Result<Option<C>> {
+        if self.settings.workers() == 0 {
+            return self.compute(chunk).map(|()| None);
+        }
+        match self.settings.policy {
+            Policy::Warehouse { .. } => self.store(chunk).map(|()| None),
+            Policy::Single => {
+                self.ledger.account.skip();
+                let free = self.free.recv();
+                self.ledger.account.was_idle();
+                free.map_err(|_| failed("every worker"))?;
+                self.send(chunk).map(|()| None)
+            }
+            Policy::Static { .. } | Policy::Dynamic { .. } => {
+                if self.free.try_recv().is_err() {
+                    self.ledger.refused();
+                    if let Some(ns) = self.dropper.and_then(|_| self.idle.saturated()) {
+                        self.measured = Some(ns);
+                    }
+                    return Ok(Some(chunk));
+                }
+                self.send(chunk)?;
+                if let Some(dropper) = &mut self.dropper {
+                    let measured = self.measured.take();
+                    if dropper.hand_over(measured) {
+                        self.ledger.resized(measured, dropper);
+                    }
+                }
+                Ok(None)
+            }
+        }
+    }
+
+    /// Takes a chunk that ends before it has reached its size. Where legs are kept apart it is computed here.
+    pub fn put(&mut self, chunk: C) -> Result<()> {
+        if self.settings.workers() == 0 || self.pending.is_some() {
+            return self.compute(chunk);
+        }
+        match self.settings.policy {
+            Policy::Warehouse { .. } => self.store(chunk),
+            Policy::Single => self.offer(chunk).map(drop),
+            Policy::Static { .. } | Policy::Dynamic { .. } => match self.free.try_recv() {
+                Ok(()) => self.send(chunk),
+                Err(_) => self.compute(chunk),
+            },
+        }
+    }
+
+    /// Computes a chunk on this thread.
+    pub fn compute(&mut self, chunk: C) -> Result<()> {
+        let (item, promise) = self.packed(chunk);
+        self.announce(promise)?;
+        self.work_off(item, false);
+        Ok(())
+    }
+
+    /// A leg has ended and all its chunks have come in. Where legs are kept apart this waits until they are done.
+    pub fn leg_ended(&mut self) {
+        let mut waited = Duration::ZERO;
+        if self.pending.is_some() {
+            self.drain();
+            let began = Instant::now();
+            self.ledger.account.skip();
+            if let Some(group) = self.pending.replace(WaitGroup::new()) {
+                group.wait();
+            }
+            self.ledger.account.was_idle();
+            waited = began.elapsed();
+            // Nobody measures while nobody works.
+            (self.measured, _) = (None, self.idle.saturated());
+        }
+        self.ledger.leg_ended(waited);
+    }
+
+    /// Works off what waits in the warehouse, beside the workers.
+    fn drain(&mut self) {
+        // Under other schedules a chunk that was sent is on its way to a free worker.
+        while matches!(self.settings.policy, Policy::Warehouse { .. })
+            && let Ok(item) = self.shelves.try_recv()
+        {
+            self.ledger.took_back();
+            self.work_off(item, false);
+        }
+    }
+
+    /// Stores the chunk in the warehouse, or works it off here when that is full.
+    fn store(&mut self, chunk: C) -> Result<()> {
+        let (item, promise) = self.packed(chunk);
+        self.announce(promise)?;
+        match self.warehouse.try_send(item) {
+            Ok(()) => self.ledger.handed_over(self.warehouse.len()),
+            Err(TrySendError::Full(item) | TrySendError::Disconnected(item)) => {
+                self.ledger.refused();
+                self.work_off(item, true);
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends the chunk to a worker that is known to be free.
+    fn send(&mut self, chunk: C) -> Result<()> {
+        let (item, promise) = self.packed(chunk);
+        self.announce(promise)?;
+        self.warehouse.send(item).map_err(|_| failed("every worker"))?;
+        self.ledger.handed_over(self.settings.workers().saturating_sub(self.free.len()));
+        Ok(())
+    }
+
+    fn packed(&mut self, chunk: C) -> (Crate<C, R>, flume::Receiver<Result<R>>) {
+        self.ledger.came_in(chunk.tasks());
+        let (receipt, promise) = flume::bounded(1);
+        (Crate { chunk, receipt, pending: self.pending.clone() }, promise)
+    }
+
+    fn work_off(&mut self, item: Crate<C, R>, may_help: bool) {
+        self.ledger.account.skip();
+        if may_help || self.settings.workers() == 0 {
+            while let Ok(job) = self.jobs.exit().try_recv() {
+                job();
+                self.ledger.account.did_job();
+            }
+        }
+        let tasks = item.chunk.tasks();
+        let result = (self.work)(item.chunk);
+        self.ledger.computed(tasks, self.settings.workers() == 0);
+        // A collector that has gone is noticed at the next announcement.
+        let _ = item.receipt.send(result);
+    }
+
+    fn announce(&mut self, mut promise: flume::Receiver<Result<R>>) -> Result<()> {
+        let gone = |_| Error::Internal("the collector has ended early".to_owned());
+        match self.receipts.try_send(promise) {
+            Ok(()) => return Ok(()),
+            Err(TrySendError::Disconnected(_)) => return Err(gone(())),
+            Err(TrySendError::Full(p)) => promise = p,
+        }
+        self.ledger.account.skip();
+        loop {
+            // While the collector waits for a job nobody else may be there to run it.
+            let waiting = promise.clone();
+            select! {
+                send(self.receipts, waiting) -> sent => {
+                    self.ledger.account.was_idle();
+                    return sent.map_err(|_| gone(()));
+                }
+                recv(self.jobs.exit()) -> job => match job {
+                    Ok(job) => {
+                        job();
+                        self.ledger.account.did_job();
+                    }
+                    Err(_) => return self.receipts.send(promise).map_err(|_| gone(())),
+                },
+            }
+        }
+    }
+}
+
+/// Runs `produce` on this thread, the workers and the collector on others, until all is done or one of them fails.
+///
+/// `make_worker` is called once per computing thread; the worker it makes owns its scratch memory and does not know which
+/// schedule it works for. `stop` is asked when anything fails, and should be looked at by `produce` between chunks. The
+/// first error in the order of the results wins. A `recorder` takes down what everybody did.
+pub fn run<C, R, W, K>(
+    settings: Settings,
+    jobs: &Arc<JobQueue>,
+    stop: &Stop,
+    recorder: Option<&Recorder>,
+    make_worker: impl Fn() -> W + Sync,
+    produce: impl FnOnce(&mut Feed<'_, C, R, W>) -> Result<()>,
+    collector: K,
+) -> Result<K::Summary>
+where
+    C: Tasks + Send,
+    R: Send,
+    W: FnMut(C) -> Result<R>,
+    K: Collect<R>,
+{
+    let (warehouse, shelves) = bounded::<Crate<C, R>>(settings.capacity());
+    // Every chunk that waits or is being worked on has a receipt, and as many finished ones may wait for the collector.
+    let (receipts, promises) = bounded(2 * (settings.capacity() + settings.threads));
+    let (released, free) = bounded(settings.workers().max(1));
+    let idle = IdleClock { origin: Instant::now(), since: AtomicU64::new(0) };
+    let dropper = match settings.policy {
+        Policy::Dynamic { size, significant_ns } => Some(Dropper::new(size, significant_ns)),
+        _ => None,
+    };
+    let site = Site {
+        shelves,
+        jobs,
+        released,
+        by_turns: !matches!(settings.policy, Policy::Warehouse { .. }),
+        idle: dropper.map(|_| &idle),
+        recorder,
+    };
+    for _ in 0..settings.workers() {
+        // There is a place for each of them.
+        let _ = site.released.send(());
+    }
+    let make_worker = &make_worker;
+    std::thread::scope(|scope| {
+        let mut workers = Vec::new();
+        for _ in 0..settings.workers() {
+            let site = site.clone();
+            workers.push(scope.spawn(move || site.work_off(make_worker())));
+        }
+        let shelves = site.shelves.clone();
+        // Who waits for a free worker shall learn that none is left.
+        drop(site);
+        let collecting = scope.spawn(move || {
+            let outcome = collect(&promises, stop, recorder, collector);
+            if outcome.is_err() {
+                stop.ask();
+            }
+            jobs.close();
+            outcome
+        });
+        let mut feed = Feed {
+            settings,
+            warehouse,
+            shelves,
+            free,
+            receipts,
+            jobs,
+            dropper,
+            idle: &idle,
+            measured: None,
+            pending: settings.leg_barrier.then(WaitGroup::new),
+            ledger: Ledger::open(recorder),
+            work: make_worker(),
+        };
+        let produced = produce(&mut feed);
+        match produced {
+            Ok(()) => feed.drain(),
+            Err(_) => stop.ask(),
+        }
+        feed.ledger.hand_in();
+        drop(feed);
+        while let Ok(job) = jobs.exit().recv() {
+            job();
+        }
+        let collected = collecting.join().unwrap_or_else(|_| Err(failed("the collector")));
+        for worker in workers {
+            worker.join().map_err(|_| failed("a worker"))?;
+        }
+        if let Some(recorder) = recorder {
+            recorder.ended(&settings);
+        }
+        // When the collector fails the producer fails too, for want of a taker: the collector's reason is the one to tell.
+        match (collected, produced) {
+            // The collector only followed the producer's wish to stop.
+            (Err(Error::Interrupted), Err(reason)) => Err(reason),
+            (Err(reason), _) => Err(reason),
+            (Ok(_), Err(reason)) => Err(reason),
+            (Ok(summary), Ok(())) => Ok(summary),
+        }
+    })
+}
+
+fn failed(who: &str) -> Error {
+    Error::Internal(format!("{who} stopped unexpectedly; the message above tells where"))
+}
+
+/// Where workers work.
+struct Site<'a, C, R> {
+    shelves: Receiver<Crate<C, R>>,
+    jobs: &'a JobQueue,
+    released: Sender<()>,
+    /// Whether the producer waits for free workers.
+    by_turns: bool,
+    idle: Option<&'a IdleClock>,
+    recorder: Option<&'a Recorder>,
+}
+
+impl<C, R> Clone for Site<'_, C, R> {
+    fn clone(&self) -> Self {
+        Site { shelves: self.shelves.clone(), released: self.released.clone(), ..*self }
+    }
+}
+
+impl<C: Tasks, R> Site<'_, C, R> {
+    /// Takes jobs and chunks until there will be no more of either.
+    fn work_off(self, mut work: impl FnMut(C) -> Result<R>) {
+        let mut account = Account::open(self.recorder);
+        let run_job = |account: &mut Account, job: super::Job| {
+            account.was_idle();
+            job();
+            account.did_job();
+        };
+        loop {
+            if let Ok(job) = self.jobs.exit().try_recv() {
+                run_job(&mut account, job);
+                continue;
+            }
+            select! {
+                recv(self.jobs.exit()) -> job => match job {
+                    Ok(job) => run_job(&mut account, job),
+                    // No job will come any more, which is the collector's last act.
+                    Err(_) => break,
+                },
+                recv(self.shelves) -> item => match item {
+                    Ok(item) => self.compute(item, &mut account, &mut work),
+                    Err(_) => {
+                        while let Ok(job) = self.jobs.exit().recv() {
+                            run_job(&mut account, job);
+                        }
+                        break;
+                    }
+                },
+            }
+        }
+        account.hand_in();
+    }
+
+    fn compute(&self, item: Crate<C, R>, account: &mut Account, work: &mut impl FnMut(C) -> Result<R>) {
+        account.was_idle();
+        let Crate { chunk, receipt, pending } = item;
+        let tasks = chunk.tasks();
+        // A collector that has gone does not take the receipt; nothing is lost by that.
+        let _ = receipt.send(work(chunk));
+        account.computed(tasks);
+        drop(pending);
+        if let Some(idle) = self.idle {
+            idle.worker_ends();
+        }
+        if self.by_turns {
+            // There is a place for every worker, and a producer that has gone needs none.
+            let _ = self.released.try_send(());
+        }
+    }
+}
+
+fn collect<R, K: Collect<R>>(
+    promises: &Receiver<flume::Receiver<Result<R>>>,
+    stop: &Stop,
+    recorder: Option<&Recorder>,
+    mut collector: K,
+) -> Result<K::Summary> {
+    let mut account = Account::open(recorder);
+    for promise in promises {
+        let result = promise.recv().unwrap_or_else(|_| Err(failed("a worker")));
+        account.was_idle();
+        let taken = result.and_then(|result| collector.take(result, !promises.is_empty()));
+        account.computed(0);
+        if let Err(e) = taken {
+            collector.abort();
+            return Err(e);
+        }
+    }
+    if stop.asked() {
+        collector.abort();
+        return Err(Error::Interrupted);
+    }
+    account.hand_in_as_collector();
+    collector.finish()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,286 @@
+//! Order, endings and records of all schedules.
+
+use super::*;
+use std::sync::atomic::AtomicUsize;
+
+struct Gather {
+    seen: Vec<u64>,
+    fail_at: Option<u64>,
+}
+
+impl Collect<u64> for Gather {
+    type Summary = Vec<u64>;
+    fn take(&mut self, result: u64, _: bool) -> Result<()> {
+        if self.fail_at == Some(result) {
+            return Err(Error::ClosedPipe);
+        }
+        self.seen.push(result);
+        Ok(())
+    }
+    fn finish(self) -> Result<Vec<u64>> {
+        Ok(self.seen)
+    }
+    fn abort(self) {}
+}
+
+impl Tasks for u64 {
+    fn tasks(&self) -> u32 {
+        1
+    }
+}
+
+const POLICIES: [Policy; 6] = [
+    Policy::Single,
+    Policy::Static { size: 1 },
+    Policy::Static { size: 4 },
+    Policy::Dynamic { size: 4, significant_ns: 1000 },
+    Policy::Warehouse { size: 4, factor: 1 },
+    Policy::Warehouse { size: 4, factor: 4 },
+];
+
+/// A schedule for each number of threads, with and without barrier.
+fn schedules(threads: &[usize]) -> Vec<Settings> {
+    let mut all = Vec::new();
+    for &threads in threads {
+        for policy in POLICIES {
+            all.extend([false, true].map(|leg_barrier| Settings { threads, policy, leg_barrier }));
+        }
+    }
+    all
+}
+
+/// Hands out numbers as the pipeline hands out pulses: a refused one is computed here.
+fn hand_out<W: FnMut(u64) -> Result<u64>>(
+    feed: &mut Feed<'_, u64, u64, W>,
+    numbers: std::ops::Range<u64>,
+) -> Result<()> {
+    for x in numbers {
+        match x % 7 {
+            6 => {
+                feed.put(x)?;
+                feed.leg_ended();
+            }
+            _ => {
+                if let Some(x) = feed.offer(x)? {
+                    feed.compute(x)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn squares(settings: Settings, n: u64, fail_at: Option<u64>) -> Result<Vec<u64>> {
+    let jobs = Arc::new(JobQueue::new(4));
+    run(
+        settings,
+        &jobs,
+        &Stop::new(),
+        None,
+        || |x: u64| Ok(x * x),
+        |feed| hand_out(feed, 0..n),
+        Gather { seen: Vec::new(), fail_at },
+    )
+}
+
+#[test]
+fn results_come_in_the_order_of_the_chunks() {
+    let expected: Vec<u64> = (0..500).map(|x| x * x).collect();
+    for settings in schedules(&[1, 2, 8]) {
+        assert_eq!(squares(settings, 500, None).unwrap(), expected, "{settings:?}");
+        assert!(squares(settings, 0, None).unwrap().is_empty());
+    }
+}
+
+#[test]
+fn a_collector_that_fails_ends_the_run_with_its_reason() {
+    for settings in schedules(&[1, 2, 8]) {
+        assert!(matches!(squares(settings, 100_000, Some(25)), Err(Error::ClosedPipe)), "{settings:?}");
+    }
+}
+
+#[test]
+fn a_worker_that_fails_ends_the_run_with_its_reason() {
+    for settings in schedules(&[1, 3]) {
+        let jobs = Arc::new(JobQueue::new(4));
+        let outcome = run(
+            settings,
+            &jobs,
+            &Stop::new(),
+            None,
+            || |x: u64| if x == 7 { Err(Error::input("seven")) } else { Ok(x) },
+            |feed| hand_out(feed, 0..100_000),
+            Gather { seen: Vec::new(), fail_at: None },
+        );
+        assert!(matches!(outcome, Err(Error::Input(_))));
+    }
+}
+
+/// A collector that hands work back to the pool and waits for it, as compression does.
+struct Compressor {
+    jobs: Arc<JobQueue>,
+    done: Arc<AtomicUsize>,
+    waiting: Vec<flume::Receiver<u64>>,
+    sum: u64,
+}
+
+impl Collect<u64> for Compressor {
+    type Summary = u64;
+    fn take(&mut self, result: u64, _: bool) -> Result<()> {
+        let (tx, rx) = flume::bounded(1);
+        let done = self.done.clone();
+        let job = Box::new(move || {
+            done.fetch_add(1, Ordering::Relaxed);
+            let _ = tx.send(result + 1);
+        });
+        if let Err(job) = self.jobs.try_run(job) {
+            job();
+        }
+        self.waiting.push(rx);
+        if self.waiting.len() > 3 {
+            self.sum += self.waiting.remove(0).recv().unwrap();
+        }
+        Ok(())
+    }
+    fn finish(mut self) -> Result<u64> {
+        for rx in self.waiting.drain(..) {
+            self.sum += rx.recv().unwrap();
+        }
+        Ok(self.sum)
+    }
+    fn abort(self) {}
+}
+
+#[test]
+fn jobs_of_the_collector_are_run_whatever_the_number_of_threads() {
+    for settings in schedules(&[1, 2, 4]) {
+        let jobs = Arc::new(JobQueue::new(2));
+        let done = Arc::new(AtomicUsize::new(0));
+        let collector = Compressor { jobs: jobs.clone(), done: done.clone(), waiting: Vec::new(), sum: 0 };
+        let sum = run(
+            settings,
+            &jobs,
+            &Stop::new(),
+            None,
+            || |x: u64| Ok(x),
+            |feed| hand_out(feed, 0..1000),
+            collector,
+        );
+        assert_eq!(sum.unwrap(), (0..1000).map(|x| x + 1).sum::<u64>());
+        assert_eq!(done.load(Ordering::Relaxed), 1000);
+    }
+}
+
+#[test]
+fn a_stop_ends_the_run_as_interrupted() {
+    let jobs = Arc::new(JobQueue::new(4));
+    let stop = Stop::new();
+    let outcome = run(
+        Settings { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
+        &jobs,
+        &stop,
+        None,
+        || |x: u64| Ok(x),
+        |feed| {
+            for x in 0.. {
+                if x == 50 {
+                    stop.ask();
+                }
+                if stop.asked() {
+                    break;
+                }
+                feed.put(x)?;
+            }
+            Ok(())
+        },
+        Gather { seen: Vec::new(), fail_at: None },
+    );
+    assert!(matches!(outcome, Err(Error::Interrupted)));
+}
+
+#[test]
+fn a_leg_begins_when_the_one_before_is_done() {
+    for settings in schedules(&[2, 4]).into_iter().filter(|s| s.leg_barrier) {
+        let jobs = Arc::new(JobQueue::new(4));
+        let (done, legs_seen) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let outcome = run(
+            settings,
+            &jobs,
+            &Stop::new(),
+            None,
+            || {
+                |x: u64| {
+                    std::thread::sleep(Duration::from_micros(50));
+                    done.fetch_add(1, Ordering::SeqCst);
+                    Ok(x)
+                }
+            },
+            |feed| {
+                for leg in 0..20 {
+                    hand_out(feed, 7 * leg..7 * (leg + 1))?;
+                    if done.load(Ordering::SeqCst) == 7 * (leg as usize + 1) {
+                        legs_seen.fetch_add(1, Ordering::SeqCst);
+                    }
+                }
+                Ok(())
+            },
+            Gather { seen: Vec::new(), fail_at: None },
+        );
+        assert_eq!(outcome.unwrap().len(), 140);
+        assert_eq!(legs_seen.load(Ordering::SeqCst), 20, "{settings:?}");
+    }
+}
+
+#[test]
+fn records_account_for_every_task_and_every_leg() {
+    for settings in schedules(&[1, 2, 4]) {
+        let (jobs, recorder) = (Arc::new(JobQueue::new(4)), Recorder::new());
+        let outcome = run(
+            settings,
+            &jobs,
+            &Stop::new(),
+            Some(&recorder),
+            || |x: u64| Ok(x),
+            |feed| hand_out(feed, 0..700),
+            Gather { seen: Vec::new(), fail_at: None },
+        );
+        assert_eq!(outcome.unwrap().len(), 700);
+        let log = recorder.finish();
+        assert_eq!((log.tasks, log.legs.len(), log.workers.len()), (700, 100, settings.workers()), "{log:?}");
+        assert_eq!(
+            log.legs.iter().map(|leg| leg.tasks).collect::<Vec<_>>(),
+            (1..=100).map(|i| 7 * i).collect::<Vec<_>>()
+        );
+        assert_eq!(log.handed_over, log.depths.iter().sum::<u64>());
+        let by_workers = log.handed_over - log.taken_back;
+        assert_eq!(by_workers + log.producer.chunks, 700, "{settings:?}");
+        assert_eq!(by_workers, log.workers.iter().map(|w| w.chunks).sum::<u64>());
+        for thread in log.workers.iter().chain([&log.producer]) {
+            let sum = thread.busy_s + thread.idle_s + thread.jobs_s;
+            assert!(sum > 0.0 && sum <= log.seconds + 1e-6, "{thread:?} of {}", log.seconds);
+        }
+        if settings.threads == 1 {
+            let profile = log.profile.entries();
+            assert_eq!((profile.len(), profile[699].0), (700, 700));
+            assert!(profile.windows(2).all(|w| w[0].1 <= w[1].1));
+        }
+    }
+}
+
+#[test]
+fn the_single_schedule_lets_the_producer_compute_nothing() {
+    let (jobs, recorder) = (Arc::new(JobQueue::new(4)), Recorder::new());
+    let settings = Settings { threads: 3, policy: Policy::Single, leg_barrier: false };
+    run(
+        settings,
+        &jobs,
+        &Stop::new(),
+        Some(&recorder),
+        || |x: u64| Ok(x),
+        |feed| hand_out(feed, 0..700),
+        Gather { seen: Vec::new(), fail_at: None },
+    )
+    .unwrap();
+    let log = recorder.finish();
+    assert_eq!((log.producer.tasks, log.handed_over), (0, 700));
+}
