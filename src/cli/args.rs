@@ -61,6 +61,8 @@ impl Cli {
 pub enum Command {
     /// Fly a HELIOS++ survey (.xml) or a pipeline (.toml) and write its point cloud.
     Run(Box<RunArgs>),
+    /// Compare trees, schedules, chunk sizes and numbers of threads on a survey.
+    Bench(Box<BenchArgs>),
     /// Make scenes to try things with.
     Scene(SceneArgs),
     /// List the scanners and platforms that ship.
@@ -328,6 +330,94 @@ pub struct TreeArgs {
     /// Whether parts of one mesh file share it; the points are the same.
     #[arg(long, value_name = "WHEN", hide = true, value_parser = ["auto", "always", "never"])]
     pub instances: Option<String>,
+}
+
+/// Whether legs wait for one another in a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Barriers {
+    /// They do not.
+    Off,
+    /// They do.
+    On,
+    /// Once and once.
+    Both,
+}
+
+impl Barriers {
+    /// The settings to compare.
+    pub fn values(self) -> &'static [bool] {
+        match self {
+            Barriers::Off => &[false],
+            Barriers::On => &[true],
+            Barriers::Both => &[false, true],
+        }
+    }
+}
+
+/// `vlscan bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// The survey (.xml) or pipeline (.toml).
+    pub survey: PathBuf,
+    /// Trees to compare.
+    #[arg(long, value_name = "TREE,…", value_delimiter = ',', default_value = "median,sah,fsah,bvh")]
+    pub tree: Vec<TreeKind>,
+    /// Build the kd-trees by the paper's rules: unit costs, 5 primitives, axes in turn.
+    #[arg(long)]
+    pub tree_strict: bool,
+    /// Schedules to compare.
+    #[arg(
+        long,
+        value_name = "SCHEDULE,…",
+        value_delimiter = ',',
+        default_value = "single,static,dynamic,warehouse"
+    )]
+    pub schedule: Vec<ScheduleKind>,
+    /// Pulses per chunk; single pulses and sequential runs aside.
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "32")]
+    pub chunk_size: Vec<u32>,
+    /// Chunks per worker that may wait in the warehouse.
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "4")]
+    pub warehouse_factor: Vec<usize>,
+    /// Threads that build and compute; one thread is always among them. [default: 1, 2, 4, … to all]
+    #[arg(short = 'j', long, value_name = "N,…", value_delimiter = ',')]
+    pub threads: Vec<usize>,
+    /// Whether a leg begins only when everything of the one before is done, as in the paper.
+    #[arg(long, value_name = "WHEN", default_value = "off")]
+    pub leg_barrier: Barriers,
+    /// Dynamic chunks: idle times shorter than this mean nothing, in milliseconds. [default: 0.1]
+    #[arg(long, value_name = "MS")]
+    pub idle_threshold: Option<f64>,
+    /// How often everything is measured; the least time counts.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub repetitions: usize,
+    /// How often everything is run before that.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub warm_up: usize,
+    /// What the points are written as, to a temporary file.
+    #[arg(long, value_name = "FORMAT", default_value = "las", value_parser = ["none", "xyz", "las", "laz"])]
+    pub format: String,
+    /// Replay measured task times on machines with so many threads, too.
+    #[arg(long, value_name = "N,…", value_delimiter = ',')]
+    pub simulate_threads: Vec<usize>,
+    /// Print the paper's own tables, too.
+    #[arg(long)]
+    pub paper: bool,
+    /// Write everything as JSON; - for stdout, where the table goes to stderr.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Draw times, speedups and chunk sizes as SVG.
+    #[arg(long, value_name = "FILE")]
+    pub svg: Option<PathBuf>,
+    /// Overwrite files that exist.
+    #[arg(long)]
+    pub force: bool,
+    /// Folder to look for scenes, scanners, platforms, geometry and spectra in; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub assets: Vec<PathBuf>,
+    /// Options of vlscan run that change what is simulated, such as --physics refined.
+    #[arg(last = true, value_name = "RUN OPTIONS")]
+    pub run: Vec<std::ffi::OsString>,
 }
 
 /// `vlscan catalogue`.

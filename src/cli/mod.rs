@@ -3,6 +3,7 @@
 //! Data goes to stdout; messages, warnings and progress go to stderr.
 
 mod args;
+mod bench;
 mod catalogue;
 mod completions;
 mod console;
@@ -56,6 +57,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     };
     let outcome = match &cli.command {
         Command::Run(args) => run::run(args, &console),
+        Command::Bench(args) => bench::run(args, &console),
         Command::Scene(args) => scene::run(args, &console),
         Command::Catalogue(args) => catalogue::run(args, &console),
         Command::Unzip(args) => unzip::run(args, &console),

@@ -2,7 +2,7 @@
 //! for each play; in single files and streams the plays follow one another, told apart by GPS time and pulse number.
 
 mod job;
-mod speed;
+pub mod speed;
 
 use super::args::RunArgs;
 use super::watch::{amount, duration, watched};
@@ -17,8 +17,7 @@ use crate::scene::{self, Movers, Scene, Stand};
 use crate::schedule::Recorder;
 use crate::survey::PlatformKind;
 use crate::tree::Tree;
-use job::Job;
-pub use job::count;
+pub use job::{Job, count};
 use std::sync::Arc;
 use std::time::Instant;
 

@@ -60,6 +60,11 @@ impl<'a> Physics<'a> {
         })
     }
 
+    /// Rays of a pulse, of the device that has most of them.
+    pub fn most_rays(&self) -> usize {
+        self.fleet.most_rays()
+    }
+
     /// A shooter for one worker.
     pub fn shooter(&self) -> Shooter<'_> {
         let volleys = vec![Volley::default(); self.fleet.devices()];

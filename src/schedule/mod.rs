@@ -34,7 +34,7 @@ pub use dropper::{Direction, Dropper};
 pub use jobs::{Job, JobQueue};
 pub use policy::{Policy, Settings};
 pub use record::{Depth, LegEnd, Log, Recorder, Series, SizeChange, ThreadLog};
-pub use replay::{Profile, Replayed, Workload, replay};
+pub use replay::{Profile, Replayed, Workload, overheads, replay};
 pub use run::{Collect, Feed, Tasks, run};
 
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -4,9 +4,13 @@
 //! computing, making chunks, handing them over and waking up who sleeps. The collector works beside them: its work is
 //! charged to the computing threads, which share their cores with it, and nothing ends before it has taken everything.
 
-use super::{Dropper, Policy, Series, Settings, SizeChange};
+use super::{
+    Collect, Dropper, JobQueue, Log, Policy, Recorder, Series, Settings, SizeChange, Stop, Tasks, run,
+};
+use crate::error::Result;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
+use std::sync::Arc;
 
 /// Seconds of computing up to each task, measured in chunks of one size.
 #[derive(Clone, Debug, PartialEq)]
@@ -251,7 +255,9 @@ impl<'a> Site<'a> {
     fn take_from_warehouse(&mut self) {
         while !self.waiting.is_empty() && self.earliest() <= self.now {
             let chunk = self.waiting.pop_front();
-            let (Some((came, cost)), Some(Reverse(Moment(free)))) = (chunk, self.workers.pop()) else { return };
+            let (Some((came, cost)), Some(Reverse(Moment(free)))) = (chunk, self.workers.pop()) else {
+                return;
+            };
             // Who was idle when it came had to wake up.
             let start = if free < came { came + self.load.wake_s } else { free };
             self.workers.push(Reverse(Moment(start + cost)));
@@ -336,6 +342,57 @@ impl<'a> Site<'a> {
             ..self.out
         }
     }
+}
+
+/// Measures what it costs to hand over a chunk, and to wake a thread that waits, s: runs without any work in them.
+pub fn overheads() -> Result<(f64, f64)> {
+    const CHUNKS: u32 = 20_000;
+    let idle_run = |policy| -> Result<Log> {
+        let (recorder, jobs) = (Recorder::new(), Arc::new(JobQueue::new(1)));
+        let settings = Settings { threads: 2, policy, leg_barrier: false };
+        run(
+            settings,
+            &jobs,
+            &Stop::new(),
+            Some(&recorder),
+            || |_: Nothing| Ok(()),
+            |feed| (0..CHUNKS).try_for_each(|_| feed.put(Nothing)),
+            Ignored,
+        )?;
+        Ok(recorder.finish())
+    };
+    let (mut hand_over, mut round_trip) = (f64::INFINITY, f64::INFINITY);
+    for _ in 0..3 {
+        let log = idle_run(Policy::Warehouse { size: 1, factor: CHUNKS as usize })?;
+        let p = &log.producer;
+        hand_over = hand_over.min((log.producer_s - p.busy_s - p.idle_s).max(0.0) / f64::from(CHUNKS));
+        round_trip = round_trip.min(idle_run(Policy::Single)?.seconds / f64::from(CHUNKS));
+    }
+    Ok((hand_over, (0.5 * (round_trip - hand_over)).max(0.0)))
+}
+
+struct Nothing;
+
+impl Tasks for Nothing {
+    fn tasks(&self) -> u32 {
+        1
+    }
+}
+
+struct Ignored;
+
+impl Collect<()> for Ignored {
+    type Summary = ();
+
+    fn take(&mut self, (): (), _: bool) -> Result<()> {
+        Ok(())
+    }
+
+    fn finish(self) -> Result<()> {
+        Ok(())
+    }
+
+    fn abort(self) {}
 }
 
 #[cfg(test)]
@@ -451,6 +508,10 @@ mod tests {
             assert_eq!(seconds(&load, 512, policy, false), 1.0, "{policy:?}");
             assert_eq!(seconds(&load, 512, policy, true), 2.0, "{policy:?}");
         }
-        assert_eq!(replay(&Workload::default(), &Settings { threads: 4, policy: Policy::Single, leg_barrier: true }).seconds, 0.0);
+        assert_eq!(
+            replay(&Workload::default(), &Settings { threads: 4, policy: Policy::Single, leg_barrier: true })
+                .seconds,
+            0.0
+        );
     }
 }

@@ -108,7 +108,8 @@ pub fn policy(
     })
 }
 
-fn chunk_size(wanted: Option<i64>) -> Result<u32> {
+/// A chunk size as typed.
+pub fn chunk_size(wanted: Option<i64>) -> Result<u32> {
     match wanted {
         None => Ok(CHUNK_SIZE),
         Some(n) => match u32::try_from(n.unsigned_abs()) {

@@ -1,0 +1,345 @@
+//! Flying and timing.
+
+use super::{Flight, Matrix, name};
+use crate::cli::args::TreeKind;
+use crate::cli::run::Job;
+use crate::cli::{Console, RunArgs, interrupt};
+use crate::error::{Error, Result};
+use crate::flight::FlightPlan;
+use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
+use crate::pipeline::{self, Progress};
+use crate::pulse::Physics;
+use crate::scene::{self, Movers, Scene};
+use crate::schedule::{self, Log, Policy, Profile, Recorder, Settings, SizeChange, Workload};
+use crate::survey::PlatformKind;
+use crate::tree::{BuildOptions, Tree};
+use serde::Serialize;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The survey, ready to be flown again and again.
+pub struct Bench {
+    pub job: Job,
+    pub scene: Scene,
+    pub load_s: f64,
+    pub format: String,
+    flight: FlightPlan,
+    movers: Option<Movers>,
+    /// Where the points of the runs go, until the end.
+    folder: tempfile::TempDir,
+}
+
+/// What was measured of one combination. Seconds are the least of all repetitions.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cell {
+    /// Builder of the tree.
+    pub tree: &'static str,
+    /// Name of the schedule; `sequential` on one thread.
+    pub schedule: &'static str,
+    /// Pulses per chunk (of the first one, when it is dynamic).
+    pub chunk_size: u32,
+    /// Chunks that may wait per worker.
+    pub warehouse_factor: Option<usize>,
+    /// Whether legs were kept apart.
+    pub leg_barrier: bool,
+    /// Threads that build and compute.
+    pub threads: usize,
+    /// Building the tree, s.
+    pub build_s: f64,
+    /// From the first pulse to the last point written, s.
+    pub simulation_s: f64,
+    /// Both.
+    pub total_s: f64,
+    /// Every repetition's simulation, s.
+    pub simulations_s: Vec<f64>,
+    /// Simulation of the same tree on one thread with chunks of this size, by this one.
+    pub speedup: f64,
+    /// Speedup per thread.
+    pub efficiency: f64,
+    /// Total of the median tree on one thread by this total (eq 17).
+    pub global_speedup: f64,
+    /// 1 − 1 / global speedup (eq 18).
+    pub time_reduction: f64,
+    /// Pulses fired.
+    pub pulses: u64,
+    /// Echoes detected.
+    pub echoes: u64,
+    /// Pulses per second of simulation.
+    pub pulses_per_s: f64,
+    /// Rays per second of simulation, those that go on behind a voxel not counted.
+    pub rays_per_s: f64,
+    /// Echoes per second of simulation.
+    pub echoes_per_s: f64,
+    /// Bytes of the tree.
+    pub tree_bytes: usize,
+    /// Most memory that the process has held so far, bytes; 0 where the system does not tell.
+    pub peak_bytes: u64,
+    /// Part of the workers' time in which they had nothing to do.
+    pub idle: f64,
+    /// Times that the producer found all workers busy or the warehouse full.
+    pub refusals: u64,
+    /// Mean number of chunks in the warehouse, or being computed, at a hand-over.
+    pub queue_depth: f64,
+    /// Chunk sizes in the course of the fastest repetition, of dynamic chunks.
+    pub sizes: Vec<SizeChange>,
+}
+
+impl Bench {
+    /// Reads the survey and loads its scene.
+    pub fn prepare(args: &RunArgs, format: &str, console: &Console) -> Result<Bench> {
+        let (job, warnings) = Job::resolve(args)?;
+        console.warnings(&warnings);
+        if matches!(job.survey.platform.kind, PlatformKind::Stream(_)) {
+            return Err(Error::input(
+                "a stream of poses passes only once, and a comparison flies many times",
+            ));
+        }
+        let started = Instant::now();
+        let (scene, warnings) = scene::load_play(&job.survey.scene, &job.load, 0, None)?;
+        console.warnings(&warnings.finish(job.strict)?);
+        let load_s = started.elapsed().as_secs_f64();
+        if scene::plays(&job.survey.scene) > 1 {
+            console.say("the scene's swaps ask for several flights; the first is compared");
+        }
+        let pulse_rate = job.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq));
+        let movers = Movers::new(&scene, &job.survey.scene, pulse_rate);
+        let ground = |x, y| scene.ground_height(x, y);
+        let (flight, warnings) = FlightPlan::new(&job.survey, scene.shift, &ground, &job.flight)?;
+        console.warnings(&warnings.finish(job.strict)?);
+        let folder =
+            tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir().as_path(), e))?;
+        Ok(Bench { job, scene, load_s, format: format.to_owned(), flight, movers, folder })
+    }
+
+    /// All cells of a tree. Repetitions take turns, so that what else the machine does falls on all of them.
+    pub fn tree(
+        &self,
+        kind: TreeKind,
+        options: &BuildOptions,
+        matrix: &Matrix,
+        console: &Console,
+    ) -> Result<Vec<Cell>> {
+        let (tree, builds) = self.builds(options, matrix)?;
+        let physics = Physics::new(&self.scene, &tree, &self.job.survey, self.job.physics)?;
+        let mut best: Vec<Option<(f64, Flown)>> = vec![None; matrix.flights.len()];
+        let mut all = vec![Vec::new(); matrix.flights.len()];
+        for turn in 0..matrix.warm_up + matrix.repetitions {
+            console.detail(format!(
+                "{}: {} {}",
+                name(kind),
+                if turn < matrix.warm_up { "warm-up" } else { "repetition" },
+                turn + 1
+            ));
+            for (i, flight) in matrix.flights.iter().enumerate() {
+                let flown = self.fly(&physics, options, flight.settings)?;
+                if turn < matrix.warm_up {
+                    continue;
+                }
+                all[i].push(flown.seconds);
+                if best[i].as_ref().is_none_or(|(least, _)| flown.seconds < *least) {
+                    best[i] = Some((flown.seconds, flown));
+                }
+            }
+        }
+        let build_of = |threads: usize| builds.iter().find(|b| b.0 == threads).map_or(f64::NAN, |b| b.1);
+        let cells = matrix.flights.iter().zip(best).zip(all).filter_map(|((flight, best), seconds)| {
+            let (_, flown) = best?;
+            Some(self.cell(kind, flight, build_of(flight.settings.threads), flown, seconds, tree.memory()))
+        });
+        Ok(cells.collect())
+    }
+
+    /// The tree, and the least time that building it took with each number of threads.
+    fn builds(&self, options: &BuildOptions, matrix: &Matrix) -> Result<(Tree, Vec<(usize, f64)>)> {
+        let mut builds: Vec<(usize, f64)> = Vec::new();
+        for flight in &matrix.flights {
+            let threads = flight.settings.threads;
+            if builds.iter().any(|b| b.0 == threads) {
+                continue;
+            }
+            let mut least = f64::INFINITY;
+            for _ in 0..matrix.repetitions {
+                let started = Instant::now();
+                drop(self.scene.tree(&with_jobs(options, threads)));
+                least = least.min(started.elapsed().as_secs_f64());
+                if interrupt::STOP.asked() {
+                    return Err(Error::Interrupted);
+                }
+            }
+            builds.push((threads, least));
+        }
+        Ok((self.scene.tree(&with_jobs(options, 0)), builds))
+    }
+
+    fn cell(
+        &self,
+        kind: TreeKind,
+        flight: &Flight,
+        build_s: f64,
+        flown: Flown,
+        simulations_s: Vec<f64>,
+        tree_bytes: usize,
+    ) -> Cell {
+        let (schedule, chunk_size, warehouse_factor) = flight.label();
+        let per_second = |n: f64| n / flown.seconds.max(1e-9);
+        let (busy, idle) = flown
+            .log
+            .workers
+            .iter()
+            .fold((0.0, 0.0), |(busy, idle), w| (busy + w.busy_s + w.jobs_s, idle + w.idle_s));
+        let depths = flown.log.depths.iter().enumerate();
+        let waited: u64 = depths.map(|(depth, &count)| depth as u64 * count).sum();
+        Cell {
+            tree: name(kind),
+            schedule,
+            chunk_size,
+            warehouse_factor,
+            leg_barrier: flight.settings.leg_barrier,
+            threads: flight.settings.threads,
+            build_s,
+            simulation_s: flown.seconds,
+            total_s: build_s + flown.seconds,
+            simulations_s,
+            speedup: f64::NAN,
+            efficiency: f64::NAN,
+            global_speedup: f64::NAN,
+            time_reduction: f64::NAN,
+            pulses: flown.pulses,
+            echoes: flown.echoes,
+            pulses_per_s: per_second(flown.pulses as f64),
+            rays_per_s: per_second(flown.pulses as f64 * flown.rays as f64),
+            echoes_per_s: per_second(flown.echoes as f64),
+            tree_bytes,
+            peak_bytes: peak(),
+            idle: if busy + idle > 0.0 { idle / (busy + idle) } else { 0.0 },
+            refusals: flown.log.refusals,
+            queue_depth: if flown.log.handed_over > 0 {
+                waited as f64 / flown.log.handed_over as f64
+            } else {
+                0.0
+            },
+            sizes: flown.log.sizes.entries().to_vec(),
+        }
+    }
+
+    fn fly(&self, physics: &Physics, options: &BuildOptions, schedule: Settings) -> Result<Flown> {
+        let (progress, recorder) = (Progress::default(), Recorder::new());
+        let context = OutputContext { survey: &self.job.survey, scene: &self.scene };
+        let output = Arc::new(OutputPlan::new(self.request()?, &context)?);
+        let trees = with_jobs(options, 1);
+        let run = pipeline::Run {
+            flight: &self.flight,
+            physics,
+            movers: self.movers.as_ref().map(|movers| (movers, &trees)),
+            output,
+            poses: None,
+            schedule,
+            recorder: Some(&recorder),
+            stop: &interrupt::STOP,
+            progress: &progress,
+        };
+        let started = Instant::now();
+        pipeline::fly(run, None, true)?;
+        let seconds = started.elapsed().as_secs_f64();
+        let (done, log) = (progress.snapshot(), recorder.finish());
+        Ok(Flown { seconds, pulses: done.pulses, echoes: done.echoes, rays: physics.most_rays(), log })
+    }
+
+    fn request(&self) -> Result<OutputRequest> {
+        let format = match self.format.as_str() {
+            "none" => None,
+            "xyz" => Some(PointFormat::Xyz),
+            "las" => Some(PointFormat::Las),
+            "laz" => Some(PointFormat::Laz),
+            other => return Err(Error::input(format!("--format: {other:?} is none of none, xyz, las, laz"))),
+        };
+        let file = self.folder.path().join(format!("points.{}", self.format));
+        Ok(OutputRequest {
+            sinks: format.map(|format| (Target::File(file), format)).into_iter().collect(),
+            waveforms: false,
+            pulses: false,
+            trajectory: None,
+            force: true,
+            plays: 1,
+            ..self.job.output.clone()
+        })
+    }
+
+    /// Task times in chunks of all sizes that may occur, measured on one thread, with what else costs time.
+    pub fn workload(&self, options: &BuildOptions, matrix: &Matrix) -> Result<Workload> {
+        let tree = self.scene.tree(&with_jobs(options, 0));
+        let physics = Physics::new(&self.scene, &tree, &self.job.survey, self.job.physics)?;
+        let mut sizes: Vec<u32> = matrix.flights.iter().flat_map(|f| [1, f.settings.policy.size()]).collect();
+        // Dynamic chunks go anywhere.
+        if matrix.flights.iter().any(|f| matches!(f.settings.policy, Policy::Dynamic { .. })) {
+            sizes.extend([8, 64, 512]);
+        }
+        sizes.sort_unstable();
+        sizes.dedup();
+        let mut logs: Vec<(u32, Vec<Log>)> = sizes.iter().map(|&size| (size, Vec::new())).collect();
+        for _ in 0..matrix.repetitions.max(2) {
+            for (size, logs) in &mut logs {
+                let policy = Policy::Static { size: *size };
+                let settings = Settings { threads: 1, policy, leg_barrier: false };
+                logs.push(self.fly(&physics, options, settings)?.log);
+            }
+        }
+        let profiles = logs.iter().map(|(size, logs)| Profile::new(*size, &least(logs))).collect();
+        let Some((_, largest)) = logs.last() else { return Err(Error::Internal("no task times".to_owned())) };
+        let legs = largest.first().map_or_else(Vec::new, |log| log.legs.iter().map(|l| l.tasks).collect());
+        // Jobs of the collector are done by whoever computes.
+        let per_task = |time: &dyn Fn(&Log) -> f64| {
+            largest.iter().map(|log| time(log) / log.tasks.max(1) as f64).fold(f64::INFINITY, f64::min)
+        };
+        let (hand_over_s, wake_s) = schedule::overheads()?;
+        Ok(Workload {
+            produce_s: per_task(&|log| {
+                let p = &log.producer;
+                (log.producer_s - p.busy_s - p.idle_s - p.jobs_s).max(0.0)
+            }),
+            collect_s: per_task(&|log| log.collector.busy_s + log.producer.jobs_s),
+            hand_over_s,
+            wake_s,
+            ..Workload::new(profiles, legs)
+        })
+    }
+}
+
+/// What a flight was.
+#[derive(Clone)]
+struct Flown {
+    seconds: f64,
+    pulses: u64,
+    echoes: u64,
+    rays: usize,
+    log: Log,
+}
+
+/// Cumulative times of the least that each chunk took in any of the repetitions, which had the same chunks.
+fn least(logs: &[Log]) -> Vec<(u64, f64)> {
+    let Some(first) = logs.first() else { return Vec::new() };
+    let mut sum = 0.0;
+    (0..first.profile.entries().len())
+        .map(|i| {
+            let times = logs.iter().filter_map(|log| {
+                let entries = log.profile.entries();
+                let before = if i > 0 { entries.get(i - 1)?.1 } else { 0.0 };
+                Some(entries.get(i)?.1 - before)
+            });
+            sum += times.fold(f64::INFINITY, f64::min);
+            (first.profile.entries()[i].0, sum)
+        })
+        .collect()
+}
+
+fn with_jobs(options: &BuildOptions, jobs: usize) -> BuildOptions {
+    BuildOptions { jobs, geometry_jobs: jobs, ..options.clone() }
+}
+
+/// The largest resident size of this process so far.
+fn peak() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kib = line.and_then(|rest| rest.split_whitespace().next()?.parse::<u64>().ok());
+    kib.unwrap_or(0) * 1024
+}

@@ -1,0 +1,358 @@
+//! The comparison as a picture (SVG): times and speedups against threads, schedules, chunk sizes in the course of a run,
+//! like the paper's figures 10 and 13 to 16, and what simulated machines would do.
+
+use super::report::Report;
+use std::fmt::Write as _;
+
+/// Colours of lines, told apart by most eyes.
+const COLOURS: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#5d5d5d", "#8a2be2"];
+
+const WIDTH: f64 = 560.0;
+const HEIGHT: f64 = 380.0;
+/// Room for axes and title within a chart: left, right, top, bottom.
+const MARGINS: [f64; 4] = [70.0, 20.0, 44.0, 48.0];
+
+/// What a chart shows.
+struct Chart {
+    title: String,
+    x: &'static str,
+    y: &'static str,
+    /// Whether the axes are logarithmic.
+    log: [bool; 2],
+    /// Names and points of the lines.
+    lines: Vec<(String, Vec<(f64, f64)>)>,
+    /// Names of places on the x axis: the lines' points are bars beside one another there.
+    bars: Option<Vec<String>>,
+}
+
+/// The whole picture.
+pub fn of(report: &Report) -> String {
+    let charts: Vec<Chart> =
+        charts(report).into_iter().filter(|c| c.lines.iter().any(|l| !l.1.is_empty())).collect();
+    let rows = charts.len().div_ceil(2).max(1);
+    let (width, height) = (2.0 * WIDTH, 40.0 + rows as f64 * HEIGHT);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+         height=\"{height}\" font-family=\"sans-serif\" font-size=\"12\">\n\
+         <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n\
+         <text x=\"{}\" y=\"26\" font-size=\"17\" text-anchor=\"middle\">{}</text>\n",
+        0.5 * width,
+        escaped(&format!(
+            "{}, {} primitives",
+            report.survey,
+            crate::cli::watch::amount(report.primitives as f64)
+        ))
+    );
+    for (i, chart) in charts.iter().enumerate() {
+        let _ = writeln!(
+            svg,
+            "<g transform=\"translate({} {})\">",
+            (i % 2) as f64 * WIDTH,
+            40.0 + (i / 2) as f64 * HEIGHT
+        );
+        chart.draw(&mut svg);
+        svg.push_str("</g>\n");
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+fn charts(report: &Report) -> Vec<Chart> {
+    let by_tree = |y: &dyn Fn(&super::measure::Cell) -> f64| {
+        let line = |tree: &'static str| {
+            let points = report.best_by_threads(tree).into_iter().map(|c| (c.threads as f64, y(c))).collect();
+            (tree.to_owned(), points)
+        };
+        report.trees().into_iter().map(line).collect::<Vec<_>>()
+    };
+    let chart =
+        |title: &str, x, y, log, lines| Chart { title: title.to_owned(), x, y, log, lines, bars: None };
+    let mut charts = vec![
+        chart(
+            "Build and simulation, best schedule",
+            "threads",
+            "seconds",
+            [true, false],
+            by_tree(&|c| c.total_s),
+        ),
+        chart(
+            "Speedup of the simulation, best schedule",
+            "threads",
+            "speedup",
+            [true, true],
+            by_tree(&|c| c.speedup),
+        ),
+    ];
+    charts.push(schedules(report));
+    let sizes: Vec<(String, Vec<(f64, f64)>)> = report
+        .cells
+        .iter()
+        .filter(|c| !c.sizes.is_empty())
+        .map(|c| {
+            let points = c.sizes.iter().map(|s| (s.tasks as f64 / 1e3, f64::from(s.size))).collect();
+            (format!("{} from {}, {} threads", c.tree, c.chunk_size, c.threads), points)
+        })
+        .collect();
+    charts.push(chart(
+        "Size of dynamic chunks",
+        "thousand pulses",
+        "pulses per chunk",
+        [false, false],
+        sizes,
+    ));
+    for tree in report.trees() {
+        let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+        for f in report.forecasts.iter().filter(|f| f.tree == tree) {
+            let size = if f.schedule == "single" { String::new() } else { format!(" {}", f.chunk_size) };
+            let factor = f.warehouse_factor.map_or_else(String::new, |n| format!("×{n}"));
+            let barrier = if f.leg_barrier { " + barrier" } else { "" };
+            let name = format!("{}{size}{factor}{barrier}", f.schedule);
+            let point = (f.threads as f64, f.speedup);
+            match lines.iter_mut().find(|l| l.0 == name) {
+                Some(line) => line.1.push(point),
+                None => lines.push((name, vec![point])),
+            }
+        }
+        lines.iter_mut().for_each(|l| l.1.sort_by(|a, b| a.0.total_cmp(&b.0)));
+        charts.push(chart(&format!("Simulated speedup, {tree}"), "threads", "speedup", [true, true], lines));
+    }
+    charts
+}
+
+/// Bars of the best simulation of every schedule with the most threads, by tree.
+fn schedules(report: &Report) -> Chart {
+    let most = report.cells.iter().map(|c| c.threads).max().unwrap_or(1);
+    let trees = report.trees();
+    let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+    for cell in report.cells.iter().filter(|c| c.threads == most || c.threads == 1) {
+        let name =
+            if cell.leg_barrier { format!("{} + barrier", cell.schedule) } else { cell.schedule.to_owned() };
+        let place = trees.iter().position(|t| *t == cell.tree).unwrap_or(0) as f64;
+        let line = match lines.iter().position(|l| l.0 == name) {
+            Some(at) => at,
+            None => {
+                lines.push((name, Vec::new()));
+                lines.len() - 1
+            }
+        };
+        match lines[line].1.iter_mut().find(|p| p.0 == place) {
+            Some(point) => point.1 = point.1.min(cell.simulation_s),
+            None => lines[line].1.push((place, cell.simulation_s)),
+        }
+    }
+    Chart {
+        title: format!("Simulation with {most} threads, best chunks"),
+        x: "",
+        y: "seconds",
+        log: [false, false],
+        lines,
+        bars: Some(trees.into_iter().map(str::to_owned).collect()),
+    }
+}
+
+impl Chart {
+    fn draw(&self, svg: &mut String) {
+        let [left, right, top, bottom] = MARGINS;
+        let (w, h) = (WIDTH - left - right, HEIGHT - top - bottom);
+        let points = || {
+            self.lines.iter().flat_map(|l| l.1.iter().copied()).filter(|p| p.0.is_finite() && p.1.is_finite())
+        };
+        let x = match &self.bars {
+            Some(places) => Axis { lo: -0.5, hi: places.len() as f64 - 0.5, log: false },
+            None => Axis::around(points().map(|p| p.0), self.log[0], false),
+        };
+        let y = Axis::around(points().map(|p| p.1), self.log[1], true);
+        let at = |p: (f64, f64)| (left + w * x.place(p.0), top + h * (1.0 - y.place(p.1)));
+        let _ = writeln!(
+            svg,
+            "<text x=\"{}\" y=\"26\" font-size=\"14\" text-anchor=\"middle\">{}</text>",
+            left + 0.5 * w,
+            escaped(&self.title)
+        );
+        for tick in y.ticks() {
+            let (_, py) = at((x.lo, tick));
+            let _ = writeln!(
+                svg,
+                "<line x1=\"{left}\" x2=\"{}\" y1=\"{py:.1}\" y2=\"{py:.1}\" stroke=\"#dddddd\"/>\
+                 <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+                left + w,
+                left - 6.0,
+                py + 4.0,
+                short(tick)
+            );
+        }
+        let names: Vec<(f64, String)> = match &self.bars {
+            Some(places) => places.iter().enumerate().map(|(i, name)| (i as f64, name.clone())).collect(),
+            None if self.log[0] => {
+                let mut xs: Vec<f64> = points().map(|p| p.0).collect();
+                xs.sort_by(f64::total_cmp);
+                xs.dedup();
+                xs.into_iter().map(|t| (t, short(t))).collect()
+            }
+            None => x.ticks().into_iter().map(|t| (t, short(t))).collect(),
+        };
+        for (tick, name) in names {
+            let (px, _) = at((tick, y.lo));
+            let _ = writeln!(
+                svg,
+                "<text x=\"{px:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+                top + h + 18.0,
+                escaped(&name)
+            );
+        }
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{left}\" y=\"{top}\" width=\"{w}\" height=\"{h}\" fill=\"none\" stroke=\"#888888\"/>\
+             <text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
+             <text transform=\"translate(18 {}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
+            left + 0.5 * w,
+            top + h + 38.0,
+            self.x,
+            top + 0.5 * h,
+            self.y
+        );
+        for (i, (_, points)) in self.lines.iter().enumerate() {
+            let colour = COLOURS[i % COLOURS.len()];
+            let points: Vec<_> = points.iter().filter(|p| p.0.is_finite() && p.1.is_finite()).collect();
+            if self.bars.is_some() {
+                let width = 0.8 / self.lines.len() as f64;
+                for p in points {
+                    let (x0, y1) = at((p.0 - 0.4 + i as f64 * width, p.1));
+                    let (x1, _) = at((p.0 - 0.4 + (i + 1) as f64 * width, p.1));
+                    let _ = writeln!(
+                        svg,
+                        "<rect x=\"{x0:.1}\" y=\"{y1:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{colour}\"/>",
+                        (x1 - x0 - 1.0).max(1.0),
+                        top + h - y1
+                    );
+                }
+                continue;
+            }
+            let path: Vec<String> =
+                points.iter().map(|p| at(**p)).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+            let _ = writeln!(
+                svg,
+                "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>",
+                path.join(" ")
+            );
+            for (px, py) in points.iter().take(if points.len() > 40 { 0 } else { 40 }).map(|p| at(**p)) {
+                let _ = writeln!(svg, "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3\" fill=\"{colour}\"/>");
+            }
+        }
+        self.legend(svg);
+    }
+
+    /// Names of the lines, on a translucent ground in the upper left corner.
+    fn legend(&self, svg: &mut String) {
+        let [left, _, top, _] = MARGINS;
+        let longest = self.lines.iter().map(|l| l.0.chars().count()).max().unwrap_or(0);
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"white\" fill-opacity=\"0.8\"/>",
+            left + 6.0,
+            top + 5.0,
+            30.0 + 6.8 * longest as f64,
+            6.0 + 16.0 * self.lines.len() as f64
+        );
+        for (i, (name, _)) in self.lines.iter().enumerate() {
+            let y = top + 18.0 + 16.0 * i as f64;
+            let _ = writeln!(
+                svg,
+                "<rect x=\"{}\" y=\"{}\" width=\"14\" height=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"{y}\">{}</text>",
+                left + 11.0,
+                y - 6.0,
+                COLOURS[i % COLOURS.len()],
+                left + 30.0,
+                escaped(name)
+            );
+        }
+    }
+}
+
+/// A range of values along one side of a chart.
+struct Axis {
+    lo: f64,
+    hi: f64,
+    log: bool,
+}
+
+impl Axis {
+    fn around(values: impl Iterator<Item = f64>, log: bool, from_zero: bool) -> Axis {
+        let (mut lo, mut hi) = values
+            .filter(|v| v.is_finite() && (!log || *v > 0.0))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+        if lo > hi {
+            (lo, hi) = (1.0, 2.0);
+        }
+        match (log, from_zero) {
+            (true, false) => (lo, hi) = (lo / 1.15, hi * 1.15),
+            // Room for the legend above the lines.
+            (true, true) => (lo, hi) = (lo / 1.2, hi * (hi / lo).max(2.0).sqrt().sqrt() * 1.3),
+            (false, true) => (lo, hi) = (0.0, hi * 1.35),
+            (false, false) => {}
+        }
+        if hi <= lo {
+            hi = lo + 1.0;
+        }
+        Axis { lo, hi, log }
+    }
+
+    /// Where a value lies, 0 at the lower end and 1 at the upper.
+    fn place(&self, value: f64) -> f64 {
+        let scale = |v: f64| if self.log { libm::log(v.max(1e-300)) } else { v };
+        (scale(value) - scale(self.lo)) / (scale(self.hi) - scale(self.lo))
+    }
+
+    /// Round values in it.
+    fn ticks(&self) -> Vec<f64> {
+        if self.log {
+            let first = libm::floor(libm::log2(self.lo)) as i32;
+            let last = libm::floor(libm::log2(self.hi)) as i32;
+            let every = ((last - first) / 8).max(1);
+            return (first..=last)
+                .step_by(every as usize)
+                .map(|e| libm::ldexp(1.0, e))
+                .filter(|t| *t >= self.lo)
+                .collect();
+        }
+        let raw = (self.hi - self.lo) / 5.0;
+        let power = libm::pow(10.0, libm::floor(libm::log10(raw)));
+        let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|f| f * power).find(|s| *s >= raw).unwrap_or(raw);
+        let first = libm::ceil(self.lo / step) as i64;
+        (first..).map(|i| i as f64 * step).take_while(|t| *t <= self.hi).take(12).collect()
+    }
+}
+
+fn short(value: f64) -> String {
+    let text = if value.abs() >= 100.0 || value == value.round() {
+        format!("{value:.0}")
+    } else {
+        format!("{value:.4}").trim_end_matches('0').to_owned()
+    };
+    text
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_hold_all_values_and_have_round_ticks() {
+        for (values, log) in
+            [(vec![0.13, 7.9], false), (vec![1.0, 512.0], true), (vec![3.0], true), (vec![], false)]
+        {
+            let axis = Axis::around(values.iter().copied(), log, true);
+            assert!(values.iter().all(|v| (0.0..=1.0).contains(&axis.place(*v))), "{values:?}");
+            let ticks = axis.ticks();
+            assert!((2..=12).contains(&ticks.len()), "{values:?}: {ticks:?}");
+        }
+        assert_eq!(short(0.25), "0.25");
+        assert_eq!(short(512.0), "512");
+        assert_eq!(escaped("a<b & c"), "a&lt;b &amp; c");
+    }
+}

@@ -1,0 +1,100 @@
+//! What was found, and how cells compare.
+
+use super::forecast::Forecast;
+use super::measure::{Bench, Cell};
+use super::{cores, paper};
+use serde_json::{Value, json};
+
+/// Everything that a comparison yields.
+pub struct Report {
+    pub survey: String,
+    pub primitives: usize,
+    pub legs: usize,
+    pub load_s: f64,
+    pub scene_bytes: usize,
+    pub format: String,
+    pub cells: Vec<Cell>,
+    pub forecasts: Vec<Forecast>,
+}
+
+impl Report {
+    /// Nothing flown yet.
+    pub fn begin(bench: &Bench) -> Report {
+        Report {
+            survey: bench.job.survey.name.clone(),
+            primitives: bench.scene.primitives(),
+            legs: bench.job.survey.legs.len(),
+            load_s: bench.load_s,
+            scene_bytes: bench.scene.memory(),
+            format: bench.format.clone(),
+            cells: Vec::new(),
+            forecasts: Vec::new(),
+        }
+    }
+
+    /// Fills in speedups: of each cell against the same tree on one thread with the same chunks, or the smallest there are;
+    /// and against the median tree on one thread, or the first tree when that one was not asked for.
+    pub fn compare(&mut self) {
+        let sequential: Vec<Cell> = self.cells.iter().filter(|c| c.threads == 1).cloned().collect();
+        let base = |tree: &str, chunk: u32| {
+            let of_tree = || sequential.iter().filter(|s| s.tree == tree);
+            of_tree().find(|s| s.chunk_size == chunk).or_else(|| of_tree().min_by_key(|s| s.chunk_size))
+        };
+        let simple = sequential.iter().find(|s| s.tree == "median").or(sequential.first()).map(|s| s.tree);
+        for cell in &mut self.cells {
+            if let Some(alone) = base(cell.tree, cell.chunk_size) {
+                cell.speedup = alone.simulation_s / cell.simulation_s;
+                cell.efficiency = cell.speedup / cell.threads as f64;
+            }
+            if let Some(simple) = simple.and_then(|tree| base(tree, cell.chunk_size)) {
+                cell.global_speedup = simple.total_s / cell.total_s;
+                cell.time_reduction = 1.0 - 1.0 / cell.global_speedup;
+            }
+        }
+    }
+
+    /// The trees in the order in which they were flown.
+    pub fn trees(&self) -> Vec<&'static str> {
+        let mut trees = Vec::new();
+        for cell in &self.cells {
+            if !trees.contains(&cell.tree) {
+                trees.push(cell.tree);
+            }
+        }
+        trees
+    }
+
+    /// The cell of least total for every number of threads of a tree, threads rising.
+    pub fn best_by_threads(&self, tree: &str) -> Vec<&Cell> {
+        let mut best: Vec<&Cell> = Vec::new();
+        for cell in self.cells.iter().filter(|c| c.tree == tree) {
+            match best.iter_mut().find(|b| b.threads == cell.threads) {
+                Some(b) if cell.total_s < b.total_s => *b = cell,
+                Some(_) => {}
+                None => best.push(cell),
+            }
+        }
+        best.sort_by_key(|c| c.threads);
+        best
+    }
+
+    /// All of it.
+    pub fn json(&self, with_paper: bool) -> Value {
+        let mut all = json!({
+            "program": concat!("vlscan ", env!("CARGO_PKG_VERSION")),
+            "machine": { "cores": cores(), "arch": std::env::consts::ARCH, "os": std::env::consts::OS },
+            "survey": self.survey,
+            "primitives": self.primitives,
+            "legs": self.legs,
+            "load_s": self.load_s,
+            "scene_bytes": self.scene_bytes,
+            "format": self.format,
+            "cells": self.cells,
+            "simulated": self.forecasts,
+        });
+        if with_paper {
+            all["paper"] = paper::json();
+        }
+        all
+    }
+}

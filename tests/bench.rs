@@ -1,0 +1,131 @@
+//! `vlscan bench`: every combination that was asked for is in its JSON, and the parts of it agree.
+
+mod common;
+
+use common::{fixture, folder, run, succeed, text};
+use serde_json::Value;
+use std::collections::BTreeSet;
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("no number {key} in {value}"))
+}
+
+#[test]
+fn every_cell_is_measured_and_told() {
+    let dir = folder();
+    let survey = fixture("forest/survey.xml");
+    let output = succeed(
+        dir.path(),
+        &[
+            "bench",
+            survey.to_str().unwrap(),
+            "--tree",
+            "median,sah,axis-sah,fsah,bvh",
+            "--chunk-size",
+            "32,256",
+            "--warehouse-factor",
+            "4,8",
+            "-j",
+            "1,2",
+            "--leg-barrier",
+            "both",
+            "--repetitions",
+            "1",
+            "--warm-up",
+            "0",
+            "--simulate-threads",
+            "2,8,64,512",
+            "--paper",
+            "--json",
+            "all.json",
+            "--svg",
+            "all.svg",
+        ],
+    );
+    let table = text(&output.stdout);
+    assert!(table.contains("warehouse + barrier") && table.contains("The paper, Table 6"), "{table}");
+    let json: Value =
+        serde_json::from_str(&std::fs::read_to_string(dir.path().join("all.json")).unwrap()).unwrap();
+
+    let mut expected = BTreeSet::new();
+    for tree in ["median", "sah", "axis-sah", "fsah", "bvh"] {
+        for chunk in [32, 256] {
+            expected.insert(format!("{tree} sequential {chunk} null false 1"));
+            for barrier in [false, true] {
+                expected.insert(format!("{tree} single 1 null {barrier} 2"));
+                expected.insert(format!("{tree} static {chunk} null {barrier} 2"));
+                expected.insert(format!("{tree} dynamic {chunk} null {barrier} 2"));
+                for factor in [4, 8] {
+                    expected.insert(format!("{tree} warehouse {chunk} {factor} {barrier} 2"));
+                }
+            }
+        }
+    }
+    let name = |c: &Value| {
+        format!(
+            "{} {} {} {} {} {}",
+            c["tree"].as_str().unwrap(),
+            c["schedule"].as_str().unwrap(),
+            c["chunk_size"],
+            c["warehouse_factor"],
+            c["leg_barrier"],
+            c["threads"]
+        )
+    };
+    let cells = json["cells"].as_array().unwrap();
+    assert_eq!(cells.iter().map(name).collect::<BTreeSet<_>>(), expected);
+    assert_eq!(cells.len(), expected.len(), "a combination was measured twice");
+
+    let first = &cells[0];
+    for cell in cells {
+        let of = |key: &str| number(cell, key);
+        assert!((of("build_s") + of("simulation_s") - of("total_s")).abs() < 1e-9);
+        assert!(of("build_s") > 0.0 && of("simulation_s") > 0.0 && of("rays_per_s") >= of("pulses_per_s"));
+        assert_eq!((&cell["pulses"], &cell["echoes"]), (&first["pulses"], &first["echoes"]), "{cell}");
+        assert!((of("efficiency") * of("threads") - of("speedup")).abs() < 1e-9);
+        assert!((of("time_reduction") - (1.0 - 1.0 / of("global_speedup"))).abs() < 1e-9);
+        let alone = cells.iter().find(|c| {
+            c["threads"] == 1
+                && c["tree"] == cell["tree"]
+                && (c["chunk_size"] == cell["chunk_size"] || cell["schedule"] == "single")
+        });
+        let speedup = number(alone.unwrap(), "simulation_s") / of("simulation_s");
+        assert!((speedup - of("speedup")).abs() < 1e-9, "{cell}");
+    }
+    assert_eq!(number(first, "global_speedup"), 1.0, "the simple tree on one thread is what all are compared to");
+
+    let simulated = json["simulated"].as_array().unwrap();
+    let of_two_threads = expected.iter().filter(|name| name.ends_with(" 2")).count();
+    assert_eq!(simulated.len(), 4 * of_two_threads);
+    for forecast in simulated {
+        assert!(number(forecast, "simulation_s") > 0.0 && number(forecast, "utilisation") <= 1.0 + 1e-9);
+        assert!(number(forecast, "speedup") <= number(forecast, "threads") * 1.0001, "{forecast}");
+        assert_eq!(forecast["measured_s"].is_number(), forecast["threads"] == 2, "{forecast}");
+    }
+    assert_eq!(json["paper"]["table_3"].as_array().unwrap().len(), 7);
+
+    let svg = std::fs::read_to_string(dir.path().join("all.svg")).unwrap();
+    let picture = roxmltree::Document::parse(&svg).unwrap();
+    let lines = picture.descendants().filter(|n| n.has_tag_name("polyline")).count();
+    assert!(lines >= 10, "{lines} lines");
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused() {
+    let dir = folder();
+    let survey = fixture("forest/survey.xml");
+    let survey = survey.to_str().unwrap();
+    std::fs::write(dir.path().join("kept.json"), "").unwrap();
+    for (arguments, advice) in [
+        (vec![survey, "--json", "kept.json"], "--force"),
+        (vec![survey, "-j", "0"], "threads"),
+        (vec![survey, "--chunk-size", "0"], "--chunk-size"),
+        (vec![survey, "--", "--physics", "wrong"], "refined"),
+        (vec!["missing.xml"], "missing.xml"),
+    ] {
+        let output = run(dir.path(), &[vec!["bench"], arguments.clone()].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output.stderr));
+        assert!(text(&output.stderr).contains(advice), "{arguments:?}: {}", text(&output.stderr));
+    }
+    assert!(std::fs::read(dir.path().join("kept.json")).unwrap().is_empty());
+}
