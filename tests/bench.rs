@@ -92,7 +92,11 @@ fn every_cell_is_measured_and_told() {
         let speedup = number(alone.unwrap(), "simulation_s") / of("simulation_s");
         assert!((speedup - of("speedup")).abs() < 1e-9, "{cell}");
     }
-    assert_eq!(number(first, "global_speedup"), 1.0, "the simple tree on one thread is what all are compared to");
+    assert_eq!(
+        number(first, "global_speedup"),
+        1.0,
+        "the simple tree on one thread is what all are compared to"
+    );
 
     let simulated = json["simulated"].as_array().unwrap();
     let of_two_threads = expected.iter().filter(|name| name.ends_with(" 2")).count();

@@ -512,6 +512,9 @@ pub struct MakeArgs {
     /// -n 1G --models 50 --copies 1000.
     #[arg(long, value_name = "N", conflicts_with = "separate_trees")]
     pub models: Option<u64>,
+    /// Forest: so many opaque voxels of 0.25 m in the crowns, besides the triangles.
+    #[arg(long, value_name = "N", conflicts_with = "models")]
+    pub voxels: Option<String>,
     /// Forest with --models: places of each tree. [default: 100]
     #[arg(long, value_name = "N", requires = "models")]
     pub copies: Option<u64>,

@@ -27,6 +27,10 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         super::run::count(text)
             .ok_or_else(|| Error::input(format!("--pulses: expected a number such as 2M, found {text:?}")))
     });
+    let voxels = args.voxels.as_deref().map(|text| {
+        super::run::count(text)
+            .ok_or_else(|| Error::input(format!("--voxels: expected a number such as 40k, found {text:?}")))
+    });
     let options = MakeOptions {
         kind,
         triangles,
@@ -35,12 +39,14 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         pulses: pulses.transpose()?,
         separate_trees: args.separate_trees,
         instances: args.models.map(|models| (models, args.copies.unwrap_or(100))),
+        voxels: voxels.transpose()?,
         overwrite: args.force,
     };
     let made = make(&options, &args.out, |_| {})?;
     console.say(format!(
-        "{} triangles in {}; scan them ({} pulses) with: vlscan run {}",
+        "{} triangles{} in {}; scan them ({} pulses) with: vlscan run {}",
         amount(made.triangles as f64),
+        if made.voxels > 0 { format!(" and {} voxels", amount(made.voxels as f64)) } else { String::new() },
         args.out.display(),
         amount(made.pulses as f64),
         made.survey.display()

@@ -299,11 +299,11 @@ impl<'r> Ledger<'r> {
     pub fn open(recorder: Option<&'r Recorder>) -> Ledger<'r> {
         // A second run goes on where the one before ended.
         let page = recorder.map(|r| {
-            let mut page = Box::default();
-            r.with(|log| page = Box::new(std::mem::take(log)));
-            page
+            let mut page = Log::default();
+            r.with(|log| page = std::mem::take(log));
+            Box::new(page)
         });
-        let passed = page.as_ref().map_or(0, |log: &Box<Log>| log.tasks);
+        let passed = page.as_deref().map_or(0, |log: &Log| log.tasks);
         Ledger { account: Account::open(recorder), page, passed }
     }
 

@@ -117,16 +117,28 @@ pub fn replay(load: &Workload, settings: &Settings) -> Replayed {
 }
 
 /// A moment, s, ordered; no moment is NaN.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+#[derive(Clone, Copy, Debug)]
 struct Moment(f64);
-
-impl Eq for Moment {}
 
 impl Ord for Moment {
     fn cmp(&self, other: &Moment) -> std::cmp::Ordering {
         self.0.total_cmp(&other.0)
     }
 }
+
+impl PartialOrd for Moment {
+    fn partial_cmp(&self, other: &Moment) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Moment {
+    fn eq(&self, other: &Moment) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Moment {}
 
 struct Site<'a> {
     load: &'a Workload,

@@ -291,17 +291,14 @@ impl Bench {
         let per_task = |time: &dyn Fn(&Log) -> f64| {
             largest.iter().map(|log| time(log) / log.tasks.max(1) as f64).fold(f64::INFINITY, f64::min)
         };
-        let (hand_over_s, wake_s) = schedule::overheads()?;
-        Ok(Workload {
-            produce_s: per_task(&|log| {
-                let p = &log.producer;
-                (log.producer_s - p.busy_s - p.idle_s - p.jobs_s).max(0.0)
-            }),
-            collect_s: per_task(&|log| log.collector.busy_s + log.producer.jobs_s),
-            hand_over_s,
-            wake_s,
-            ..Workload::new(profiles, legs)
-        })
+        let mut load = Workload::new(profiles, legs);
+        load.produce_s = per_task(&|log| {
+            let p = &log.producer;
+            (log.producer_s - p.busy_s - p.idle_s - p.jobs_s).max(0.0)
+        });
+        load.collect_s = per_task(&|log| log.collector.busy_s + log.producer.jobs_s);
+        (load.hand_over_s, load.wake_s) = schedule::overheads()?;
+        Ok(load)
     }
 }
 

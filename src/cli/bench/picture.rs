@@ -325,12 +325,11 @@ impl Axis {
 }
 
 fn short(value: f64) -> String {
-    let text = if value.abs() >= 100.0 || value == value.round() {
+    if value.abs() >= 100.0 || value == value.round() {
         format!("{value:.0}")
     } else {
         format!("{value:.4}").trim_end_matches('0').to_owned()
-    };
-    text
+    }
 }
 
 fn escaped(text: &str) -> String {

@@ -17,6 +17,7 @@ pub(super) enum Topic {
     Stone = 37,
     Book = 38,
     Plant = 39,
+    Crown = 40,
 }
 
 /// A sequence of draws for thing number `number` of a topic.

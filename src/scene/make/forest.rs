@@ -4,7 +4,7 @@ use super::chance::{Dice, Octave, Relief, Topic};
 use super::obj::{Mesh, ObjFile, PartFile};
 use super::solid::{ground, ground_cells};
 use super::tree::{SMALLEST_TREE, Species, Tree, shrub};
-use super::{Assembly, MakeOptions, Part};
+use super::{Assembly, MakeOptions, Part, crowns};
 use crate::error::Result;
 use crate::geom::DVec3;
 use std::path::Path;
@@ -129,6 +129,9 @@ pub(super) fn write(
         stand.write_separately(options.seed, folder, budget.tree_pairs, &mut assembly, trees_progress)?;
     } else {
         stand.write_by_species(options.seed, folder, budget.tree_pairs, &mut assembly, trees_progress)?;
+    }
+    if let Some(count) = options.voxels {
+        assembly.add_cells(crowns::write(&stand.trees, options.seed, count, folder)?);
     }
     Ok(assembly)
 }

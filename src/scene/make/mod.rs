@@ -5,6 +5,7 @@
 //! [`crate::rng`], all transcendental functions from `libm`, and numbers are written with four decimals.
 
 mod chance;
+mod crowns;
 mod flight;
 mod forest;
 mod obj;
@@ -81,6 +82,8 @@ pub struct MakeOptions {
     /// Forest: so many tree models, each standing in so many places; the table `trees.csv` lists them. The triangles of
     /// all these instances count.
     pub instances: Option<(u64, u64)>,
+    /// Forest: so many opaque voxels of 0.25 m in the crowns, besides the triangles.
+    pub voxels: Option<u64>,
     /// Existing files may be replaced.
     pub overwrite: bool,
 }
@@ -96,6 +99,7 @@ impl MakeOptions {
             pulses: None,
             separate_trees: false,
             instances: None,
+            voxels: None,
             overwrite: false,
         }
     }
@@ -110,6 +114,8 @@ pub struct MakeSummary {
     pub files: Vec<PathBuf>,
     /// Triangles of the scene.
     pub triangles: u64,
+    /// Voxels of the scene.
+    pub voxels: u64,
     /// Box around the scene, m.
     pub bounds: Aabb,
     /// Pulses that the survey emits, to within a per cent.
@@ -149,6 +155,7 @@ pub fn make(options: &MakeOptions, folder: &Path, mut progress: impl FnMut(f64))
         survey,
         files: assembly.files,
         triangles: assembly.triangles,
+        voxels: assembly.voxels,
         bounds: assembly.bounds,
         pulses: texts.pulses,
     })
@@ -173,6 +180,13 @@ fn check(options: &MakeOptions) -> Result<f64> {
                 forest::SMALLEST_MODEL
             )));
         }
+    }
+    if let Some(voxels) = options.voxels
+        && (options.kind != Kind::Forest || options.instances.is_some() || !(1..=1_000_000_000).contains(&voxels))
+    {
+        return Err(Error::input(format!(
+            "a {kind} with {voxels} voxels: only a forest without models has voxels, at most 1000000000"
+        )));
     }
     if triangles > 4_000_000_000 {
         return Err(Error::input(format!(
@@ -225,6 +239,7 @@ struct Assembly {
     files: Vec<PathBuf>,
     parts: Vec<Part>,
     triangles: u64,
+    voxels: u64,
     bounds: Aabb,
     ground_height: f64,
 }
@@ -235,6 +250,7 @@ impl Default for Assembly {
             files: Vec::new(),
             parts: Vec::new(),
             triangles: 0,
+            voxels: 0,
             bounds: Aabb::EMPTY,
             ground_height: 0.0,
         }
@@ -245,6 +261,14 @@ impl Assembly {
     /// Adds a mesh that was written as `name.obj`. The first is the ground.
     fn add(&mut self, name: &'static str, mesh: Mesh) {
         self.add_part(Part { file: format!("{name}.obj"), name }, mesh);
+    }
+
+    /// Adds voxels.
+    fn add_cells(&mut self, cells: crowns::Cells) {
+        self.voxels += cells.count;
+        self.bounds = self.bounds.union(cells.bounds);
+        self.files.push(cells.path);
+        self.parts.push(Part { file: crowns::FILE.to_owned(), name: "crowns" });
     }
 
     fn add_part(&mut self, part: Part, mesh: Mesh) {
@@ -336,6 +360,24 @@ mod tests {
         let parts = scene.matches("<part ").count();
         assert!(parts > 10, "{parts} parts");
         assert_eq!(parts, summary.files.iter().filter(|p| p.extension().is_some_and(|e| e == "obj")).count());
+    }
+
+    #[test]
+    fn voxels_are_in_the_crowns_and_in_the_scene() {
+        let options = MakeOptions { voxels: Some(3000), ..MakeOptions::new(Kind::Forest, 6000) };
+        let (folder, summary) = made(&options);
+        assert!((2700..=3000).contains(&summary.voxels), "{}", summary.voxels);
+        let reading = crate::survey::ReadOptions::default();
+        let (survey, warnings) = crate::survey::read_survey(&summary.survey, &reading).unwrap();
+        assert!(warnings.is_empty(), "{warnings:?}");
+        let (scene, _) = crate::scene::load(&survey.scene, &crate::scene::LoadOptions::default()).unwrap();
+        assert_eq!(scene.geometry.cubes.len() as u64, summary.voxels);
+        let ground = std::fs::read_to_string(folder.path().join("scene.xml")).unwrap();
+        assert!(ground.contains("crowns.vox"));
+        let crowded = MakeOptions { voxels: Some(100_000_000), overwrite: true, ..options.clone() };
+        assert!(matches!(make(&crowded, folder.path(), |_| ()), Err(Error::Input(_))));
+        let room = MakeOptions { voxels: Some(10), ..MakeOptions::new(Kind::Room, 2000) };
+        assert!(matches!(make(&room, folder.path(), |_| ()), Err(Error::Input(_))));
     }
 
     #[test]

@@ -29,6 +29,18 @@ pub(super) fn scene_text(kind: Kind, parts: &[Part]) -> String {
             );
             continue;
         }
+        if part.file.ends_with(".vox") {
+            let _ = writeln!(
+                text,
+                "    <part id=\"{id}\"> <!-- {} -->\n      <filter type=\"detailedvoxels\">\n        \
+                 <param type=\"string\" key=\"filepath\" value=\"{}\"/>\n        \
+                 <param type=\"string\" key=\"intersectionMode\" value=\"fixed\"/>\n        \
+                 <param type=\"string\" key=\"matfile\" value=\"forest.mtl\"/>\n        \
+                 <param type=\"string\" key=\"matname\" value=\"beech_leaves\"/>\n      </filter>\n    </part>",
+                part.name, part.file
+            );
+            continue;
+        }
         let _ = writeln!(
             text,
             "    <part id=\"{id}\"> <!-- {} -->\n      <filter type=\"objloader\"><param type=\"string\" \

@@ -92,6 +92,17 @@ impl Tree {
         Tree { species, number, foot, height, radius }
     }
 
+    /// Its number in the stand.
+    pub(super) fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// Centre and half axes of an ellipsoid about the crown.
+    pub(super) fn crown(&self) -> (DVec3, DVec3) {
+        let (base, half) = (self.species.crown_base(), 0.5 * self.height * (1.0 - self.species.crown_base()));
+        (self.foot + DVec3::Z * (base * self.height + half), DVec3::new(self.radius, self.radius, half))
+    }
+
     /// Leaf area of the crown, m²: trees share the triangles by it, so that leaves are of one size everywhere.
     pub(super) fn leaf_area(&self) -> f64 {
         self.species.leaf_area_index() * PI * self.radius * self.radius
