@@ -182,7 +182,9 @@ fn check(options: &MakeOptions) -> Result<f64> {
         }
     }
     if let Some(voxels) = options.voxels
-        && (options.kind != Kind::Forest || options.instances.is_some() || !(1..=1_000_000_000).contains(&voxels))
+        && (options.kind != Kind::Forest
+            || options.instances.is_some()
+            || !(1..=1_000_000_000).contains(&voxels))
     {
         return Err(Error::input(format!(
             "a {kind} with {voxels} voxels: only a forest without models has voxels, at most 1000000000"
