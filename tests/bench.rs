@@ -133,3 +133,40 @@ fn what_cannot_be_compared_is_refused() {
     }
     assert!(std::fs::read(dir.path().join("kept.json")).unwrap().is_empty());
 }
+
+/// Legs, rates and the mix of primitives are the paper's (its Tables 1 and 2); the files in the repository are what the
+/// script makes.
+#[test]
+fn stand_ins_of_the_papers_surveys_are_made() {
+    let dir = folder();
+    let paper = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/paper");
+    let made = std::process::Command::new(paper.join("make.sh"))
+        .args(["0.01", dir.path().to_str().unwrap()])
+        .env("VLSCAN", env!("CARGO_BIN_EXE_vlscan"))
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    for (name, primitives, voxels, legs, pulses, scans) in [
+        ("FIXED_250", 1_977_319.0, true, 41, 1_000_000, 225),
+        ("HAMMERLE", 4_630_456.0, false, 7, 1_200_000, 200),
+        ("SCALED_COG", 10_290_011.0, false, 41, 1_000_000, 225),
+        ("DIWANG", 11_738_288.0, false, 9, 100_000, 50),
+        ("ARBORETUM", 13_711_899.0, true, 21, 100_000, 50),
+    ] {
+        let file = format!("{name}.toml");
+        let written = std::fs::read_to_string(dir.path().join(&file)).unwrap();
+        assert_eq!(
+            written,
+            std::fs::read_to_string(paper.join(&file)).unwrap(),
+            "run make.sh and commit {file}"
+        );
+        assert_eq!(written.matches("[[leg]]").count(), legs, "{name}");
+        assert!(written.contains(&format!("pulse_freq_hz = {pulses}\nscan_freq_hz = {scans}\n")), "{name}");
+        let info = succeed(dir.path(), &["scene", "info", &file, "--json"]);
+        let info: Value = serde_json::from_slice(&info.stdout).unwrap();
+        let (triangles, cubes) = (number(&info, "triangles"), number(&info, "voxels"));
+        let share = (triangles + cubes) / (0.01 * primitives);
+        assert!((share - 1.0).abs() < 0.1, "{name}: {triangles} triangles, {cubes} voxels");
+        assert_eq!(cubes > 0.0, voxels, "{name}");
+    }
+}

