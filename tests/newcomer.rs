@@ -275,6 +275,38 @@ fn a_dataset_is_made_by_as_many_processes_as_there_are_cores() {
 }
 
 #[test]
+fn slips_are_answered_with_what_to_do() {
+    let dir = folder();
+    common::succeed(
+        dir.path(),
+        &["scene", "make", "forest", "-n", "2k", "--pulses", "2k", "-o", "forest", "-q"],
+    );
+    for (line, answer) in [
+        ("run nofile.xml", "searched in:"),
+        ("run forest", "forest is a folder; name ./forest/survey.xml"),
+        ("run forest/scene.xml", "it holds a <scene>"),
+        ("scene make forest -o forest", "--force"),
+        ("scene info forest", "name ./forest/survey.xml"),
+        ("preview forest/survey.xml -o a.png", "vlscan run forest/survey.xml -o points.laz"),
+        ("preview forest -o a.png", "name a file of points"),
+        ("preview none.laz -o a.png", "there is no such file"),
+        ("preview none.laz -o a.gif", ".png or .html"),
+        ("run forest/survey.xml -o a.foo", "choose xyz"),
+        ("run forest/survey.xml --correct foo -o a.xyz", "there are sum-equal-ranges"),
+        ("preveiw a.laz", "similar subcommand exists: 'preview'"),
+    ] {
+        let words: Vec<&str> = line.split(' ').collect();
+        let done = common::run(dir.path(), &words);
+        let said = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(2), "vlscan {line}: {said}");
+        assert!(said.contains(answer), "vlscan {line}: {said}");
+    }
+    // Nobody who asks for nothing is left without a first step.
+    let first = text(&common::run(dir.path(), &[]).stdout);
+    assert!(first.contains("To begin:\n  vlscan scene make forest"), "{first}");
+}
+
+#[test]
 fn examples_are_found_where_readers_see_them() {
     let page = "Text\n\n    one # a\n\n    two |\n      three\n\n* item\n    goes on\n\n```toml\n    no = 1\n```\n\n```sh\nfour\n\nfive\n```\n";
     assert_eq!(examples(page), ["one # a", "two |\n  three", "four", "five"]);

@@ -78,7 +78,7 @@ pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
         .write_all(text.as_bytes())
         .map_err(|e| Error::io("write", Path::new("standard output"), e))?;
     if rows.scanners.is_empty() && rows.platforms.is_empty() {
-        console.say("nothing in the catalogue has that in its name");
+        console.say("nothing in the catalogue has that in its name; `vlscan catalogue` lists everything");
     }
     Ok(())
 }

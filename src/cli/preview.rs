@@ -86,7 +86,16 @@ fn missing(error: Error, path: &Path) -> Error {
 
 /// Whatever can be refused before the points are read.
 fn check(args: &PreviewArgs) -> Result<()> {
-    let out = &args.out;
+    let (points, out) = (&args.points, &args.out);
+    if points.is_dir() {
+        return Err(Error::input(format!("{} is a folder; name a file of points in it", points.display())));
+    }
+    if points.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml") || e.eq_ignore_ascii_case("toml")) {
+        let shown = points.display();
+        return Err(Error::input(format!(
+            "{shown} holds no points; measure some first: vlscan run {shown} -o points.laz"
+        )));
+    }
     if is_stdout(out) {
         if std::io::stdout().is_terminal() && !args.force {
             return Err(Error::input(

@@ -69,7 +69,7 @@ function common(a, b) {
 
 /** Loads all blocks one after the other; the page stays usable and shows what there is. */
 async function load(upload) {
-  let loaded = 0;
+  let loaded = 0, shown = 0;
   for (const script of [...document.querySelectorAll('script.block')]) {
     const count = Number(script.dataset.count);
     const block = unpack(await bytesOf(script.textContent), count);
@@ -78,6 +78,10 @@ async function load(upload) {
     blocks.push(block);
     loaded += count;
     $('progress').value = loaded / meta.shown;
-    redraw();
+    // Not every block is worth a picture: drawing all that is there takes longer each time.
+    if (loaded > 1.6 * shown) {
+      shown = loaded;
+      redraw();
+    }
   }
 }
