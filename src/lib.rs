@@ -13,7 +13,7 @@
 //!   schedule: warehouse ═════► workers: replay chunk → pulses → tree → pulse physics → encode
 //!                                            │ encoded batches, in chunk order
 //!                                            ▼
-//!                                       output: xyz, las, laz, ply, trajectory, waveforms, pulses
+//!                                       output: xyz, csv, las, laz, ply, arrow, parquet, trajectory, waveforms, pulses
 //! ```
 //!
 //! | room | what it does | imports |

@@ -11,7 +11,9 @@ fn outputs(survey: &Path, extra: &[&str]) -> BTreeMap<PathBuf, Vec<u8>> {
     let dir = folder();
     let survey = survey.to_str().unwrap();
     let mut args = vec!["run", survey, "-q", "--seed", "11", "--waveforms", "--pulses", "--waveform-noise"];
-    for path in ["all.xyz", "all.las", "all.laz", "all.bin", "all.ply", "legs"] {
+    for path in
+        ["all.xyz", "all.las", "all.laz", "all.bin", "all.ply", "all.csv", "all.arrow", "all.parquet", "legs"]
+    {
         args.extend(["-o", path]);
     }
     args.extend(extra);

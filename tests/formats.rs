@@ -98,3 +98,136 @@ fn packets_are_the_same_for_any_threads_and_chunks() {
     assert!(one[1].len() > 100_000);
     assert!(one == bytes(&["-j", "8", "--chunk-size", "37"]));
 }
+
+/// A Python that has pyarrow, or `None` (with a printed note) where there is none.
+fn python_with_pyarrow() -> Option<std::path::PathBuf> {
+    let python = std::env::var("VLSCAN_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let works = Command::new(&python).args(["-c", "import pyarrow.parquet, numpy"]).output();
+    if works.is_ok_and(|w| w.status.success()) {
+        return Some(python.into());
+    }
+    println!("skipped: no python3 with pyarrow (pip install pyarrow)");
+    None
+}
+
+#[test]
+fn pyarrow_reads_streams_and_parquet_with_units_and_labels() {
+    let Some(python) = python_with_pyarrow() else { return };
+    let dir = folder();
+    let survey = forest();
+    let crs = r#"PROJCRS["ETRS89 / UTM zone 32N",ID["EPSG",25832]]"#;
+    let usual = ["run", &survey, "-q", "--seed", "3", "--crs", crs];
+    let sinks = ["-o", "a.arrow", "-o", "a.parquet", "-o", "a.csv", "-o", "a.xyz", "-o", "a.ply"];
+    succeed(dir.path(), &[&usual[..], &sinks].concat());
+    judge(
+        &python,
+        dir.path(),
+        r#"
+import pyarrow as pa, pyarrow.parquet as pq, pyarrow.csv as pc, numpy as np
+
+stream = pa.ipc.open_stream("a.arrow")
+batches = list(stream)
+assert len(batches) > 1 and all(b.num_rows == batches[0].num_rows for b in batches[:-1])
+table = pa.Table.from_batches(batches)
+parquet = pq.read_table("a.parquet")
+assert parquet.equals(table), "Parquet and Arrow differ"
+table.validate(full=True)
+for schema in (table.schema, parquet.schema):
+    assert b"25832" in schema.metadata[b"crs"] and schema.metadata[b"generator"].startswith(b"vlscan")
+    assert schema.field("X").metadata[b"unit"] == b"m"
+    assert schema.field("GpsTime").metadata[b"unit"] == b"s"
+    assert b"state" not in schema.metadata
+types = {"X": "double", "Intensity": "uint16", "ReturnNumber": "uint8", "NumberOfReturns": "uint8",
+         "Classification": "uint8", "ScanAngle": "float", "PointSourceId": "uint16", "GpsTime": "double",
+         "ObjectId": "int32", "Part": "uint32", "Primitive": "uint32", "PulseNumber": "uint64"}
+for name, kind in types.items():
+    assert str(table.schema.field(name).type) == kind, (name, table.schema.field(name).type)
+
+text = np.loadtxt("a.xyz")
+at = lambda name: table[name].to_numpy()
+for i, name in enumerate(("X", "Y", "Z", "Amplitude", "EchoWidth")):
+    assert np.abs(at(name) - text[:, i]).max() < 6e-5, name
+for i, name in ((5, "ReturnNumber"), (6, "NumberOfReturns"), (7, "PulseNumber"), (8, "ObjectId"), (9, "Classification")):
+    assert (at(name) == text[:, i]).all(), name
+assert np.abs(at("GpsTime") - text[:, 10]).max() < 1e-8
+off = at("Range") - at("TrueRange")
+assert np.abs(off).max() < 5 and 0.001 < np.median(np.abs(off)) < 0.2, np.median(np.abs(off))
+assert at("IncidenceAngle").min() >= 0 and at("IncidenceAngle").max() <= 90.001
+assert len(set(at("Primitive"))) > 100
+
+csv = pc.read_csv("a.csv")
+assert csv.column_names == table.column_names
+for name in csv.column_names:
+    assert np.allclose(csv[name].to_numpy(), at(name), atol=6e-5), name
+"#,
+    );
+}
+
+#[test]
+fn columns_are_chosen_and_misses_are_among_the_points() {
+    let dir = folder();
+    let survey = forest();
+    let columns = "X,Y,Z,NumberOfReturns,PulseNumber,BeamDirectionZ";
+    let usual = ["run", &survey, "-q", "--columns", columns, "--misses"];
+    succeed(dir.path(), &[&usual[..], &["-o", "a.csv", "-o", "a.xyz", "--pulses"]].concat());
+    let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
+    let (csv, xyz) = (read("a.csv"), read("a.xyz"));
+    assert_eq!(csv.lines().next().unwrap(), columns);
+    assert_eq!(csv.replace(',', " "), xyz);
+    // Every pulse is there: as echoes, or once as a miss that points downward from the aeroplane.
+    let rows: Vec<Vec<f64>> =
+        csv.lines().skip(1).map(|l| l.split(',').map(|w| w.parse().unwrap()).collect()).collect();
+    let missed: Vec<_> = rows.iter().filter(|r| r[3] == 0.0).collect();
+    let mut numbers: Vec<f64> = rows.iter().map(|r| r[4]).collect();
+    assert!(numbers.is_sorted(), "misses are not in the order of emission");
+    numbers.dedup();
+    assert_eq!(numbers.len(), read("a_pulse.txt").lines().count());
+    assert!(missed.len() > 10 && missed.len() < rows.len(), "{} of {}", missed.len(), rows.len());
+    assert!(missed.iter().all(|r| r[2] > 200.0 && r[5] < -0.5), "{:?}", missed[0]);
+
+    let wrong = common::run(dir.path(), &["run", &survey, "-o", "b.csv", "--columns", "X,Hight"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(text(&wrong.stderr).contains("TrueRange"), "{}", text(&wrong.stderr));
+    let nowhere = common::run(dir.path(), &["run", &survey, "-o", "b.las", "--columns", "X"]);
+    assert_eq!(nowhere.status.code(), Some(2));
+}
+
+#[test]
+fn las_and_ply_get_labels_and_misses() {
+    let Some(python) = python_with_laspy() else { return };
+    let dir = folder();
+    let survey = forest();
+    let usual = ["run", &survey, "-q", "--labels", "--misses"];
+    let sinks = ["-o", "a.las", "-o", "a.laz", "-o", "a.ply", "-o", "a.csv"];
+    succeed(dir.path(), &[&usual[..], &sinks].concat());
+    judge(
+        &python,
+        dir.path(),
+        r#"
+import laspy, numpy as np
+head = open("a.csv").readline().strip().split(",")
+rows = np.loadtxt("a.csv", delimiter=",", skiprows=1)
+at = lambda name: rows[:, head.index(name)]
+missed = at("NumberOfReturns") == 0
+assert 0 < missed.sum() < len(rows)
+for name in ("a.las", "a.laz"):
+    las = laspy.read(name)
+    assert len(las) == len(rows)
+    assert (las["part"] == at("Part")).all() and (las["primitive"] == at("Primitive")).all()
+    assert np.abs(las["true_range"] - at("TrueRange")).max() < 1e-3
+    assert (np.array(las.withheld, bool) == missed).all()
+    assert (las.number_of_returns == at("NumberOfReturns")).all()
+    for axis in "XYZ":
+        assert np.abs(las["BeamDirection" + axis] - at("BeamDirection" + axis)).max() < 1e-6
+    assert sum(las.header.number_of_points_by_return) == (~missed).sum()
+ply = open("a.ply", "rb").read()
+header, body = ply.split(b"end_header\n", 1)
+names = {"double": "<f8", "float": "<f4", "uchar": "u1", "int": "<i4", "ushort": "<u2", "uint": "<u4"}
+fields = [l.split() for l in header.decode().splitlines() if l.startswith("property")]
+points = np.frombuffer(body, np.dtype([(n, names[t]) for _, t, n in fields]))
+assert len(points) == len(rows)
+assert (points["primitive"] == at("Primitive")).all()
+assert np.abs(points["beam_direction_z"] - at("BeamDirectionZ")).max() < 1e-6
+"#,
+    );
+}

@@ -13,7 +13,7 @@ fn forest() -> String {
 #[test]
 fn stdout_carries_the_same_points_as_the_file() {
     let dir = folder();
-    for format in ["xyz", "las", "laz", "ply", "ply-ascii"] {
+    for format in ["xyz", "las", "laz", "ply", "ply-ascii", "csv", "arrow", "parquet"] {
         let name = format!("a.{}", if format == "ply-ascii" { "ascii.ply" } else { format });
         succeed(dir.path(), &["run", &forest(), "-q", "-o", &name, "--format", format]);
         let piped = run(dir.path(), &["run", &forest(), "-q", "-o", "-", "--format", format]);

@@ -159,7 +159,7 @@ pub struct OutputArgs {
     #[arg(short = 'o', long = "out", value_name = "PATH", help_heading = "Output")]
     pub out: Vec<PathBuf>,
     /// Format of the points, where no extension tells it.
-    #[arg(long, value_name = "FORMAT", value_parser = ["xyz", "bin", "las", "laz", "ply", "ply-ascii"], help_heading = "Output")]
+    #[arg(long, value_name = "FORMAT", value_parser = ["xyz", "csv", "bin", "las", "laz", "ply", "ply-ascii", "arrow", "parquet"], help_heading = "Output")]
     pub format: Option<String>,
     /// Write as HELIOS++ does: DIR/SURVEY/TIME/leg000_points.xyz and so on. [default without -o: output]
     #[arg(long, value_name = "DIR", help_heading = "Output", conflicts_with = "out")]
@@ -173,6 +173,16 @@ pub struct OutputArgs {
     /// Write every emitted pulse.
     #[arg(long, help_heading = "Output")]
     pub pulses: bool,
+    /// Columns of csv, arrow and parquet, and of xyz, which gets a header then: X,Y,Z,Intensity,GpsTime and so on. An
+    /// unknown name lists them all.
+    #[arg(long, value_name = "NAMES", help_heading = "Output")]
+    pub columns: Option<String>,
+    /// Write part, primitive and true range into las, laz and ply, too; csv, arrow and parquet have them anyway.
+    #[arg(long, help_heading = "Output")]
+    pub labels: bool,
+    /// Write pulses without echoes, too: 0 returns, at the beam's origin, with the beam's direction.
+    #[arg(long, help_heading = "Output")]
+    pub misses: bool,
     /// Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside that file or
     /// beside it as .wdp.
     #[arg(long, value_name = "WHERE", value_parser = ["inside", "beside"], help_heading = "Output")]

@@ -1,15 +1,17 @@
 //! The workers' share of the output: a batch becomes the bytes of every file that it goes to.
 
+use super::columns::ColumnCodec;
 use super::las::{LasCodec, encode_with_packets};
 use super::layout::{Route, Slots};
 use super::plan::{LegFacts, OutputPlan};
-use super::ply::{PlyAsciiCodec, PlyBinaryCodec, PlyFields};
+use super::ply::{PlyAsciiCodec, PlyBinaryCodec, PlyFields, PlyMore};
 use super::request::{PointFormat, TrajectoryFormat};
 use super::summary::Tally;
-use super::text;
+use super::{table, text};
 use crate::geom::DVec3;
 use crate::pulse::Batch;
 use crate::pulse::Echo;
+use std::borrow::Cow;
 
 /// A batch as bytes for every file that it goes to; [`Writer::append`](super::Writer::append) takes it.
 #[derive(Debug)]
@@ -85,11 +87,12 @@ impl PointCodec for XyzCodec<'_> {
 impl OutputPlan {
     /// Turns a batch into the bytes of every file. Called by the workers.
     pub fn encode(&self, batch: &Batch) -> Encoded {
+        let echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
         let routes = self.layout.routes.get(batch.leg as usize).map_or(&[][..], |r| r);
         let mut pieces = Vec::with_capacity(routes.len());
         for route in routes {
             match route {
-                Route::Points(format, slots) => self.points(*format, slots, batch, &mut pieces),
+                Route::Points(format, slots) => self.points(*format, slots, batch, &echoes, &mut pieces),
                 Route::Trajectory(format, slot) => pieces.push(self.trajectory(*format, *slot, batch)),
                 Route::Waveforms(slot) => pieces.push(self.waveforms(*slot, batch)),
                 Route::Pulses(slot) => pieces.push(self.pulses(*slot, batch)),
@@ -98,24 +101,69 @@ impl OutputPlan {
         Encoded { leg: batch.leg, pieces }
     }
 
-    fn points(&self, format: PointFormat, slots: &Slots, batch: &Batch, pieces: &mut Vec<Piece>) {
+    fn points(
+        &self,
+        format: PointFormat,
+        slots: &Slots,
+        batch: &Batch,
+        echoes: &[Echo],
+        pieces: &mut Vec<Piece>,
+    ) {
         let Some(leg) = self.legs.get(batch.leg as usize) else { return };
-        let ply = PlyFields { shift: self.shift, objects: &self.objects };
+        let ply = PlyFields { shift: self.shift, objects: &self.objects, more: self.ply_more() };
         match format {
+            PointFormat::Xyz if self.columns_chosen => {
+                self.tables(leg, slots, echoes, pieces, |out, rows, block| {
+                    table::push_rows(out, &self.columns, rows, &block, b' ');
+                });
+            }
+            PointFormat::Csv => self.tables(leg, slots, echoes, pieces, |out, rows, block| {
+                table::push_rows(out, &self.columns, rows, &block, b',');
+            }),
+            PointFormat::Arrow | PointFormat::Parquet => {
+                self.tables(leg, slots, echoes, pieces, |out, _, block| *out = block);
+            }
             PointFormat::Xyz | PointFormat::Bin => {
                 let codec = XyzCodec { shift: self.shift, labels: &self.labels };
-                encode_points(&codec, leg, slots, batch, pieces);
+                encode_points(&codec, leg, slots, echoes, pieces);
             }
             PointFormat::Las | PointFormat::Laz => {
                 let codec = LasCodec { format: &self.las, objects: &self.objects };
                 match &self.las.packets {
-                    None => encode_points(&codec, leg, slots, batch, pieces),
-                    Some(packets) => encode_with_packets(&codec, packets, leg, slots, batch, pieces),
+                    None => encode_points(&codec, leg, slots, echoes, pieces),
+                    Some(packets) => encode_with_packets(&codec, packets, leg, slots, echoes, batch, pieces),
                 }
             }
-            PointFormat::PlyBinary => encode_points(&PlyBinaryCodec(ply), leg, slots, batch, pieces),
-            PointFormat::PlyAscii => encode_points(&PlyAsciiCodec(ply), leg, slots, batch, pieces),
+            PointFormat::PlyBinary => encode_points(&PlyBinaryCodec(ply), leg, slots, echoes, pieces),
+            PointFormat::PlyAscii => encode_points(&PlyAsciiCodec(ply), leg, slots, echoes, pieces),
         }
+    }
+
+    /// Points as a block of columns for each file; `write` makes the file's bytes of it.
+    fn tables(
+        &self,
+        leg: &LegFacts,
+        slots: &Slots,
+        echoes: &[Echo],
+        pieces: &mut Vec<Piece>,
+        write: impl Fn(&mut Vec<u8>, usize, Vec<u8>),
+    ) {
+        let codec =
+            ColumnCodec { columns: &self.columns, shift: self.shift, objects: &self.objects, las: &self.las };
+        for (index, &slot) in slots.as_slice().iter().enumerate() {
+            let own: Vec<&Echo> = echoes.iter().filter(|echo| slots.of(echo.device) == index).collect();
+            let mut piece = Piece::new(slot, 0);
+            let mut block = Vec::new();
+            codec.push(&mut block, leg, &own);
+            write(&mut piece.bytes, own.len(), block);
+            own.iter().for_each(|echo| piece.tally.point(echo.position + self.shift, echo.return_number));
+            pieces.push(piece);
+        }
+    }
+
+    /// What vertices hold beyond the usual.
+    pub(super) fn ply_more(&self) -> PlyMore {
+        PlyMore { labels: self.learning, directions: self.misses }
     }
 
     fn trajectory(&self, format: TrajectoryFormat, slot: u32, batch: &Batch) -> Piece {
@@ -141,11 +189,28 @@ impl OutputPlan {
     }
 }
 
+/// The echoes of a batch and its pulses without echoes, in the order of emission.
+fn with_misses(batch: &Batch) -> Cow<'_, [Echo]> {
+    let mut all = Vec::with_capacity(batch.echoes.len() + batch.pulses.len());
+    let mut echoes = batch.echoes.iter().peekable();
+    for pulse in &batch.pulses {
+        let before = all.len();
+        let is_its = |echo: &&Echo| (echo.device, echo.pulse_number) == (pulse.device, pulse.number);
+        while let Some(echo) = echoes.next_if(is_its) {
+            all.push(*echo);
+        }
+        if all.len() == before {
+            all.push(Echo::miss(pulse));
+        }
+    }
+    Cow::Owned(all)
+}
+
 fn encode_points<C: PointCodec>(
     codec: &C,
     leg: &LegFacts,
     slots: &Slots,
-    batch: &Batch,
+    echoes: &[Echo],
     pieces: &mut Vec<Piece>,
 ) {
     let first = pieces.len();
@@ -155,13 +220,13 @@ fn encode_points<C: PointCodec>(
     };
     match slots {
         Slots::One(slot) => {
-            let mut piece = Piece::new(*slot, batch.echoes.len() * C::SIZE);
-            batch.echoes.iter().for_each(|echo| push(&mut piece, echo));
+            let mut piece = Piece::new(*slot, echoes.len() * C::SIZE);
+            echoes.iter().for_each(|echo| push(&mut piece, echo));
             pieces.push(piece);
         }
         Slots::PerDevice(slots) => {
             pieces.extend(slots.iter().map(|&slot| Piece::new(slot, 0)));
-            for echo in &batch.echoes {
+            for echo in echoes {
                 if let Some(piece) = pieces.get_mut(first + echo.device as usize) {
                     push(piece, echo);
                 }

@@ -1,6 +1,7 @@
 //! One open output file of any format.
 
 use super::archive::ArchiveStream;
+use super::arrow::{ArrowStream, ParquetStream};
 use super::encode::Piece;
 use super::las::{PACKETS_HEADER, packets_header, place_packets};
 use super::layout::Content;
@@ -12,6 +13,7 @@ use super::plan::{OutputPlan, packets_path};
 use super::ply;
 use super::request::{PacketPlace, PointFormat, TrajectoryFormat};
 use super::summary::{FileKind, FileSummary, Tally};
+use super::table;
 use super::text::TRAJECTORY_HEADER;
 use crate::error::{Error, Result};
 use ::laz::LazVlr;
@@ -46,6 +48,10 @@ enum Body {
     Laz(LazVlr, LazStream),
     /// A header that counts the points.
     Ply(PointFormat),
+    /// Batches of rows.
+    Arrow(Box<ArrowStream>),
+    /// Row groups, and a footer that lists them.
+    Parquet(Box<ParquetStream>),
 }
 
 impl OutputFile {
@@ -68,8 +74,25 @@ impl OutputFile {
                 Body::Laz(laszip, stream)
             }
             Content::Points(format @ (PointFormat::PlyBinary | PointFormat::PlyAscii)) => {
-                medium.append(&vec![b' '; ply::head(format, plan.epsg, &plan.objects, 0).len()])?;
+                medium.append(&vec![
+                    b' ';
+                    ply::head(format, plan.epsg, &plan.objects, plan.ply_more(), 0).len()
+                ])?;
                 Body::Ply(format)
+            }
+            Content::Points(PointFormat::Xyz) if plan.columns_chosen => {
+                medium.append(&table::header(&plan.columns, b' '))?;
+                Body::Plain
+            }
+            Content::Points(PointFormat::Csv) => {
+                medium.append(&table::header(&plan.columns, b','))?;
+                Body::Plain
+            }
+            Content::Points(PointFormat::Arrow) => {
+                Body::Arrow(Box::new(ArrowStream::new(&plan.columns, plan.schema.clone())?))
+            }
+            Content::Points(PointFormat::Parquet) => {
+                Body::Parquet(Box::new(ParquetStream::new(&plan.columns, plan.schema.clone())?))
             }
             Content::Trajectory(TrajectoryFormat::Csv) => {
                 medium.append(TRAJECTORY_HEADER)?;
@@ -101,6 +124,8 @@ impl OutputFile {
         match &mut self.body {
             Body::Laz(_, stream) => stream.append(bytes, &mut self.medium, offload)?,
             Body::Archive(stream) => stream.append(bytes, &mut self.medium, offload)?,
+            Body::Arrow(stream) => stream.append(bytes, |bytes| self.medium.append(bytes))?,
+            Body::Parquet(stream) => stream.append(bytes, |bytes| self.medium.append(bytes))?,
             Body::Plain | Body::Las | Body::Ply(_) => self.medium.append(bytes)?,
         }
         if matches!(self.body, Body::Las | Body::Laz(..)) && self.tally.records > plan.las.most_points() {
@@ -113,7 +138,13 @@ impl OutputFile {
     }
 
     /// Hands everything to the operating system.
-    pub fn flush(&mut self) -> Result<()> {
+    pub fn flush(&mut self, plan: &OutputPlan) -> Result<()> {
+        if let Body::Arrow(stream) = &mut self.body
+            && plan.live
+            && self.medium.is_stream()
+        {
+            stream.flush(|bytes| self.medium.append(bytes))?;
+        }
         self.packets.iter_mut().try_for_each(|packets| packets.medium.flush())?;
         self.medium.flush()
     }
@@ -131,6 +162,8 @@ impl OutputFile {
         let mut beside = None;
         match self.body {
             Body::Plain => {}
+            Body::Arrow(stream) => stream.finish(false, |bytes| self.medium.append(bytes))?,
+            Body::Parquet(stream) => stream.finish(false, |bytes| self.medium.append(bytes))?,
             Body::Archive(stream) => stream.finish(&mut self.medium, offload)?,
             Body::Las => {
                 let packets_at = self.medium.len();
@@ -148,7 +181,10 @@ impl OutputFile {
                 bounds = plan.las.world(&bounds);
             }
             Body::Ply(format) => {
-                self.medium.patch(0, &ply::head(format, plan.epsg, &plan.objects, self.tally.records))?;
+                self.medium.patch(
+                    0,
+                    &ply::head(format, plan.epsg, &plan.objects, plan.ply_more(), self.tally.records),
+                )?;
             }
         }
         let bytes = self.medium.len();

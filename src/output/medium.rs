@@ -142,6 +142,11 @@ impl Medium {
         medium
     }
 
+    /// Whether bytes leave as they come, to a pipe or the like.
+    pub fn is_stream(&self) -> bool {
+        matches!(self.kind, Kind::Direct)
+    }
+
     /// Bytes appended so far.
     pub fn len(&self) -> u64 {
         self.len

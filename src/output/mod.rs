@@ -12,6 +12,7 @@
 //! |---|---|
 //! | [`request`](OutputRequest), `layout`, `plan` | what is asked for, which files that makes, what is wrong with it |
 //! | `encode` with `text`, `number`, `las`, `ply` | batches as bytes |
+//! | `columns` with `arrow`, `table` | chosen columns as Arrow, Parquet and text with a header |
 //! | `laz`, `archive` with `blocks` | compression of LAS and of text; text expanded |
 //! | `writer`, `file`, `medium` | bytes into files and streams |
 //! | `offload`, `summary`, `crs` | work given away, what was written, EPSG codes |
@@ -20,7 +21,9 @@
 //! when the stream cannot seek.
 
 mod archive;
+mod arrow;
 mod blocks;
+mod columns;
 mod crs;
 mod encode;
 mod file;
@@ -36,6 +39,7 @@ mod plan;
 mod ply;
 mod request;
 mod summary;
+mod table;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -44,6 +48,7 @@ mod text;
 mod writer;
 
 pub use archive::unzip;
+pub use columns::Column;
 pub use encode::Encoded;
 pub use offload::{Job, NoOffload, Offload};
 pub use plan::{OutputContext, OutputPlan};

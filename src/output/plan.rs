@@ -1,5 +1,7 @@
 //! What will be written, decided and checked before anything is.
 
+use super::arrow::{About, schema};
+use super::columns::Column;
 use super::crs::epsg;
 use super::las::{LasFormat, ObjectIds};
 use super::layout::{Content, FilePlan, Home, Layout};
@@ -11,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use crate::scene::Scene;
 use crate::survey::Survey;
+use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
@@ -35,6 +38,17 @@ pub struct OutputPlan {
     /// The same as integers.
     pub(super) objects: ObjectIds,
     pub(super) las: LasFormat,
+    /// The columns of formats that have them.
+    pub(super) columns: Vec<Column>,
+    /// Whether they were chosen.
+    pub(super) columns_chosen: bool,
+    /// The same with their metadata.
+    pub(super) schema: SchemaRef,
+    /// Whether pulses without echoes are written.
+    pub(super) misses: bool,
+    /// Whether PLY gets part, primitive and true range.
+    pub(super) learning: bool,
+    pub(super) live: bool,
     /// EPSG code of the coordinate reference system.
     pub(super) epsg: Option<u16>,
     warnings: Diagnostics,
@@ -83,6 +97,9 @@ impl OutputPlan {
             }
         }
         let warnings = problems.finish(false)?;
+        let columns = request.columns.clone().unwrap_or_else(|| Column::usual(request.misses));
+        let about = About { scanner: &survey.scanner.name, crs, objects: &objects };
+        let schema = schema(&columns, &about);
         Ok(OutputPlan {
             layout,
             legs: survey.legs.iter().map(|leg| LegFacts::new(leg.number)).collect(),
@@ -90,6 +107,12 @@ impl OutputPlan {
             labels: scene.parts.iter().map(|part| text::label(&part.id)).collect(),
             objects,
             las,
+            columns,
+            columns_chosen: request.columns.is_some(),
+            schema,
+            misses: request.misses,
+            learning: request.labels,
+            live: request.live,
             epsg: crs.and_then(epsg).map(|(_, code)| code),
             warnings,
             force: request.force,
@@ -112,7 +135,7 @@ impl OutputPlan {
 
     /// Whether pulses are written, and so have to be recorded.
     pub fn wants_pulses(&self) -> bool {
-        self.layout.files.iter().any(|f| f.content == Content::Pulses)
+        self.misses || self.layout.files.iter().any(|f| f.content == Content::Pulses)
     }
 }
 
@@ -131,6 +154,14 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
             None,
             "a run directory has its trajectories already; name a file or a directory for others",
         );
+    }
+    if request.columns.is_some() && !request.sinks.iter().any(|(_, format)| format.has_columns()) {
+        problems
+            .error(
+                None,
+                "columns can be chosen for text, CSV, Arrow and Parquet, and none of them is written",
+            )
+            .help("-o points.csv, .xyz, .arrow or .parquet");
     }
     if request.split_by_channel && devices > 1 && request.sinks.iter().any(|(target, _)| streams(target)) {
         problems.error(None, "points on standard output cannot be split by channel");

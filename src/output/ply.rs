@@ -30,8 +30,38 @@ const PROPERTIES: [(&str, &str); 16] = [
     ("uint", "pulse_number"),
 ];
 
+/// Labels for learning.
+const LABELS: [(&str, &str); 3] = [("uint", "part"), ("uint", "primitive"), ("float", "true_range")];
+
+/// Where the beam went, of missed pulses above all.
+const DIRECTIONS: [(&str, &str); 3] =
+    [("float", "beam_direction_x"), ("float", "beam_direction_y"), ("float", "beam_direction_z")];
+
+/// What vertices hold beyond the usual.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PlyMore {
+    /// Part, primitive, true range.
+    pub labels: bool,
+    /// The beam's direction.
+    pub directions: bool,
+}
+
+impl PlyMore {
+    fn properties(self) -> impl Iterator<Item = &'static (&'static str, &'static str)> {
+        let labels = if self.labels { &LABELS[..] } else { &[] };
+        let directions = if self.directions { &DIRECTIONS[..] } else { &[] };
+        labels.iter().chain(directions)
+    }
+}
+
 /// The header of a file with `count` vertices. Its length does not depend on the count: a comment gives way.
-pub(super) fn head(format: PointFormat, epsg: Option<u16>, objects: &ObjectIds, count: u64) -> Vec<u8> {
+pub(super) fn head(
+    format: PointFormat,
+    epsg: Option<u16>,
+    objects: &ObjectIds,
+    more: PlyMore,
+    count: u64,
+) -> Vec<u8> {
     let encoding = if format == PointFormat::PlyAscii { "ascii" } else { "binary_little_endian" };
     let mut head = format!("ply\nformat {encoding} 1.0\ncomment vlscan {}\n", env!("CARGO_PKG_VERSION"));
     if let Some(code) = epsg {
@@ -45,7 +75,7 @@ pub(super) fn head(format: PointFormat, epsg: Option<u16>, objects: &ObjectIds, 
     let count = count.to_string();
     let padding = " ".repeat(20 - count.len());
     head.push_str(&format!("comment .{padding}\nelement vertex {count}\n"));
-    for (kind, name) in PROPERTIES {
+    for (kind, name) in PROPERTIES.iter().chain(more.properties()) {
         head.push_str(&format!("property {kind} {name}\n"));
     }
     head.push_str("end_header\n");
@@ -73,6 +103,7 @@ struct Vertex {
 pub(super) struct PlyFields<'a> {
     pub shift: DVec3,
     pub objects: &'a ObjectIds,
+    pub more: PlyMore,
 }
 
 impl PlyFields<'_> {
@@ -109,6 +140,15 @@ impl PointCodec for PlyBinaryCodec<'_> {
         out.extend(v.object.to_le_bytes());
         v.source.iter().for_each(|s| out.extend(s.to_le_bytes()));
         out.extend(v.pulse.to_le_bytes());
+        let PlyMore { labels, directions } = self.0.more;
+        if labels {
+            out.extend(echo.part.to_le_bytes());
+            out.extend(echo.primitive.to_le_bytes());
+            out.extend((echo.true_range as f32).to_le_bytes());
+        }
+        if directions {
+            echo.direction.to_array().iter().for_each(|&d| out.extend((d as f32).to_le_bytes()));
+        }
         Some(v.position)
     }
 }
@@ -144,6 +184,21 @@ impl PointCodec for PlyAsciiCodec<'_> {
         }
         out.push(b' ');
         push_integer(out, v.pulse);
+        let PlyMore { labels, directions } = self.0.more;
+        if labels {
+            for index in [echo.part, echo.primitive] {
+                out.push(b' ');
+                push_integer(out, index);
+            }
+            out.push(b' ');
+            push_fixed::<4>(out, echo.true_range);
+        }
+        if directions {
+            for d in echo.direction.to_array() {
+                out.push(b' ');
+                push_fixed::<9>(out, d);
+            }
+        }
         out.push(b'\n');
         Some(v.position)
     }

@@ -1,5 +1,6 @@
 //! What a run is asked to write.
 
+use super::Column;
 use std::path::PathBuf;
 
 /// Format of a point file.
@@ -17,6 +18,12 @@ pub enum PointFormat {
     PlyBinary,
     /// PLY as text.
     PlyAscii,
+    /// Comma-separated values with a line of names, see [`Column`].
+    Csv,
+    /// Arrow IPC stream with the same columns.
+    Arrow,
+    /// Parquet with the same columns.
+    Parquet,
 }
 
 impl PointFormat {
@@ -28,12 +35,15 @@ impl PointFormat {
             PointFormat::Las => "las",
             PointFormat::Laz => "laz",
             PointFormat::PlyBinary | PointFormat::PlyAscii => "ply",
+            PointFormat::Csv => "csv",
+            PointFormat::Arrow => "arrow",
+            PointFormat::Parquet => "parquet",
         }
     }
 
     /// Whether its header counts the points, and so is complete only at the end.
     pub fn counts(self) -> bool {
-        !matches!(self, PointFormat::Xyz | PointFormat::Bin)
+        matches!(self, PointFormat::Las | PointFormat::Laz | PointFormat::PlyBinary | PointFormat::PlyAscii)
     }
 
     /// Whether it is LAS, compressed or not.
@@ -43,7 +53,12 @@ impl PointFormat {
 
     /// Whether it is text that a terminal can show.
     pub fn is_text(self) -> bool {
-        matches!(self, PointFormat::Xyz | PointFormat::PlyAscii)
+        matches!(self, PointFormat::Xyz | PointFormat::PlyAscii | PointFormat::Csv)
+    }
+
+    /// Whether its columns can be chosen.
+    pub fn has_columns(self) -> bool {
+        matches!(self, PointFormat::Xyz | PointFormat::Csv | PointFormat::Arrow | PointFormat::Parquet)
     }
 }
 
@@ -88,6 +103,15 @@ pub struct OutputRequest {
     pub trajectory: Option<(Target, TrajectoryFormat)>,
     /// One point file per device of a scanner with several: `_dev<id>` before the extension.
     pub split_by_channel: bool,
+    /// Columns of Arrow, Parquet, CSV and, when they are chosen, of the text that has HELIOS++'s columns otherwise.
+    pub columns: Option<Vec<Column>>,
+    /// Write pulses without echoes, too: as records with 0 returns at the beam's origin, among the points in the order of
+    /// emission. LAS and PLY get the beam's direction as well.
+    pub misses: bool,
+    /// Labels for learning in LAS, LAZ and PLY: part, primitive, true range. Columns have them anyway.
+    pub labels: bool,
+    /// Whether poses arrive while points leave, so that Arrow streams do not wait for full batches.
+    pub live: bool,
     /// Settings of LAS and LAZ.
     pub las: LasSettings,
     /// Replace files that exist, and write binary data to a terminal.
@@ -111,6 +135,10 @@ impl Default for OutputRequest {
             zip: false,
             trajectory: None,
             split_by_channel: false,
+            columns: None,
+            misses: false,
+            labels: false,
+            live: false,
             las: LasSettings::default(),
             force: false,
             crs_wkt: None,

@@ -65,7 +65,10 @@ impl Tally {
     /// Counts a point that was written with these coordinates.
     pub fn point(&mut self, stored: DVec3, return_number: u32) {
         self.records += 1;
-        self.by_return[return_number.clamp(1, 15) as usize - 1] += 1;
+        // A missed pulse has no return.
+        if let Some(nth) = return_number.min(15).checked_sub(1) {
+            self.by_return[nth as usize] += 1;
+        }
         self.bounds = self.bounds.with(stored);
     }
 

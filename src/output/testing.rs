@@ -17,6 +17,7 @@ pub(super) fn echo(number: u32, of: u32) -> Echo {
         origin: DVec3::new(0.0, 0.0, 100.0),
         direction: DVec3::NEG_Z,
         range: 100.0,
+        true_range: 100.0,
         intensity: 1.0,
         echo_width: 0.0,
         return_number: number,
@@ -178,7 +179,14 @@ pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
                 first_sample,
                 samples,
             });
-            batch.pulses.push(PulseRecord { origin, direction, time_ns, number: i as u64, device: 0 });
+            batch.pulses.push(PulseRecord {
+                origin,
+                direction,
+                time_ns,
+                number: i as u64,
+                device: 0,
+                scan_angle: 0.0,
+            });
             batch.poses.push(PoseSample { time_ns, position: origin, roll: 0.0, pitch: 0.0, yaw: 1.0 });
         }
     }

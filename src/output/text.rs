@@ -161,6 +161,7 @@ mod tests {
             time_ns: 86_391e9,
             number: 1,
             device: 0,
+            scan_angle: 0.0,
         };
         let line = text(|out| push_pulse(out, DVec3::new(-30.0, -50.0, 100.414), &pulse));
         assert_eq!(line, "-30.0000 -50.0000 100.4140 0.2542 0.2289 -0.9397 86391000000000.0000 1 0\n");

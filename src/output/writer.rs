@@ -99,7 +99,8 @@ impl Writer {
 
     /// Hands everything that was appended to the operating system, for readers of live streams.
     pub fn flush(&mut self) -> Result<()> {
-        self.files.iter_mut().flatten().try_for_each(OutputFile::flush)
+        let plan = self.plan.clone();
+        self.files.iter_mut().flatten().try_for_each(|file| file.flush(&plan))
     }
 
     /// Begins the next play of a survey with swapped parts: its legs begin anew, in new run directories; files of other

@@ -13,6 +13,8 @@ pub struct Echo {
     pub direction: DVec3,
     /// Measured range, m, noise and errors included.
     pub range: f64,
+    /// Distance along its subray to what was hit, m: no noise, no errors, no bins.
+    pub true_range: f64,
     /// Waveform amplitude at the peak.
     pub intensity: f64,
     /// Width of the fitted Gaussian, ns; 0 when not asked for.
@@ -37,6 +39,36 @@ pub struct Echo {
     pub scan_angle: f64,
     /// Emission time, ns of the GPS week.
     pub time_ns: f64,
+}
+
+impl Echo {
+    /// What a pulse without echoes leaves: no part and no primitive, numbers of returns of 0, at the beam's origin.
+    pub fn miss(pulse: &PulseRecord) -> Echo {
+        Echo {
+            position: pulse.origin,
+            origin: pulse.origin,
+            direction: pulse.direction,
+            range: 0.0,
+            true_range: 0.0,
+            intensity: 0.0,
+            echo_width: 0.0,
+            return_number: 0,
+            number_of_returns: 0,
+            pulse_number: pulse.number,
+            device: pulse.device,
+            part: u32::MAX,
+            primitive: u32::MAX,
+            classification: 0,
+            incidence_cosine: 1.0,
+            scan_angle: pulse.scan_angle,
+            time_ns: pulse.time_ns,
+        }
+    }
+
+    /// Whether it stands for a pulse without echoes.
+    pub fn is_miss(&self) -> bool {
+        self.number_of_returns == 0
+    }
 }
 
 /// One digitised waveform (spec pulse-physics §4.11); its samples lie in the batch's pool.
@@ -75,4 +107,6 @@ pub struct PulseRecord {
     pub number: u64,
     /// Index of the device.
     pub device: u32,
+    /// Deflection angle of the beam, rad.
+    pub scan_angle: f64,
 }

@@ -303,6 +303,7 @@ fn pulse_record(pulse: &Pulse) -> PulseRecord {
         time_ns: pulse.time_ns,
         number: pulse.number,
         device: pulse.device,
+        scan_angle: pulse.scan_angle,
     }
 }
 
@@ -380,6 +381,7 @@ impl Receiver {
                 origin: pulse.origin,
                 direction,
                 range,
+                true_range: self.reflections.ranges()[source],
                 intensity: r.amplitude,
                 echo_width: r.width,
                 return_number: number,

@@ -6,12 +6,12 @@ use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::{self, FlightOptions};
 use crate::output::{
-    LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat, Target, TrajectoryFormat,
+    Column, LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat, Target, TrajectoryFormat,
 };
 use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::{LoadOptions, Sharing};
 use crate::schedule;
-use crate::survey::{self, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
+use crate::survey::{self, PlatformKind, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
 use crate::tree::BuildOptions;
 use std::path::{Path, PathBuf};
 
@@ -130,7 +130,7 @@ fn physics(args: &PhysicsArgs, output: &OutputArgs, set: &RunSettings, seed: u64
         echo_width: flag(args.echo_width, set.echo_width),
         waveform_noise: flag(args.waveform_noise, set.waveform_noise),
         record_waveforms: output.waveforms || output.wave_packets.is_some() || set.waveforms.unwrap_or(false),
-        record_pulses: output.pulses || set.pulses.unwrap_or(false),
+        record_pulses: output.pulses || output.misses || set.pulses.unwrap_or(false),
         corrections,
     })
 }
@@ -190,6 +190,14 @@ fn output(
         zip: args.zip_output,
         split_by_channel: args.split_by_channel,
         trajectory,
+        columns: match args.columns.as_deref().map(Column::list) {
+            Some(Err(message)) => return Err(Error::input(format!("--columns: {message}"))),
+            Some(Ok(columns)) => Some(columns),
+            None => None,
+        },
+        misses: args.misses,
+        labels: args.labels,
+        live: matches!(survey.platform.kind, PlatformKind::Stream(_)),
         las: LasSettings {
             version: if args.las10 { LasVersion::V10 } else { LasVersion::V14 },
             scale: args.las_scale,
@@ -236,7 +244,7 @@ fn sink(path: &Path, format: Option<&str>, usual: PointFormat) -> Result<(Target
     let known = format.or(if stream { None } else { extension }).map(|name| {
         point_format(name).ok_or_else(|| {
             Error::input(format!(
-                "{}: no format is called {name:?}; choose xyz, bin, las, laz, ply or ply-ascii",
+                "{}: no format is called {name:?}; choose xyz, csv, bin, las, laz, ply, ply-ascii, arrow or parquet",
                 path.display()
             ))
         })
@@ -260,6 +268,9 @@ fn point_format(name: &str) -> Option<PointFormat> {
         "laz" => PointFormat::Laz,
         "ply" => PointFormat::PlyBinary,
         "ply-ascii" => PointFormat::PlyAscii,
+        "csv" => PointFormat::Csv,
+        "arrow" | "arrows" => PointFormat::Arrow,
+        "parquet" => PointFormat::Parquet,
         _ => return None,
     })
 }

@@ -39,6 +39,10 @@ pub(super) struct LasFormat {
     pub shift: DVec3,
     pub intensity: IntensityMapping,
     pub extra: ExtraDimensions,
+    /// Whether the extra bytes hold part, primitive and true range.
+    pub labels: bool,
+    /// Whether they hold the beam's direction.
+    pub directions: bool,
     /// How waveforms become packets, where they are asked for.
     pub packets: Option<WavePackets>,
     creation: (u16, u16),
@@ -69,7 +73,7 @@ impl LasFormat {
         }
         let mut vlrs = Vec::new();
         if settings.extra != ExtraDimensions::None {
-            vlrs.push(vlr::extra_bytes(settings.extra));
+            vlrs.push(vlr::extra_bytes(settings.extra, request.labels, request.misses));
         }
         vlrs.extend(crs.and_then(|wkt| vlr::crs(settings.version, wkt, problems)));
         let packets = settings.packets.and_then(|place| {
@@ -90,6 +94,8 @@ impl LasFormat {
             intensity: settings.intensity,
             extra: settings.extra,
             creation: request.creation,
+            labels: request.labels,
+            directions: request.misses,
             packets,
             system: scanner.name.clone(),
             vlrs,
@@ -116,7 +122,7 @@ impl LasFormat {
 
     /// Extra bytes of a point.
     pub fn extra_length(&self) -> u16 {
-        vlr::extra_length(self.extra)
+        vlr::extra_length(self.extra, self.labels, self.directions)
     }
 
     /// Bytes of a point.

@@ -159,6 +159,7 @@ pub(in crate::output) fn encode_with_packets(
     packets: &WavePackets,
     leg: &LegFacts,
     slots: &Slots,
+    echoes: &[Echo],
     batch: &Batch,
     pieces: &mut Vec<Piece>,
 ) {
@@ -167,7 +168,7 @@ pub(in crate::output) fn encode_with_packets(
     // Echoes and waveforms are both in the order of emission.
     let mut waves = batch.waveforms.iter().peekable();
     let mut latest: Option<(&WaveformRecord, Option<Packet>)> = None;
-    for echo in &batch.echoes {
+    for echo in echoes {
         let Some(piece) = pieces.get_mut(first + slots.of(echo.device)) else { continue };
         let is_its =
             |wave: &WaveformRecord| (wave.device, wave.pulse_number) == (echo.device, echo.pulse_number);

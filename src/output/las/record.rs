@@ -19,9 +19,12 @@ const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
 
 /// Adding this rounds to whole numbers, ties to even.
 const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
+/// The bit that marks points as not to be used: missed pulses.
+const WITHHELD_6: u8 = 1 << 2;
+const WITHHELD_1: u8 = 1 << 7;
 
 /// Bytes of the longest record.
-const LONGEST: usize = 64;
+const LONGEST: usize = 88;
 
 impl PointCodec for LasCodec<'_> {
     const SIZE: usize = LONGEST;
@@ -55,11 +58,11 @@ impl LasCodec<'_> {
         // X, Y, Z
         stored.to_array().into_iter().for_each(|c| record.put((c as i32).to_le_bytes()));
         // Intensity
-        record.put(self.intensity(echo.intensity).to_le_bytes());
+        record.put(self.format.digital_intensity(echo.intensity).to_le_bytes());
         // Return number, number of returns
         record.put([at_most(echo.return_number, 15) | at_most(echo.number_of_returns, 15) << 4]);
         // Classification flags, scanner channel, scan direction flag, edge of flight line
-        record.put([((echo.device & 3) as u8) << 4]);
+        record.put([((echo.device & 3) as u8) << 4 | if echo.is_miss() { WITHHELD_6 } else { 0 }]);
         // Classification
         record.put([u8::try_from(echo.classification).unwrap_or(0)]);
         // User data
@@ -79,11 +82,12 @@ impl LasCodec<'_> {
         // X, Y, Z
         stored.to_array().into_iter().for_each(|c| record.put((c as i32).to_le_bytes()));
         // Intensity
-        record.put(self.intensity(echo.intensity).to_le_bytes());
+        record.put(self.format.digital_intensity(echo.intensity).to_le_bytes());
         // Return number, number of returns, scan direction flag, edge of flight line
         record.put([at_most(echo.return_number, 7) | at_most(echo.number_of_returns, 7) << 3]);
         // Classification
-        record.put([u8::try_from(echo.classification).ok().filter(|&c| c < 32).unwrap_or(0)]);
+        let class = u8::try_from(echo.classification).ok().filter(|&c| c < 32).unwrap_or(0);
+        record.put([class | if echo.is_miss() { WITHHELD_1 } else { 0 }]);
         // Scan angle rank, degrees
         record.put([degrees(echo.scan_angle).clamp(-90.0, 90.0).round_ties_even() as i8 as u8]);
         // User data
@@ -115,11 +119,26 @@ impl LasCodec<'_> {
         record.put((echo.range as f32).to_le_bytes());
         // incidence_angle
         record.put(incidence_degrees(echo).to_le_bytes());
+        if self.format.labels {
+            // part
+            record.put(echo.part.to_le_bytes());
+            // primitive
+            record.put(echo.primitive.to_le_bytes());
+            // true_range
+            record.put((echo.true_range as f32).to_le_bytes());
+        }
+        if self.format.directions {
+            // BeamDirectionX, BeamDirectionY, BeamDirectionZ
+            echo.direction.to_array().into_iter().for_each(|d| record.put((d as f32).to_le_bytes()));
+        }
     }
+}
 
-    fn intensity(&self, amplitude: f64) -> u16 {
+impl LasFormat {
+    /// The 16 bits of intensity that stand for an amplitude.
+    pub fn digital_intensity(&self, amplitude: f64) -> u16 {
         // Conversions saturate, and NaN becomes 0.
-        match self.format.intensity {
+        match self.intensity {
             IntensityMapping::Decibel if amplitude > 0.0 => {
                 (10_000.0 + DECIBEL * libm::log(amplitude)).round_ties_even().max(1.0) as u16
             }

@@ -7,6 +7,7 @@ use crate::output::request::{ExtraDimensions, IntensityMapping, LasSettings, Las
 
 /// Data types of extra bytes.
 const U16: u8 = 3;
+const U32: u8 = 5;
 const I32: u8 = 6;
 const F32: u8 = 9;
 const F64: u8 = 10;
@@ -22,23 +23,45 @@ const DIMENSIONS: [(u8, u16, &str, &str); 7] = [
     (F32, 4, "incidence_angle", "angle to the normal, degrees"),
 ];
 
-fn dimensions(extra: ExtraDimensions) -> &'static [(u8, u16, &'static str, &'static str)] {
-    match extra {
-        ExtraDimensions::All => &DIMENSIONS,
+/// Labels for learning.
+const LABELS: [(u8, u16, &str, &str); 3] = [
+    (U32, 4, "part", "index of the part in the scene"),
+    (U32, 4, "primitive", "index of triangle or voxel"),
+    (F32, 4, "true_range", "range without noise or bins, m"),
+];
+
+/// Where the beam went, of missed pulses above all.
+const DIRECTIONS: [(u8, u16, &str, &str); 3] = [
+    (F32, 4, "BeamDirectionX", "unit vector of the beam"),
+    (F32, 4, "BeamDirectionY", "unit vector of the beam"),
+    (F32, 4, "BeamDirectionZ", "unit vector of the beam"),
+];
+
+fn dimensions(
+    extra: ExtraDimensions,
+    labels: bool,
+    directions: bool,
+) -> impl Iterator<Item = &'static (u8, u16, &'static str, &'static str)> {
+    let usual = match extra {
+        ExtraDimensions::All => &DIMENSIONS[..],
         ExtraDimensions::Helios => &DIMENSIONS[..4],
         ExtraDimensions::None => &[],
-    }
+    };
+    let all = extra == ExtraDimensions::All;
+    let labels = if all && labels { &LABELS[..] } else { &[] };
+    let directions = if all && directions { &DIRECTIONS[..] } else { &[] };
+    usual.iter().chain(labels).chain(directions)
 }
 
 /// Extra bytes of a point.
-pub(super) fn extra_length(extra: ExtraDimensions) -> u16 {
-    dimensions(extra).iter().map(|d| d.1).sum()
+pub(super) fn extra_length(extra: ExtraDimensions, labels: bool, directions: bool) -> u16 {
+    dimensions(extra, labels, directions).map(|d| d.1).sum()
 }
 
 /// The record that describes the extra bytes, 192 bytes for each dimension.
-pub(super) fn extra_bytes(extra: ExtraDimensions) -> Vec<u8> {
+pub(super) fn extra_bytes(extra: ExtraDimensions, labels: bool, directions: bool) -> Vec<u8> {
     let mut data = Vec::new();
-    for (data_type, _, name, description) in dimensions(extra) {
+    for (data_type, _, name, description) in dimensions(extra, labels, directions) {
         // reserved, data type, options
         data.extend([0, 0, *data_type, 0]);
         data.extend(fixed_text::<32>(name));

@@ -146,7 +146,12 @@ fn read_sinks(context: &Context, source: &Source, keys: &PipelineKeys) -> Vec<Si
     let mut sinks = Vec::new();
     for output in &keys.output {
         let content = one_of(context, source, &output.content, &["points", "trajectory"]);
-        let format = one_of(context, source, &output.format, &["xyz", "las", "laz", "ply", "ply-ascii"]);
+        let format = one_of(
+            context,
+            source,
+            &output.format,
+            &["xyz", "csv", "bin", "las", "laz", "ply", "ply-ascii", "arrow", "parquet"],
+        );
         let Some(path) = &output.path else {
             context.error_help(None, "an [[output]] needs the key `path`", "path = \"-\" is standard output");
             continue;

@@ -1,0 +1,294 @@
+//! Points as Arrow IPC stream and as Parquet: columns named and typed as [`Column`] says, with unit and meaning as the
+//! metadata of each, and the coordinate reference system, the scanner and the names of objects as that of the whole.
+//!
+//! Rows are collected to batches of fixed size, so that the bytes do not depend on how they arrived.
+
+use super::columns::{Column, Kind, slices};
+use super::las::ObjectIds;
+use crate::error::{Error, Result};
+use ::arrow_array::{ArrayRef, PrimitiveArray, RecordBatch, types::*};
+use ::arrow_buffer::{Buffer, MutableBuffer, ScalarBuffer};
+use ::arrow_ipc::writer::StreamEncoder;
+use ::arrow_ipc::{
+    FieldNode, KeyValueBuilder, MessageBuilder, MessageHeader, MetadataVersion, RecordBatchBuilder,
+};
+use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
+use ::flatbuffers::FlatBufferBuilder;
+use ::parquet::arrow::ArrowWriter;
+use ::parquet::basic::Compression;
+use ::parquet::file::metadata::KeyValue;
+use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Rows of a batch of an Arrow stream: some megabytes, a fraction of a second of an airborne scanner.
+pub(super) const BATCH_ROWS: usize = 16_384;
+/// Rows of a row group of Parquet.
+const GROUP_ROWS: usize = 16 * BATCH_ROWS;
+/// What tells that a run was interrupted.
+pub(super) const PARTIAL: (&str, &str) = ("state", "partial: the run was interrupted");
+
+/// What the metadata of a point table tells.
+pub(super) struct About<'a> {
+    /// The scanner's name.
+    pub scanner: &'a str,
+    /// Coordinate reference system as WKT.
+    pub crs: Option<&'a str>,
+    pub objects: &'a ObjectIds,
+}
+
+/// The columns with all that is known of them.
+pub(super) fn schema(columns: &[Column], about: &About) -> SchemaRef {
+    let fields = columns.iter().map(|column| {
+        let mut told = BTreeMap::from([("description".to_owned(), column.meaning().to_owned())]);
+        if !column.unit().is_empty() {
+            told.insert("unit".to_owned(), column.unit().to_owned());
+        }
+        Field::new(column.name(), data_type(column.kind()), false).with_metadata(told)
+    });
+    let mut told = BTreeMap::from([
+        ("generator".to_owned(), concat!("vlscan ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("scanner".to_owned(), about.scanner.to_owned()),
+        ("gps_time".to_owned(), "seconds of the GPS week".to_owned()),
+    ]);
+    if let Some(wkt) = about.crs {
+        told.insert("crs".to_owned(), wkt.trim_end_matches('\0').to_owned());
+    }
+    if !about.objects.names.is_empty() {
+        let names: BTreeMap<i32, &str> =
+            about.objects.names.iter().map(|(number, name)| (*number, name.as_str())).collect();
+        // A map of numbers to texts is always JSON.
+        told.insert("object_names".to_owned(), serde_json::to_string(&names).unwrap_or_default());
+    }
+    Arc::new(Schema::new_with_metadata(fields.collect::<Vec<_>>(), told))
+}
+
+fn data_type(kind: Kind) -> DataType {
+    match kind {
+        Kind::U8 => DataType::UInt8,
+        Kind::U16 => DataType::UInt16,
+        Kind::U32 => DataType::UInt32,
+        Kind::U64 => DataType::UInt64,
+        Kind::I32 => DataType::Int32,
+        Kind::F32 => DataType::Float32,
+        Kind::F64 => DataType::Float64,
+    }
+}
+
+/// Collects blocks of columns to batches.
+struct Rows {
+    columns: Vec<Column>,
+    schema: SchemaRef,
+    values: Vec<MutableBuffer>,
+    rows: usize,
+}
+
+impl Rows {
+    fn new(columns: &[Column], schema: SchemaRef) -> Rows {
+        let values = columns.iter().map(|_| MutableBuffer::new(0)).collect();
+        Rows { columns: columns.to_vec(), schema, values, rows: 0 }
+    }
+
+    /// Takes a block that [`ColumnCodec::push`](super::columns::ColumnCodec::push) wrote, and gives every batch that is
+    /// full.
+    fn append(&mut self, block: &[u8], full: impl FnMut(RecordBatch) -> Result<()>) -> Result<()> {
+        let width: usize = self.columns.iter().map(|c| c.kind().width()).sum();
+        let (rows, mut full) = (block.len() / width.max(1), full);
+        let mut from = 0;
+        while from < rows {
+            let now = (rows - from).min(BATCH_ROWS - self.rows);
+            for ((column, values), bytes) in
+                self.columns.iter().zip(&mut self.values).zip(slices(&self.columns, rows, block))
+            {
+                let width = column.kind().width();
+                values.extend_from_slice(&bytes[from * width..(from + now) * width]);
+            }
+            (from, self.rows) = (from + now, self.rows + now);
+            if self.rows == BATCH_ROWS {
+                full(self.batch()?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What has been collected.
+    fn batch(&mut self) -> Result<RecordBatch> {
+        let rows = std::mem::take(&mut self.rows);
+        let columns = self.columns.iter().zip(&mut self.values).map(|(column, values)| {
+            array(column.kind(), std::mem::replace(values, MutableBuffer::new(0)).into(), rows)
+        });
+        RecordBatch::try_new(self.schema.clone(), columns.collect())
+            .map_err(|e| Error::Internal(format!("Arrow: {e}")))
+    }
+}
+
+fn array(kind: Kind, values: Buffer, rows: usize) -> ArrayRef {
+    fn typed<T: ArrowPrimitiveType>(values: Buffer, rows: usize) -> ArrayRef {
+        Arc::new(PrimitiveArray::<T>::new(ScalarBuffer::new(values, 0, rows), None))
+    }
+    match kind {
+        Kind::U8 => typed::<UInt8Type>(values, rows),
+        Kind::U16 => typed::<UInt16Type>(values, rows),
+        Kind::U32 => typed::<UInt32Type>(values, rows),
+        Kind::U64 => typed::<UInt64Type>(values, rows),
+        Kind::I32 => typed::<Int32Type>(values, rows),
+        Kind::F32 => typed::<Float32Type>(values, rows),
+        Kind::F64 => typed::<Float64Type>(values, rows),
+    }
+}
+
+/// An Arrow IPC stream.
+pub(super) struct ArrowStream {
+    rows: Rows,
+    encoder: StreamEncoder,
+}
+
+impl ArrowStream {
+    /// A stream without rows.
+    pub fn new(columns: &[Column], schema: SchemaRef) -> Result<ArrowStream> {
+        let encoder = StreamEncoder::try_new(&schema).map_err(|e| Error::Internal(format!("Arrow: {e}")))?;
+        Ok(ArrowStream { rows: Rows::new(columns, schema), encoder })
+    }
+
+    /// Takes a block of columns and appends every batch that is full.
+    pub fn append(&mut self, block: &[u8], mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        let ArrowStream { rows, encoder } = self;
+        rows.append(block, |batch| encode(encoder, &batch, &mut out))
+    }
+
+    /// Appends the rows that make no full batch.
+    pub fn flush(&mut self, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        if self.rows.rows == 0 {
+            return Ok(());
+        }
+        let batch = self.rows.batch()?;
+        encode(&mut self.encoder, &batch, &mut out)
+    }
+
+    /// Appends what is left and the end of the stream. A partial stream ends with an empty batch whose metadata says so.
+    pub fn finish(mut self, partial: bool, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        if self.rows.rows > 0 || partial {
+            let batch = self.rows.batch()?;
+            encode(&mut self.encoder, &batch, &mut out)?;
+        }
+        if partial {
+            out(&mark(self.rows.columns.len()))?;
+        }
+        let end = self.encoder.finish().map_err(|e| Error::Internal(format!("Arrow: {e}")))?;
+        end.iter().try_for_each(|buffer| out(buffer.as_slice()))
+    }
+}
+
+fn encode(
+    encoder: &mut StreamEncoder,
+    batch: &RecordBatch,
+    out: &mut impl FnMut(&[u8]) -> Result<()>,
+) -> Result<()> {
+    let buffers = encoder.encode(batch).map_err(|e| Error::Internal(format!("Arrow: {e}")))?;
+    buffers.iter().try_for_each(|buffer| out(buffer.as_slice()))
+}
+
+/// An empty batch of so many columns with [`PARTIAL`] as its metadata (Arrow columnar format, encapsulated message).
+fn mark(columns: usize) -> Vec<u8> {
+    let mut fbb = FlatBufferBuilder::new();
+    let (key, value) = (fbb.create_string(PARTIAL.0), fbb.create_string(PARTIAL.1));
+    let mut entry = KeyValueBuilder::new(&mut fbb);
+    entry.add_key(key);
+    entry.add_value(value);
+    let entry = entry.finish();
+    let metadata = fbb.create_vector(&[entry]);
+    let nodes = fbb.create_vector(&vec![FieldNode::new(0, 0); columns]);
+    // Validity and values of each column, all empty
+    let buffers = fbb.create_vector(&vec![::arrow_ipc::Buffer::new(0, 0); 2 * columns]);
+    let mut batch = RecordBatchBuilder::new(&mut fbb);
+    batch.add_length(0);
+    batch.add_nodes(nodes);
+    batch.add_buffers(buffers);
+    let batch = batch.finish().as_union_value();
+    let mut message = MessageBuilder::new(&mut fbb);
+    message.add_version(MetadataVersion::V5);
+    message.add_header_type(MessageHeader::RecordBatch);
+    message.add_header(batch);
+    message.add_bodyLength(0);
+    message.add_custom_metadata(metadata);
+    let message = message.finish();
+    fbb.finish(message, None);
+    let metadata = fbb.finished_data();
+    let padded = metadata.len().next_multiple_of(8);
+    let mut out = vec![0xff; 4];
+    out.extend((padded as u32).to_le_bytes());
+    out.extend_from_slice(metadata);
+    out.resize(8 + padded, 0);
+    out
+}
+
+/// A Parquet file.
+pub(super) struct ParquetStream {
+    rows: Rows,
+    writer: ArrowWriter<Drain>,
+    drain: Drain,
+}
+
+/// Bytes on their way from the Parquet writer to the file.
+#[derive(Clone, Default)]
+struct Drain(Arc<Mutex<Vec<u8>>>);
+
+impl Drain {
+    fn take(&self) -> Vec<u8> {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Drain {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl ParquetStream {
+    /// A file without rows.
+    pub fn new(columns: &[Column], schema: SchemaRef) -> Result<ParquetStream> {
+        let mut properties = WriterProperties::builder()
+            .set_compression(Compression::SNAPPY)
+            .set_created_by(concat!("vlscan ", env!("CARGO_PKG_VERSION")).to_owned())
+            .set_max_row_group_row_count(Some(GROUP_ROWS))
+            .set_statistics_enabled(EnabledStatistics::Chunk);
+        // Dictionaries help where values repeat.
+        for column in columns.iter().filter(|c| matches!(c.kind(), Kind::F32 | Kind::F64 | Kind::U64)) {
+            properties = properties.set_column_dictionary_enabled(column.name().into(), false);
+        }
+        let drain = Drain::default();
+        let writer = ArrowWriter::try_new(drain.clone(), schema.clone(), Some(properties.build()));
+        let writer = writer.map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
+        Ok(ParquetStream { rows: Rows::new(columns, schema), writer, drain })
+    }
+
+    /// Takes a block of columns and appends every row group that is full.
+    pub fn append(&mut self, block: &[u8], mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        let ParquetStream { rows, writer, drain } = self;
+        rows.append(block, |batch| {
+            writer.write(&batch).map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
+            out(&drain.take())
+        })
+    }
+
+    /// Appends what is left and the footer, which says whether the file is partial.
+    pub fn finish(mut self, partial: bool, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        let last = self.rows.batch()?;
+        if last.num_rows() > 0 {
+            self.writer.write(&last).map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
+        }
+        if partial {
+            let (key, value) = PARTIAL;
+            self.writer.append_key_value_metadata(KeyValue::new(key.to_owned(), value.to_owned()));
+        }
+        self.writer.close().map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
+        out(&self.drain.take())
+    }
+}

@@ -1,0 +1,246 @@
+//! Points as columns: what there is to choose from, for Arrow, Parquet and text with a header. Names and types are those
+//! of LAS where LAS has the dimension, and PDAL's or plain words elsewhere.
+
+use super::las::{LasFormat, ObjectIds, incidence_degrees};
+use super::plan::LegFacts;
+use super::text::seconds;
+use crate::diag::nearest;
+use crate::geom::{DVec3, degrees};
+use crate::pulse::Echo;
+
+/// How the values of a column are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    U8,
+    U16,
+    U32,
+    U64,
+    I32,
+    F32,
+    F64,
+}
+
+impl Kind {
+    /// Bytes of a value.
+    pub fn width(self) -> usize {
+        match self {
+            Kind::U8 => 1,
+            Kind::U16 => 2,
+            Kind::U32 | Kind::I32 | Kind::F32 => 4,
+            Kind::U64 | Kind::F64 => 8,
+        }
+    }
+}
+
+macro_rules! columns {
+    ($($name:ident $kind:ident $decimals:literal $unit:literal $meaning:literal;)*) => {
+        /// A column of points. Its name is that of the variant.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Column {
+            $(#[doc = $meaning] $name,)*
+        }
+
+        impl Column {
+            /// All columns in their usual order.
+            pub const ALL: &[Column] = &[$(Column::$name),*];
+
+            /// Its name.
+            pub fn name(self) -> &'static str {
+                match self { $(Column::$name => stringify!($name),)* }
+            }
+
+            /// Unit of its values; empty for plain numbers.
+            pub fn unit(self) -> &'static str {
+                match self { $(Column::$name => $unit,)* }
+            }
+
+            /// What its values are.
+            pub fn meaning(self) -> &'static str {
+                match self { $(Column::$name => $meaning,)* }
+            }
+
+            /// How its values are stored.
+            pub(super) fn kind(self) -> Kind {
+                match self { $(Column::$name => Kind::$kind,)* }
+            }
+
+            /// Decimals in text.
+            pub(super) fn decimals(self) -> u8 {
+                match self { $(Column::$name => $decimals,)* }
+            }
+        }
+    };
+}
+
+columns! {
+    X F64 4 "m" "Coordinate, world frame; of a missed pulse that of the beam's origin.";
+    Y F64 4 "m" "Coordinate, world frame; of a missed pulse that of the beam's origin.";
+    Z F64 4 "m" "Coordinate, world frame; of a missed pulse that of the beam's origin.";
+    Intensity U16 0 "" "Amplitude as LAS files have it: 10000 + 1000 log10(Amplitude).";
+    ReturnNumber U8 0 "" "Number of the return, from 1, at most 255; 0 marks a missed pulse.";
+    NumberOfReturns U8 0 "" "Returns of the pulse, at most 255.";
+    Classification U8 0 "" "Class of the surface; 0 where it is no byte, see SurfaceClass.";
+    ScanAngle F32 4 "deg" "Deflection of the beam on the scanner.";
+    PointSourceId U16 0 "" "Number of the leg plus one.";
+    GpsTime F64 9 "s" "Emission of the pulse, second of the GPS week.";
+    Amplitude F64 9 "" "Waveform amplitude at the peak.";
+    EchoWidth F32 4 "ns" "Width of the fitted Gaussian; 0 when not asked for.";
+    Range F64 4 "m" "Measured range, noise and errors included.";
+    TrueRange F64 4 "m" "Distance to what was hit, without noise, errors and bins.";
+    IncidenceAngle F32 4 "deg" "Angle between beam and surface normal.";
+    PulseNumber U64 0 "" "Number of the pulse among those of its device, from 1.";
+    Device U16 0 "" "Index of the device, from 0.";
+    ObjectId I32 0 "" "Id of the scene part that was hit, or the number that stands for it.";
+    Part U32 0 "" "Index of the part in the scene, from 0; 4294967295 for a missed pulse.";
+    Primitive U32 0 "" "Index of the triangle or voxel in the scene; 4294967295 for a missed pulse.";
+    SurfaceClass I32 0 "" "Class of the surface, whatever its value.";
+    BeamOriginX F64 4 "m" "Origin of the beam, world frame.";
+    BeamOriginY F64 4 "m" "Origin of the beam, world frame.";
+    BeamOriginZ F64 4 "m" "Origin of the beam, world frame.";
+    BeamDirectionX F64 9 "" "Direction of the beam, unit vector.";
+    BeamDirectionY F64 9 "" "Direction of the beam, unit vector.";
+    BeamDirectionZ F64 9 "" "Direction of the beam, unit vector.";
+}
+
+impl Column {
+    /// The columns that are written when nobody chooses; with the beam's where missed pulses are written, too.
+    pub fn usual(with_misses: bool) -> Vec<Column> {
+        let last = if with_misses { Column::BeamDirectionZ } else { Column::Primitive };
+        Column::ALL.iter().copied().filter(|c| *c <= last && *c != Column::SurfaceClass).collect()
+    }
+
+    /// The columns of a list of names separated by commas; capitals do not matter.
+    ///
+    /// # Errors
+    /// What is wrong with the list, and what there is to choose from.
+    pub fn list(names: &str) -> Result<Vec<Column>, String> {
+        let mut columns = Vec::new();
+        for name in names.split(',').map(str::trim) {
+            let known = Column::ALL.iter().find(|c| c.name().eq_ignore_ascii_case(name));
+            let Some(&column) = known else {
+                let all = Column::ALL.iter().map(|c| c.name());
+                let near =
+                    nearest(name, all.clone()).map_or(String::new(), |n| format!(" (did you mean {n}?)"));
+                let all: Vec<&str> = all.collect();
+                return Err(format!("no column is called {name:?}{near}; there are {}", all.join(", ")));
+            };
+            if columns.contains(&column) {
+                return Err(format!("the column {} is there twice", column.name()));
+            }
+            columns.push(column);
+        }
+        Ok(columns)
+    }
+}
+
+/// What turns echoes into columns.
+pub(super) struct ColumnCodec<'a> {
+    pub columns: &'a [Column],
+    pub shift: DVec3,
+    pub objects: &'a ObjectIds,
+    pub las: &'a LasFormat,
+}
+
+impl ColumnCodec<'_> {
+    /// Bytes of a row.
+    pub fn width(&self) -> usize {
+        self.columns.iter().map(|c| c.kind().width()).sum()
+    }
+
+    /// Appends all values of the first column, then those of the second, and so on; little-endian.
+    pub fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echoes: &[&Echo]) {
+        out.reserve(self.width() * echoes.len());
+        self.columns.iter().for_each(|&column| self.push_column(column, out, leg, echoes));
+    }
+
+    fn push_column(&self, column: Column, out: &mut Vec<u8>, leg: &LegFacts, echoes: &[&Echo]) {
+        let shift = self.shift;
+        match column {
+            Column::X => f64s(out, echoes, |e| e.position.x + shift.x),
+            Column::Y => f64s(out, echoes, |e| e.position.y + shift.y),
+            Column::Z => f64s(out, echoes, |e| e.position.z + shift.z),
+            Column::Intensity => u16s(out, echoes, |e| self.las.digital_intensity(e.intensity)),
+            Column::ReturnNumber => u8s(out, echoes, |e| byte(e.return_number)),
+            Column::NumberOfReturns => u8s(out, echoes, |e| byte(e.number_of_returns)),
+            Column::Classification => u8s(out, echoes, |e| u8::try_from(e.classification).unwrap_or(0)),
+            Column::ScanAngle => f32s(out, echoes, |e| degrees(e.scan_angle) as f32),
+            Column::PointSourceId => u16s(out, echoes, |_| leg.source_id),
+            Column::GpsTime => f64s(out, echoes, |e| seconds(e.time_ns)),
+            Column::Amplitude => f64s(out, echoes, |e| e.intensity),
+            Column::EchoWidth => f32s(out, echoes, |e| e.echo_width as f32),
+            Column::Range => f64s(out, echoes, |e| e.range),
+            Column::TrueRange => f64s(out, echoes, |e| e.true_range),
+            Column::IncidenceAngle => f32s(out, echoes, |e| incidence_degrees(e)),
+            Column::PulseNumber => u64s(out, echoes, |e| e.pulse_number),
+            Column::Device => u16s(out, echoes, |e| u16::try_from(e.device).unwrap_or(u16::MAX)),
+            Column::ObjectId => {
+                i32s(out, echoes, |e| self.objects.ids.get(e.part as usize).copied().unwrap_or(0));
+            }
+            Column::Part => u32s(out, echoes, |e| e.part),
+            Column::Primitive => u32s(out, echoes, |e| e.primitive),
+            Column::SurfaceClass => i32s(out, echoes, |e| e.classification),
+            Column::BeamOriginX => f64s(out, echoes, |e| e.origin.x + shift.x),
+            Column::BeamOriginY => f64s(out, echoes, |e| e.origin.y + shift.y),
+            Column::BeamOriginZ => f64s(out, echoes, |e| e.origin.z + shift.z),
+            Column::BeamDirectionX => f64s(out, echoes, |e| e.direction.x),
+            Column::BeamDirectionY => f64s(out, echoes, |e| e.direction.y),
+            Column::BeamDirectionZ => f64s(out, echoes, |e| e.direction.z),
+        }
+    }
+}
+
+fn byte(count: u32) -> u8 {
+    u8::try_from(count).unwrap_or(u8::MAX)
+}
+
+macro_rules! pushers {
+    ($($name:ident $of:ty;)*) => {
+        $(fn $name(out: &mut Vec<u8>, echoes: &[&Echo], value: impl Fn(&Echo) -> $of) {
+            echoes.iter().for_each(|echo| out.extend(value(echo).to_le_bytes()));
+        })*
+    };
+}
+
+pushers! {
+    u8s u8;
+    u16s u16;
+    u32s u32;
+    u64s u64;
+    i32s i32;
+    f32s f32;
+    f64s f64;
+}
+
+/// The columns of a block that [`ColumnCodec::push`] wrote, as slices of bytes.
+pub(super) fn slices<'b>(columns: &[Column], rows: usize, block: &'b [u8]) -> impl Iterator<Item = &'b [u8]> {
+    let mut rest = block;
+    columns.iter().map(move |column| {
+        let (head, tail) = rest.split_at((column.kind().width() * rows).min(rest.len()));
+        rest = tail;
+        head
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_found_whatever_their_capitals() {
+        assert_eq!(
+            Column::list("x, gpstime,Primitive").unwrap(),
+            [Column::X, Column::GpsTime, Column::Primitive]
+        );
+        let unknown = Column::list("X,Intensty").unwrap_err();
+        assert!(unknown.contains("did you mean Intensity") && unknown.contains("GpsTime"), "{unknown}");
+        assert!(Column::list("X,Y,X").unwrap_err().contains("twice"));
+        assert!(Column::list("").is_err());
+    }
+
+    #[test]
+    fn directions_are_there_where_misses_are() {
+        assert!(!Column::usual(false).contains(&Column::BeamDirectionX));
+        assert!(Column::usual(true).contains(&Column::BeamDirectionZ));
+        assert!(Column::usual(false).contains(&Column::TrueRange));
+    }
+}
