@@ -170,7 +170,7 @@ impl ColumnCodec<'_> {
             Column::EchoWidth => f32s(out, echoes, |e| e.echo_width as f32),
             Column::Range => f64s(out, echoes, |e| e.range),
             Column::TrueRange => f64s(out, echoes, |e| e.true_range),
-            Column::IncidenceAngle => f32s(out, echoes, |e| incidence_degrees(e)),
+            Column::IncidenceAngle => f32s(out, echoes, incidence_degrees),
             Column::PulseNumber => u64s(out, echoes, |e| e.pulse_number),
             Column::Device => u16s(out, echoes, |e| u16::try_from(e.device).unwrap_or(u16::MAX)),
             Column::ObjectId => {
