@@ -26,7 +26,7 @@
 //! | [`scanner`] | heads and deflectors per step | survey, geom |
 //! | [`flight`] | the clock: legs, steps, pulses; cheap to replay from a snapshot | platform, scanner |
 //! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes echoes | flight, scene, tree |
-//! | [`schedule`] | bounded queues, workers, order | nothing of lidar |
+//! | [`schedule`] | four ways to hand out chunks, workers, order; records and replays | nothing of lidar |
 //! | [`output`] | sinks, one file per format | pulse, flight, scene, survey |
 //! | [`preview`] | draws point clouds as PNG and as pages for a browser, and waveforms | pulse, geom, diag |
 //! | [`pipeline`] | the wiring of all of them | all above |
