@@ -127,7 +127,19 @@ fn written(command: &Command, path: &str, related: &[String]) -> std::io::Result
         related.iter().map(|p| format!("{}(1)", p.replace(' ', "-"))).collect::<Vec<_>>().join(", "),
     )]);
     ours.to_writer(&mut text)?;
-    Ok(text)
+    Ok(in_ascii(&String::from_utf8_lossy(&text)).into_bytes())
+}
+
+/// Letters beyond ASCII by their numbers, as groff(7) takes them without being told an encoding.
+fn in_ascii(text: &str) -> String {
+    text.chars().fold(String::with_capacity(text.len()), |mut plain, c| {
+        if c.is_ascii() {
+            plain.push(c);
+        } else {
+            plain.push_str(&format!("\\[u{:04X}]", u32::from(c)));
+        }
+        plain
+    })
 }
 
 /// The examples as they are typed: no filling, no hyphens of typography.
@@ -179,6 +191,11 @@ mod tests {
                 page.path
             );
         }
+    }
+
+    #[test]
+    fn letters_beyond_ascii_are_numbered() {
+        assert_eq!(in_ascii("3 × 4 … ok"), "3 \\[u00D7] 4 \\[u2026] ok");
     }
 
     #[test]
