@@ -32,8 +32,9 @@ impl Blocks {
     pub fn new(
         how: impl Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync + 'static,
     ) -> Blocks {
-        // A block takes a few megabytes, so no more of them than threads could work on.
-        let most_pending = std::thread::available_parallelism().map_or(2, |n| n.get()).clamp(2, 32);
+        // A block takes a few megabytes, so no more of them than threads could work on, and as many to be going on with
+        // while the oldest is still being worked on.
+        let most_pending = std::thread::available_parallelism().map_or(2, |n| 2 * n.get()).clamp(4, 32);
         Blocks { how: Arc::new(how), pending: VecDeque::new(), most_pending, spare: Vec::new() }
     }
 

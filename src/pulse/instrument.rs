@@ -2,6 +2,7 @@
 
 use super::energy::{BeamState, Energy, half_angle};
 use super::options::{Corrections, PhysicsOptions};
+use super::lone::Lone;
 use super::peaks::PeakRule;
 use super::shape::{PulseShape, sample_count};
 use super::subray::Subrays;
@@ -26,6 +27,8 @@ pub(super) struct Instrument {
     pub shape: PulseShape,
     /// Detection rule.
     pub rule: PeakRule,
+    /// The same for pulses that return from one bin, if ranges are not read between bins and nothing cuts waveforms off.
+    pub lone: Option<Lone>,
     /// Most returns per pulse, 0 = unlimited.
     pub max_returns: u32,
     /// Nearest range R0, m.
@@ -56,11 +59,15 @@ impl Instrument {
             start_divergence: divergence.start,
             leg_divergence: divergence.leg,
         };
+        let shape = PulseShape::new(device.beam.pulse_length, &device.waveform);
+        let rule = peak_rule(device, &c);
+        let is_plain = !c.fractional_bins && !c.clip_dead_zone && !o.echo_width && device.waveform.max_range <= 0.0;
         Instrument {
             subrays: Subrays::new(half_angle(divergence.start, &c), device.waveform.quality),
             energy: Energy::new(state, context.multi_channel, o),
-            shape: PulseShape::new(device.beam.pulse_length, &device.waveform),
-            rule: peak_rule(device, &c),
+            lone: if is_plain { Lone::new(&shape, &rule) } else { None },
+            shape,
+            rule,
             max_returns: device.detector.max_returns,
             range_min: device.detector.range_min,
             range_max: device.detector.range_max,

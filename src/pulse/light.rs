@@ -47,7 +47,13 @@ impl Light {
         keys[..n].copy_from_slice(ranges);
         let mut ranks = [0; FEW];
         // SAFETY: `WIDE` holds only where the machine has the feature.
-        unsafe { rank(&keys, n, &mut ranks) };
+        unsafe {
+            if n <= 24 {
+                rank::<3>(&keys, n, &mut ranks);
+            } else {
+                rank::<4>(&keys, n, &mut ranks);
+            }
+        }
         let mut sum = 0;
         let out = self.range.as_flattened_mut();
         for i in 0..n {
@@ -102,30 +108,31 @@ impl Light {
     }
 }
 
-/// How many of the first `n` keys are smaller than each key.
+/// How many of the first `n` keys are smaller than each key of the first `BLOCKS` times eight.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f")]
 #[inline]
-fn rank(keys: &[f64; FEW], n: usize, ranks: &mut [u64; FEW]) {
+fn rank<const BLOCKS: usize>(keys: &[f64; FEW], n: usize, ranks: &mut [u64; FEW]) {
     use std::arch::x86_64::*;
-    let load = |i: usize| {
-        // SAFETY: there are four times eight keys.
-        unsafe { _mm512_loadu_pd(keys.as_ptr().add(i * 8)) }
-    };
-    let (k0, k1, k2, k3) = (load(0), load(1), load(2), load(3));
-    let (mut r0, mut r1, mut r2, mut r3) =
-        (_mm512_setzero_si512(), _mm512_setzero_si512(), _mm512_setzero_si512(), _mm512_setzero_si512());
+    let (keys_by_block, _) = keys.as_chunks::<8>();
+    let (ranks_by_block, _) = ranks.as_chunks_mut::<8>();
     let one = _mm512_set1_epi64(1);
+    let mut of_block = [_mm512_setzero_pd(); BLOCKS];
+    let mut rank = [_mm512_setzero_si512(); BLOCKS];
+    for i in 0..BLOCKS {
+        // SAFETY: a block is eight keys.
+        of_block[i] = unsafe { _mm512_loadu_pd(keys_by_block[i].as_ptr()) };
+    }
     for key in &keys[..n] {
         let key = _mm512_set1_pd(*key);
-        r0 = _mm512_mask_add_epi64(r0, _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, k0), r0, one);
-        r1 = _mm512_mask_add_epi64(r1, _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, k1), r1, one);
-        r2 = _mm512_mask_add_epi64(r2, _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, k2), r2, one);
-        r3 = _mm512_mask_add_epi64(r3, _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, k3), r3, one);
+        for i in 0..BLOCKS {
+            let smaller = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, of_block[i]);
+            rank[i] = _mm512_mask_add_epi64(rank[i], smaller, rank[i], one);
+        }
     }
-    for (i, r) in [r0, r1, r2, r3].into_iter().enumerate() {
-        // SAFETY: there is room for four times eight ranks.
-        unsafe { _mm512_storeu_si512(ranks.as_mut_ptr().add(i * 8).cast(), r) };
+    for i in 0..BLOCKS {
+        // SAFETY: a block has room for eight ranks.
+        unsafe { _mm512_storeu_si512(ranks_by_block[i].as_mut_ptr().cast(), rank[i]) };
     }
 }
 

@@ -4,7 +4,7 @@ use super::detect::{Return, attribute, detect};
 use super::foliage::FreePaths;
 use super::instrument::{Fleet, Instrument};
 use super::light::Light;
-use super::reflect::{Probe, Reflections, Shot, View};
+use super::reflect::{Probe, Reflections, Shot, Sights, View};
 use super::waveform::Waveform;
 use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
 use crate::flight::Pulse;
@@ -98,6 +98,9 @@ const VOLLEY: usize = 128;
 /// Most rays that are traced together, unless one pulse has more.
 const VOLLEY_RAYS: usize = 1 << 16;
 
+/// Pulses whose ranges are computed one after the other, so that none of them waits for another's square roots.
+const SIGHTED: usize = 8;
+
 /// Fires pulses. One per worker: it owns the memory, which stays from pulse to pulse.
 #[derive(Clone, Debug)]
 pub struct Shooter<'p> {
@@ -113,6 +116,17 @@ pub struct Shooter<'p> {
     pub(super) level: Level,
 }
 
+/// A stage that some pulses have gone through, see [`Shooter::fire_timed`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lap {
+    /// They are rays.
+    Aimed,
+    /// It is known what the rays hit.
+    Traced,
+    /// The echoes are in the batch.
+    Received,
+}
+
 /// Pulses of one device on their way.
 #[derive(Clone, Debug, Default)]
 struct Volley {
@@ -123,6 +137,7 @@ struct Volley {
 /// Memory of everything behind the tracing.
 #[derive(Clone, Debug, Default)]
 struct Receiver {
+    sights: Sights,
     probe: Probe,
     reflections: Reflections,
     light: Light,
@@ -136,10 +151,25 @@ impl Shooter<'_> {
     /// traced several times faster. Fails if the survey has no such leg or device, or if a waveform is too long to be
     /// recorded.
     pub fn fire_all(&mut self, leg: u32, pulses: &[Pulse], batch: &mut Batch) -> Result<()> {
+        self.fire_timed(leg, pulses, batch, |_| ())
+    }
+
+    /// [`Shooter::fire_all`] that tells `lap` whenever some pulses are through a stage.
+    pub fn fire_timed(
+        &mut self,
+        leg: u32,
+        pulses: &[Pulse],
+        batch: &mut Batch,
+        mut lap: impl FnMut(Lap),
+    ) -> Result<()> {
         pulses.chunks(self.together()).try_for_each(|pulses| {
             self.aim(leg, pulses)?;
+            lap(Lap::Aimed);
             self.trace();
-            self.receive(leg, pulses, 0..pulses.len(), &[], batch)
+            lap(Lap::Traced);
+            self.receive(leg, pulses, 0..pulses.len(), &[], batch)?;
+            lap(Lap::Received);
+            Ok(())
         })
     }
 
@@ -267,15 +297,30 @@ impl Shooter<'_> {
     fn receive_here<const WIDE: bool>(&mut self, volley: &Arrived, batch: &mut Batch) -> Result<()> {
         let physics = self.physics;
         let view = View { moving: volley.moving, ..physics.view };
-        for (pulse, place) in volley.pulses.iter().zip(&self.places[volley.places.clone()]) {
-            if physics.options.record_pulses {
-                batch.pulses.push(pulse_record(pulse));
+        let places = &self.places[volley.places.clone()];
+        for (pulses, places) in volley.pulses.chunks(SIGHTED).zip(places.chunks(SIGHTED)) {
+            self.receiver.sights.clear();
+            for (pulse, place) in pulses.iter().zip(places) {
+                if let Some(place) = *place {
+                    let of_device = &self.volleys[pulse.device as usize];
+                    let instrument = physics.fleet.instrument(volley.leg, pulse.device)?;
+                    let shot = Shot::of(&of_device.rays, &of_device.hits, place);
+                    shot.foresee(view.scene);
+                    self.receiver.sights.push(instrument, &shot);
+                }
             }
-            if let Some(place) = *place {
-                let of_device = &self.volleys[pulse.device as usize];
-                let instrument = physics.fleet.instrument(volley.leg, pulse.device)?;
-                let shot = Shot::of(&of_device.rays, &of_device.hits, place);
-                self.receiver.receive::<WIDE>(physics, &view, instrument, pulse, shot, batch)?;
+            let mut first = 0;
+            for (pulse, place) in pulses.iter().zip(places) {
+                if physics.options.record_pulses {
+                    batch.pulses.push(pulse_record(pulse));
+                }
+                if let Some(place) = *place {
+                    let of_device = &self.volleys[pulse.device as usize];
+                    let instrument = physics.fleet.instrument(volley.leg, pulse.device)?;
+                    let shot = Shot::of(&of_device.rays, &of_device.hits, place);
+                    self.receiver.receive::<WIDE>(physics, &view, instrument, pulse, (shot, first), batch)?;
+                    first += shot.blocks();
+                }
             }
         }
         Ok(())
@@ -314,7 +359,7 @@ fn meets(gate: Option<Aabb>, origin: DVec3, axis: DVec3) -> bool {
 }
 
 impl Receiver {
-    /// From the hits of a pulse's subrays to its records.
+    /// From the hits of a pulse's subrays, whose ranges begin in block `first` of the sights, to its records.
     #[inline(always)]
     fn receive<const WIDE: bool>(
         &mut self,
@@ -322,24 +367,32 @@ impl Receiver {
         view: &View,
         instrument: &Instrument,
         pulse: &Pulse,
-        shot: Shot,
+        (shot, first): (Shot, usize),
         batch: &mut Batch,
     ) -> Result<()> {
         let corrections = &instrument.corrections;
         let mut paths =
             FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
-        view.reflect(instrument, shot, &mut paths, &mut self.probe, &mut self.reflections);
+        let seen = (shot, self.sights.of(first, &shot));
+        view.reflect(instrument, seen, &mut paths, &mut self.probe, &mut self.reflections);
         if self.reflections.is_empty() {
             return Ok(());
         }
         self.light.order::<WIDE>(&self.reflections, corrections.sum_equal_ranges);
-        if !self.waveform.receive(&self.light, instrument) {
-            return Ok(());
-        }
         self.returns.clear();
         let kept =
             |range: f64| !corrections.count_kept_returns || !too_near(range + pulse.range_error, instrument);
-        detect::<WIDE>(&self.waveform, instrument, physics.options.echo_width, kept, &mut self.returns);
+        let lone = instrument.lone.as_ref().filter(|_| !physics.options.record_waveforms);
+        match lone.and_then(|lone| lone.detect(&self.light, instrument)) {
+            Some(found) => self.returns.extend(found.filter(|r| kept(r.range))),
+            None => {
+                if !self.waveform.receive(&self.light, instrument) {
+                    return Ok(());
+                }
+                let width = physics.options.echo_width;
+                detect::<WIDE>(&self.waveform, instrument, width, kept, &mut self.returns);
+            }
+        }
         if self.returns.is_empty() {
             return Ok(());
         }

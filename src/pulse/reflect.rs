@@ -6,7 +6,7 @@ use super::foliage::{self, FreePaths, Passage};
 use super::instrument::Instrument;
 use crate::geom::{Aabb, DVec3, unit};
 use crate::scene::{Actor, Material, Scene, Voxel};
-use crate::tree::{Hit, Hits, RayGroup, Tree};
+use crate::tree::{Hit, Hits, RayGroup, Tree, prefetch};
 
 /// How far behind a surface a ray goes on, m.
 pub(super) const STEP_BEHIND: f64 = 1e-5;
@@ -135,6 +135,26 @@ impl<'a> Shot<'a> {
         }
     }
 
+    /// Asks for what the hits will be looked up by, ahead of their turn: some of them stand for their neighbours.
+    #[inline(always)]
+    pub fn foresee(&self, scene: &Scene) {
+        for primitive in self.primitive.iter().step_by(4) {
+            let primitive = *primitive as usize;
+            if let (Some(triangle), Some(surface)) =
+                (scene.geometry.triangles.get(primitive), scene.surface_of.get(primitive))
+            {
+                prefetch(triangle);
+                prefetch(surface);
+            }
+        }
+    }
+
+    /// Blocks that the subrays fill.
+    #[inline(always)]
+    pub fn blocks(&self) -> usize {
+        self.t.len()
+    }
+
     #[inline(always)]
     fn direction(&self, i: usize) -> DVec3 {
         let [x, y, z] = self.directions.map(|d| d.as_flattened());
@@ -156,11 +176,48 @@ impl<'a> Shot<'a> {
     }
 }
 
+/// Ranges and gains of the subrays of some pulses, one pulse after the other.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sights {
+    ranges: Vec<Block>,
+    gains: Vec<Block>,
+}
+
+impl Sights {
+    /// Forgets all pulses.
+    pub fn clear(&mut self) {
+        self.ranges.clear();
+        self.gains.clear();
+    }
+
+    /// Appends the ranges of a pulse, and what an instrument gains of a perfect reflector there (§3).
+    #[inline(always)]
+    pub fn push(&mut self, instrument: &Instrument, shot: &Shot) {
+        let (first, end) = (self.ranges.len(), self.ranges.len() + shot.t.len());
+        self.ranges.resize(end, [0.0; LANES]);
+        self.gains.resize(end, [0.0; LANES]);
+        shot.measure(&mut self.ranges[first..]);
+        instrument.energy.gains(&self.ranges[first..], &mut self.gains[first..]);
+    }
+
+    /// The pulse whose first block is number `first`.
+    #[inline(always)]
+    pub fn of(&self, first: usize, shot: &Shot) -> Sight<'_> {
+        let row = first..first + shot.t.len();
+        Sight { ranges: self.ranges[row.clone()].as_flattened(), gains: self.gains[row].as_flattened() }
+    }
+}
+
+/// The same of one pulse, by subray.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sight<'a> {
+    ranges: &'a [f64],
+    gains: &'a [f64],
+}
+
 /// Memory for the way of single rays.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Probe {
-    ranges: Vec<Block>,
-    gains: Vec<Block>,
     foliage: Vec<(usize, f64)>,
     /// Triangles that were met.
     pub facets: Facets,
@@ -172,19 +229,18 @@ impl<'a> View<'a> {
     pub fn reflect(
         &self,
         instrument: &Instrument,
-        shot: Shot,
+        (shot, sight): (Shot, Sight),
         paths: &mut FreePaths,
         probe: &mut Probe,
         out: &mut Reflections,
     ) {
         out.clear(instrument.subrays.len());
-        probe.ranges.resize(shot.t.len(), [0.0; LANES]);
-        shot.measure(&mut probe.ranges);
         let around = self.voxels_around(instrument, shot.origin);
-        let is_plain =
-            around.is_empty() && self.limits.is_none() && self.reflect_plainly(instrument, shot, probe, out);
+        let is_plain = around.is_empty()
+            && self.limits.is_none()
+            && self.reflect_plainly(instrument, (shot, sight), &mut probe.facets, out);
         if !is_plain {
-            self.reflect_each(instrument, shot, &around, paths, probe, out);
+            self.reflect_each(instrument, (shot, sight), &around, paths, probe, out);
         }
     }
 
@@ -193,20 +249,16 @@ impl<'a> View<'a> {
     fn reflect_plainly(
         &self,
         instrument: &Instrument,
-        shot: Shot,
-        probe: &mut Probe,
+        (shot, sight): (Shot, Sight),
+        facets: &mut Facets,
         out: &mut Reflections,
     ) -> bool {
-        let Probe { ranges, gains, facets, .. } = probe;
-        gains.resize(ranges.len(), [0.0; LANES]);
-        instrument.energy.gains(ranges, gains);
-        let (ranges, gains) = (ranges.as_flattened(), gains.as_flattened());
         let mut count = 0;
         for (i, &primitive) in shot.primitive.iter().enumerate() {
             if primitive == Hits::MISS {
                 continue;
             }
-            let range = ranges[i];
+            let range = sight.ranges[i];
             if !(range >= instrument.range_min && range <= instrument.range_max) {
                 if instrument.corrections.see_through_near {
                     return false;
@@ -216,7 +268,7 @@ impl<'a> View<'a> {
             let Some(facet) = facets.look_up(self, primitive) else { return false };
             let cosine = if self.fixed_incidence { 1.0 } else { facet.cosine(shot.direction(i)) };
             out.range[count] = range;
-            out.intensity[count] = facet.factor(self, cosine) * gains[i];
+            out.intensity[count] = facet.factor(self, cosine) * sight.gains[i];
             out.cosine[count] = cosine;
             out.primitive[count] = primitive;
             count += 1;
@@ -230,7 +282,7 @@ impl<'a> View<'a> {
     fn reflect_each(
         &self,
         instrument: &Instrument,
-        shot: Shot,
+        (shot, sight): (Shot, Sight),
         around: &[u32],
         paths: &mut FreePaths,
         probe: &mut Probe,
@@ -243,7 +295,7 @@ impl<'a> View<'a> {
         let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
         let mut face = Face::none(self.scene);
         let t = shot.t.as_flattened();
-        for (i, (ring, range)) in rings.iter().zip(probe.ranges.as_flattened()).enumerate() {
+        for (i, (ring, range)) in rings.iter().zip(sight.ranges).enumerate() {
             let (primitive, direction) = (shot.primitive[i], shot.direction(i));
             let in_range = *range >= instrument.range_min && *range <= instrument.range_max;
             if !asks && is_triangle(primitive) && in_range {
@@ -535,7 +587,10 @@ mod tests {
         let mut paths =
             FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
         let mut out = Reflections::default();
-        view.reflect(&instrument, Shot::of(&rays, &hits, 0), &mut paths, &mut Probe::default(), &mut out);
+        let (shot, mut sights) = (Shot::of(&rays, &hits, 0), Sights::default());
+        sights.push(&instrument, &shot);
+        let seen = (shot, sights.of(0, &shot));
+        view.reflect(&instrument, seen, &mut paths, &mut Probe::default(), &mut out);
         assert_eq!(out.primitives(), [0]);
         assert!((out.ranges()[0] - 10.0 / d.y).abs() < 1e-12);
         assert!((out.cosines()[0] - d.y).abs() < 1e-15);

@@ -36,7 +36,7 @@ pub use instances::{Instance, Instances, Model, Placement};
 pub use intersect::{cube as intersect_cube, triangle as intersect_triangle};
 pub use options::{Accounting, Areas, Axes, BuildOptions, Builder, Statistics};
 pub use rays::{Hits, RayBundle, RayGroup};
-pub(crate) use simd::Level;
+pub(crate) use simd::{Level, prefetch};
 
 #[cfg(test)]
 mod golden_tests;

@@ -1,0 +1,125 @@
+//! The short way of most pulses: all their light arrives within one bin, so that the waveform is the outgoing pulse, whose
+//! only peak is known beforehand.
+
+use super::detect::Return;
+use super::instrument::Instrument;
+use super::light::Light;
+use super::peaks::PeakRule;
+use super::shape::PulseShape;
+
+/// What is known of a pulse that returns from one bin.
+#[derive(Clone, Debug)]
+pub(super) struct Lone {
+    /// Largest sample of the pulse.
+    top: f64,
+    /// Smallest sample among those that the peak is compared with, if that matters.
+    least: Option<f64>,
+    threshold: f64,
+}
+
+/// Samples of a pulse are at least so much apart, relative to each other, that their products with any intensity are in
+/// the same order.
+const APART: f64 = 1e-9;
+
+/// Intensities whose products with a sample are normal numbers.
+const USUAL: std::ops::Range<f64> = 1e-200..1e200;
+
+impl Lone {
+    /// `None` where the peak is not that simple: windows that see one bin or more than the pulse, flat or ragged pulses.
+    pub fn new(shape: &PulseShape, rule: &PeakRule) -> Option<Lone> {
+        let (samples, peak) = (&shape.samples, shape.peak);
+        let window = usize::try_from(rule.window).ok().filter(|w| *w >= 2)?;
+        let grows = |pair: &[f64]| pair[0] < pair[1] * (1.0 - APART);
+        let falls = |pair: &[f64]| pair[1] < pair[0] * (1.0 - APART);
+        let is_simple = peak >= 1
+            && peak.checked_add(window)? <= samples.len()
+            && samples[..=peak].windows(2).all(grows)
+            && samples[peak..].windows(2).all(falls)
+            && rule.threshold > 0.0;
+        let first = (peak + 1).saturating_sub(window).max(usize::from(!rule.first_bin));
+        let least = samples.get(first..peak + window)?.iter().copied().fold(f64::INFINITY, f64::min);
+        is_simple.then_some(Lone {
+            top: samples[peak],
+            least: (!rule.weak_neighbours).then_some(least),
+            threshold: rule.threshold,
+        })
+    }
+
+    /// What is detected of light that arrives within the bin of the nearest return: at most one echo. `None` when there is
+    /// more to it.
+    #[inline(always)]
+    pub fn detect(&self, light: &Light, instrument: &Instrument) -> Option<Option<Return>> {
+        let (shape, light_speed) = (&instrument.shape, instrument.light_speed);
+        let (nearest, farthest) = (*light.ranges().first()?, *light.ranges().last()?);
+        let peak = shape.peak as f64;
+        let start = nearest / light_speed - peak * shape.bin;
+        let position = (farthest / light_speed - start) / shape.bin;
+        // That of the nearest may have been rounded to either side of the peak, and counts as the peak.
+        if position >= peak + 1.0 {
+            return None;
+        }
+        if instrument.range_min / light_speed > start {
+            // In the blind zone.
+            return Some(None);
+        }
+        let mut intensity = 0.0;
+        for i in light.intensities() {
+            intensity += i;
+        }
+        if !USUAL.contains(&intensity) {
+            return None;
+        }
+        let amplitude = self.top * intensity;
+        let stands_out =
+            amplitude >= self.threshold && self.least.is_none_or(|least| least * intensity >= self.threshold);
+        let range = light_speed * (peak * shape.bin + start);
+        Some(stands_out.then_some(Return { range, amplitude, width: 0.0 }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pulse::detect::detect;
+    use crate::pulse::testkit::{received, tls_instrument};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_short_way_leads_to_the_same_echo(
+            nearest in 2.0..3000.0f64,
+            behind in prop::collection::vec((0.0..0.12f64, 1e-6..1.0f64), 0..30),
+            length in prop::sample::select(vec![2.0, 4.0, 5.0, 7.3]),
+            window in 0u64..12,
+            threshold in prop::sample::select(vec![1e-5, 1e-3, 0.3]),
+            weak_neighbours: bool,
+        ) {
+            let mut map = vec![(nearest, 1e-4)];
+            map.extend(behind.iter().map(|(by, i)| (nearest + by, *i)));
+            map.sort_by(|a, b| a.0.total_cmp(&b.0));
+            map.dedup_by(|a, b| a.0 == b.0);
+            let mut instrument = tls_instrument(length);
+            instrument.rule = PeakRule { window, threshold, weak_neighbours, ..instrument.rule };
+            let light = Light::of(&map);
+            let lone = Lone::new(&instrument.shape, &instrument.rule);
+            let short = lone.and_then(|l| l.detect(&light, &instrument));
+            if let Some(short) = short {
+                let mut long = Vec::new();
+                detect::<false>(&received(&map, &instrument), &instrument, false, |_| true, &mut long);
+                prop_assert_eq!(long, short.into_iter().collect::<Vec<_>>());
+            }
+        }
+    }
+
+    #[test]
+    fn usual_instruments_have_a_short_way() {
+        for length in [2.0, 4.0, 5.0] {
+            let instrument = tls_instrument(length);
+            let lone = Lone::new(&instrument.shape, &instrument.rule).expect("one");
+            let light = Light::of(&[(100.0, 1.0), (100.01, 1.0)]);
+            assert!(lone.detect(&light, &instrument).flatten().is_some());
+            let apart = Light::of(&[(100.0, 1.0), (100.2, 1.0)]);
+            assert!(lone.detect(&apart, &instrument).is_none());
+        }
+    }
+}
