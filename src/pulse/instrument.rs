@@ -1,8 +1,8 @@
 //! What the pulse physics needs to know of a device, computed once.
 
 use super::energy::{BeamState, Energy, half_angle};
-use super::options::{Corrections, PhysicsOptions};
 use super::lone::Lone;
+use super::options::{Corrections, PhysicsOptions};
 use super::peaks::PeakRule;
 use super::shape::{PulseShape, sample_count};
 use super::subray::Subrays;
@@ -61,7 +61,8 @@ impl Instrument {
         };
         let shape = PulseShape::new(device.beam.pulse_length, &device.waveform);
         let rule = peak_rule(device, &c);
-        let is_plain = !c.fractional_bins && !c.clip_dead_zone && !o.echo_width && device.waveform.max_range <= 0.0;
+        let is_plain =
+            !c.fractional_bins && !c.clip_dead_zone && !o.echo_width && device.waveform.max_range <= 0.0;
         Instrument {
             subrays: Subrays::new(half_angle(divergence.start, &c), device.waveform.quality),
             energy: Energy::new(state, context.multi_channel, o),
