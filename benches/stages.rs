@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Times are those of the computing thread, so that what else the machine does hardly shows; every figure is the best of
-//! some passes over the same 131 072 pulses of the first leg.
+//! some passes over the same 131 072 pulses, from where the beam first meets the scene mostly.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -117,6 +117,25 @@ struct River<'a> {
 }
 
 impl River<'_> {
+    /// The flight from where at least half of the pulses have echoes, or from its start if there is no such place.
+    fn over_the_scene(&self) -> Result<FlightState> {
+        let mut state = FlightState::start(self.flight);
+        let (mut skipped, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });
+        let mut shooter = self.physics.shooter();
+        loop {
+            let mut batch = Batch::default();
+            replay.step(&mut state.clone(), self.flight, CHUNK)?;
+            if replay.seen < CHUNK || state.leg_index() > 0 {
+                return Ok(FlightState::start(self.flight));
+            }
+            shooter.fire_all(0, &replay.pulses, &mut batch)?;
+            if 2 * batch.echoes.len() >= replay.seen {
+                return Ok(state);
+            }
+            skipped.step(&mut state, self.flight, 32 * CHUNK)?;
+        }
+    }
+
     /// Flies the pulses through one stage after the other; returns the echoes, too.
     fn pass(&self) -> Result<(Pass, usize)> {
         let mut pass = Pass {
@@ -130,7 +149,7 @@ impl River<'_> {
             text: 0.0,
         };
         let (mut counter, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });
-        let mut counting = FlightState::start(self.flight);
+        let mut counting = self.over_the_scene()?;
         let mut shooter = self.physics.shooter();
         let mut batches = Vec::new();
         for _ in 0..PULSES / CHUNK {

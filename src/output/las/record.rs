@@ -17,11 +17,17 @@ pub(in crate::output) struct LasCodec<'a> {
 /// 1000·log10(a) = DECIBEL·ln(a)
 const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
 
-/// Adding this rounds to whole numbers, ties to even.
-const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
 /// The bit that marks points as not to be used: missed pulses.
 const WITHHELD_6: u8 = 1 << 2;
 const WITHHELD_1: u8 = 1 << 7;
+
+/// The nearest whole number, of two the even one, as far as 2^51: `f64::round_ties_even`, which is a call where there is no
+/// instruction for it. Larger numbers stay about as large.
+#[inline(always)]
+fn whole(x: f64) -> f64 {
+    const UNIT_IS_LAST_DIGIT: f64 = 1.5 * (1u64 << 52) as f64;
+    (x + UNIT_IS_LAST_DIGIT) - UNIT_IS_LAST_DIGIT
+}
 
 /// Bytes of the longest record.
 const LONGEST: usize = 88;
@@ -46,8 +52,7 @@ impl LasCodec<'_> {
     /// Integer coordinates, if 32 bits hold them.
     fn stored(&self, position: DVec3) -> Option<DVec3> {
         let scaled = (position + self.format.shift) / self.format.scale;
-        // Without an instruction for it, `round_ties_even` is a call; what this rounds otherwise is beyond the limit.
-        let stored = (scaled + WHOLE) - WHOLE;
+        let stored = DVec3::from(scaled.to_array().map(whole));
         let limit = f64::from(i32::MAX);
         // NaN is not within the limit either.
         let holds = stored.x.abs() <= limit && stored.y.abs() <= limit && stored.z.abs() <= limit;
@@ -68,10 +73,8 @@ impl LasCodec<'_> {
         // User data
         record.put([0]);
         // Scan angle, 0.006 degrees
-        record.put(
-            ((degrees(echo.scan_angle) / 0.006).clamp(-30_000.0, 30_000.0).round_ties_even() as i16)
-                .to_le_bytes(),
-        );
+        record
+            .put((whole((degrees(echo.scan_angle) / 0.006).clamp(-30_000.0, 30_000.0)) as i16).to_le_bytes());
         // Point source ID
         record.put(leg.source_id.to_le_bytes());
         // GPS time
@@ -140,7 +143,7 @@ impl LasFormat {
         // Conversions saturate, and NaN becomes 0.
         match self.intensity {
             IntensityMapping::Decibel if amplitude > 0.0 => {
-                (10_000.0 + DECIBEL * libm::log(amplitude)).round_ties_even().max(1.0) as u16
+                whole(10_000.0 + DECIBEL * libm::log(amplitude)).max(1.0) as u16
             }
             IntensityMapping::Decibel => 0,
             IntensityMapping::Linear { full_scale } => {

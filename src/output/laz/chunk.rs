@@ -1,4 +1,4 @@
-//! A chunk of LAS 1.4 points with their extra bytes, layer by layer: the bytes that LASzip writes, several times sooner.
+//! A chunk of LAS 1.4 points with their extra bytes, layer by layer: the bytes that LASzip writes, in about half the time of the `laz` crate.
 //! What never changes within a chunk costs nothing, and layers, which do not depend on each other, are written side by
 //! side.
 
