@@ -340,3 +340,71 @@ fn the_statistics_of_the_wide_tree_are_its_own() {
     // A bumpy ball of radius 1 to 1.3 in its box.
     assert!((s.root_area / (6.0 * 2.4f64.powi(2)) - 1.0).abs() < 0.2, "{s:?}");
 }
+
+/// A scene 20 km wide at UTM coordinates gives the echoes of the same scene around the origin, to far below 0.1 mm. All
+/// coordinates are multiples of 2⁻¹⁰ m, so that moving the scene rounds nothing.
+#[test]
+fn wide_scenes_at_utm_coordinates_are_exact() {
+    let draw = crate::rng::Stream::new(4, crate::rng::Purpose::SceneMaking);
+    let coarse = |x: f64| (x * 1024.0).round() / 1024.0;
+    let cells = 200u32;
+    let mut local = Geometry::default();
+    for i in 0..=cells {
+        for j in 0..=cells {
+            let height = coarse(80.0 * draw.uniform(0, u64::from(i), j));
+            let at = |c: u32| f64::from(c) * 100.0 - 10_000.0;
+            local.vertices.push(DVec3::new(at(i), at(j), height));
+        }
+    }
+    for i in 0..cells {
+        for j in 0..cells {
+            let a = i * (cells + 1) + j;
+            let b = a + cells + 1;
+            local.triangles.extend([[a, b, b + 1], [a, b + 1, a + 1]]);
+        }
+    }
+    let shift = DVec3::new(498_765.0, 5_412_345.0, 120.0);
+    let moved = Geometry { vertices: local.vertices.iter().map(|v| *v + shift).collect(), ..local.clone() };
+    let pulses: Vec<RayBundle> = (0..600)
+        .map(|p| {
+            let u = |n| draw.uniform(1, p / 4, n);
+            let beside = (p % 4) as f64;
+            let origin = DVec3::new(19_000.0 * u(0) - 9_500.0 + beside, 19_000.0 * u(1) - 9_500.0, 1500.0);
+            let axis = DVec3::new(u(2) - 0.5, u(3) - 0.5 + 1e-3 * beside, -1.2);
+            bundle(DVec3::from(origin.to_array().map(coarse)), &cone(unit(axis), 3e-4, 19))
+        })
+        .collect();
+    let group = |shift: DVec3| {
+        let mut group = RayGroup::new(19);
+        for p in &pulses {
+            group.push(p.origin + shift, |x, y, z| {
+                x.copy_from_slice(&p.x);
+                y.copy_from_slice(&p.y);
+                z.copy_from_slice(&p.z);
+            });
+        }
+        group
+    };
+    let options = BuildOptions::default();
+    let (mut near, mut far) = (Hits::default(), Hits::default());
+    Tree::build(&local, &options).trace_group(&local, &group(DVec3::ZERO), &mut near);
+    Tree::build(&moved, &options).trace_group(&moved, &group(shift), &mut far);
+    let stride = group(shift).stride();
+    for (p, pulse) in pulses.iter().enumerate() {
+        for r in 0..pulse.len() {
+            let at = p * stride + r;
+            assert_ne!(far.primitive[at], Hits::MISS);
+            assert!((near.t[at] - far.t[at]).abs() < 1e-6, "{} against {}", near.t[at], far.t[at]);
+            let truth = brute_force_one(&local, pulse.origin, pulse.direction(r), far.primitive[at]);
+            assert!(truth.is_some_and(|t| (t - far.t[at]).abs() < 1e-6), "{truth:?}");
+        }
+    }
+}
+
+/// The distance of one triangle by its plane, relative to the origin of the ray.
+fn brute_force_one(g: &Geometry, origin: DVec3, d: DVec3, i: u32) -> Option<f64> {
+    let [a, b, c] = g.triangle(i as usize);
+    let normal = (b - a).cross(c - a);
+    let t = (a - origin).dot(normal) / d.dot(normal);
+    t.is_finite().then_some(t)
+}

@@ -33,12 +33,10 @@ pub(super) struct Eye {
     pub origin: [f64; 3],
     /// Slopes of the first ray on the side axes.
     pub middle: [f64; 2],
-    /// Largest deviation from them.
-    pub width: f64,
 }
 
 impl Eye {
-    pub const NOWHERE: Eye = Eye { origin: [0.0; 3], middle: [0.0; 2], width: 0.0 };
+    pub const NOWHERE: Eye = Eye { origin: [0.0; 3], middle: [0.0; 2] };
 }
 
 /// The edge functions of a triangle for one pulse; lanes are the edges.
@@ -51,12 +49,12 @@ pub(super) struct Edges {
 impl Edges {
     const NONE: Edges = Edges { coefficients: [[0.0; 4]; 5] };
 
-    /// The edges of a triangle as a pulse sees them.
+    /// The edges of a triangle as a pulse sees them whose rays deviate from its first by no more than `width`.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn of<S: Simd>([k, i, j]: [usize; 3], eye: &Eye, corners: &Corners) -> Edges {
+    pub unsafe fn of<S: Simd>([k, i, j]: [usize; 3], eye: &Eye, width: f64, corners: &Corners) -> Edges {
         let mut edges = Edges::NONE;
         let coefficients = &mut edges.coefficients;
         // SAFETY: the caller vouches for the instruction set.
@@ -72,7 +70,7 @@ impl Edges {
             let c0 = S::qsub(S::qmul(x, yn), S::qmul(y, xn));
             let reach = S::qadd(S::qabs(z), S::qadd(S::qabs(x), S::qabs(y)));
             let reach = S::qadd(reach, S::qturn(reach));
-            let tilt = S::qmul(S::qadd(S::qabs(c1), S::qabs(c2)), S::qsplat(eye.width));
+            let tilt = S::qmul(S::qadd(S::qabs(c1), S::qabs(c2)), S::qsplat(width));
             let most = S::qadd(S::qabs(c0), tilt);
             let double = S::qmul(S::qmul(reach, reach), S::qsplat(DOUBLE));
             let error = S::qadd(S::qmul(most, S::qsplat(SINGLE)), double);

@@ -112,8 +112,8 @@ unsafe fn greatest<S: Simd>(v: [S::F; 3]) -> S::F {
 pub(super) struct Seen<S: Simd> {
     /// Slopes `[side axis][low, high]`, widened.
     slope: [[S::F; 2]; 2],
-    /// Reciprocals of the least and the greatest depth.
-    inverse: [[f32; LANES]; 2],
+    /// The middle of the reciprocals of their depths.
+    inverse: S::F,
     /// Least depth, widened.
     near: S::F,
     /// Greatest depth, widened.
@@ -126,7 +126,7 @@ impl<S: Simd> Seen<S> {
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn from(lanes: &Lanes<S>, block: &Block) -> Seen<S> {
+    pub unsafe fn from(lanes: &Lanes<S>, block: &Block, still: bool) -> Seen<S> {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let [k, i, j] = lanes.axes;
@@ -140,16 +140,19 @@ impl<S: Simd> Seen<S> {
             let (near, far, four) = (least::<S>(s), greatest::<S>(s), S::splat(4.0 * lanes.slack));
             // Wherever slopes count all depths are positive, and the nearest corner has the greatest reciprocal.
             let (inverse_near, inverse_far) = (greatest::<S>(inv), least::<S>(inv));
-            let pad = S::add(S::mul(four, inverse_near), S::splat(1e-6));
-            let mut inverse = [[0.0; LANES]; 2];
-            S::store(&mut inverse[0], inverse_near);
-            S::store(&mut inverse[1], inverse_far);
+            // What is left of the pulses' offsets: all, or how much it changes from the nearest corner to the farthest.
+            let half = S::splat(0.5);
+            let (offset, changes) =
+                (S::splat(lanes.most_offset), S::mul(S::sub(inverse_near, inverse_far), half));
+            let rounding = S::splat(4.0 * lanes.slack + 1e-6 * lanes.most_offset);
+            let shift = S::mul(offset, if still { inverse_near } else { changes });
+            let pad = S::add(S::add(S::mul(rounding, inverse_near), shift), S::splat(1e-6));
             Seen {
                 slope: [
                     [S::sub(least::<S>(x), pad), S::add(greatest::<S>(x), pad)],
                     [S::sub(least::<S>(y), pad), S::add(greatest::<S>(y), pad)],
                 ],
-                inverse,
+                inverse: S::mul(S::add(inverse_near, inverse_far), half),
                 near: S::sub(S::mul(near, S::splat(2.0 - LOOSE)), four),
                 far: S::add(S::mul(far, S::splat(LOOSE)), four),
                 beside: S::le(near, S::splat(lanes.near)),
@@ -157,29 +160,40 @@ impl<S: Simd> Seen<S> {
         }
     }
 
-    /// The triangles that a ray of pulse `p` might hit at depths within `[lo, hi]`.
+    /// The least and the greatest depths of the triangles, both on the safe side.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn by(&self, lanes: &Lanes<S>, p: usize, [lo, hi]: [f32; 2]) -> u32 {
+    pub unsafe fn depths(&self, near: &mut [f32; LANES], far: &mut [f32; LANES]) {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
-            let mut overlap = S::le(self.near, S::splat(hi));
-            overlap = S::and(overlap, S::le(S::splat(lo), self.far));
-            let mut inside = overlap;
-            for side in 0..2 {
-                let ends = each_of!([0, 1], end => {
-                    let offset = lanes.offset[side][end].0[p];
-                    // Seen from the apex, a pulse that starts aside has its offset shrink with depth.
-                    let at = usize::from((offset < 0.0) != (end == 0));
-                    let aside = S::mul(S::splat(offset), S::load(&self.inverse[at]));
-                    S::add(S::splat(lanes.slope[side][end].0[p]), aside)
-                });
-                inside = S::and(inside, S::le(self.slope[side][0], ends[1]));
-                inside = S::and(inside, S::le(ends[0], self.slope[side][1]));
-            }
-            S::bits(S::or(inside, S::and(overlap, self.beside)))
+            S::store(near, self.near);
+            S::store(far, self.far);
+        }
+    }
+
+    /// The triangles that a ray of pulse `p` might hit at depths within `[lo, hi]`. If `still`, the pulses' offsets are
+    /// in the slopes already.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    pub unsafe fn by(&self, lanes: &Lanes<S>, p: usize, [lo, hi]: [f32; 2], still: bool) -> u32 {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let overlap = S::and(S::le(self.near, S::splat(hi)), S::le(S::splat(lo), self.far));
+            let ends = each_of!([0, 1], side => each_of!([0, 1], end => {
+                let slope = S::splat(lanes.slope[side][end].0[p]);
+                if still {
+                    slope
+                } else {
+                    S::add(slope, S::mul(S::splat(lanes.offset[side][end].0[p]), self.inverse))
+                }
+            }));
+            let x = S::and(S::le(self.slope[0][0], ends[0][1]), S::le(ends[0][0], self.slope[0][1]));
+            let y = S::and(S::le(self.slope[1][0], ends[1][1]), S::le(ends[1][0], self.slope[1][1]));
+            S::bits(S::and(overlap, S::or(S::and(x, y), self.beside)))
         }
     }
 }

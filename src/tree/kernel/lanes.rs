@@ -83,10 +83,15 @@ pub(crate) struct Lanes<S: Simd> {
     pub slope: [[PerPulse; 2]; 2],
     /// Offsets at depth 0 from the apex, likewise.
     pub offset: [[PerPulse; 2]; 2],
+    /// The greatest of their sizes.
+    pub most_offset: f32,
+    /// Depth from which on that is less than a quarter of the width of the narrowest pulse.
+    pub still_from: f32,
     /// Depth of each origin.
     pub start: PerPulse,
-    /// Largest depth per unit of t, tree's frame.
+    /// Largest depth per unit of t, tree's frame, and in metres.
     pub steepness: [f64; GROUP],
+    pub steepest: [f64; GROUP],
     /// `[axis][planes above the box, planes below it]`.
     pub sides: [[Side<S>; 2]; 3],
     /// The beam around all.
@@ -149,17 +154,29 @@ impl<S: Simd> Lanes<S> {
                 }
             }
         }
-        let steepness = spread.depth[1].0.map(|d| f64::from(d) * frame.scale * 1.000_000_2);
+        let mut sizes = [0.0f32; GROUP];
+        for o in offset.iter().flatten() {
+            for l in 0..GROUP {
+                sizes[l] = if o.0[l].abs() > sizes[l] { o.0[l].abs() } else { sizes[l] };
+            }
+        }
+        // SAFETY: the caller vouches for the instruction set.
+        let most_offset = unsafe { S::greatest(S::load(&sizes)) };
+        let (mut steepness, mut steepest) = ([0.0; GROUP], [0.0; GROUP]);
+        for l in 0..GROUP {
+            steepest[l] = f64::from(spread.depth[1].0[l]) * 1.000_000_2;
+            steepness[l] = steepest[l] * frame.scale;
+        }
         let mut eyes = [Eye::NOWHERE; GROUP];
         for (l, pulse) in pulses.enumerate() {
-            let ends = spread.aside.map(|[lo, hi]| lo.0[l].abs().max(hi.0[l].abs()));
-            eyes[l] = Eye {
-                origin: rays.origin(pulse).to_array(),
-                middle: [spread.middle[0][l], spread.middle[1][l]],
-                width: f64::from(ends[0].max(ends[1])),
-            };
+            let middle = [spread.middle[0][l], spread.middle[1][l]];
+            eyes[l] = Eye { origin: rays.origin(pulse).to_array(), middle };
         }
         let view = View::of(&start, &spread, forward as f32);
+        // SAFETY: as above.
+        let narrowest = -unsafe { S::greatest(S::sub(S::splat(0.0), S::load(&view.width.0))) };
+        let still = most_offset <= 8.0 * start.slack;
+        let still_from = if still { f32::NEG_INFINITY } else { 4.0 * most_offset / narrowest };
         // SAFETY: as above.
         unsafe {
             let sides = sides::<S>(axes, forward as f32, &start, &slope, &offset);
@@ -172,8 +189,11 @@ impl<S: Simd> Lanes<S> {
                 near: start.near,
                 slope,
                 offset,
+                most_offset,
+                still_from,
                 start: start.depth,
                 steepness,
+                steepest,
                 sides,
                 beam,
                 eyes,
@@ -196,9 +216,11 @@ impl View {
             view.from[0].0[l] *= forward;
             let [i, j] = [0, 1].map(|n| spread.middle[n][l] as f32);
             (view.middle[0].0[l], view.middle[1].0[l]) = (i, j);
-            view.tilt.0[l] = i.abs().max(j.abs());
-            let ends = spread.aside.each_ref().map(|[lo, hi]| lo.0[l].abs().max(hi.0[l].abs()));
-            view.width.0[l] = raised(ends[0].max(ends[1]));
+            let greatest = |a: f32, b: f32| if a > b { a } else { b };
+            view.tilt.0[l] = greatest(i.abs(), j.abs());
+            let [i, j] = &spread.aside;
+            let ends = [i[0].0[l].abs(), i[1].0[l].abs(), j[0].0[l].abs(), j[1].0[l].abs()];
+            view.width.0[l] = raised(greatest(greatest(ends[0], ends[1]), greatest(ends[2], ends[3])));
         }
         view
     }

@@ -2,17 +2,27 @@
 //!
 //! A pulse alone is a handful of nodes and triangles, so that most of its time goes into mispredicted branches and
 //! waiting for memory. A group shares every decision among some hundred rays: lanes are the children of a node, then the
-//! pulses, then the triangles of a block, and at last the rays of one pulse for one triangle, where the verdicts fall.
+//! pulses, then the triangles of a block, then pairs of a pulse and a triangle, and at last the rays of one pulse for one
+//! triangle, where the verdicts fall.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `lanes` | sixteen pulses side by side |
+//! | `walk`, `filter` | nodes and boxes against them |
+//! | `leaf` | which pulse may meet which triangle of a block: pairs |
+//! | `rows` | what becomes of the pairs, step by step |
+//! | `sides`, `edges` | which rays are inside: from single precision, and from double where that leaves it open |
+//! | `verdict` | distances |
 
 mod edges;
 mod filter;
 mod lanes;
 mod leaf;
+mod rows;
 mod sides;
 mod verdict;
 mod walk;
 
-use super::block::Block;
 use super::rays::{Hits, RayGroup};
 use super::simd::{Level, portable::Portable};
 use super::{Geometry, Hit, RayBundle, Tree};
@@ -88,14 +98,14 @@ impl Tree {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,popcnt,bmi1,bmi2,lzcnt")]
 fn trace_avx2(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits, scratch: &mut Scratch) {
     // SAFETY: this function carries the features.
     unsafe { Kernel::<super::simd::avx2::Avx2>::trace(tree, geometry, rays, hits, scratch) }
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,popcnt,bmi1,bmi2,lzcnt")]
 fn trace_avx512(tree: &Tree, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits, scratch: &mut Scratch) {
     // SAFETY: this function carries the features.
     unsafe { Kernel::<super::simd::avx512::Avx512>::trace(tree, geometry, rays, hits, scratch) }
@@ -118,23 +128,23 @@ struct Kernel<'a, S: super::simd::Simd> {
     deviations: &'a [Deviations],
     /// Depth beyond which nothing can be nearer than what each pulse has hit.
     limit: PerPulse,
+    settled: rows::Settled,
     stacks: &'a mut walk::Stacks,
-    /// The block whose pairs are in `lists`; those of the next go to `next`.
-    pending: Option<&'a Block>,
-    lists: &'a mut leaf::Lists,
-    next: &'a mut leaf::Lists,
+    /// Blocks whose pairs wait to be looked at.
+    lists: leaf::Lists<'a>,
+    rows: &'a mut rows::Rows,
 }
 
 /// What a walk needs room for; cleared by nobody.
 struct Scratch {
     deviations: Vec<Deviations>,
     stacks: walk::Stacks,
-    lists: [leaf::Lists; 2],
+    rows: rows::Rows,
 }
 
 impl Scratch {
     const EMPTY: Scratch =
-        Scratch { deviations: Vec::new(), stacks: walk::Stacks::EMPTY, lists: [leaf::Lists::EMPTY; 2] };
+        Scratch { deviations: Vec::new(), stacks: walk::Stacks::EMPTY, rows: rows::Rows::EMPTY };
 }
 
 impl<S: super::simd::Simd> Kernel<'_, S> {
@@ -192,7 +202,6 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
         };
         let mut limit = PerPulse([f32::NEG_INFINITY; GROUP]);
         limit.0[..pulses.len()].fill(f32::INFINITY);
-        let [lists, next] = &mut scratch.lists;
         let mut kernel = Kernel {
             geometry,
             rays,
@@ -206,10 +215,10 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             lanes,
             deviations: &scratch.deviations,
             limit,
+            settled: rows::Settled { rays: [0; GROUP], depth: PerPulse([f32::NEG_INFINITY; GROUP]) },
             stacks: &mut scratch.stacks,
-            pending: None,
-            lists,
-            next,
+            lists: leaf::Lists::EMPTY,
+            rows: &mut scratch.rows,
         };
         // SAFETY: as above.
         unsafe { kernel.walk(tree, pulses.len()) };

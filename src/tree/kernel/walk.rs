@@ -5,6 +5,7 @@ use super::filter::{box_in_lanes, boxes_in_beam, cut};
 use super::lanes::{GROUP, PerPulse};
 use crate::tree::Tree;
 use crate::tree::beam::LOOSE;
+use crate::tree::block::Block;
 use crate::tree::build::DEEPEST;
 use crate::tree::index::Nodes;
 use crate::tree::node::{KdNode, WideChild, WideNode};
@@ -87,7 +88,8 @@ impl<'a, S: Simd> Kernel<'a, S> {
                         S::store(&mut from.0, lo);
                         for block in &tree.blocks[node.blocks()] {
                             S::store(&mut to.0, S::min(hi, S::load(&self.limit.0)));
-                            self.block(block, pulses, &from.0, &to.0);
+                            let enter = from.0[pulses.trailing_zeros() as usize % GROUP];
+                            self.block(block, pulses, enter, &from.0, &to.0);
                         }
                         break;
                     };
@@ -127,60 +129,105 @@ impl<'a, S: Simd> Kernel<'a, S> {
     /// As for [`Simd`].
     #[inline(always)]
     unsafe fn walk_wide(&mut self, tree: &'a Tree, nodes: &[WideNode], pulses: u32) {
-        let single = pulses == 1;
         self.stacks.wide[0] = WideVisit { pulses, ..WideVisit::NOWHERE };
-        let mut height = 1;
-        let mut depths = [0.0; GROUP];
-        while height > 0 {
-            height -= 1;
-            let WideVisit { child, enter, pulses } = self.stacks.wide[height];
-            // SAFETY: the caller vouches for the instruction set.
-            unsafe {
-                let limit = S::load(&self.limit.0);
-                let pulses = pulses & S::bits(S::le(S::splat(enter), S::mul(limit, S::splat(LOOSE))));
+        let (single, mut height) = (pulses == 1, 1);
+        // The block that comes next is on its way from memory until another one has been found.
+        let mut waiting: Option<(&'a Block, f32)> = None;
+        let mut waiting_pulses = 0;
+        loop {
+            let mut found = None;
+            let mut found_pulses = 0;
+            if height > 0 {
+                height -= 1;
+                let WideVisit { child, enter, pulses } = self.stacks.wide[height];
+                // SAFETY: the caller vouches for the instruction set.
+                let pulses = unsafe { pulses & self.within_limit(enter) };
                 if pulses == 0 {
                     continue;
                 }
-                let number = match child.number() {
-                    Ok(number) => number,
-                    Err(number) => {
-                        let limit = self.limit.0;
-                        self.block(&tree.blocks[number], pulses, &[0.0; GROUP], &limit);
+                match child.number() {
+                    Ok(number) => {
+                        // SAFETY: as above.
+                        height = unsafe { self.meet_children(tree, nodes, number, pulses, single, height) };
                         continue;
                     }
-                };
-                let node = &nodes[number];
-                let (mut met, enter) =
-                    boxes_in_beam::<S>(&self.lanes.beam, &node.lower, &node.upper, S::greatest(limit));
-                S::store(&mut depths, enter);
-                let floor = height;
-                while met != 0 {
-                    let lane = met.trailing_zeros() as usize;
-                    met &= met - 1;
-                    let lower = [node.lower[0][lane], node.lower[1][lane], node.lower[2][lane]];
-                    let upper = [node.upper[0][lane], node.upper[1][lane], node.upper[2][lane]];
-                    // The beam around a single pulse is that pulse.
-                    let meeting =
-                        if single { !0 } else { box_in_lanes(&self.lanes, lower, upper, &self.limit) };
-                    let pulses = pulses & meeting;
-                    if pulses == 0 {
-                        continue;
-                    }
-                    match node.child[lane].number() {
-                        Ok(number) => prefetch(&nodes[number]),
-                        Err(number) => prefetch(&tree.blocks[number]),
-                    }
-                    let stack = &mut self.stacks.wide;
-                    let mut at = height;
-                    while at > floor && stack[at - 1].enter < depths[lane] {
-                        stack[at] = stack[at - 1];
-                        at -= 1;
-                    }
-                    stack[at] = WideVisit { child: node.child[lane], enter: depths[lane], pulses };
-                    height += 1;
+                    Err(number) => (found, found_pulses) = (Some((&tree.blocks[number], enter)), pulses),
+                }
+            } else if waiting.is_none() {
+                break;
+            }
+            if let Some((block, enter)) = waiting {
+                let limit = self.limit.0;
+                // SAFETY: as above.
+                unsafe {
+                    let pulses = waiting_pulses & self.within_limit(enter);
+                    self.block(block, pulses, enter, &[0.0; GROUP], &limit);
                 }
             }
+            (waiting, waiting_pulses) = (found, found_pulses);
         }
+    }
+
+    /// The pulses that have not hit anything nearer than this depth with all of their rays.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn within_limit(&self, enter: f32) -> u32 {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe { S::bits(S::le(S::splat(enter), S::mul(S::load(&self.limit.0), S::splat(LOOSE)))) }
+    }
+
+    /// Puts the children of a node that the pulses meet on the stack, the nearest on top; returns its new height.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn meet_children(
+        &mut self,
+        tree: &Tree,
+        nodes: &[WideNode],
+        number: usize,
+        pulses: u32,
+        single: bool,
+        floor: usize,
+    ) -> usize {
+        let node = &nodes[number];
+        let (mut depths, mut height) = ([0.0; GROUP], floor);
+        // SAFETY: the caller vouches for the instruction set.
+        let mut met = unsafe {
+            let limit = S::greatest(S::load(&self.limit.0));
+            let (met, enter) = boxes_in_beam::<S>(&self.lanes.beam, &node.lower, &node.upper, limit);
+            S::store(&mut depths, enter);
+            met
+        };
+        while met != 0 {
+            let lane = met.trailing_zeros() as usize;
+            met &= met - 1;
+            let lower = [node.lower[0][lane], node.lower[1][lane], node.lower[2][lane]];
+            let upper = [node.upper[0][lane], node.upper[1][lane], node.upper[2][lane]];
+            // SAFETY: as above.
+            let meeting = unsafe { box_in_lanes(&self.lanes, lower, upper, &self.limit) };
+            // The beam around a single pulse is that pulse.
+            let meeting = if single { !0 } else { meeting };
+            let pulses = pulses & meeting;
+            if pulses == 0 {
+                continue;
+            }
+            match node.child[lane].number() {
+                Ok(number) => prefetch(&nodes[number]),
+                Err(number) => prefetch(&tree.blocks[number]),
+            }
+            let stack = &mut self.stacks.wide;
+            let mut at = height;
+            while at > floor && stack[at - 1].enter < depths[lane] {
+                stack[at] = stack[at - 1];
+                at -= 1;
+            }
+            stack[at] = WideVisit { child: node.child[lane], enter: depths[lane], pulses };
+            height += 1;
+        }
+        height
     }
 }
 

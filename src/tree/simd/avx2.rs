@@ -4,7 +4,7 @@
     reason = "one reason for all: callers of the trait vouch for the target features, and memory is reached through references"
 )]
 
-use super::{Simd, each_of};
+use super::{Simd, Step, each_of};
 use std::arch::x86_64::*;
 
 /// See the module.
@@ -55,6 +55,28 @@ unsafe fn four_rows(rows: &[[f32; 16]; 16], first: usize, lane: usize) -> __m256
     }
 }
 
+/// A mask of four `f64` as one of four `u32`.
+///
+/// # Safety
+/// As for [`Simd`].
+#[inline(always)]
+unsafe fn narrowed(mask: __m256d) -> __m128i {
+    unsafe {
+        let mask = _mm256_castpd_ps(mask);
+        let (low, high) = (_mm256_castps256_ps128(mask), _mm256_extractf128_ps::<1>(mask));
+        _mm_castps_si128(_mm_shuffle_ps::<0b10_00_10_00>(low, high))
+    }
+}
+
+/// # Safety
+/// As for [`Simd`].
+#[inline(never)]
+#[target_feature(enable = "avx2,popcnt,bmi1,bmi2,lzcnt")]
+unsafe fn apart<T: Step<Avx2>>(step: T) -> T::Out {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe { step.run() }
+}
+
 impl Simd for Avx2 {
     type F = [__m256; 2];
     type M = [__m256; 2];
@@ -78,6 +100,11 @@ impl Simd for Avx2 {
     pairwise!(dmax, _mm256_max_pd, __m256d);
     pairwise!(dand, _mm256_and_pd, __m256d);
 
+    #[inline(always)]
+    unsafe fn apart<T: Step<Avx2>>(step: T) -> T::Out {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe { apart(step) }
+    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> [__m256; 2] {
         unsafe { [_mm256_set1_ps(x); 2] }
@@ -195,10 +222,6 @@ impl Simd for Avx2 {
         }
     }
     #[inline(always)]
-    unsafe fn dlt(a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
-        unsafe { [_mm256_cmp_pd::<_CMP_LT_OQ>(a[0], b[0]), _mm256_cmp_pd::<_CMP_LT_OQ>(a[1], b[1])] }
-    }
-    #[inline(always)]
     unsafe fn dle(a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
         unsafe { [_mm256_cmp_pd::<_CMP_LE_OQ>(a[0], b[0]), _mm256_cmp_pd::<_CMP_LE_OQ>(a[1], b[1])] }
     }
@@ -216,23 +239,30 @@ impl Simd for Avx2 {
         }
     }
     #[inline(always)]
-    unsafe fn put(bits: u32, t: &mut [f64; 8], v: [__m256d; 2], ids: &mut [u32; 8], id: u32) {
+    unsafe fn dmask(bits: u32) -> [__m256d; 2] {
         unsafe {
-            let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-            let chosen = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits as i32), lane), lane);
-            _mm256_maskstore_epi32(ids.as_mut_ptr().cast(), chosen, _mm256_set1_epi32(id as i32));
-            let wide = [_mm256_castsi256_si128(chosen), _mm256_extracti128_si256::<1>(chosen)];
-            _mm256_maskstore_pd(t.as_mut_ptr(), _mm256_cvtepi32_epi64(wide[0]), v[0]);
-            _mm256_maskstore_pd(t[4..].as_mut_ptr(), _mm256_cvtepi32_epi64(wide[1]), v[1]);
+            each_of!([0, 1], half => {
+                let lane = _mm256_setr_epi64x(1, 2, 4, 8);
+                let chosen = _mm256_and_si256(_mm256_set1_epi64x((bits >> (4 * half)) as i64), lane);
+                _mm256_castsi256_pd(_mm256_cmpeq_epi64(chosen, lane))
+            })
         }
     }
     #[inline(always)]
-    unsafe fn greater_ids(ids: &[u32; 8], id: u32) -> u32 {
+    unsafe fn offer(hit: [__m256d; 2], t: &mut [f64; 8], v: [__m256d; 2], ids: &mut [u32; 8], id: u32) {
         unsafe {
-            let flip = _mm256_set1_epi32(i32::MIN);
-            let ids = _mm256_xor_si256(_mm256_loadu_si256(ids.as_ptr().cast()), flip);
-            let id = _mm256_xor_si256(_mm256_set1_epi32(id as i32), flip);
-            _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(ids, id))) as u32
+            for half in 0..2 {
+                let hit = hit[half];
+                let (t, ids) = (t[4 * half..].as_mut_ptr(), ids[4 * half..].as_mut_ptr().cast());
+                let (best, v) = (_mm256_loadu_pd(t), v[half]);
+                let nearer = _mm256_and_pd(hit, _mm256_cmp_pd::<_CMP_LT_OQ>(v, best));
+                let equal = _mm256_and_pd(hit, _mm256_cmp_pd::<_CMP_EQ_OQ>(v, best));
+                _mm256_storeu_pd(t, _mm256_blendv_pd(best, v, nearer));
+                let (old, new) = (_mm_loadu_si128(ids), _mm_set1_epi32(id as i32));
+                let (nearer, equal) = (narrowed(nearer), narrowed(equal));
+                let tied = _mm_blendv_epi8(old, _mm_min_epu32(old, new), equal);
+                _mm_storeu_si128(ids, _mm_blendv_epi8(tied, new, nearer));
+            }
         }
     }
     #[inline(always)]

@@ -4,7 +4,7 @@
     reason = "one reason for all: callers of the trait vouch for the target features, and memory is reached through references"
 )]
 
-use super::{Simd, each_of};
+use super::{Simd, Step, each_of};
 use std::arch::x86_64::*;
 
 /// See the module.
@@ -27,6 +27,15 @@ unsafe fn four_rows(rows: &[[f32; 16]; 16], first: usize) -> __m512 {
     }
 }
 
+/// # Safety
+/// As for [`Simd`].
+#[inline(never)]
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,popcnt,bmi1,bmi2,lzcnt")]
+unsafe fn apart<T: Step<Avx512>>(step: T) -> T::Out {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe { step.run() }
+}
+
 impl Simd for Avx512 {
     type F = __m512;
     type M = __mmask16;
@@ -35,6 +44,11 @@ impl Simd for Avx512 {
     type Q = __m256d;
     type I = __m512i;
 
+    #[inline(always)]
+    unsafe fn apart<T: Step<Avx512>>(step: T) -> T::Out {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe { apart(step) }
+    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> __m512 {
         unsafe { _mm512_set1_ps(x) }
@@ -189,10 +203,6 @@ impl Simd for Avx512 {
         unsafe { _mm512_abs_pd(a) }
     }
     #[inline(always)]
-    unsafe fn dlt(a: __m512d, b: __m512d) -> __mmask8 {
-        unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b) }
-    }
-    #[inline(always)]
     unsafe fn dle(a: __m512d, b: __m512d) -> __mmask8 {
         unsafe { _mm512_cmp_pd_mask::<_CMP_LE_OQ>(a, b) }
     }
@@ -212,20 +222,22 @@ impl Simd for Avx512 {
         }
     }
     #[inline(always)]
-    unsafe fn put(bits: u32, t: &mut [f64; 8], v: __m512d, ids: &mut [u32; 8], id: u32) {
-        unsafe {
-            // Whole registers: a masked store would keep the next load waiting.
-            let (old, old_ids) = (_mm512_loadu_pd(t.as_ptr()), _mm256_loadu_si256(ids.as_ptr().cast()));
-            _mm512_storeu_pd(t.as_mut_ptr(), _mm512_mask_mov_pd(old, bits as u8, v));
-            let new_ids = _mm256_mask_set1_epi32(old_ids, bits as u8, id as i32);
-            _mm256_storeu_si256(ids.as_mut_ptr().cast(), new_ids);
-        }
+    unsafe fn dmask(bits: u32) -> __mmask8 {
+        bits as u8
     }
     #[inline(always)]
-    unsafe fn greater_ids(ids: &[u32; 8], id: u32) -> u32 {
+    unsafe fn offer(hit: __mmask8, t: &mut [f64; 8], v: __m512d, ids: &mut [u32; 8], id: u32) {
         unsafe {
-            let ids = _mm256_loadu_si256(ids.as_ptr().cast());
-            u32::from(_mm256_cmpgt_epu32_mask(ids, _mm256_set1_epi32(id as i32)))
+            // Minima of whole registers rather than masked stores, which would keep the next load waiting.
+            let best = _mm512_loadu_pd(t.as_ptr());
+            let offered = _mm512_mask_mov_pd(_mm512_set1_pd(f64::INFINITY), hit, v);
+            let nearer = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(offered, best);
+            let not_farther = _mm512_mask_cmp_pd_mask::<_CMP_LE_OQ>(hit, v, best);
+            _mm512_storeu_pd(t.as_mut_ptr(), _mm512_min_pd(offered, best));
+            let (old, new) = (_mm256_loadu_si256(ids.as_ptr().cast()), _mm256_set1_epi32(id as i32));
+            let offered = _mm256_mask_mov_epi32(_mm256_set1_epi32(-1), not_farther, new);
+            let least = _mm256_min_epu32(_mm256_mask_mov_epi32(old, nearer, new), offered);
+            _mm256_storeu_si256(ids.as_mut_ptr().cast(), least);
         }
     }
     #[inline(always)]

@@ -36,10 +36,17 @@ impl Level {
     /// All sets that this machine has, the best last.
     pub fn available() -> impl DoubleEndedIterator<Item = Level> {
         #[cfg(target_arch = "x86_64")]
+        let avx2 = is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("popcnt")
+            && is_x86_feature_detected!("bmi1")
+            && is_x86_feature_detected!("bmi2")
+            && is_x86_feature_detected!("lzcnt");
+        #[cfg(target_arch = "x86_64")]
         let sets = [
             Some(Level::Portable),
-            is_x86_feature_detected!("avx2").then_some(Level::Avx2),
-            (is_x86_feature_detected!("avx512f")
+            avx2.then_some(Level::Avx2),
+            (avx2
+                && is_x86_feature_detected!("avx512f")
                 && is_x86_feature_detected!("avx512vl")
                 && is_x86_feature_detected!("avx512bw")
                 && is_x86_feature_detected!("avx512dq"))
@@ -56,17 +63,28 @@ impl Level {
     }
 }
 
-/// Asks for the memory of `x` ahead of its use.
+/// Asks for the memory of what `x` points to ahead of its use.
 #[inline(always)]
-pub(crate) fn prefetch<T>(x: &T) {
+pub(crate) fn prefetch<T>(x: *const T) {
     #[cfg(target_arch = "x86_64")]
     for line in (0..size_of::<T>()).step_by(64) {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a prefetch reads nothing, and the address lies within `x`.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(x).cast::<i8>().add(line)) }
+        // SAFETY: a prefetch reads nothing, wherever it points to.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(x.cast::<i8>().wrapping_add(line)) }
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = x;
+}
+
+/// A step of the kernel.
+pub(crate) trait Step<S: Simd> {
+    /// What comes out.
+    type Out;
+    /// Takes the step; always inlined, so that the compiler may use the set's features.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    unsafe fn run(self) -> Self::Out;
 }
 
 /// Operations of an instruction set. `F` are sixteen `f32`, `D` eight `f64`; `M` and `N` are their masks. `Q` are four
@@ -81,6 +99,9 @@ pub(crate) trait Simd: Copy {
     type N: Copy;
     type Q: Copy;
     type I: Copy;
+
+    /// Takes a step in a function of its own, which has all registers to itself.
+    unsafe fn apart<T: Step<Self>>(step: T) -> T::Out;
 
     unsafe fn splat(x: f32) -> Self::F;
     unsafe fn load(x: &[f32; 16]) -> Self::F;
@@ -128,16 +149,16 @@ pub(crate) trait Simd: Copy {
     unsafe fn ddiv(a: Self::D, b: Self::D) -> Self::D;
     unsafe fn dmax(a: Self::D, b: Self::D) -> Self::D;
     unsafe fn dabs(a: Self::D) -> Self::D;
-    unsafe fn dlt(a: Self::D, b: Self::D) -> Self::N;
     unsafe fn dle(a: Self::D, b: Self::D) -> Self::N;
     unsafe fn dand(a: Self::N, b: Self::N) -> Self::N;
     unsafe fn dbits(m: Self::N) -> u32;
+    /// The mask of the low eight bits.
+    unsafe fn dmask(bits: u32) -> Self::N;
     /// Both vectors as one of `f32`, rounded to nearest.
     unsafe fn narrow(low: Self::D, high: Self::D) -> Self::F;
-    /// Stores the lanes of `v`, and `id`, where `bits` has a one.
-    unsafe fn put(bits: u32, t: &mut [f64; 8], v: Self::D, ids: &mut [u32; 8], id: u32);
-    /// The lanes where `ids` has a number greater than `id`.
-    unsafe fn greater_ids(ids: &[u32; 8], id: u32) -> u32;
+    /// Takes over `v` and `id` in the lanes of `hit` where `v` is less than `t`, or as much and `id` less than what is in
+    /// `ids`.
+    unsafe fn offer(hit: Self::N, t: &mut [f64; 8], v: Self::D, ids: &mut [u32; 8], id: u32);
     /// The greatest lane.
     unsafe fn dgreatest(v: Self::D) -> f64;
 
@@ -230,14 +251,11 @@ mod tests {
                 S::dsplat(0.1),
             ] {
                 let (mut t, mut id) = ([0.5; 8], ids);
-                S::put(mask & 255, &mut t, v, &mut id, 9);
+                S::offer(S::dmask(mask), &mut t, v, &mut id, 1);
                 out.extend(t.map(|x| if x.is_nan() { 1 } else { x.to_bits() }));
                 out.extend(id.map(u64::from));
             }
-            out.extend(
-                [S::dbits(S::dlt(a, b)), S::dbits(S::dand(S::dle(a, b), S::dle(b, a)))].map(u64::from),
-            );
-            out.push(u64::from(S::greater_ids(&ids, 1)));
+            out.extend([S::dbits(S::dand(S::dle(a, b), S::dle(b, a)))].map(u64::from));
             let fine = S::dload(&std::array::from_fn(|n| draw.uniform(9, round, n as u32)));
             out.push(S::dgreatest(fine).to_bits());
             let mut x = [0.0; 16];

@@ -1,6 +1,6 @@
 //! Plain Rust: the twin of the other sets, and the fallback.
 
-use super::Simd;
+use super::{Simd, Step};
 
 /// See the module.
 #[derive(Clone, Copy)]
@@ -16,6 +16,14 @@ fn mask<T: Copy, const N: usize>(a: [T; N], b: [T; N], f: impl Fn(T, T) -> bool)
     (0..N).fold(0, |m, i| m | u32::from(f(a[i], b[i])) << i)
 }
 
+/// # Safety
+/// As for [`Simd`].
+#[inline(never)]
+unsafe fn apart<T: Step<Portable>>(step: T) -> T::Out {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe { step.run() }
+}
+
 impl Simd for Portable {
     type F = [f32; 16];
     type M = u32;
@@ -24,6 +32,11 @@ impl Simd for Portable {
     type Q = [f64; 4];
     type I = [u32; 16];
 
+    #[inline(always)]
+    unsafe fn apart<T: Step<Portable>>(step: T) -> T::Out {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe { apart(step) }
+    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> Self::F {
         [x; 16]
@@ -158,10 +171,6 @@ impl Simd for Portable {
         a.map(f64::abs)
     }
     #[inline(always)]
-    unsafe fn dlt(a: Self::D, b: Self::D) -> u32 {
-        mask(a, b, |a, b| a < b)
-    }
-    #[inline(always)]
     unsafe fn dle(a: Self::D, b: Self::D) -> u32 {
         mask(a, b, |a, b| a <= b)
     }
@@ -178,16 +187,16 @@ impl Simd for Portable {
         std::array::from_fn(|i| if i < 8 { low[i] as f32 } else { high[i - 8] as f32 })
     }
     #[inline(always)]
-    unsafe fn put(bits: u32, t: &mut [f64; 8], v: Self::D, ids: &mut [u32; 8], id: u32) {
-        for i in 0..8 {
-            if bits >> i & 1 != 0 {
-                (t[i], ids[i]) = (v[i], id);
-            }
-        }
+    unsafe fn dmask(bits: u32) -> Self::N {
+        bits & 255
     }
     #[inline(always)]
-    unsafe fn greater_ids(ids: &[u32; 8], id: u32) -> u32 {
-        mask(*ids, [id; 8], |a, b| a > b)
+    unsafe fn offer(hit: Self::N, t: &mut [f64; 8], v: Self::D, ids: &mut [u32; 8], id: u32) {
+        for n in 0..8 {
+            if hit >> n & 1 != 0 && (v[n] < t[n] || (v[n] == t[n] && id < ids[n])) {
+                (t[n], ids[n]) = (v[n], id);
+            }
+        }
     }
     #[inline(always)]
     unsafe fn dgreatest(v: Self::D) -> f64 {
