@@ -19,8 +19,9 @@
 //! | room | what it does | imports |
 //! |---|---|---|
 //! | [`geom`], [`rng`], [`diag`], [`error`] | rotations, boxes; counter-based random numbers; places and reports | nothing |
+//! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
 //! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag |
-//! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom |
+//! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
 //! | [`scene`] | loads, places and freezes what is scanned; tells what moves, and what another play swaps | survey, tree |
 //! | [`platform`] | the movers: position and attitude per step | survey, geom |
 //! | [`scanner`] | heads and deflectors per step | survey, geom |
@@ -57,6 +58,7 @@ pub mod rng;
 pub mod scanner;
 pub mod scene;
 pub mod schedule;
+pub mod store;
 pub mod survey;
 pub mod tree;
 

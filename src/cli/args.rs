@@ -210,6 +210,12 @@ pub struct OutputArgs {
 /// What is read.
 #[derive(Debug, Args)]
 pub struct InputArgs {
+    /// Replace the scene: a packed one (.vlscene), file.xml#id, or a file of geometry.
+    #[arg(long, value_name = "SCENE", help_heading = "Input")]
+    pub scene: Option<String>,
+    /// Leave out OBJ faces with more than four corners, as HELIOS++ does.
+    #[arg(long, help_heading = "Input")]
+    pub drop_polygons: bool,
     /// Folder to look for scenes, scanners, platforms, geometry and spectra in; may be given more than once.
     #[arg(long, value_name = "DIR", help_heading = "Input")]
     pub assets: Vec<PathBuf>,
@@ -468,14 +474,50 @@ pub enum SceneCommand {
     Make(MakeArgs),
     /// Tell what a scene holds and costs: parts, primitives, bounds, materials, memory, faults.
     Info(InfoArgs),
+    /// Compile a scene and its tree to one file that is open in milliseconds, whatever its size.
+    Pack(PackArgs),
+}
+
+/// `vlscan scene pack`.
+#[derive(Debug, Args)]
+pub struct PackArgs {
+    /// A scene (file.xml#id), a survey (.xml) or pipeline (.toml), whose scanner's wavelength counts, or a file of geometry.
+    pub scene: String,
+    /// The packed scene. [default: beside the scene's file, .vlscene]
+    #[arg(short = 'o', long, value_name = "PATH")]
+    pub out: Option<PathBuf>,
+    /// Folder to look for files in; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub assets: Vec<PathBuf>,
+    /// Wavelength at which spectra are evaluated. [default: that of the survey's scanner, else 1064]
+    #[arg(long, value_name = "NM")]
+    pub wavelength: Option<f64>,
+    /// Seed of random materials and voxel places. [default: the survey's, else 0]
+    #[arg(long, value_name = "SEED")]
+    pub seed: Option<String>,
+    /// The physics that it will be scanned with; decides about specular shares. [default: helios]
+    #[arg(long, value_name = "PROFILE")]
+    pub physics: Option<PhysicsProfile>,
+    /// The tree to pack. [default: bvh]
+    #[arg(long, value_name = "TREE")]
+    pub tree: Option<TreeKind>,
+    /// Whether parts of one mesh file share it; the points are the same.
+    #[arg(long, value_name = "WHEN", hide = true, value_parser = ["auto", "always", "never"])]
+    pub instances: Option<String>,
+    /// Overwrite a file that exists.
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// `vlscan scene info`.
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif), voxels (.vox), or a table
-    /// of instances (.csv).
+    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif), voxels (.vox), a table of
+    /// instances (.csv), or a packed scene (.vlscene).
     pub scene: String,
+    /// Of a packed scene: read all of it and compare the checksums.
+    #[arg(long)]
+    pub verify: bool,
     /// Folder to look for files in; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub assets: Vec<PathBuf>,

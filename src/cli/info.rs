@@ -5,12 +5,12 @@ use super::args::InfoArgs;
 use super::watch::amount;
 use crate::diag::{Diagnostics, Severity};
 use crate::error::{Error, Result};
-use crate::scene::{self, Inventory, LoadOptions, Scene};
+use crate::scene::{self, Inventory, LoadOptions, Pack, Scene};
 use crate::survey::{self, ReadOptions, SceneRecipe};
 use crate::tree::{BuildOptions, Tree};
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Parts that the text lists; `--json` lists all.
@@ -27,9 +27,10 @@ struct Facts<'a> {
 
 /// Runs `vlscan scene info`.
 pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
-    let (recipe, wavelength_nm, mut warnings) = recipe(args)?;
+    let asked = Asked { scene: &args.scene, assets: &args.assets };
+    let (recipe, scanning, mut warnings) = asked.recipe()?;
     let started = Instant::now();
-    let options = LoadOptions { wavelength_nm, ..LoadOptions::default() };
+    let options = options(&recipe, &scanning, args.verify)?;
     let (scene, found) = scene::load(&recipe, &options)?;
     warnings.extend(found);
     let loaded = started.elapsed().as_secs_f64();
@@ -53,31 +54,74 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     })
 }
 
-/// The scene that is asked for and the wavelength that it is seen at.
-fn recipe(args: &InfoArgs) -> Result<(SceneRecipe, f64, Diagnostics)> {
-    let reading = ReadOptions { assets: args.assets.clone(), ..ReadOptions::default() };
-    let path = Path::new(&args.scene);
-    let extension = path.extension().map(|e| e.to_ascii_lowercase()).unwrap_or_default();
-    let is_survey = extension == "xml"
-        && std::fs::read(path).is_ok_and(|bytes| memchr::memmem::find(&bytes, b"<survey").is_some());
-    let survey = if is_survey {
-        Some(survey::read_survey(path, &reading)?)
-    } else if extension == "toml" {
-        let (pipeline, warnings) = survey::read_pipeline(path, &reading)?;
-        Some((pipeline.survey, warnings))
-    } else {
-        None
-    };
-    match survey {
-        Some((survey, warnings)) => {
-            let wavelength = survey.scanner.devices.first().map(|d| d.beam.wavelength);
-            Ok((survey.scene, wavelength.unwrap_or(LoadOptions::default().wavelength_nm), warnings))
-        }
-        None => {
-            let (scene, warnings) = survey::read_scene(&args.scene, &reading)?;
-            Ok((scene, LoadOptions::default().wavelength_nm, warnings))
+/// A scene as somebody names it: by itself, or by what scans it.
+pub struct Asked<'a> {
+    /// Scene, survey, pipeline or file of geometry.
+    pub scene: &'a str,
+    /// Folders to look for files in.
+    pub assets: &'a [PathBuf],
+}
+
+/// What scans a scene, as far as the scene depends on it.
+pub struct Scanning {
+    /// Wavelength of the beam.
+    pub wavelength_nm: f64,
+    /// The survey's own seed.
+    pub seed: Option<u64>,
+}
+
+impl Asked<'_> {
+    /// The scene, and how it is scanned.
+    pub fn recipe(&self) -> Result<(SceneRecipe, Scanning, Diagnostics)> {
+        let reading = ReadOptions { assets: self.assets.to_vec(), ..ReadOptions::default() };
+        let path = Path::new(self.scene);
+        let extension = path.extension().map(|e| e.to_ascii_lowercase()).unwrap_or_default();
+        let is_survey = extension == "xml"
+            && std::fs::read(path).is_ok_and(|bytes| memchr::memmem::find(&bytes, b"<survey").is_some());
+        let survey = if is_survey {
+            Some(survey::read_survey(path, &reading)?)
+        } else if extension == "toml" {
+            let (pipeline, warnings) = survey::read_pipeline(path, &reading)?;
+            Some((pipeline.survey, warnings))
+        } else {
+            None
+        };
+        let usual = LoadOptions::default().wavelength_nm;
+        match survey {
+            Some((survey, warnings)) => {
+                let wavelength = survey.scanner.devices.first().map(|d| d.beam.wavelength);
+                let scanning = Scanning { wavelength_nm: wavelength.unwrap_or(usual), seed: survey.seed };
+                Ok((survey.scene, scanning, warnings))
+            }
+            None => {
+                let (scene, warnings) = survey::read_scene(self.scene, &reading)?;
+                Ok((scene, Scanning { wavelength_nm: usual, seed: None }, warnings))
+            }
         }
     }
+}
+
+/// Options under which a scene loads: those that a packed one was made with.
+fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -> Result<LoadOptions> {
+    let usual = LoadOptions { wavelength_nm: scanning.wavelength_nm, ..LoadOptions::default() };
+    let Some(path) = &recipe.packed else {
+        if verify {
+            return Err(Error::input("--verify is about packed scenes (.vlscene)"));
+        }
+        return Ok(usual);
+    };
+    let pack = Pack::open(path)?;
+    if verify {
+        pack.verify()?;
+    }
+    let c = pack.conditions();
+    Ok(LoadOptions {
+        wavelength_nm: c.wavelength_nm,
+        seed: c.seed,
+        helios_specularity: c.helios_specularity,
+        drop_polygons: c.drop_polygons,
+        ..usual
+    })
 }
 
 impl Facts<'_> {

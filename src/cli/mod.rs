@@ -11,6 +11,7 @@ mod helios;
 mod info;
 mod interrupt;
 mod manual;
+mod pack;
 mod preview;
 mod run;
 mod scene;

@@ -27,7 +27,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let (job, warnings) = Job::resolve(args)?;
     console.warnings(&warnings);
-    let plays = scene::plays(&job.survey.scene);
+    let plays = scene::plays(&job.survey.scene)?;
     let stream = match &job.survey.platform.kind {
         PlatformKind::Stream(_) if plays > 1 => {
             return Err(Error::input(format!(
@@ -119,7 +119,7 @@ fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Stand>)
         format!("tree: {:.1} MB, {:.2} s", tree.memory() as f64 / 1e6, started.elapsed().as_secs_f64()),
     );
     let pulse_rate = job.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq));
-    let movers = Movers::new(&scene, recipe, pulse_rate);
+    let movers = Movers::new(&scene, pulse_rate);
     if interrupt::STOP.asked() {
         return Err(Error::Interrupted);
     }

@@ -2,7 +2,7 @@
 
 use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
 use super::watch::amount;
-use super::{Console, info};
+use super::{Console, info, pack};
 use crate::error::{Error, Result};
 use crate::scene::make::{Kind, MakeOptions, make};
 
@@ -11,6 +11,7 @@ pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
     match &args.command {
         SceneCommand::Make(args) => make_scene(args, console),
         SceneCommand::Info(args) => info::run(args, console),
+        SceneCommand::Pack(args) => pack::run(args, console),
     }
 }
 

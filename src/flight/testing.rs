@@ -31,6 +31,7 @@ pub fn survey(kind: PlatformKind, mount: Mount, deflector: Deflector, legs: Vec<
             parts: Vec::new(),
             dyn_step: 1,
             dyn_time_step: None,
+            packed: None,
             asset_folders: Vec::new(),
         },
         legs,

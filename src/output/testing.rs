@@ -97,6 +97,7 @@ pub(super) fn survey(devices: usize, legs: &[Option<&str>]) -> Survey {
             parts: Vec::new(),
             dyn_step: 1,
             dyn_time_step: None,
+            packed: None,
             asset_folders: Vec::new(),
         },
         legs: legs.iter().enumerate().map(|(i, strip)| leg(i as u32, *strip)).collect(),

@@ -55,14 +55,14 @@ pub(super) fn pass(
     paths: &mut FreePaths,
 ) -> Passage {
     let Some(voxel) = scene.voxel(i) else { return Passage::Stops(0.0) };
-    if voxel.kind == VoxelKind::Opaque {
+    if voxel.kind() == VoxelKind::Opaque {
         return Passage::Stops(0.0);
     }
     let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangles.len()], from, direction);
     if exit.is_nan() || exit <= 0.0 {
         return Passage::Lost;
     }
-    if voxel.kind == VoxelKind::Transparent {
+    if voxel.kind() == VoxelKind::Transparent {
         return Passage::Leaves(exit);
     }
     let sigma = extinction(voxel.density, leaf_angles(scene, i), corrections, direction);
@@ -75,7 +75,7 @@ pub(super) fn pass(
 
 /// Whether rays stop within primitive `i` rather than where they enter it.
 pub(super) fn scatters(scene: &Scene, i: u32) -> bool {
-    scene.voxel(i).is_some_and(|v| v.kind == VoxelKind::Transmittive)
+    scene.voxel(i).is_some_and(|v| v.kind() == VoxelKind::Transmittive)
 }
 
 /// The leaf angle table of the part that primitive `i` belongs to.
@@ -130,7 +130,7 @@ pub(super) fn around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Vec
     let contains = |i: u32| {
         let cube = (i as usize).checked_sub(first_cube).and_then(|c| scene.geometry.cubes.get(c));
         cube.is_some_and(|c| (point - c.centre).abs().cmple(DVec3::splat(c.half)).all())
-            && scene.voxel(i).is_some_and(|v| v.kind != VoxelKind::Opaque)
+            && scene.voxel(i).is_some_and(|v| v.kind() != VoxelKind::Opaque)
     };
     let before = point - DVec3::Y * (2.0 * size);
     let mut found = Vec::new();

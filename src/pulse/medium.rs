@@ -77,7 +77,7 @@ impl Crossing<'_, '_> {
             Standing::Inside => {}
         }
         let (scene, local) = self.view.shown(at.primitive);
-        let kind = scene.voxel(local).map_or(VoxelKind::Opaque, |v| v.kind);
+        let kind = scene.voxel(local).map_or(VoxelKind::Opaque, |v| v.kind());
         let by_stop = kind == VoxelKind::Transmittive && i.corrections.voxel_stop_point;
         if at.range > i.range_max {
             return Next::End(self.stopped());

@@ -142,6 +142,9 @@ corrections! {
     /// Intensity, attribution and range limits of a voxel's echo go by where the ray stopped, not by where it entered (trap
     /// 22).
     voxel_stop_point: true,
+    /// Every material with a specular colour has its specular share; in the reference only the last one of an MTL file and
+    /// those with a spectrum do (spec input-formats §10, trap 56).
+    specular_shares: true,
 }
 
 #[cfg(test)]

@@ -107,6 +107,7 @@ pub fn survey(devices: Vec<Device>) -> Survey {
             parts: Vec::new(),
             dyn_step: 1,
             dyn_time_step: None,
+            packed: None,
             asset_folders: Vec::new(),
         },
         legs: vec![Leg { number: 0, strip: None, platform, scanner, place: None }],

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::mem::size_of;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Largest coordinate that is taken for a position, m. Beyond it double precision no longer resolves millimetres.
 pub(super) const FARTHEST: f64 = 1e12;
@@ -43,6 +43,8 @@ pub(super) struct Assembly<'a> {
     pub library: Library,
     /// Meshes that are shared by parts.
     pub stock: Stock,
+    /// Geometry files and tables that were opened.
+    pub sources: Vec<PathBuf>,
     /// Problems met so far.
     pub diagnostics: Diagnostics,
     surface_numbers: HashMap<Surface, u32>,
@@ -88,6 +90,7 @@ impl<'a> Assembly<'a> {
             movers: Vec::new(),
             library,
             stock: Stock::default(),
+            sources: Vec::new(),
             diagnostics: Diagnostics::default(),
             surface_numbers: HashMap::new(),
         }
@@ -144,7 +147,7 @@ impl<'a> Assembly<'a> {
     /// Completes triangles that were appended after `start` and number their vertices from there: vertices that none of
     /// them uses are removed, and the rest is numbered within the scene.
     pub fn finish_mesh(&mut self, start: &Extent) -> Result<()> {
-        let (first, vertices) = (start.vertices.start, &mut self.geometry.vertices);
+        let (first, vertices) = (start.vertices.start, self.geometry.vertices.to_mut());
         let triangles = &mut self.geometry.triangles[start.triangles.start..];
         let mut used = vec![false; vertices.len() - first];
         triangles.iter().flatten().for_each(|&v| used[v as usize] = true);

@@ -63,6 +63,7 @@ impl Fixture {
             parts: self.parts.clone(),
             dyn_step: 1,
             dyn_time_step: None,
+            packed: None,
             asset_folders: vec![self.path().to_path_buf()],
         }
     }

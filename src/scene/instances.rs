@@ -7,6 +7,7 @@ use super::library::Names;
 use super::{Surface, load};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
+use crate::store::Store;
 use crate::survey::{Loader, PartRecipe, SceneRecipe, Transform, UpAxis};
 use crate::tree::{Geometry, Instances, Model, Placement};
 use std::collections::HashMap;
@@ -34,7 +35,7 @@ pub struct Placed {
     /// Meshes and places.
     pub instances: Arc<Instances>,
     /// The material of each triangle of each model.
-    pub materials: Vec<Vec<u32>>,
+    pub materials: Vec<Store<u32>>,
     /// The part that each instance is.
     pub parts: Vec<u32>,
 }
@@ -50,7 +51,7 @@ impl Placed {
     /// Bytes that it occupies.
     pub fn memory(&self) -> usize {
         self.instances.memory()
-            + self.materials.iter().map(|m| m.capacity() * size_of::<u32>()).sum::<usize>()
+            + self.materials.iter().map(Store::memory).sum::<usize>()
             + self.parts.capacity() * size_of::<u32>()
     }
 }
@@ -160,7 +161,11 @@ fn read_model(scene: &mut Assembly, part: &PartRecipe, file: &Path) -> Result<u3
     let vertices = scene.geometry.vertices.split_off(start.vertices.start);
     let surfaces = scene.triangle_surfaces.split_off(start.triangles.start);
     let materials = surfaces.iter().map(|&s| scene.surfaces[s as usize].material).collect();
-    let model = Model::new(Geometry { vertices, triangles, cubes: Vec::new() });
+    let model = Model::new(Geometry {
+        vertices: vertices.into(),
+        triangles: triangles.into(),
+        ..Geometry::default()
+    });
     scene.stock.models.push(Arc::new(model));
     scene.stock.materials.push(materials);
     Ok(scene.stock.models.len() as u32 - 1)
@@ -180,7 +185,11 @@ pub(super) fn freeze(stock: Stock, own: usize) -> Result<Option<Placed>> {
             MOST_NUMBERS
         )));
     };
-    Ok(Some(Placed { instances: Arc::new(instances), materials: stock.materials, parts: stock.parts }))
+    Ok(Some(Placed {
+        instances: Arc::new(instances),
+        materials: stock.materials.into_iter().map(Store::from).collect(),
+        parts: stock.parts,
+    }))
 }
 
 /// Whether an instance is certainly within [`FARTHEST`].

@@ -40,6 +40,17 @@ impl LadTable {
         (!angles.is_empty()).then_some(LadTable { angles, values })
     }
 
+    /// Zenith angle and G of every row.
+    pub(super) fn rows(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.angles.iter().copied().zip(self.values.iter().copied())
+    }
+
+    /// The table of [`LadTable::rows`], of which there is at least one.
+    pub(super) fn of_rows(rows: Vec<(f64, f64)>) -> LadTable {
+        let (angles, values) = rows.into_iter().unzip();
+        LadTable { angles, values }
+    }
+
     /// G for a ray along the unit vector `direction`: linear between the neighbouring angles, constant beyond the first
     /// and the last. A vertical ray whose z exceeds 1 by rounding counts as vertical.
     pub fn g(&self, direction: DVec3) -> f64 {

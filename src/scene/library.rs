@@ -65,6 +65,11 @@ impl Library {
         }
     }
 
+    /// The files that were read.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        self.files.iter().map(|f| f.source.path().to_path_buf()).chain(self.spectra.files().cloned())
+    }
+
     /// Adds the definitions of an MTL file to `names`. Says whether the file could be read.
     pub fn add_file(&mut self, path: &Path, names: &mut Names, diagnostics: &mut Diagnostics) -> bool {
         let Some(file) = self.open(path, diagnostics) else { return false };

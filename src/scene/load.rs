@@ -8,7 +8,7 @@ use super::library::{Library, Names};
 use super::play::{self, Stand};
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{LadTable, Mover, Part, Scene, geotiff, obj, place, vox, xyz};
+use super::{LadTable, Mover, Pack, Part, Scene, geotiff, obj, place, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, UpAxis, VoxelMode};
@@ -65,6 +65,9 @@ pub fn load_play(
     play: u32,
     first: Option<Stand>,
 ) -> Result<(Scene, Diagnostics)> {
+    if let Some(path) = &recipe.packed {
+        return Ok((Pack::open(path)?.scene(options, play)?, Diagnostics::default()));
+    }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.jobs)
         .build()
@@ -84,9 +87,9 @@ fn load_state(
     scene.stock.plan(recipe, options.sharing);
     let mut placed = Vec::new();
     let mut ids = Ids::default();
-    for (number, part) in recipe.parts.iter().enumerate() {
+    for part in &recipe.parts {
         match play::state(part, play) {
-            Some(part) => load_part(&mut scene, number, &part, &mut ids, &mut placed)?,
+            Some(part) => load_part(&mut scene, &part, &mut ids, &mut placed)?,
             None => scene.parts.push(Part { id: ids.one_of(part), lad: None }),
         }
     }
@@ -98,7 +101,8 @@ fn load_state(
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
     ground::settle(&mut scene, &placed);
-    freeze(scene, first, play::keeps_frame(recipe))
+    let (scene, warnings) = freeze(scene, first, play::keeps_frame(recipe))?;
+    Ok((Scene { dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
 }
 
 /// Hands out ids: a part without one is numbered, and each of its files is a part of its own.
@@ -127,7 +131,6 @@ impl Ids {
 
 fn load_part(
     scene: &mut Assembly,
-    number: usize,
     part: &PartRecipe,
     ids: &mut Ids,
     placed: &mut Vec<PlacedPart>,
@@ -162,11 +165,12 @@ fn load_part(
             && !part.motions.is_empty()
         {
             scene.movers.push(Mover {
-                recipe: number,
                 part: scene.parts.len() as u32,
                 vertices: extent.vertices.clone(),
                 triangles: extent.triangles.clone(),
                 cubes: extent.cubes.clone(),
+                motions: part.motions.clone(),
+                timing: part.timing,
             });
         }
         scene.parts.push(Part { id: id.clone(), lad: lad.clone() });
@@ -184,7 +188,10 @@ fn leaf_angles(scene: &mut Assembly, part: &PartRecipe) -> Option<Arc<LadTable>>
         return None;
     }
     match Source::open(path) {
-        Ok(source) => LadTable::read(&source, &mut scene.diagnostics).map(Arc::new),
+        Ok(source) => {
+            scene.sources.push(path.clone());
+            LadTable::read(&source, &mut scene.diagnostics).map(Arc::new)
+        }
         Err(e) => {
             let message = format!("cannot read the leaf angle table {}: {e}", path.display());
             scene.diagnostics.error(part.place.clone(), message);
@@ -242,7 +249,10 @@ fn choose(scene: &mut Assembly, part: &PartSource, choice: &MaterialChoice) -> O
 /// Opens a file of a part; `None` after an error about its name.
 fn open(scene: &mut Assembly, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
     match Source::open(file) {
-        Ok(source) => Ok(Some(source)),
+        Ok(source) => {
+            scene.sources.push(file.to_path_buf());
+            Ok(Some(source))
+        }
         Err(e) if is_about_the_name(&e) => {
             scene.diagnostics.error(part.place.clone(), format!("cannot read {}: {e}", file.display()));
             Ok(None)
@@ -296,6 +306,7 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Sc
         library,
         stock,
         diagnostics,
+        mut sources,
         ..
     } = scene;
     let mut placed = instances::freeze(stock, geometry.len())?;
@@ -309,9 +320,9 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Sc
     if let Some(instances) = placed.as_mut().and_then(|p| Arc::get_mut(&mut p.instances)) {
         instances.shift = shift;
     }
-    geometry.vertices.shrink_to_fit();
-    geometry.triangles.shrink_to_fit();
-    geometry.cubes.shrink_to_fit();
+    geometry.vertices.to_mut().shrink_to_fit();
+    geometry.triangles.to_mut().shrink_to_fit();
+    geometry.cubes.to_mut().shrink_to_fit();
     voxels.shrink_to_fit();
     let mut surface_of = triangle_surfaces;
     surface_of.extend(cube_surfaces);
@@ -319,8 +330,25 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Sc
     let own = ground::bounds(&geometry, &all);
     let found = placed.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
     let bounds = first.map_or(found, |first| first.bounds(found, keep_frame));
+    sources.extend(library.files());
+    sources.sort();
+    sources.dedup();
     let materials = library.materials;
-    let scene =
-        Scene { shift, bounds, geometry, surface_of, surfaces, parts, materials, voxels, movers, placed };
+    let surface_of = surface_of.into();
+    let voxels = voxels.into();
+    let scene = Scene {
+        shift,
+        bounds,
+        geometry,
+        surface_of,
+        surfaces,
+        parts,
+        materials,
+        voxels,
+        movers,
+        placed,
+        sources,
+        ..Scene::default()
+    };
     Ok((scene, diagnostics))
 }

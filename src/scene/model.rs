@@ -2,8 +2,11 @@
 
 use super::{LadTable, Material, Placed, Voxel};
 use crate::geom::{Aabb, DVec3};
-use crate::tree::{BuildOptions, Cube, Geometry, Tree};
+use crate::store::Store;
+use crate::survey::{MotionSequence, MotionTiming};
+use crate::tree::{BuildOptions, Builder, Geometry, Tree};
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A loaded scene. Its frame is the world's minus [`Scene::shift`], the centre of the box around all primitives, so that
@@ -17,7 +20,7 @@ pub struct Scene {
     /// Primitives, local frame.
     pub geometry: Geometry,
     /// For each primitive its index in `surfaces`.
-    pub surface_of: Vec<u32>,
+    pub surface_of: Store<u32>,
     /// Distinct (part, material) pairs.
     pub surfaces: Vec<Surface>,
     /// Parts in document order.
@@ -25,19 +28,34 @@ pub struct Scene {
     /// Materials of all parts.
     pub materials: Vec<Material>,
     /// Attributes of the cubes, parallel to `geometry.cubes`.
-    pub voxels: Vec<Voxel>,
+    pub voxels: Store<Voxel>,
     /// Parts that move, in document order; everything above shows them where they stand at first.
     pub movers: Vec<Mover>,
     /// Instances of shared meshes, if there are any: their triangles are numbered on from the primitives of `geometry`.
     /// A scene with moving parts has none.
     pub placed: Option<Placed>,
+    /// Simulation steps from one update of the moving parts to the next.
+    pub dyn_step: u32,
+    /// The same in seconds; overrides all steps.
+    pub dyn_time_step: Option<f64>,
+    /// Files that it was loaded from, as far as they are not named by its description.
+    pub sources: Vec<PathBuf>,
+    /// The tree that a packed scene comes with.
+    pub ready: Option<Arc<ReadyTree>>,
+}
+
+/// A tree that need not be built.
+#[derive(Debug)]
+pub struct ReadyTree {
+    /// What it was built with.
+    pub builder: Builder,
+    /// The tree over all that stands still.
+    pub tree: Tree,
 }
 
 /// A part that moves during the survey, see [`Movers`](super::Movers).
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Mover {
-    /// Index of its description among [`SceneRecipe::parts`](crate::survey::SceneRecipe::parts).
-    pub recipe: usize,
     /// Index in [`Scene::parts`].
     pub part: u32,
     /// Its vertices, which no other part uses.
@@ -46,6 +64,10 @@ pub struct Mover {
     pub triangles: Range<usize>,
     /// Its cubes, numbered from the scene's first cube.
     pub cubes: Range<usize>,
+    /// How it moves.
+    pub motions: Vec<MotionSequence>,
+    /// When.
+    pub timing: MotionTiming,
 }
 
 /// What a primitive belongs to and is made of.
@@ -68,8 +90,14 @@ pub struct Part {
 }
 
 impl Scene {
-    /// The tree over all primitives that stand still and all instances.
+    /// The tree over all primitives that stand still and all instances. A packed scene has one of the builder that it was
+    /// packed with.
     pub fn tree(&self, options: &BuildOptions) -> Tree {
+        let usual = BuildOptions::of(options.builder);
+        let is_usual = *options == BuildOptions { jobs: options.jobs, delegate: options.delegate, ..usual };
+        if let Some(ready) = self.ready.as_ref().filter(|r| is_usual && r.builder == options.builder) {
+            return ready.tree.clone();
+        }
         let tree = Tree::build_of(&self.geometry, options, |i| self.is_still(i));
         match &self.placed {
             Some(placed) => tree.with_instances(&placed.instances, options),
@@ -154,11 +182,11 @@ impl Scene {
         size_of::<Scene>()
             + names
             + self.placed.as_ref().map_or(0, Placed::memory)
-            + self.geometry.vertices.capacity() * size_of::<DVec3>()
-            + self.geometry.triangles.capacity() * size_of::<[u32; 3]>()
-            + self.geometry.cubes.capacity() * size_of::<Cube>()
-            + self.voxels.capacity() * size_of::<Voxel>()
-            + self.surface_of.capacity() * size_of::<u32>()
+            + self.geometry.vertices.memory()
+            + self.geometry.triangles.memory()
+            + self.geometry.cubes.memory()
+            + self.voxels.memory()
+            + self.surface_of.memory()
             + self.surfaces.capacity() * size_of::<Surface>()
             + self.parts.capacity() * size_of::<Part>()
             + self.materials.capacity() * size_of::<Material>()
@@ -225,7 +253,7 @@ fn height_in_triangle(corners: [DVec3; 3], x: f64, y: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tree::Geometry;
+    use crate::tree::{Cube, Geometry};
 
     fn scene() -> Scene {
         let vertices =
@@ -234,17 +262,17 @@ mod tests {
         let roof: Vec<DVec3> = vertices.iter().map(|v| *v - DVec3::Z * 10.0).collect();
         Scene {
             geometry: Geometry {
-                vertices: [vertices, lifted, roof].concat(),
-                triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [8, 9, 10]],
-                cubes: vec![Cube { centre: DVec3::new(6.0, 1.0, 0.0), half: 0.5 }],
+                vertices: [vertices, lifted, roof].concat().into(),
+                triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [8, 9, 10]].into(),
+                cubes: vec![Cube { centre: DVec3::new(6.0, 1.0, 0.0), half: 0.5 }].into(),
             },
-            surface_of: vec![0, 0, 0, 1, 0],
+            surface_of: vec![0, 0, 0, 1, 0].into(),
             surfaces: vec![Surface { part: 0, material: 0 }, Surface { part: 0, material: 1 }],
             materials: vec![
                 Material { is_ground: true, ..Material::unnamed("soil") },
                 Material::unnamed("tile"),
             ],
-            voxels: vec![Voxel::default()],
+            voxels: vec![Voxel::default()].into(),
             shift: DVec3::new(1000.0, 2000.0, 3.0),
             ..Scene::default()
         }

@@ -1,14 +1,21 @@
 //! Plays: the survey is flown once for every state of swapped parts (spec input-formats §3.8).
 
+use crate::error::Result;
 use crate::geom::{Aabb, DVec3};
-use crate::scene::Scene;
+use crate::scene::{Pack, Scene};
 use crate::survey::{PartRecipe, SceneRecipe, Swap};
 use std::borrow::Cow;
 
 /// How often a survey over the scene is flown: at least once, and until every part has shown all of its states.
-pub fn plays(recipe: &SceneRecipe) -> u32 {
+///
+/// # Errors
+/// When the scene is a packed one that cannot be used.
+pub fn plays(recipe: &SceneRecipe) -> Result<u32> {
+    if let Some(path) = &recipe.packed {
+        return Ok(Pack::open(path)?.plays());
+    }
     let of = |part: &PartRecipe| part.swaps.iter().fold(1u32, |n, swap| n.saturating_add(swap.plays));
-    recipe.parts.iter().map(of).max().unwrap_or(1)
+    Ok(recipe.parts.iter().map(of).max().unwrap_or(1))
 }
 
 /// Frame and box of the first play's scene, which those of later plays go by.
@@ -147,7 +154,7 @@ mod tests {
         f.part(loader("ground"));
         f.part(loader("ball")).swaps = vec![swap(4)];
         f.part(loader("rod")).swaps = vec![swap(1), swap(1)];
-        let count = |f: &Fixture| plays(&f.recipe());
+        let count = |f: &Fixture| plays(&f.recipe()).unwrap();
         assert_eq!(count(&f), 5);
         f.parts[1].swaps[0].plays = u32::MAX;
         assert_eq!(count(&f), u32::MAX);

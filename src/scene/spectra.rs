@@ -17,6 +17,7 @@ pub(super) struct Spectra {
     folders: Vec<PathBuf>,
     wavelength_um: f32,
     known: HashMap<String, Option<f64>>,
+    files: Vec<PathBuf>,
 }
 
 impl Spectra {
@@ -26,6 +27,7 @@ impl Spectra {
             folders: asset_folders.iter().map(|f| f.join("spectra")).filter(|f| f.is_dir()).collect(),
             wavelength_um: (wavelength_nm / 1000.0) as f32,
             known: HashMap::new(),
+            files: Vec::new(),
         }
     }
 
@@ -34,9 +36,16 @@ impl Spectra {
         if let Some(&value) = self.known.get(name) {
             return value;
         }
-        let value = self.find(name).and_then(|path| reflectance_in(&path, self.wavelength_um, diagnostics));
+        let file = self.find(name);
+        self.files.extend(file.clone());
+        let value = file.and_then(|path| reflectance_in(&path, self.wavelength_um, diagnostics));
         self.known.insert(name.to_owned(), value);
         value
+    }
+
+    /// The files that were read.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.files.iter()
     }
 
     /// Where spectra are looked for, for messages.

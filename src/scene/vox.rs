@@ -353,7 +353,7 @@ mod tests {
     fn fixed_voxels_stop_rays_unless_they_transmit_all() {
         let rows: String = ["1", "NaN", "0.99", "0"].iter().map(|t| row([0, 0, 1], "1", t)).collect();
         let (mut f, loader) = fixture(&format!("{HEADER}{rows}"), VoxelMode::Fixed);
-        let kinds: Vec<VoxelKind> = load(&mut f, loader).voxels.iter().map(|v| v.kind).collect();
+        let kinds: Vec<VoxelKind> = load(&mut f, loader).voxels.iter().map(|v| v.kind()).collect();
         use VoxelKind::{Opaque, Transparent};
         assert_eq!(kinds, [Transparent, Transparent, Opaque, Opaque]);
     }

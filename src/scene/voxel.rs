@@ -1,10 +1,11 @@
 //! What a cube of the scene is to a ray (spec pulse-physics §2.3–2.5).
 
 use crate::geom::{Affine, DVec3, Rotation};
+use bytemuck::{Pod, Zeroable};
 
 /// How a ray meets a cube.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-#[repr(u8)]
+#[repr(u32)]
 pub enum VoxelKind {
     /// The ray stops where it enters.
     #[default]
@@ -16,13 +17,14 @@ pub enum VoxelKind {
 }
 
 /// Attributes of a cube; 24 bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
 pub struct Voxel {
     /// Plant area density `PadBVTotal`, 1/m; 0 for cubes of point clouds.
     pub density: f64,
     normal: [f32; 3],
-    /// What happens to a ray.
-    pub kind: VoxelKind,
+    /// A [`VoxelKind`].
+    kind: u32,
 }
 
 impl Voxel {
@@ -31,13 +33,25 @@ impl Voxel {
         Voxel {
             density: 0.0,
             normal: normal.unwrap_or(DVec3::ZERO).to_array().map(|c| c as f32),
-            kind: VoxelKind::Opaque,
+            kind: VoxelKind::Opaque as u32,
         }
     }
 
     /// A cube of vegetation with its density.
     pub fn of_plants(density: f64, kind: VoxelKind) -> Voxel {
-        Voxel { density, normal: [0.0; 3], kind }
+        Voxel { density, normal: [0.0; 3], kind: kind as u32 }
+    }
+
+    /// What happens to a ray.
+    #[inline]
+    pub fn kind(&self) -> VoxelKind {
+        const TRANSMITTIVE: u32 = VoxelKind::Transmittive as u32;
+        const TRANSPARENT: u32 = VoxelKind::Transparent as u32;
+        match self.kind {
+            TRANSMITTIVE => VoxelKind::Transmittive,
+            TRANSPARENT => VoxelKind::Transparent,
+            _ => VoxelKind::Opaque,
+        }
     }
 
     /// Turns the normal.

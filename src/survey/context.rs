@@ -18,6 +18,8 @@ pub struct ReadOptions {
     pub assets: Vec<PathBuf>,
     /// Warnings are errors.
     pub strict: bool,
+    /// Replaces the scene of the survey.
+    pub scene: Option<String>,
     /// Replaces the platform of the survey ([`super::Survey::fly`]) before the survey is checked as a whole.
     pub trajectory: Option<PoseStream>,
 }
@@ -26,6 +28,8 @@ pub struct ReadOptions {
 #[derive(Debug)]
 pub(super) struct Context {
     pub assets: Assets,
+    /// The scene that replaces that of the survey.
+    pub scene: Option<String>,
     strict: bool,
     problems: RefCell<Diagnostics>,
     limits: RefCell<Diagnostics>,
@@ -37,6 +41,7 @@ impl Context {
     pub fn new(options: &ReadOptions) -> Context {
         Context {
             assets: Assets::new(&options.assets),
+            scene: options.scene.clone(),
             strict: options.strict,
             problems: RefCell::default(),
             limits: RefCell::default(),

@@ -28,7 +28,7 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
 }
 
 /// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .tif, .vox) as a scene of one
-/// part, or a table of instances (.csv).
+/// part, a table of instances (.csv), or a packed scene (.vlscene).
 ///
 /// # Errors
 /// As [`read_survey`].
@@ -61,8 +61,13 @@ fn extension(name: &str) -> String {
     Path::new(name).extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
-fn is_geometry(reference: &str) -> bool {
-    matches!(extension(reference).as_str(), "obj" | "tif" | "tiff" | "vox" | "csv")
+fn is_packed(name: &str) -> bool {
+    extension(name) == "vlscene"
+}
+
+/// Whether a reference names a file that is a scene by itself.
+pub(super) fn is_geometry(reference: &str) -> bool {
+    is_packed(reference) || matches!(extension(reference).as_str(), "obj" | "tif" | "tiff" | "vox" | "csv")
 }
 
 fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Place>) -> Option<SceneRecipe> {
@@ -85,7 +90,9 @@ fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Pla
         swaps: Vec::new(),
         place,
     };
-    let parts = if extension(name) == "csv" {
+    let parts = if is_packed(name) {
+        Vec::new()
+    } else if extension(name) == "csv" {
         let base = Base { file: None, up: UpAxis::Z, transform: Transform::IDENTITY };
         let rows = read_table(context, &path, &base)?;
         (0..).zip(rows).map(|(n, row)| part(n, row.loader, row.transform, Some(row.place))).collect()
@@ -93,7 +100,8 @@ fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Pla
         vec![part(0, loader_of_file(path.clone()), Transform::IDENTITY, None)]
     };
     let id = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    Some(SceneRecipe { id, path, parts, dyn_step: 1, dyn_time_step: None, asset_folders })
+    let packed = is_packed(name).then(|| path.clone());
+    Some(SceneRecipe { id, path, parts, dyn_step: 1, dyn_time_step: None, packed, asset_folders })
 }
 
 fn loader_of_file(path: PathBuf) -> Loader {

@@ -40,6 +40,7 @@ pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option
         parts,
         dyn_step,
         dyn_time_step,
+        packed: None,
         asset_folders,
     })
 }

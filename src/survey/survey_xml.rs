@@ -5,6 +5,7 @@ use super::context::Context;
 use super::fields::{Fields, read_mount};
 use super::legs::LegReader;
 use super::platform_xml::{NOISE, read_platform, replace_noise};
+use super::read::{find_scene, is_geometry};
 use super::scanner_xml::{MULTI_CHANNEL_PULSE_LENGTH, read_ranges, read_scanner, read_waveform};
 use super::scene_xml::read_scene_element;
 use super::seed::parse_seed;
@@ -89,7 +90,14 @@ fn read_survey_element(context: &Context, element: &Element) -> Option<Survey> {
         Some(trajectories) => Some(interpolated_platform(context, element, trajectories)),
         None => ordinary_platform(context, element),
     };
-    let scene = context.asset("scene", element, "scene").and_then(|e| read_scene_element(context, &e));
+    let scene = match &context.scene {
+        Some(other) => find_scene(context, other, Path::new(""), None),
+        None if element.value("scene").is_some_and(is_geometry) => {
+            let name = element.value("scene").unwrap_or_default();
+            find_scene(context, name, element.folder(), Some(element.value_place("scene")))
+        }
+        None => context.asset("scene", element, "scene").and_then(|e| read_scene_element(context, &e)),
+    };
     Some(Survey {
         name,
         path: element.path().to_path_buf(),

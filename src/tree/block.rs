@@ -2,13 +2,14 @@
 
 use super::frame::Frame;
 use super::{Geometry, Hits};
+use bytemuck::{Pod, Zeroable};
 
 /// Primitives per block.
 pub(crate) const LANES: usize = 16;
 
 /// Sixteen triangles, or sixteen cubes. Coordinates are in the tree's frame: those of triangles rounded to nearest, those
 /// of cubes outward. Unused lanes hold NaN, which no comparison accepts, or an inside-out cube, and [`Hits::MISS`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Block {
     /// `corner[c][axis][lane]`: a triangle's corners, or a cube's lower and upper corner.

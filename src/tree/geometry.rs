@@ -1,9 +1,12 @@
 //! Primitives in one frame, and what a hit is.
 
 use crate::geom::{Aabb, DVec3};
+use crate::store::Store;
+use bytemuck::{Pod, Zeroable};
 
 /// An axis-aligned cube.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Cube {
     /// Centre, m.
     pub centre: DVec3,
@@ -15,11 +18,11 @@ pub struct Cube {
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// Vertices, m, in the frame that rays are given in.
-    pub vertices: Vec<DVec3>,
+    pub vertices: Store<DVec3>,
     /// Vertex numbers of each triangle.
-    pub triangles: Vec<[u32; 3]>,
+    pub triangles: Store<[u32; 3]>,
     /// Cubes; primitive number `triangles.len() + i`.
-    pub cubes: Vec<Cube>,
+    pub cubes: Store<Cube>,
 }
 
 impl Geometry {

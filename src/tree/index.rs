@@ -8,6 +8,7 @@ use super::geometry::Geometry;
 use super::node::{KdNode, WideNode};
 use super::options::{BuildOptions, Builder, Statistics};
 use super::placed::Placed;
+use crate::store::Store;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -21,7 +22,7 @@ pub struct Tree {
     /// Lower and upper corner of everything, in the tree's frame.
     pub(super) bounds: [[f32; 3]; 2],
     pub(super) nodes: Nodes,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Store<Block>,
     statistics: Statistics,
     pub(super) placed: Option<Box<Placed>>,
 }
@@ -32,8 +33,8 @@ const FEW: usize = 1024;
 /// The nodes of either kind of tree.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Nodes {
-    Kd(Vec<KdNode>),
-    Wide(Vec<WideNode>),
+    Kd(Store<KdNode>),
+    Wide(Store<WideNode>),
 }
 
 impl Tree {
@@ -75,7 +76,7 @@ impl Tree {
         frame: Frame,
         bounds: [[f32; 3]; 2],
         nodes: Nodes,
-        blocks: Vec<Block>,
+        blocks: Store<Block>,
         statistics: Statistics,
     ) -> Tree {
         Tree { frame, bounds, nodes, blocks, statistics, placed: None }
@@ -86,14 +87,14 @@ impl Tree {
         &self.statistics
     }
 
-    /// Bytes that the tree occupies, the geometry not counted.
+    /// Bytes of memory that the tree occupies, the geometry not counted.
     pub fn memory(&self) -> usize {
         let nodes = match &self.nodes {
-            Nodes::Kd(n) => size_of_val(&n[..]),
-            Nodes::Wide(n) => size_of_val(&n[..]),
+            Nodes::Kd(n) => n.memory(),
+            Nodes::Wide(n) => n.memory(),
         };
         let placed = self.placed.as_ref().map_or(0, |p| p.memory());
-        nodes + size_of_val(&self.blocks[..]) + size_of::<Tree>() + placed
+        nodes + self.blocks.memory() + size_of::<Tree>() + placed
     }
 }
 
@@ -106,19 +107,19 @@ fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool
     let (nodes, slots, statistics) = match options.builder {
         Builder::Bvh => {
             let (arena, statistics) = build_wide(geometry.triangles.len(), &frame, prims, options);
-            (Nodes::Wide(arena.nodes), arena.slots, statistics)
+            (Nodes::Wide(arena.nodes.into()), arena.slots, statistics)
         }
         _ => {
             let (arena, statistics) = build_kd(geometry, frame, prims, options);
-            (Nodes::Kd(arena.nodes), arena.slots, statistics)
+            (Nodes::Kd(arena.nodes.into()), arena.slots, statistics)
         }
     };
-    let blocks = slots
+    let blocks: Vec<Block> = slots
         .par_chunks(LANES)
         .with_min_len(FEW / LANES)
         .map(|ids| Block::of(geometry, &frame, ids))
         .collect();
-    Tree::of(frame, bounds, nodes, blocks, statistics)
+    Tree::of(frame, bounds, nodes, blocks.into(), statistics)
 }
 
 #[cfg(test)]
@@ -130,9 +131,9 @@ mod tests {
     fn primitives_that_are_not_kept_are_not_hit() {
         let corners = |y: f64| [[-1.0, y, -1.0], [1.0, y, -1.0], [0.0, y, 2.0]].map(DVec3::from);
         let geometry = Geometry {
-            vertices: [corners(5.0), corners(9.0)].concat(),
-            triangles: vec![[0, 1, 2], [3, 4, 5]],
-            cubes: Vec::new(),
+            vertices: [corners(5.0), corners(9.0)].concat().into(),
+            triangles: vec![[0, 1, 2], [3, 4, 5]].into(),
+            ..Geometry::default()
         };
         for builder in [Builder::Bvh, Builder::Median] {
             let first = |kept: &[u32]| {

@@ -104,6 +104,16 @@ impl Model {
         Model { geometry, reach: if reach.is_finite() { reach } else { 0.0 }, outline: cells }
     }
 
+    /// A model whose reach and outline are known.
+    pub(super) fn of(geometry: Geometry, reach: f64, outline: Vec<Aabb>) -> Model {
+        Model { geometry, reach, outline }
+    }
+
+    /// Boxes that hold all vertices.
+    pub(super) fn outline(&self) -> &[Aabb] {
+        &self.outline
+    }
+
     /// Largest coordinate of a vertex, m.
     pub fn reach(&self) -> f64 {
         self.reach
@@ -111,8 +121,8 @@ impl Model {
 
     /// Bytes that it occupies.
     pub fn memory(&self) -> usize {
-        self.geometry.vertices.capacity() * size_of::<DVec3>()
-            + self.geometry.triangles.capacity() * size_of::<[u32; 3]>()
+        self.geometry.vertices.memory()
+            + self.geometry.triangles.memory()
             + self.outline.capacity() * size_of::<Aabb>()
     }
 }
@@ -141,7 +151,7 @@ pub struct Instances {
     /// Subtracted from every placed point, m.
     pub shift: DVec3,
     /// Number of the first triangle of any instance: how many primitives the geometry has itself.
-    first: u32,
+    pub(super) first: u32,
     /// Triangles of all instances.
     triangles: u32,
 }

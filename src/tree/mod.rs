@@ -9,6 +9,7 @@
 //! | `beam` | the filter: a bundle of rays against planes, boxes and blocks of triangles |
 //! | `trace` | single rays |
 //! | `instances`, `placed` | models in many places; their trees and rays |
+//! | `pack` | all of it as arrays of a file |
 //! | `kernel`, `simd` | groups of pulses; the instruction sets that they are traced with |
 //!
 //! Trees and beams only choose which verdicts are asked for, and err on the side of asking; so every tree, every way to
@@ -25,6 +26,7 @@ mod intersect;
 mod kernel;
 mod node;
 mod options;
+mod pack;
 mod placed;
 mod rays;
 mod simd;
@@ -35,6 +37,7 @@ pub use index::Tree;
 pub use instances::{Instance, Instances, Model, Placement};
 pub use intersect::{cube as intersect_cube, triangle as intersect_triangle};
 pub use options::{Accounting, Areas, Axes, BuildOptions, Builder, Statistics};
+pub use pack::Reason;
 pub use rays::{Hits, RayBundle, RayGroup};
 pub(crate) use simd::{Level, prefetch};
 

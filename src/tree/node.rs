@@ -1,9 +1,11 @@
 //! Nodes: of the kd-tree, eight bytes each, and of the wide tree, sixteen children each.
 
 use super::block::LANES;
+use bytemuck::{Pod, Zeroable};
 
 /// An interior node or a leaf. The two children of an interior node are neighbours in the array.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
 pub(crate) struct KdNode {
     /// Interior: bits of the split position. Leaf: number of blocks.
     payload: u32,
@@ -64,7 +66,7 @@ fn pack(number: usize, tag: u32) -> u32 {
 
 /// A node of the wide tree: sixteen boxes side by side, in the tree's frame. Unused lanes hold an inside-out box, which
 /// nothing meets.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct WideNode {
     /// Lower corners by axis and lane.
@@ -94,7 +96,8 @@ impl WideNode {
 }
 
 /// A node of the wide tree or a block of primitives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
 pub(crate) struct WideChild(u32);
 
 const BLOCK: u32 = 1 << 31;

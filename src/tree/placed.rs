@@ -16,10 +16,10 @@ use std::sync::Arc;
 /// The trees over instances and over their models.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
-    instances: Arc<Instances>,
-    models: Vec<Tree>,
+    pub instances: Arc<Instances>,
+    pub models: Vec<Tree>,
     /// Over the boxes of the instances, which stand in its blocks as cubes.
-    top: Tree,
+    pub top: Tree,
 }
 
 /// Rays from one origin with the nearest hits so far.
@@ -222,9 +222,9 @@ fn over_boxes(boxes: &[Aabb], options: &BuildOptions) -> Tree {
         })
         .collect();
     let (arena, statistics) = build_wide(0, &frame, prims, options);
-    let blocks = arena.slots.chunks(LANES).map(|ids| block_of(boxes, &frame, ids)).collect();
+    let blocks: Vec<Block> = arena.slots.chunks(LANES).map(|ids| block_of(boxes, &frame, ids)).collect();
     let (lo, hi) = frame.local_box(&all);
-    Tree::of(frame, [lo, hi], Nodes::Wide(arena.nodes), blocks, statistics)
+    Tree::of(frame, [lo, hi], Nodes::Wide(arena.nodes.into()), blocks.into(), statistics)
 }
 
 fn block_of(boxes: &[Aabb], frame: &Frame, ids: &[u32]) -> Block {
@@ -265,7 +265,7 @@ mod tests {
         Geometry {
             vertices: triangles.into_iter().flatten().collect(),
             triangles: (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
-            cubes: Vec::new(),
+            ..Geometry::default()
         }
     }
 
@@ -285,7 +285,8 @@ mod tests {
 
     fn parts() -> impl Strategy<Value = Parts> {
         let cube = (point(10.0), 0.1..1.0).prop_map(|(centre, half)| Cube { centre, half });
-        let own = (model(), prop::collection::vec(cube, 0..4)).prop_map(|(g, cubes)| Geometry { cubes, ..g });
+        let own = (model(), prop::collection::vec(cube, 0..4))
+            .prop_map(|(g, cubes)| Geometry { cubes: cubes.into(), ..g });
         let shift = prop_oneof![Just(DVec3::ZERO), point(5e6), point(30.0)];
         let places = prop::collection::vec((0..3u32, any::<u32>(), placement()), 0..12);
         (own, [model(), model(), model()], places, shift).prop_map(|(own, models, mut places, shift)| {
@@ -388,8 +389,8 @@ mod tests {
                 let exact = all.exact_bounds_of(instance);
                 prop_assert!(exact.min.cmpge(wide.min).all() && exact.max.cmple(wide.max).all());
             }
-            let own = Geometry { cubes: Vec::new(), ..parts.0.clone() }.bounds();
-            let expected = Geometry { cubes: Vec::new(), ..flat }.bounds();
+            let own = Geometry { cubes: Vec::new().into(), ..parts.0.clone() }.bounds();
+            let expected = Geometry { cubes: Vec::new().into(), ..flat }.bounds();
             prop_assert_eq!(all.exact_bounds(own), expected);
         }
 

@@ -98,11 +98,11 @@ impl Bench {
         let (scene, warnings) = scene::load_play(&job.survey.scene, &job.load, 0, None)?;
         console.warnings(&warnings.finish(job.strict)?);
         let load_s = started.elapsed().as_secs_f64();
-        if scene::plays(&job.survey.scene) > 1 {
+        if scene::plays(&job.survey.scene)? > 1 {
             console.say("the scene's swaps ask for several flights; the first is compared");
         }
         let pulse_rate = job.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq));
-        let movers = Movers::new(&scene, &job.survey.scene, pulse_rate);
+        let movers = Movers::new(&scene, pulse_rate);
         let ground = |x, y| scene.ground_height(x, y);
         let (flight, warnings) = FlightPlan::new(&job.survey, scene.shift, &ground, &job.flight)?;
         console.warnings(&warnings.finish(job.strict)?);

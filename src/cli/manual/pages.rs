@@ -108,6 +108,21 @@ vlscan scene info forest/survey.xml --json",
         files: &[],
     },
     Page {
+        path: "vlscan scene pack",
+        examples: "\
+vlscan scene make forest -n 20k -o forest
+
+# everything that tracing needs in one file, which is mapped instead of read
+vlscan scene pack forest/survey.xml -o forest.vlscene
+
+# the same points, without loading meshes and building the tree
+vlscan run forest/survey.xml --scene forest.vlscene -o points.laz
+
+# is the file sound?
+vlscan scene info forest.vlscene --verify",
+        files: &[],
+    },
+    Page {
         path: "vlscan catalogue",
         examples: "\
 # everything that ships

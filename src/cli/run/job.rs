@@ -2,6 +2,7 @@
 
 use super::speed::{schedule, tree};
 use crate::cli::args::{OutputArgs, PhysicsArgs, PhysicsProfile, RunArgs};
+use crate::cli::pack::sharing;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::{self, FlightOptions};
@@ -9,7 +10,7 @@ use crate::output::{
     Column, LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat, Target, TrajectoryFormat,
 };
 use crate::pulse::{Corrections, PhysicsOptions};
-use crate::scene::{LoadOptions, Sharing};
+use crate::scene::LoadOptions;
 use crate::schedule;
 use crate::survey::{self, PlatformKind, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
 use crate::tree::BuildOptions;
@@ -42,8 +43,12 @@ impl Job {
             columns: None,
             separator: None,
         });
-        let reading =
-            ReadOptions { assets: args.input.assets.clone(), strict: args.input.strict, trajectory: stream };
+        let reading = ReadOptions {
+            assets: args.input.assets.clone(),
+            strict: args.input.strict,
+            scene: args.input.scene.clone(),
+            trajectory: stream,
+        };
         let (mut survey, set, warnings) = read(&args.file, &reading)?;
         if let Some(crs) = args.output.crs.as_deref().or(set.crs.as_deref()) {
             survey.crs_wkt = Some(wkt(crs)?);
@@ -57,6 +62,7 @@ impl Job {
         // The reference takes the system's clock for an empty text.
         let gps = if gps == "now" || gps.trim().is_empty() { now() } else { gps };
         let threads = threads(args.schedule.threads.or(set.threads));
+        let physics = physics(&args.physics, &args.output, &set, seed)?;
         let job = Job {
             strict: args.input.strict || set.strict.unwrap_or(false),
             load: LoadOptions {
@@ -64,12 +70,9 @@ impl Job {
                 seed,
                 max_memory: max_memory(args.schedule.max_memory.as_deref())?.or(set.max_memory),
                 jobs: threads,
-                sharing: match args.tree.instances.as_deref() {
-                    Some("always") => Sharing::Always,
-                    Some("never") => Sharing::Never,
-                    _ => Sharing::Auto,
-                },
-                ..LoadOptions::default()
+                sharing: sharing(args.tree.instances.as_deref()),
+                helios_specularity: !physics.corrections.specular_shares,
+                drop_polygons: args.input.drop_polygons,
             },
             tree: tree(&args.tree, &set, threads)?,
             flight: FlightOptions {
@@ -79,7 +82,7 @@ impl Job {
                 gps_start_ns: flight::gps_start(&gps).map_err(|e| Error::input(format!("GPS start: {e}")))?,
                 ..FlightOptions::default()
             },
-            physics: physics(&args.physics, &args.output, &set, seed)?,
+            physics,
             output: output(&args.output, args.trajectory_out.as_ref(), &set, &survey, &gps)?,
             schedule: schedule(&args.schedule, &set, threads)?,
             schedule_log: args.schedule.schedule_log.clone(),

@@ -9,21 +9,19 @@ use crate::tree::{BuildOptions, Tree};
 /// A plate 100 m away that moves by `by` along y after every pulse, before a wall at 120 m; five pulses along +y.
 fn echoes(by: f64, options: PhysicsOptions) -> Vec<(f64, u32)> {
     let mut scene = rectangles(half_white(), &[wall(-20.0, 20.0, 100.0), wall(-20.0, 20.0, 120.0)]);
-    scene.movers = vec![Mover { recipe: 0, part: 0, vertices: 0..4, triangles: 0..2, cubes: 0..0 }];
-    let mut survey = tls();
+    let survey = tls();
     let motion =
         Motion { kind: MotionKind::Translation { by: DVec3::Y * by }, about_self: false, auto_crs: 0.0 };
-    survey.scene.parts = vec![PartRecipe {
-        id: None,
-        number: 0,
-        loader: Loader::Obj { files: Vec::new(), up: UpAxis::Z },
-        transform: Transform::IDENTITY,
+    scene.dyn_step = 1;
+    scene.movers = vec![Mover {
+        part: 0,
+        vertices: 0..4,
+        triangles: 0..2,
+        cubes: 0..0,
         motions: vec![MotionSequence { id: "m".to_owned(), loops: 0, next: None, motions: vec![motion] }],
         timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
-        swaps: Vec::new(),
-        place: None,
     }];
-    let movers = Movers::new(&scene, &survey.scene, 1000.0).unwrap();
+    let movers = Movers::new(&scene, 1000.0).unwrap();
     let tree = Tree::build_of(&scene.geometry, &BuildOptions::default(), |i| scene.is_still(i));
     let physics = Physics::new(&scene, &tree, &survey, options).unwrap();
     let pulses: Vec<_> = (1..=5)

@@ -150,7 +150,7 @@ fn readable(e: TiffError) -> String {
 /// Appends one vertex per pixel, row by row; its height is NaN where there are no data.
 fn append_vertices(scene: &mut Assembly, source: &Source, raster: &Raster) -> Result<(), String> {
     let first = scene.geometry.vertices.len();
-    let vertices = &mut scene.geometry.vertices;
+    let vertices = scene.geometry.vertices.to_mut();
     vertices.try_reserve_exact(raster.pixels()).map_err(|e| e.to_string())?;
     vertices.resize(first + raster.pixels(), DVec3::NAN);
     let across = raster.columns.div_ceil(raster.block.0);

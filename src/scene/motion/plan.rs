@@ -2,7 +2,7 @@
 
 use crate::geom::{Affine, DVec3, Rotation};
 use crate::scene::{Mover, Part, Scene, Surface};
-use crate::survey::{Motion, MotionKind, MotionTiming, PartRecipe, SceneRecipe};
+use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming};
 use crate::tree::Geometry;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -54,22 +54,21 @@ pub(super) struct Move {
 }
 
 impl Movers {
-    /// The moving parts of `scene`, which was loaded from `recipe`; `None` if nothing moves. `pulse_rate` is the first
-    /// leg's, in Hz: time steps count in its periods.
-    pub fn new(scene: &Scene, recipe: &SceneRecipe, pulse_rate: f64) -> Option<Movers> {
+    /// The moving parts of `scene`; `None` if nothing moves. `pulse_rate` is the first leg's, in Hz: time steps count in
+    /// its periods.
+    pub fn new(scene: &Scene, pulse_rate: f64) -> Option<Movers> {
         if scene.movers.is_empty() {
             return None;
         }
-        let period = recipe.dyn_time_step;
+        let period = scene.dyn_time_step;
         let parts = scene
             .movers
             .iter()
             .map(|mover| {
-                let part = &recipe.parts[mover.recipe];
-                let (every, refresh_every) = intervals(&part.timing, period);
+                let (every, refresh_every) = intervals(&mover.timing, period);
                 let rest = alone(scene, mover);
                 MovingPart {
-                    sequences: sequences(part, scene.shift),
+                    sequences: sequences(&mover.motions, scene.shift),
                     every,
                     refresh_every,
                     centre: rest.geometry.bounds().centre(),
@@ -79,7 +78,7 @@ impl Movers {
                 }
             })
             .collect();
-        let every = period.map_or(u64::from(recipe.dyn_step), |t| whole(pulse_rate * t));
+        let every = period.map_or(u64::from(scene.dyn_step), |t| whole(pulse_rate * t));
         Some(Movers { every, parts, triangles: scene.geometry.triangles.len() })
     }
 }
@@ -100,9 +99,9 @@ fn intervals(timing: &MotionTiming, scene_period: Option<f64>) -> (u64, u64) {
     (whole(part / scene), whole(tree / part))
 }
 
-fn sequences(part: &PartRecipe, shift: DVec3) -> Vec<Sequence> {
+fn sequences(motions: &[MotionSequence], shift: DVec3) -> Vec<Sequence> {
     let moves = |motion: &Motion| Move { map: map(motion, shift), about_self: motion.about_self };
-    part.motions
+    motions
         .iter()
         .map(|s| Sequence { loops: s.loops, next: s.next, moves: s.motions.iter().map(moves).collect() })
         .collect()
@@ -137,9 +136,9 @@ fn alone(scene: &Scene, mover: &Mover) -> Scene {
     let g = &scene.geometry;
     let first = mover.vertices.start as u32;
     let geometry = Geometry {
-        vertices: g.vertices[mover.vertices.clone()].to_vec(),
+        vertices: g.vertices[mover.vertices.clone()].to_vec().into(),
         triangles: g.triangles[mover.triangles.clone()].iter().map(|t| t.map(|v| v - first)).collect(),
-        cubes: g.cubes[mover.cubes.clone()].to_vec(),
+        cubes: g.cubes[mover.cubes.clone()].to_vec().into(),
     };
     let cube_surfaces = &scene.surface_of[g.triangles.len()..][mover.cubes.clone()];
     let numbers = scene.surface_of[mover.triangles.clone()].iter().chain(cube_surfaces);
@@ -161,8 +160,7 @@ fn alone(scene: &Scene, mover: &Mover) -> Scene {
         surfaces,
         parts: vec![Part::clone(&scene.parts[mover.part as usize])],
         materials,
-        voxels: scene.voxels[mover.cubes.clone()].to_vec(),
-        movers: Vec::new(),
-        placed: None,
+        voxels: scene.voxels[mover.cubes.clone()].to_vec().into(),
+        ..Scene::default()
     }
 }

@@ -33,7 +33,11 @@ fn moving(sequences: Vec<MotionSequence>) -> (SceneRecipe, Scene) {
 
 /// Where the corner (3, 3, 1) of the part is seen before the first step and after each of `steps`.
 fn corners(recipe: &SceneRecipe, scene: &Scene, steps: usize) -> Vec<DVec3> {
-    let plan = Movers::new(scene, recipe, 1000.0).unwrap();
+    let part = recipe.parts[1].timing;
+    let mut scene = scene.clone();
+    (scene.dyn_step, scene.dyn_time_step, scene.movers[0].timing) =
+        (recipe.dyn_step, recipe.dyn_time_step, part);
+    let plan = Movers::new(&scene, 1000.0).unwrap();
     let mut state = MoverState::start(&plan);
     let mut stage = Stage::new(&plan, BuildOptions::default());
     let corner = |stage: &mut Stage| stage.show()[0].scene.geometry.vertices[2];
@@ -165,22 +169,22 @@ fn what_is_seen_late_has_moved_as_far() {
 
 #[test]
 fn primitives_keep_the_numbers_that_they_have_in_the_whole_scene() {
-    let (recipe, scene) = moving(vec![sequence(0, None, &[shift(DVec3::X)])]);
-    let plan = Movers::new(&scene, &recipe, 1.0).unwrap();
+    let (_, scene) = moving(vec![sequence(0, None, &[shift(DVec3::X)])]);
+    let plan = Movers::new(&scene, 1.0).unwrap();
     let mut stage = Stage::new(&plan, BuildOptions::default());
     let actor = &stage.show()[0];
     assert_eq!((actor.global(0), actor.global(1)), (1, 2));
     assert_eq!([0, 1, 2, 3].map(|i| actor.local(i)), [None, Some(0), Some(1), None]);
     assert_eq!([0, 1, 2].map(|i| scene.is_still(i)), [true, false, false]);
     assert_eq!(actor.scene.geometry.triangle(0), scene.geometry.triangle(1));
-    assert!(Movers::new(&moving(Vec::new()).1, &recipe, 1.0).is_none());
+    assert!(Movers::new(&moving(Vec::new()).1, 1.0).is_none());
 }
 
 #[test]
 fn states_are_alike_wherever_they_are_replayed() {
     let turn = MotionKind::Helical { axis: DVec3::Z, angle: 0.1, glide: 0.01 };
-    let (recipe, scene) = moving(vec![sequence(0, None, &[motion(turn)])]);
-    let plan = Movers::new(&scene, &recipe, 1.0).unwrap();
+    let (_, scene) = moving(vec![sequence(0, None, &[motion(turn)])]);
+    let plan = Movers::new(&scene, 1.0).unwrap();
     let mut whole = MoverState::start(&plan);
     (0..1000).for_each(|_| whole.step(&plan, |_, _| ()));
     let mut parts = MoverState::start(&plan);

@@ -17,6 +17,8 @@ pub struct SceneRecipe {
     pub dyn_step: u32,
     /// The same in seconds, overrides all steps.
     pub dyn_time_step: Option<f64>,
+    /// The packed scene that this is; it has no parts then.
+    pub packed: Option<PathBuf>,
     /// Folders that may hold a `spectra` folder, in search order.
     pub asset_folders: Vec<PathBuf>,
 }
@@ -165,7 +167,7 @@ pub struct VoxelLoader {
 }
 
 /// A sequence of rigid motions (spec input-formats §3.7).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct MotionSequence {
     /// Id within the part.
     pub id: String,
@@ -178,7 +180,7 @@ pub struct MotionSequence {
 }
 
 /// One rigid motion per update step.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// What it does.
     pub kind: MotionKind,

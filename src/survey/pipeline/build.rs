@@ -16,7 +16,7 @@ use super::keys::{LegKeys, PlatformKeys, PoseKeys, SettingsKeys, TrajectoryKeys}
 use super::run::one_of;
 use super::source::Source;
 use crate::geom::{DVec3, Rotation, radians};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use toml::Spanned;
 
 /// The survey of a pipeline file.
@@ -32,6 +32,10 @@ pub(super) fn read_survey(
         None => None,
     };
     let scene = match (&keys.scene, &base) {
+        _ if options.scene.is_some() => {
+            let name = options.scene.as_deref().unwrap_or_default();
+            find_scene(context, name, Path::new(""), None)
+        }
         (Some(name), _) => scene_of(context, source, name),
         (None, Some(base)) => Some(base.scene.clone()),
         (None, None) => {

@@ -34,8 +34,8 @@ pub type Key<T> = Option<Spanned<T>>;
 pub struct PipelineKeys {
     /// Survey XML file to start from.
     pub survey: Key<String>,
-    /// What is scanned: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vox) or a table of
-    /// instances (.csv).
+    /// What is scanned: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vox), a table of
+    /// instances (.csv) or a packed scene (.vlscene).
     pub scene: Key<String>,
     /// Name of the run; it names the output folder. Default: the file's name without extension.
     pub name: Option<String>,

@@ -1,0 +1,74 @@
+//! `vlscan scene pack`: a scene compiled to one file.
+
+use super::args::PackArgs;
+use super::run::speed::builder;
+use super::watch::amount;
+use super::{Console, info};
+use crate::error::{Error, Result};
+use crate::scene::{self, LoadOptions, Sharing};
+use crate::survey::parse_seed;
+use crate::tree::BuildOptions;
+use std::path::Path;
+use std::time::Instant;
+
+/// Runs `vlscan scene pack`.
+pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
+    let started = Instant::now();
+    let asked = info::Asked { scene: &args.scene, assets: &args.assets };
+    let (recipe, found, warnings) = asked.recipe()?;
+    console.warnings(&warnings);
+    let out = args.out.clone().unwrap_or_else(|| recipe.path.with_extension("vlscene"));
+    if out.exists() && !args.force {
+        return Err(Error::input(format!("{} exists; --force overwrites it", out.display())));
+    }
+    let seed = match args.seed.as_deref() {
+        Some(text) => parse_seed(text).map_err(|e| Error::input(format!("--seed: {e}")))?,
+        None => found.seed.unwrap_or(0),
+    };
+    let refined = args.physics == Some(super::PhysicsProfile::Refined);
+    let options = LoadOptions {
+        wavelength_nm: args.wavelength.unwrap_or(found.wavelength_nm),
+        seed,
+        helios_specularity: !refined,
+        sharing: sharing(args.instances.as_deref()),
+        ..LoadOptions::default()
+    };
+    let tree = args.tree.map_or_else(BuildOptions::default, |kind| BuildOptions::of(builder(kind)));
+    let (packed, warnings) = scene::pack(&recipe, &options, &tree, &out)?;
+    console.warnings(&warnings);
+    let loaded = started.elapsed().as_secs_f64();
+    let started = Instant::now();
+    open(&out)?;
+    let plays = if packed.plays > 1 { format!(" in {} plays", packed.plays) } else { String::new() };
+    console.say(format!(
+        "{}  {} primitives{plays}, {}B; packed in {loaded:.1} s, opens in {:.1} ms",
+        out.display(),
+        amount(packed.primitives as f64),
+        amount(packed.bytes as f64),
+        started.elapsed().as_secs_f64() * 1e3
+    ));
+    Ok(())
+}
+
+/// What `--instances` means.
+pub fn sharing(wanted: Option<&str>) -> Sharing {
+    match wanted {
+        Some("always") => Sharing::Always,
+        Some("never") => Sharing::Never,
+        _ => Sharing::Auto,
+    }
+}
+
+/// What a run does with the file at first.
+fn open(path: &Path) -> Result<()> {
+    let pack = scene::Pack::open(path)?;
+    let c = pack.conditions();
+    let options = LoadOptions {
+        wavelength_nm: c.wavelength_nm,
+        seed: c.seed,
+        helios_specularity: c.helios_specularity,
+        drop_polygons: c.drop_polygons,
+        ..LoadOptions::default()
+    };
+    pack.scene(&options, 0).map(drop)
+}

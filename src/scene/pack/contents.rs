@@ -1,0 +1,247 @@
+//! Scenes as arrays and words of a file.
+
+use crate::error::Result;
+use crate::geom::{Aabb, DVec3};
+use crate::scene::ReadyTree;
+use crate::scene::{LadTable, Material, Mover, Part, Placed, Reflection, Scene, Surface};
+use crate::store::{Archive, Cut, Reader, Words, Writer};
+use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming};
+use crate::tree::{Builder, Geometry, Instances, Tree};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// The words of all plays.
+pub(super) struct Contents(Vec<Vec<u8>>);
+
+type Read<T> = std::result::Result<T, Cut>;
+
+impl Contents {
+    pub fn read(bytes: &[u8]) -> std::result::Result<Contents, String> {
+        let mut r = Reader(bytes);
+        let mut all = || {
+            let plays = r.u64()?;
+            (0..plays).map(|_| r.blob().map(<[u8]>::to_vec)).collect::<Read<Vec<_>>>()
+        };
+        all().map(Contents).map_err(cut)
+    }
+
+    pub fn plays(&self) -> u32 {
+        self.0.len() as u32
+    }
+
+    pub fn scene(&self, file: &Archive, play: u32, builder: Builder) -> std::result::Result<Scene, String> {
+        let words = self.0.get(play as usize).ok_or("it holds no play")?;
+        read_scene(file, play, builder, &mut Reader(words))
+    }
+}
+
+fn cut(Cut: Cut) -> String {
+    "its contents end too early".to_owned()
+}
+
+/// Appends a play.
+pub(super) fn write(
+    scene: &Scene,
+    tree: &Tree,
+    play: u32,
+    out: &mut Writer,
+    words: &mut Words,
+) -> Result<()> {
+    let mut w = Words::default();
+    let name = |what: &str| format!("play {play} {what}");
+    w.vector(scene.shift);
+    w.vector(scene.bounds.min);
+    w.vector(scene.bounds.max);
+    w.list(&scene.surfaces, |w, s| [s.part, s.material].into_iter().for_each(|n| w.u64(u64::from(n))));
+    w.list(&scene.parts, |w, p| {
+        w.text(&p.id);
+        w.option(p.lad.as_deref(), |w, lad| {
+            w.list(&lad.rows().collect::<Vec<_>>(), |w, (a, g)| [*a, *g].into_iter().for_each(|x| w.f64(x)));
+        });
+    });
+    w.list(&scene.materials, write_material);
+    w.u64(scene.dyn_step.into());
+    w.option(scene.dyn_time_step, Words::f64);
+    w.list(&scene.movers, write_mover);
+    scene.geometry.pack(&name("own"), out)?;
+    out.array(name("voxels"), &scene.voxels)?;
+    out.array(name("surfaces"), &scene.surface_of)?;
+    tree.pack(&name("tree"), out, &mut w)?;
+    w.flag(scene.placed.is_some());
+    if let Some(placed) = &scene.placed {
+        placed.instances.pack(out, &mut w)?;
+        w.list(&placed.parts, |w, n| w.u64(u64::from(*n)));
+        for (i, materials) in placed.materials.iter().enumerate() {
+            out.array(format!("materials {i}"), materials)?;
+        }
+        tree.pack_instances(out, &mut w)?;
+    }
+    words.blob(w.bytes());
+    Ok(())
+}
+
+fn read_scene(
+    file: &Archive,
+    play: u32,
+    builder: Builder,
+    r: &mut Reader,
+) -> std::result::Result<Scene, String> {
+    let name = |what: &str| format!("play {play} {what}");
+    let head = |r: &mut Reader| -> Read<Scene> {
+        Ok(Scene {
+            shift: r.vector()?,
+            bounds: Aabb { min: r.vector()?, max: r.vector()? },
+            surfaces: r.list(|r| Ok(Surface { part: r.u32()?, material: r.u32()? }))?,
+            parts: r.list(read_part)?,
+            materials: r.list(read_material)?,
+            dyn_step: r.u32()?,
+            dyn_time_step: r.option(Reader::f64)?,
+            movers: r.list(read_mover)?,
+            ..Scene::default()
+        })
+    };
+    let mut scene = head(r).map_err(cut)?;
+    scene.geometry = Geometry::unpack(&name("own"), file)?;
+    scene.voxels = file.array(&name("voxels"))?;
+    scene.surface_of = file.array(&name("surfaces"))?;
+    let (primitives, cubes) = (scene.geometry.len(), scene.geometry.cubes.len());
+    if scene.surface_of.len() != primitives || scene.voxels.len() != cubes {
+        return Err("its arrays do not belong together".to_owned());
+    }
+    let mut tree = Tree::unpack(&name("tree"), file, r)?;
+    if r.flag().map_err(cut)? {
+        let instances = Arc::new(Instances::unpack(file, r)?);
+        let parts = r.list(Reader::u32).map_err(cut)?;
+        let materials = (0..instances.models.len()).map(|i| file.array(&format!("materials {i}")));
+        let materials = materials.collect::<std::result::Result<Vec<_>, _>>()?;
+        if parts.len() != instances.all.len() {
+            return Err("its instances do not belong together".to_owned());
+        }
+        tree = tree.unpack_instances(&instances, file, r)?;
+        scene.placed = Some(Placed { instances, materials, parts });
+    }
+    scene.ready = Some(Arc::new(ReadyTree { builder, tree }));
+    Ok(scene)
+}
+
+fn read_part(r: &mut Reader) -> Read<Part> {
+    let id = r.text()?;
+    let rows = r.option(|r| r.list(|r| Ok((r.f64()?, r.f64()?))))?;
+    Ok(Part { id, lad: rows.map(|rows| Arc::new(LadTable::of_rows(rows))) })
+}
+
+fn write_material(w: &mut Words, m: &Material) {
+    w.text(&m.name);
+    w.f64(m.reflectance);
+    w.u64(m.classification as u32 as u64);
+    w.flag(m.is_ground);
+    match m.reflection {
+        Reflection::Uniform => w.u64(0),
+        Reflection::Lambert => w.u64(1),
+        Reflection::Phong { specularity, exponent } => {
+            w.u64(2);
+            w.f64(specularity);
+            w.f64(exponent);
+        }
+    }
+}
+
+fn read_material(r: &mut Reader) -> Read<Material> {
+    Ok(Material {
+        name: r.text()?,
+        reflectance: r.f64()?,
+        classification: r.u32()? as i32,
+        is_ground: r.flag()?,
+        reflection: match r.u64()? {
+            0 => Reflection::Uniform,
+            1 => Reflection::Lambert,
+            2 => Reflection::Phong { specularity: r.f64()?, exponent: r.f64()? },
+            _ => return Err(Cut),
+        },
+    })
+}
+
+fn write_mover(w: &mut Words, m: &Mover) {
+    w.u64(m.part.into());
+    for range in [&m.vertices, &m.triangles, &m.cubes] {
+        w.u64(range.start as u64);
+        w.u64(range.end as u64);
+    }
+    w.u64(m.timing.dyn_step.into());
+    w.u64(m.timing.tree_step.into());
+    w.option(m.timing.dyn_time_step, Words::f64);
+    w.option(m.timing.tree_time_step, Words::f64);
+    w.list(&m.motions, |w, s| {
+        w.text(&s.id);
+        w.u64(s.loops.into());
+        w.option(s.next, |w, n| w.u64(n as u64));
+        w.list(&s.motions, write_motion);
+    });
+}
+
+fn read_mover(r: &mut Reader) -> Read<Mover> {
+    let range = |r: &mut Reader| -> Read<Range<usize>> { Ok(r.size()?..r.size()?) };
+    Ok(Mover {
+        part: r.u32()?,
+        vertices: range(r)?,
+        triangles: range(r)?,
+        cubes: range(r)?,
+        timing: MotionTiming {
+            dyn_step: r.u32()?,
+            tree_step: r.u32()?,
+            dyn_time_step: r.option(Reader::f64)?,
+            tree_time_step: r.option(Reader::f64)?,
+        },
+        motions: r.list(|r| {
+            Ok(MotionSequence {
+                id: r.text()?,
+                loops: r.u32()?,
+                next: r.option(Reader::size)?,
+                motions: r.list(read_motion)?,
+            })
+        })?,
+    })
+}
+
+fn write_motion(w: &mut Words, m: &Motion) {
+    w.flag(m.about_self);
+    w.f64(m.auto_crs);
+    let mut put = |number: u64, vectors: &[DVec3], numbers: &[f64], centre: Option<DVec3>| {
+        w.u64(number);
+        vectors.iter().for_each(|v| w.vector(*v));
+        numbers.iter().for_each(|x| w.f64(*x));
+        w.option(centre, Words::vector);
+    };
+    match m.kind {
+        MotionKind::Identity => put(0, &[], &[], None),
+        MotionKind::Translation { by } => put(1, &[by], &[], None),
+        MotionKind::Rotation { axis, angle, centre } => put(2, &[axis], &[angle], centre),
+        MotionKind::Reflection { normal } => put(3, &[normal], &[], None),
+        MotionKind::GlidePlane { normal, shift } => put(4, &[normal, shift], &[], None),
+        MotionKind::Helical { axis, angle, glide } => put(5, &[axis], &[angle, glide], None),
+        MotionKind::RotaryReflection { axis, angle, centre } => put(6, &[axis], &[angle], centre),
+    }
+}
+
+fn read_motion(r: &mut Reader) -> Read<Motion> {
+    let (about_self, auto_crs, number) = (r.flag()?, r.f64()?, r.u64()?);
+    let kind = match number {
+        0 => MotionKind::Identity,
+        1 => MotionKind::Translation { by: r.vector()? },
+        2 => MotionKind::Rotation { axis: r.vector()?, angle: r.f64()?, centre: None },
+        3 => MotionKind::Reflection { normal: r.vector()? },
+        4 => MotionKind::GlidePlane { normal: r.vector()?, shift: r.vector()? },
+        5 => MotionKind::Helical { axis: r.vector()?, angle: r.f64()?, glide: r.f64()? },
+        6 => MotionKind::RotaryReflection { axis: r.vector()?, angle: r.f64()?, centre: None },
+        _ => return Err(Cut),
+    };
+    let found = r.option(Reader::vector)?;
+    let kind = match kind {
+        MotionKind::Rotation { axis, angle, .. } => MotionKind::Rotation { axis, angle, centre: found },
+        MotionKind::RotaryReflection { axis, angle, .. } => {
+            MotionKind::RotaryReflection { axis, angle, centre: found }
+        }
+        other => other,
+    };
+    Ok(Motion { kind, about_self, auto_crs })
+}

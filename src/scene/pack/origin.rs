@@ -1,0 +1,199 @@
+//! What a packed scene was made from, and when it no longer holds.
+
+use crate::error::{Error, Result};
+use crate::scene::{LoadOptions, Reflection, Scene};
+use crate::store::{Cut, Reader, Words};
+use crate::survey::{Loader, MaterialChoice, SceneRecipe, VoxelMode};
+use crate::tree::Builder;
+use std::collections::BTreeSet;
+use std::fs::Metadata;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+use xxhash_rust::xxh3::xxh3_64;
+
+/// Choices that a packed scene was made with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conditions {
+    /// Where spectra were evaluated, nm.
+    pub wavelength_nm: f64,
+    /// Whether any were.
+    pub has_spectra: bool,
+    /// Seed of random materials and places.
+    pub seed: u64,
+    /// Whether there are any.
+    pub is_random: bool,
+    /// Whether any material has a specular share.
+    pub has_gloss: bool,
+    /// As of [`LoadOptions`]; matters to materials with gloss.
+    pub helios_specularity: bool,
+    /// As of [`LoadOptions`].
+    pub drop_polygons: bool,
+}
+
+/// A file as it was when the scene was packed.
+#[derive(Clone, Debug, PartialEq)]
+struct Source {
+    /// As seen from the folder of the pack where it stands below it.
+    path: PathBuf,
+    length: u64,
+    modified_ns: u64,
+    sum: u64,
+}
+
+/// See the module.
+pub(super) struct Origin {
+    pub conditions: Conditions,
+    pub builder: Builder,
+    files: BTreeSet<PathBuf>,
+    sources: Vec<Source>,
+}
+
+const BUILDERS: [Builder; 5] = [Builder::Bvh, Builder::Fsah, Builder::AxisSah, Builder::Sah, Builder::Median];
+
+impl Origin {
+    pub fn of(recipe: &SceneRecipe, options: &LoadOptions, builder: Builder) -> Origin {
+        let loaders = recipe
+            .parts
+            .iter()
+            .flat_map(|p| std::iter::once(&p.loader).chain(p.swaps.iter().filter_map(|s| s.loader.as_ref())));
+        let mut files = BTreeSet::from([recipe.path.clone()]);
+        files.extend(recipe.parts.iter().filter_map(|p| p.place.as_ref()).map(|p| p.path.clone()));
+        let conditions = Conditions {
+            wavelength_nm: options.wavelength_nm,
+            has_spectra: false,
+            seed: options.seed,
+            is_random: loaders.into_iter().any(is_random),
+            has_gloss: false,
+            helios_specularity: options.helios_specularity,
+            drop_polygons: options.drop_polygons,
+        };
+        Origin { conditions, builder, files, sources: Vec::new() }
+    }
+
+    /// Takes note of the files that a play was loaded from, and of what its materials depend on.
+    pub fn add(&mut self, scene: &Scene) {
+        let files = &scene.sources;
+        self.conditions.has_gloss |=
+            scene.materials.iter().any(|m| matches!(m.reflection, Reflection::Phong { .. }));
+        let is_spectrum = |f: &PathBuf| f.parent().is_some_and(|p| p.ends_with("spectra"));
+        self.conditions.has_spectra |= files.iter().any(is_spectrum);
+        self.files.extend(files.iter().cloned());
+    }
+
+    /// Reads all files once more for their sums.
+    pub fn finish(self, pack: &Path) -> Result<Words> {
+        let folder = std::fs::canonicalize(folder_of(pack)).unwrap_or_default();
+        let mut sources = Vec::new();
+        for path in self.files.iter().filter(|p| p.is_file()) {
+            let about = std::fs::metadata(path).map_err(|e| Error::io("read", path, e))?;
+            let whole = std::fs::canonicalize(path).map_err(|e| Error::io("read", path, e))?;
+            let path = whole.strip_prefix(&folder).map_or(whole.clone(), Path::to_path_buf);
+            sources.push(Source {
+                path,
+                length: about.len(),
+                modified_ns: modified(&about),
+                sum: sum(&whole).map_err(|e| Error::io("read", &whole, e))?,
+            });
+        }
+        let (mut w, c) = (Words::default(), &self.conditions);
+        w.f64(c.wavelength_nm);
+        w.u64(c.seed);
+        [c.has_spectra, c.is_random, c.has_gloss, c.helios_specularity, c.drop_polygons]
+            .into_iter()
+            .for_each(|b| w.flag(b));
+        w.u64(BUILDERS.iter().position(|b| *b == self.builder).unwrap_or(0) as u64);
+        w.list(&sources, |w, s| {
+            w.text(&s.path.to_string_lossy());
+            [s.length, s.modified_ns, s.sum].into_iter().for_each(|n| w.u64(n));
+        });
+        Ok(w)
+    }
+
+    pub fn read(bytes: &[u8]) -> std::result::Result<Origin, String> {
+        let mut r = Reader(bytes);
+        let mut all = || {
+            let (wavelength_nm, seed) = (r.f64()?, r.u64()?);
+            let (has_spectra, is_random) = (r.flag()?, r.flag()?);
+            let (has_gloss, helios_specularity, drop_polygons) = (r.flag()?, r.flag()?, r.flag()?);
+            let conditions = Conditions {
+                wavelength_nm,
+                has_spectra,
+                seed,
+                is_random,
+                has_gloss,
+                helios_specularity,
+                drop_polygons,
+            };
+            let builder = *BUILDERS.get(r.size()?).ok_or(Cut)?;
+            let sources = r.list(|r| {
+                let path = PathBuf::from(r.text()?);
+                Ok(Source { path, length: r.u64()?, modified_ns: r.u64()?, sum: r.u64()? })
+            })?;
+            Ok(Origin { conditions, builder, files: BTreeSet::new(), sources })
+        };
+        all().map_err(|Cut| "its origin cannot be read".to_owned())
+    }
+
+    /// Whether the files are as they were. One that is not there cannot be newer: packs may travel alone.
+    pub fn check_files(&self, pack: &Path) -> std::result::Result<(), String> {
+        let changed = |s: &&Source| {
+            let path = folder_of(pack).join(&s.path);
+            let Ok(about) = std::fs::metadata(&path) else { return false };
+            let same_time = modified(&about) == s.modified_ns;
+            about.len() != s.length || (!same_time && sum(&path).ok() != Some(s.sum))
+        };
+        match self.sources.iter().find(changed) {
+            Some(s) => Err(format!("{} has changed since; pack the scene again", s.path.display())),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Conditions {
+    /// Whether a scene made with these options would be the same.
+    pub fn check(&self, options: &LoadOptions) -> std::result::Result<(), String> {
+        let again = |what: String| Err(format!("{what}; pack the scene again for that"));
+        if self.has_spectra && self.wavelength_nm != options.wavelength_nm {
+            let (packed, asked) = (self.wavelength_nm, options.wavelength_nm);
+            return again(format!("its spectra are those at {packed} nm, the scanner's beam has {asked} nm"));
+        }
+        if self.is_random && self.seed != options.seed {
+            let (packed, asked) = (self.seed, options.seed);
+            return again(format!(
+                "its random materials or places are those of seed {packed}, not of {asked}"
+            ));
+        }
+        if self.has_gloss && self.helios_specularity != options.helios_specularity {
+            return again("its materials have the specular shares of the other physics profile".to_owned());
+        }
+        if self.drop_polygons != options.drop_polygons {
+            return again("faces with more than four corners are treated otherwise in it".to_owned());
+        }
+        Ok(())
+    }
+}
+
+fn is_random(loader: &Loader) -> bool {
+    let varied = |m: &MaterialChoice| m.random_variants > 0;
+    match loader {
+        Loader::Obj { .. } => false,
+        Loader::GeoTiff { material, .. } => varied(material),
+        Loader::Xyz(xyz) => varied(&xyz.material),
+        Loader::DetailedVoxels(v) => {
+            varied(&v.material) || (v.random_shift && matches!(v.mode, VoxelMode::Scaled(_)))
+        }
+    }
+}
+
+fn folder_of(pack: &Path) -> &Path {
+    pack.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn modified(about: &Metadata) -> u64 {
+    let since = about.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
+    since.map_or(0, |d| d.as_nanos() as u64)
+}
+
+fn sum(path: &Path) -> std::io::Result<u64> {
+    crate::scene::text::Source::open(path).map(|source| xxh3_64(source.bytes()))
+}

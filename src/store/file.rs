@@ -1,0 +1,302 @@
+//! The container: named arrays in one file, to be mapped.
+//!
+//! ```text
+//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ place, length, checksum of the table │ length of the file │ checksum
+//! 64   arrays, each at a multiple of 64, padded with zeros
+//!      table: for each array its name, place, bytes, bytes of an element, checksum
+//! ```
+//!
+//! Opening checks the header and the table, which takes microseconds whatever the arrays hold: their sums would need all of
+//! them to be read, so that is done by [`Archive::verify`] only. What opening does find is every file of another kind,
+//! version or byte order, one that is cut short or has grown, and damage outside of the arrays.
+
+use super::Store;
+use super::words::{Cut, Reader, Words};
+use crate::error::{Error, Result};
+use bytemuck::{AnyBitPattern, NoUninit};
+use memmap2::Mmap;
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use xxhash_rust::xxh3::xxh3_64;
+
+const MAGIC: &[u8; 8] = b"VLSCENE\n";
+
+/// Raised whenever an array's elements or the other contents change their meaning.
+const VERSION: u32 = 1;
+
+/// Written as the machine writes it: another machine reads another number.
+const BYTE_ORDER: u32 = 0x0102_0304;
+
+const HEADER: usize = 64;
+
+/// Arrays begin at multiples of this, as their elements may ask for.
+const ALIGNMENT: u64 = 64;
+
+/// A file that is being written. It stands under its name when it is complete; until then it is `NAME.part`.
+pub struct Writer {
+    path: PathBuf,
+    part: PathBuf,
+    out: BufWriter<File>,
+    at: u64,
+    table: Vec<Entry>,
+}
+
+/// An array in the file.
+struct Entry {
+    name: String,
+    bytes: Range<u64>,
+    element: u64,
+    sum: u64,
+}
+
+impl Writer {
+    /// Begins a file.
+    pub fn create(path: &Path) -> Result<Writer> {
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let part = PathBuf::from(part);
+        let file = File::create(&part).map_err(|e| Error::io("create", &part, e))?;
+        let mut writer = Writer {
+            path: path.to_path_buf(),
+            part,
+            out: BufWriter::with_capacity(1 << 20, file),
+            at: 0,
+            table: Vec::new(),
+        };
+        writer.put(&[0; HEADER])?;
+        Ok(writer)
+    }
+
+    /// Appends an array.
+    pub fn array<T: NoUninit>(&mut self, name: impl Into<String>, values: &[T]) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        let gap = self.at.next_multiple_of(ALIGNMENT) - self.at;
+        self.put(&[0; ALIGNMENT as usize][..gap as usize])?;
+        let start = self.at;
+        self.put(bytes)?;
+        let (element, sum) = (size_of::<T>() as u64, xxh3_64(bytes));
+        self.table.push(Entry { name: name.into(), bytes: start..self.at, element, sum });
+        Ok(())
+    }
+
+    /// Completes the file. Returns its length.
+    pub fn finish(mut self) -> Result<u64> {
+        let mut table = Words::default();
+        table.list(&self.table, |w, e| {
+            w.text(&e.name);
+            [e.bytes.start, e.bytes.end, e.element, e.sum].into_iter().for_each(|n| w.u64(n));
+        });
+        let start = self.at;
+        self.put(table.bytes())?;
+        let mut header = MAGIC.to_vec();
+        header.extend(VERSION.to_ne_bytes());
+        header.extend(BYTE_ORDER.to_ne_bytes());
+        for number in [start, table.bytes().len() as u64, xxh3_64(table.bytes()), self.at] {
+            header.extend(number.to_ne_bytes());
+        }
+        header.extend(xxh3_64(&header).to_ne_bytes());
+        let Writer { path, part, mut out, at, .. } = self;
+        let write = |out: &mut BufWriter<File>| {
+            out.seek(SeekFrom::Start(0))?;
+            out.write_all(&header)?;
+            out.flush()?;
+            out.get_ref().sync_all()
+        };
+        write(&mut out).map_err(|e| Error::io("write", &part, e))?;
+        std::fs::rename(&part, &path).map_err(|e| Error::io("rename", &part, e))?;
+        Ok(at)
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        self.out.write_all(bytes).map_err(|e| Error::io("write", &self.part, e))?;
+        self.at += bytes.len() as u64;
+        Ok(())
+    }
+}
+
+/// An open file.
+#[derive(Debug)]
+pub struct Archive {
+    path: PathBuf,
+    map: Arc<Mmap>,
+    table: Vec<Entry>,
+}
+
+impl std::fmt::Debug for Entry {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        write!(f, "{} at {:?}", self.name, self.bytes)
+    }
+}
+
+impl Archive {
+    /// Maps a file and checks everything but its arrays.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the reason why the file cannot be used; [`Error::Io`] when it cannot be read.
+    pub fn open(path: &Path) -> Result<Archive> {
+        let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
+        let length = file.metadata().map_err(|e| Error::io("read", path, e))?.len();
+        if length < HEADER as u64 {
+            return Err(refuse(path, "it is too short to be a packed scene"));
+        }
+        // SAFETY: the mapping is read-only and private to this process; see `Store` for what it is trusted with.
+        let map = unsafe { Mmap::map(&file) }.map_err(|e| Error::io("map", path, e))?;
+        let table = read_table(&map).map_err(|reason| refuse(path, &reason))?;
+        Ok(Archive { path: path.to_path_buf(), map: Arc::new(map), table })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Length of the file, bytes.
+    pub fn length(&self) -> u64 {
+        self.map.len() as u64
+    }
+
+    /// An array. The error says why there is none.
+    pub fn array<T: AnyBitPattern>(&self, name: &str) -> std::result::Result<Store<T>, String> {
+        let entry = self.table.iter().find(|e| e.name == name);
+        let entry = entry.ok_or_else(|| format!("it lacks the array {name}"))?;
+        let range = entry.bytes.start as usize..entry.bytes.end as usize;
+        let values =
+            (entry.element == size_of::<T>() as u64).then(|| Store::mapped(&self.map, range)).flatten();
+        values.ok_or_else(|| format!("the array {name} has another layout"))
+    }
+
+    /// A small array whose checksum is compared at once.
+    pub fn checked(&self, name: &str) -> std::result::Result<Store<u8>, String> {
+        let values = self.array::<u8>(name)?;
+        let sound = self.table.iter().any(|e| e.name == name && e.sum == xxh3_64(&values));
+        if sound { Ok(values) } else { Err(format!("{name} is damaged: its checksum differs")) }
+    }
+
+    /// Reads all arrays and compares their checksums.
+    ///
+    /// # Errors
+    /// [`Error::Input`] that names the damaged arrays.
+    pub fn verify(&self) -> Result<()> {
+        let sum = |e: &Entry| self.map.get(e.bytes.start as usize..e.bytes.end as usize).map(xxh3_64);
+        let damaged: Vec<&str> =
+            self.table.par_iter().filter(|e| sum(e) != Some(e.sum)).map(|e| &e.name[..]).collect();
+        if damaged.is_empty() {
+            return Ok(());
+        }
+        Err(self.refuse(&format!("it is damaged: the checksums of {} differ", damaged.join(", "))))
+    }
+
+    /// The error that this file cannot be used.
+    pub fn refuse(&self, reason: &str) -> Error {
+        refuse(&self.path, reason)
+    }
+}
+
+fn refuse(path: &Path, reason: &str) -> Error {
+    Error::input(format!("cannot use the packed scene {}: {reason}", path.display()))
+}
+
+fn read_table(map: &[u8]) -> std::result::Result<Vec<Entry>, String> {
+    let long = |at: usize| map[at..at + 8].try_into().map_or(0, u64::from_ne_bytes);
+    let short = |at: usize| map[at..at + 4].try_into().map_or(0, u32::from_ne_bytes);
+    if !map.starts_with(MAGIC) {
+        return Err("it is a file of another kind".to_owned());
+    }
+    match short(12) {
+        BYTE_ORDER => {}
+        n if n == BYTE_ORDER.swap_bytes() => {
+            return Err("it was made on a machine of the other byte order; pack the scene again".to_owned());
+        }
+        _ => return Err("its header is damaged".to_owned()),
+    }
+    if short(8) != VERSION {
+        let found = short(8);
+        return Err(format!("it has version {found}, this program reads {VERSION}; pack the scene again"));
+    }
+    if long(48) != xxh3_64(&map[..48]) {
+        return Err("its header is damaged".to_owned());
+    }
+    let (start, length, sum, whole) = (long(16), long(24), long(32), long(40));
+    if whole != map.len() as u64 {
+        return Err(format!("it has {} bytes instead of {whole}; is it cut short?", map.len()));
+    }
+    let range = start as usize..start.saturating_add(length) as usize;
+    let bytes = map.get(range).filter(|b| xxh3_64(b) == sum).ok_or("its table is damaged")?;
+    let entry = |r: &mut Reader| {
+        let name = r.text()?;
+        let bytes = r.u64()?..r.u64()?;
+        let (element, sum) = (r.u64()?, r.u64()?);
+        if bytes.start > bytes.end || bytes.end > start {
+            return Err(Cut);
+        }
+        Ok(Entry { name, bytes, element, sum })
+    };
+    Reader(bytes).list(entry).map_err(|Cut| "its table is damaged".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write(path: &Path) {
+        let mut w = Writer::create(path).unwrap();
+        w.array("letters", b"abc").unwrap();
+        w.array("numbers", &[1.5f64, -2.5]).unwrap();
+        w.array::<u32>("none", &[]).unwrap();
+        w.finish().unwrap();
+    }
+
+    fn reason(path: &Path) -> String {
+        Archive::open(path).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn arrays_come_back_and_foreign_files_do_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.vlscene");
+        write(&path);
+        let archive = Archive::open(&path).unwrap();
+        assert_eq!(archive.array::<f64>("numbers").unwrap(), [1.5, -2.5]);
+        assert_eq!(archive.checked("letters").unwrap(), *b"abc");
+        assert!(archive.array::<u32>("none").unwrap().is_empty());
+        assert!(archive.array::<f32>("numbers").unwrap_err().contains("layout"));
+        assert!(archive.array::<f32>("others").unwrap_err().contains("lacks"));
+        archive.verify().unwrap();
+
+        let whole = std::fs::read(&path).unwrap();
+        let with = |change: &dyn Fn(&mut Vec<u8>)| {
+            let mut bytes = whole.clone();
+            change(&mut bytes);
+            std::fs::write(&path, bytes).unwrap();
+        };
+        let seal = |b: &mut Vec<u8>| {
+            let sum = xxh3_64(&b[..48]);
+            b[48..56].copy_from_slice(&sum.to_ne_bytes());
+        };
+        for (change, expected) in [
+            (&(|b: &mut Vec<u8>| b[0] = b'X') as &dyn Fn(&mut Vec<u8>), "another kind"),
+            (&|b: &mut Vec<u8>| b.truncate(20), "too short"),
+            (&|b: &mut Vec<u8>| b.truncate(b.len() - 1), "cut short"),
+            (&|b: &mut Vec<u8>| b.push(0), "cut short"),
+            (&|b: &mut Vec<u8>| b[12..16].reverse(), "byte order"),
+            (&|b: &mut Vec<u8>| (b[8] = 99, seal(b)).1, "version 99"),
+            (&|b: &mut Vec<u8>| b[20] ^= 1, "header is damaged"),
+            (&|b: &mut Vec<u8>| *b.last_mut().unwrap() ^= 1, "table is damaged"),
+        ] {
+            with(change);
+            let found = reason(&path);
+            assert!(found.contains(expected), "{found} does not tell {expected}");
+        }
+        for at in 0..whole.len() {
+            with(&|b| b[at] ^= 16);
+            // Padding says nothing; anything else is found, in an array at the latest by its sum.
+            let found = Archive::open(&path).and_then(|a| a.verify());
+            let is_padding = whole[at] == 0 && (56..whole.len() - 140).contains(&at);
+            assert!(found.is_err() || is_padding, "a change of byte {at} is not found");
+        }
+    }
+}

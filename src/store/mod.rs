@@ -1,0 +1,15 @@
+//! Arrays that live in memory or in a mapped file, and the file of such arrays.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `array` | [`Store`]: a `Vec`, or a part of a mapped file, seen as a slice |
+//! | `file` | the container: named arrays behind a checked header and table |
+//! | `words` | small values, one after the other |
+
+mod array;
+mod file;
+mod words;
+
+pub use array::Store;
+pub use file::{Archive, Writer};
+pub use words::{Cut, Reader, Words};

@@ -1,0 +1,158 @@
+//! Small values one after the other, little-endian. What is read is what was written, bit for bit; there is nothing else to
+//! be known about them, since their bytes stand behind a checksum.
+
+use crate::geom::DVec3;
+
+/// Values that are being written.
+#[derive(Debug, Default)]
+pub struct Words(Vec<u8>);
+
+impl Words {
+    /// What was written so far.
+    pub fn bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    /// A number.
+    pub fn u64(&mut self, value: u64) {
+        self.0.extend(value.to_le_bytes());
+    }
+
+    /// A number, with its bits.
+    pub fn f64(&mut self, value: f64) {
+        self.u64(value.to_bits());
+    }
+
+    /// Three of them.
+    pub fn vector(&mut self, value: DVec3) {
+        value.to_array().into_iter().for_each(|x| self.f64(x));
+    }
+
+    /// Yes or no.
+    pub fn flag(&mut self, value: bool) {
+        self.0.push(u8::from(value));
+    }
+
+    /// A text.
+    pub fn text(&mut self, value: &str) {
+        self.blob(value.as_bytes());
+    }
+
+    /// Bytes.
+    pub fn blob(&mut self, value: &[u8]) {
+        self.u64(value.len() as u64);
+        self.0.extend(value);
+    }
+
+    /// Perhaps something.
+    pub fn option<T>(&mut self, value: Option<T>, write: impl FnOnce(&mut Words, T)) {
+        self.flag(value.is_some());
+        if let Some(value) = value {
+            write(self, value);
+        }
+    }
+
+    /// Several of a kind.
+    pub fn list<T>(&mut self, values: &[T], mut write: impl FnMut(&mut Words, &T)) {
+        self.u64(values.len() as u64);
+        values.iter().for_each(|value| write(self, value));
+    }
+}
+
+/// The values end before all were read, or are none of their kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cut;
+
+/// Values that are being read.
+#[derive(Clone, Debug)]
+pub struct Reader<'a>(pub &'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, count: usize) -> Result<&'a [u8], Cut> {
+        let (taken, rest) = self.0.split_at_checked(count).ok_or(Cut)?;
+        self.0 = rest;
+        Ok(taken)
+    }
+
+    /// A number.
+    pub fn u64(&mut self) -> Result<u64, Cut> {
+        self.take(8)?.try_into().map(u64::from_le_bytes).map_err(|_| Cut)
+    }
+
+    /// A number of at most 32 bits.
+    pub fn u32(&mut self) -> Result<u32, Cut> {
+        u32::try_from(self.u64()?).map_err(|_| Cut)
+    }
+
+    /// A number of things.
+    pub fn size(&mut self) -> Result<usize, Cut> {
+        usize::try_from(self.u64()?).map_err(|_| Cut)
+    }
+
+    /// A number, with its bits.
+    pub fn f64(&mut self) -> Result<f64, Cut> {
+        self.u64().map(f64::from_bits)
+    }
+
+    /// Three of them.
+    pub fn vector(&mut self) -> Result<DVec3, Cut> {
+        Ok(DVec3::new(self.f64()?, self.f64()?, self.f64()?))
+    }
+
+    /// Yes or no.
+    pub fn flag(&mut self) -> Result<bool, Cut> {
+        Ok(self.take(1)? != [0])
+    }
+
+    /// A text.
+    pub fn text(&mut self) -> Result<String, Cut> {
+        String::from_utf8(self.blob()?.to_vec()).map_err(|_| Cut)
+    }
+
+    /// Bytes.
+    pub fn blob(&mut self) -> Result<&'a [u8], Cut> {
+        let count = self.size()?;
+        self.take(count)
+    }
+
+    /// Perhaps something.
+    pub fn option<T>(
+        &mut self,
+        read: impl FnOnce(&mut Reader<'a>) -> Result<T, Cut>,
+    ) -> Result<Option<T>, Cut> {
+        if self.flag()? { read(self).map(Some) } else { Ok(None) }
+    }
+
+    /// Several of a kind.
+    pub fn list<T>(
+        &mut self,
+        mut read: impl FnMut(&mut Reader<'a>) -> Result<T, Cut>,
+    ) -> Result<Vec<T>, Cut> {
+        let count = self.u64()?;
+        // Everything takes at least a byte, so that a wrong number cannot ask for memory.
+        (0..count.min(self.0.len() as u64 + 1)).map(|_| read(self)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_read_is_what_was_written() {
+        let mut w = Words::default();
+        w.f64(f64::NAN);
+        w.option(Some("ä"), Words::text);
+        w.option(None, Words::f64);
+        w.list(&[1.0, -0.0], |w, x| w.f64(*x));
+        w.vector(DVec3::Y);
+        let mut r = Reader(w.bytes());
+        assert!(r.f64().unwrap().is_nan());
+        assert_eq!(r.option(Reader::text), Ok(Some("ä".to_owned())));
+        assert_eq!(r.option(Reader::f64), Ok(None));
+        assert_eq!(r.list(Reader::f64).unwrap()[1].to_bits(), (-0.0f64).to_bits());
+        assert_eq!((r.vector(), r.flag()), (Ok(DVec3::Y), Err(Cut)));
+        assert_eq!(Reader(&[255; 8]).text(), Err(Cut));
+        assert_eq!(Reader(&[255; 8]).list(Reader::flag), Err(Cut));
+    }
+}

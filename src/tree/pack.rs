@@ -1,0 +1,243 @@
+//! Trees and instances as arrays of a file.
+
+use super::block::Block;
+use super::frame::Frame;
+use super::index::Nodes;
+use super::instances::{Instance, Instances, Model, Placement};
+use super::node::{KdNode, WideNode};
+use super::options::Statistics;
+use super::placed::Placed;
+use super::{Geometry, Tree};
+use crate::error::Result;
+use crate::geom::{Aabb, Rotation};
+use crate::store::{Archive, Cut, Reader, Words, Writer};
+use std::sync::Arc;
+
+/// Why something cannot be read from a file.
+pub type Reason = String;
+
+fn cut(Cut: Cut) -> Reason {
+    "its contents end too early".to_owned()
+}
+
+impl Geometry {
+    /// Writes the arrays under names that begin with `name`.
+    pub fn pack(&self, name: &str, out: &mut Writer) -> Result<()> {
+        out.array(format!("{name}.vertices"), &self.vertices)?;
+        out.array(format!("{name}.triangles"), &self.triangles)?;
+        out.array(format!("{name}.cubes"), &self.cubes)
+    }
+
+    /// The arrays of [`Geometry::pack`], mapped.
+    pub fn unpack(name: &str, file: &Archive) -> std::result::Result<Geometry, Reason> {
+        Ok(Geometry {
+            vertices: file.array(&format!("{name}.vertices"))?,
+            triangles: file.array(&format!("{name}.triangles"))?,
+            cubes: file.array(&format!("{name}.cubes"))?,
+        })
+    }
+
+    /// Whether every triangle's vertices exist.
+    pub fn is_sound(&self) -> bool {
+        let count = self.vertices.len();
+        self.triangles.iter().flatten().all(|&v| (v as usize) < count)
+    }
+}
+
+impl Tree {
+    /// Writes the tree without its instances: arrays to `out` under names that begin with `name`, the rest to `words`.
+    pub fn pack(&self, name: &str, out: &mut Writer, words: &mut Words) -> Result<()> {
+        words.vector(self.frame.origin);
+        words.f64(self.frame.scale);
+        self.bounds.as_flattened().iter().for_each(|x| words.f64(f64::from(*x)));
+        let s = self.statistics();
+        [s.primitives, s.references, s.interior, s.leaves, s.max_depth as usize, s.max_leaf, s.min_leaf]
+            .into_iter()
+            .for_each(|n| words.u64(n as u64));
+        words.f64(s.root_area);
+        words.f64(s.cost);
+        words.option(s.booked_cost, Words::f64);
+        words.flag(matches!(self.nodes, Nodes::Wide(_)));
+        match &self.nodes {
+            Nodes::Kd(nodes) => out.array(format!("{name}.nodes"), nodes)?,
+            Nodes::Wide(nodes) => out.array(format!("{name}.nodes"), nodes)?,
+        }
+        out.array(format!("{name}.blocks"), &self.blocks)
+    }
+
+    /// What [`Tree::pack`] wrote.
+    pub fn unpack(name: &str, file: &Archive, words: &mut Reader) -> std::result::Result<Tree, Reason> {
+        let mut head = || {
+            let frame = Frame { origin: words.vector()?, scale: words.f64()? };
+            let mut bounds = [[0.0f32; 3]; 2];
+            for x in bounds.as_flattened_mut() {
+                *x = words.f64()? as f32;
+            }
+            let statistics = Statistics {
+                primitives: words.size()?,
+                references: words.size()?,
+                interior: words.size()?,
+                leaves: words.size()?,
+                max_depth: words.u32()?,
+                max_leaf: words.size()?,
+                min_leaf: words.size()?,
+                root_area: words.f64()?,
+                cost: words.f64()?,
+                booked_cost: words.option(Reader::f64)?,
+            };
+            Ok((frame, bounds, statistics, words.flag()?))
+        };
+        let (frame, bounds, statistics, is_wide) = head().map_err(cut)?;
+        let nodes = format!("{name}.nodes");
+        let nodes = match is_wide {
+            true => Nodes::Wide(file.array::<WideNode>(&nodes)?),
+            false => Nodes::Kd(file.array::<KdNode>(&nodes)?),
+        };
+        let blocks = file.array::<Block>(&format!("{name}.blocks"))?;
+        Ok(Tree::of(frame, bounds, nodes, blocks, statistics))
+    }
+
+    /// Writes the trees of the instances.
+    pub fn pack_instances(&self, out: &mut Writer, words: &mut Words) -> Result<()> {
+        let Some(placed) = &self.placed else { return Ok(()) };
+        placed.top.pack("top", out, words)?;
+        placed.models.iter().enumerate().try_for_each(|(i, m)| m.pack(&format!("model {i}"), out, words))
+    }
+
+    /// The tree with what [`Tree::pack_instances`] wrote.
+    pub fn unpack_instances(
+        mut self,
+        instances: &Arc<Instances>,
+        file: &Archive,
+        words: &mut Reader,
+    ) -> std::result::Result<Tree, Reason> {
+        let top = Tree::unpack("top", file, words)?;
+        let models = (0..instances.models.len()).map(|i| Tree::unpack(&format!("model {i}"), file, words));
+        let models = models.collect::<std::result::Result<_, Reason>>()?;
+        self.placed = Some(Box::new(Placed { instances: instances.clone(), models, top }));
+        Ok(self)
+    }
+}
+
+impl Instances {
+    /// Writes models and places.
+    pub fn pack(&self, out: &mut Writer, words: &mut Words) -> Result<()> {
+        words.vector(self.shift);
+        words.u64(u64::from(self.first));
+        words.list(&self.models, |w, m| {
+            w.f64(m.reach());
+            w.list(m.outline(), |w, b| {
+                w.vector(b.min);
+                w.vector(b.max);
+            });
+        });
+        words.list(&self.all, |w, i| {
+            [i.model, i.before].into_iter().for_each(|n| w.u64(u64::from(n)));
+            let p = &i.placement;
+            [p.rotation.w, p.scale, p.raise].into_iter().for_each(|x| w.f64(x));
+            w.vector(p.rotation.u);
+            w.vector(p.offset);
+        });
+        self.models.iter().enumerate().try_for_each(|(i, m)| m.geometry.pack(&format!("mesh {i}"), out))
+    }
+
+    /// What [`Instances::pack`] wrote.
+    pub fn unpack(file: &Archive, words: &mut Reader) -> std::result::Result<Instances, Reason> {
+        let mut head = || {
+            let (shift, first) = (words.vector()?, words.u32()?);
+            let models = words.list(|r| {
+                let reach = r.f64()?;
+                Ok((reach, r.list(|r| Ok(Aabb { min: r.vector()?, max: r.vector()? }))?))
+            })?;
+            let places = words.list(|r| {
+                let (model, before) = (r.u32()?, r.u32()?);
+                let (w, scale, raise) = (r.f64()?, r.f64()?, r.f64()?);
+                let rotation = Rotation { w, u: r.vector()? };
+                Ok((model, before, Placement { rotation, scale, offset: r.vector()?, raise }))
+            })?;
+            Ok((shift, first, models, places))
+        };
+        let (shift, first, outlines, places) = head().map_err(cut)?;
+        let mut models = Vec::with_capacity(outlines.len());
+        for (i, (reach, outline)) in outlines.into_iter().enumerate() {
+            let geometry = Geometry::unpack(&format!("mesh {i}"), file)?;
+            models.push(Arc::new(Model::of(geometry, reach, outline)));
+        }
+        let instances = Instances::new(models, places, first as usize);
+        let mut instances = instances.ok_or("its instances cannot be numbered")?;
+        instances.shift = shift;
+        Ok(instances)
+    }
+}
+
+impl Instance {
+    /// The image of a point in the scene's frame: kept here to be compared in tests.
+    #[cfg(test)]
+    fn image(&self, p: crate::geom::DVec3, all: &Instances) -> crate::geom::DVec3 {
+        self.placement.place(p, all.shift)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{DVec3, unit};
+    use crate::rng::{Purpose, Stream};
+    use crate::tree::{BuildOptions, Builder, Cube};
+
+    #[test]
+    fn the_layout_of_arrays_is_that_of_the_file_s_version() {
+        // Whoever changes these changes what packed scenes hold: raise the version of the file.
+        let sizes = (size_of::<Block>(), size_of::<WideNode>(), size_of::<KdNode>(), size_of::<Cube>());
+        assert_eq!(sizes, (832, 448, 8, 32));
+    }
+
+    #[test]
+    fn trees_and_instances_from_a_file_hit_the_same() {
+        let random = Stream::new(5, Purpose::Range);
+        let point = |i: u32, k: u32| 10.0 * random.uniform(k, u64::from(i), 0) - 5.0;
+        let mesh = |n: u32| Geometry {
+            vertices: (0..3 * n).map(|i| DVec3::new(point(i, 1), point(i, 77), point(i, 5))).collect(),
+            triangles: (0..n).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+            cubes: vec![Cube { centre: DVec3::splat(3.0), half: 0.5 }; usize::from(n > 50)].into(),
+        };
+        let (own, model) = (mesh(100), mesh(40));
+        let place = |x: f64| Placement { offset: DVec3::X * x, scale: 0.5, ..Placement::IDENTITY };
+        let places = [(0, 10, place(9.0)), (0, 20, place(-9.0))];
+        let mut instances = Instances::new(vec![Arc::new(Model::new(model))], places, own.len()).unwrap();
+        instances.shift = DVec3::splat(0.25);
+        let instances = Arc::new(instances);
+        for builder in [Builder::Bvh, Builder::Fsah] {
+            let options = BuildOptions::of(builder);
+            let tree = Tree::build(&own, &options).with_instances(&instances, &options);
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("t.vlscene");
+            let (mut out, mut words) = (Writer::create(&path).unwrap(), Words::default());
+            own.pack("own", &mut out).unwrap();
+            tree.pack("tree", &mut out, &mut words).unwrap();
+            instances.pack(&mut out, &mut words).unwrap();
+            tree.pack_instances(&mut out, &mut words).unwrap();
+            out.finish().unwrap();
+            let file = Archive::open(&path).unwrap();
+            let mut reader = Reader(words.bytes());
+            let again = Geometry::unpack("own", &file).unwrap();
+            assert!(again.is_sound());
+            let mapped = Tree::unpack("tree", &file, &mut reader).unwrap();
+            let placed = Arc::new(Instances::unpack(&file, &mut reader).unwrap());
+            let mapped = mapped.unpack_instances(&placed, &file, &mut reader).unwrap();
+            assert_eq!(placed.all, instances.all);
+            let p = DVec3::new(1.0, 2.0, 3.0);
+            assert_eq!(placed.all[1].image(p, &placed), instances.all[1].image(p, &instances));
+            let mut found = 0;
+            for i in 0..500 {
+                let origin = DVec3::new(point(i, 3) * 3.0, -20.0, point(i, 9));
+                let d = unit(DVec3::new(point(i, 11) * 0.1, 1.0, point(i, 13) * 0.1));
+                let hit = tree.nearest(&own, origin, d);
+                found += usize::from(hit.is_some());
+                assert_eq!(mapped.nearest(&again, origin, d), hit);
+            }
+            assert!(found > 100, "{found}");
+            assert_eq!(mapped.statistics(), tree.statistics());
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! Scenes of every kind give the same points however they come: packed or from their sources, shared or stored, by one
+//! thread or two.
+
+mod common;
+
+use common::{fixture, folder, run, succeed, text};
+use std::path::Path;
+
+fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) {
+    std::fs::write(folder.join(name), content).unwrap();
+}
+
+/// Points of a survey as text.
+fn points(folder: &Path, args: &[&str]) -> Vec<u8> {
+    let args = [&["run"], args, &["-q", "-o", "points.xyz", "--force"]].concat();
+    succeed(folder, &args);
+    let points = std::fs::read(folder.join("points.xyz")).unwrap();
+    assert!(points.len() > 1000, "{args:?} gives {} bytes", points.len());
+    points
+}
+
+#[test]
+fn a_packed_scene_gives_the_bytes_of_its_sources() {
+    let dir = folder();
+    for name in ["forest", "room", "moving"] {
+        let survey = fixture(&format!("{name}/survey.xml"));
+        let survey = survey.to_str().unwrap();
+        let pack = format!("{name}.vlscene");
+        succeed(dir.path(), &["scene", "pack", survey, "-o", &pack, "-q"]);
+        let sources = points(dir.path(), &[survey]);
+        for extra in [&["-j", "1"][..], &["-j", "2"], &["--tree", "fsah"]] {
+            let args = [&[survey, "--scene", &pack], extra].concat();
+            assert!(points(dir.path(), &args) == sources, "{name} {extra:?}");
+        }
+        succeed(dir.path(), &["scene", "info", &pack, "--verify"]);
+    }
+    // In a pipeline file and in a survey's attribute.
+    let survey = fixture("room/survey.xml").display().to_string();
+    let packed = points(dir.path(), &[&survey]);
+    write(dir.path(), "p.toml", format!("survey = \"{survey}\"\nscene = \"room.vlscene\"\n"));
+    assert!(points(dir.path(), &["p.toml"]) == packed);
+    let folder = fixture("room");
+    let changed = std::fs::read_to_string(folder.join("survey.xml")).unwrap();
+    let start = changed.find("scene=\"").unwrap() + 7;
+    let end = start + changed[start..].find('"').unwrap();
+    write(dir.path(), "room.xml", format!("{}room.vlscene{}", &changed[..start], &changed[end..]));
+    assert!(points(dir.path(), &["room.xml", "--assets", folder.to_str().unwrap()]) == packed);
+}
+
+#[test]
+fn stale_and_foreign_packs_are_refused_with_the_reason() {
+    let dir = folder();
+    write(dir.path(), "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    succeed(dir.path(), &["scene", "pack", "a.obj", "-q"]);
+    let refused = |expected: &str| {
+        let found = run(dir.path(), &["scene", "info", "a.vlscene"]);
+        let said = text(&found.stderr);
+        assert!(found.status.code() == Some(2) && said.contains(expected), "{:?}: {said}", found.status);
+    };
+    let whole = std::fs::read(dir.path().join("a.vlscene")).unwrap();
+    write(dir.path(), "a.obj", "v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n");
+    refused("a.obj has changed");
+    let again = run(dir.path(), &["scene", "pack", "a.obj", "-q"]);
+    assert!(again.status.code() == Some(2) && text(&again.stderr).contains("--force"));
+    write(dir.path(), "a.vlscene", &whole[..whole.len() / 2]);
+    refused("cut short");
+    write(
+        dir.path(),
+        "a.vlscene",
+        b"<?xml version=\"1.0\"?><document>and so on, long enough for a header</document>",
+    );
+    refused("another kind");
+    write(dir.path(), "a.vlscene", b"");
+    refused("too short");
+}
+
+const SCANNER: &str = r#"<document><scanner id="dome" name="dome" optics="rotating" accuracy_m="0.002" beamDivergence_rad="0.0005"
+ pulseFreqs_Hz="5000" pulseLength_ns="4" rangeMin_m="0.1" wavelength_nm="1000" scanAngleMax_deg="60" scanAngleEffectiveMax_deg="60"
+ scanFreqMin_Hz="1" scanFreqMax_Hz="100" headRotatePerSecMax_deg="360"><FWFSettings beamSampleQuality="2"/>
+ <beamOrigin z="0.1"/><headRotateAxis z="1"/></scanner></document>"#;
+
+fn survey(scene: &str) -> String {
+    format!(
+        r#"<document><survey name="s" scene="{scene}" platform="data/platforms.xml#tripod" scanner="own.xml#dome"><leg>
+        <platformSettings x="0" y="0" z="0"/><scannerSettings pulseFreq_hz="5000" scanAngle_deg="50" scanFreq_hz="50"
+        headRotateStart_deg="0" headRotateStop_deg="360" headRotatePerSec_deg="360"/></leg></survey></document>"#
+    )
+}
+
+fn param(kind: &str, key: &str, value: &str) -> String {
+    format!("<param type=\"{kind}\" key=\"{key}\" value=\"{value}\"/>")
+}
+
+/// A scene in which everything comes together: a floor, boxes of one mesh of which one drives and one leaves the first
+/// box, and voxels with leaf angles around the scanner.
+fn everything(folder: &Path) {
+    write(folder, "own.xml", SCANNER);
+    write(folder, "survey.xml", survey("scene.xml#s"));
+    write(folder, "floor.obj", "v -20 -20 -1\nv 20 -20 -1\nv 20 20 -1\nv -20 20 -1\nf 1 2 3 4\n");
+    let mut solid = String::new();
+    for corner in 0..8 {
+        let on = |bit: i32| f64::from(corner >> bit & 1);
+        solid += &format!("v {} {} {}\n", on(0), on(1), 2.0 * on(2));
+    }
+    solid += "f 1 2 4 3\nf 5 6 8 7\nf 1 2 6 5\nf 3 4 8 7\nf 1 3 7 5\nf 2 4 8 6\n";
+    write(folder, "box.obj", solid);
+    let mut voxels = String::from(
+        "VOXEL SPACE\n#min_corner: -3 -3 0\n#max_corner: 3 3 3\n#split: 12 12 6\n#res: 0.5 #max_pad: 3\ni j k\n",
+    );
+    for i in 0..12 * 12 * 6 {
+        let (x, y, z) = (i % 12, i / 12 % 12, i / 144);
+        let pad = 0.1 * f64::from((i * 37) % 10);
+        voxels += &format!("{x} {y} {z} {pad} 54 0.4 0.1 0.6 1.25 0.3 12.5 7 60 0.5 0.9 0.0\n");
+    }
+    write(folder, "leaves.vox", voxels);
+    write(folder, "leaves.txt", "0,0,1,2.5\n1,0,0,3.5\n0,0,-1,2.5\n");
+    let obj =
+        |file: &str| format!("<filter type=\"objloader\">{}</filter>", param("string", "filepath", file));
+    let at =
+        |offset: &str| format!("<filter type=\"translate\">{}</filter>", param("vec3", "offset", offset));
+    let moving = |by: &str| {
+        let step = format!("<motion type=\"translation\" vec=\"{by}\"/>");
+        let turn = "<motion type=\"rotation\" axis=\"0;0;1\" angle=\"2\" selfMode=\"true\"/>";
+        format!("<dmotion id=\"m\" loop=\"0\">{step}{turn}</dmotion>")
+    };
+    let leaves = param("string", "filepath", "leaves.vox") + &param("string", "ladlut", "leaves.txt");
+    let parts = [
+        obj("floor.obj"),
+        obj("box.obj") + &at("6;6;-1"),
+        obj("box.obj") + &at("-8;5;-1"),
+        obj("box.obj") + &at("-6;-9;-1") + &moving("0.02;0;0"),
+        obj("box.obj")
+            + &format!("<filter type=\"scale\">{}</filter>", param("double", "scale", "6"))
+            + &at("14;-3;-1")
+            + "<dmotion id=\"m\" loop=\"0\"><motion type=\"translation\" vec=\"0.06;0;0\"/></dmotion>",
+        obj("box.obj") + &at("3;-8;-1"),
+        format!("<filter type=\"detailedvoxels\">{leaves}</filter>"),
+    ];
+    let parts: Vec<String> = parts.iter().map(|p| format!("<part dynStep=\"10\">{p}</part>")).collect();
+    write(folder, "scene.xml", format!("<document><scene id=\"s\">{}</scene></document>", parts.concat()));
+}
+
+#[test]
+fn voxels_instances_and_moving_parts_together_leave_no_trace_of_threads_and_sharing() {
+    let dir = folder();
+    everything(dir.path());
+    for physics in ["helios", "refined"] {
+        let of =
+            |extra: &[&str]| points(dir.path(), &[&["survey.xml", "--physics", physics], extra].concat());
+        let reference = of(&["-j", "1", "--instances", "never"]);
+        for extra in [
+            &["-j", "2", "--instances", "never"][..],
+            &["-j", "1", "--instances", "always"],
+            &["-j", "2", "--instances", "always"],
+            &["-j", "2", "--instances", "always", "--chunk-size", "7", "--tree", "fsah"],
+        ] {
+            assert!(of(extra) == reference, "{physics} {extra:?}");
+        }
+        let ids: std::collections::BTreeSet<&str> =
+            std::str::from_utf8(&reference).unwrap().lines().map(|l| l.split(' ').nth(8).unwrap()).collect();
+        // The one that leaves the first box is not seen by the reference.
+        let expected = if physics == "refined" { 7 } else { 6 };
+        assert_eq!(ids.len(), expected, "{physics}: {ids:?}");
+    }
+}
+
+#[test]
+fn a_part_that_leaves_the_first_box_stays_visible_in_the_refined_physics() {
+    let dir = folder();
+    everything(dir.path());
+    // The floor ends at 20 m, and the large box drives away from it.
+    let farthest = |physics: &str| {
+        let found = points(dir.path(), &["survey.xml", "--physics", physics]);
+        let x = |line: &str| line.split(' ').next().unwrap().parse::<f64>().unwrap();
+        std::str::from_utf8(&found).unwrap().lines().map(x).fold(f64::MIN, f64::max)
+    };
+    assert!(farthest("helios") < 20.1, "{}", farthest("helios"));
+    assert!(farthest("refined") > 20.5, "{}", farthest("refined"));
+}
+
+#[test]
+fn packed_voxels_and_instances_give_the_bytes_of_their_sources() {
+    let dir = folder();
+    everything(dir.path());
+    let sources = points(dir.path(), &["survey.xml"]);
+    succeed(dir.path(), &["scene", "pack", "survey.xml", "-o", "all.vlscene", "-q"]);
+    assert!(points(dir.path(), &["survey.xml", "--scene", "all.vlscene"]) == sources);
+    let dir = folder();
+    let make = [
+        "scene", "make", "forest", "-o", "f", "-n", "60k", "--models", "3", "--copies", "20", "--pulses",
+        "5k", "-q",
+    ];
+    succeed(dir.path(), &make);
+    let forest = points(dir.path(), &["f/survey.xml"]);
+    succeed(dir.path(), &["scene", "pack", "f/survey.xml", "-o", "f.vlscene", "--instances", "always", "-q"]);
+    assert!(points(dir.path(), &["f/survey.xml", "--scene", "f.vlscene"]) == forest);
+}
