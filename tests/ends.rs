@@ -2,10 +2,10 @@
 
 mod common;
 
-use common::{feed, files, fixture, folder, run, succeed, text, vlscan};
+use common::{feed, files, fixture, folder, python_with_laspy, run, succeed, text, vlscan};
 use std::fs;
 use std::io::Read;
-use std::process::Stdio;
+use std::process::{Output, Stdio};
 
 fn room() -> String {
     fixture("room/survey.xml").to_str().unwrap().to_owned()
@@ -95,14 +95,14 @@ fn a_full_disk_is_a_clear_error_and_status_1() {
     }
 }
 
+/// A run over poses that never end, interrupted by `signal` as soon as `watched` has grown to `bytes`.
 #[cfg(unix)]
-#[test]
-fn an_interrupt_leaves_nothing_half_under_a_final_name() {
-    let dir = folder();
-    // Poses that never end keep the run going until the signal.
-    let mut child = vlscan(dir.path())
-        .args(["run", &fixture("forest/survey.xml").to_string_lossy(), "--trajectory", "-", "-o", "a.laz"])
+fn interrupted(folder: &std::path::Path, sinks: &[&str], watched: &str, bytes: u64, signal: &str) -> Output {
+    let mut child = vlscan(folder)
+        .args(["run", &fixture("forest/survey.xml").to_string_lossy(), "--trajectory", "-"])
+        .args(sinks)
         .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
@@ -118,15 +118,196 @@ fn an_interrupt_leaves_nothing_half_under_a_final_name() {
         }
     });
     let started = std::time::Instant::now();
-    while !dir.path().join("a.laz.part").exists() {
-        assert!(started.elapsed().as_secs() < 60, "the run does not start writing");
+    while fs::metadata(folder.join(watched)).map_or(0, |m| m.len()) < bytes {
+        assert!(started.elapsed().as_secs() < 60, "the run does not write");
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
-    std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    std::process::Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
     let out = child.wait_with_output().unwrap();
     feeder.join().unwrap();
+    out
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_complete_files_that_say_they_are_partial() {
+    for signal in ["-INT", "-TERM"] {
+        let dir = folder();
+        let names = ["a.csv", "a.las", "a.laz", "a.ply", "a.xyz", "a.arrow", "a.parquet", "a.bin"];
+        let sinks: Vec<&str> = names.iter().flat_map(|name| ["-o", name]).collect();
+        let out = interrupted(dir.path(), &sinks, "a.csv.part", 300_000, signal);
+        assert_eq!(out.status.code(), Some(130), "{}", text(&out.stderr));
+        assert!(text(&out.stderr).contains("partial"), "{}", text(&out.stderr));
+        let mut expected: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
+        expected.extend(["a.bin", "a.csv", "a.xyz"].map(|name| format!("{name}.partial")));
+        expected.sort();
+        let found: Vec<String> = files(dir.path()).iter().map(|f| f.display().to_string()).collect();
+        assert_eq!(found, expected);
+        let points = fs::read_to_string(dir.path().join("a.csv")).unwrap().lines().count() - 1;
+        assert!(points > 1000, "{points} points");
+        let xyz = fs::read_to_string(dir.path().join("a.xyz")).unwrap();
+        assert!(xyz.ends_with('\n') && xyz.lines().count() == points);
+        let note = fs::read_to_string(dir.path().join("a.xyz.partial")).unwrap();
+        assert!(note.contains("interrupted"), "{note}");
+        let ply = fs::read(dir.path().join("a.ply")).unwrap();
+        let ply = text(&ply[..2000]);
+        assert!(
+            ply.contains("comment state partial") && ply.contains(&format!("element vertex {points}\n")),
+            "{ply}"
+        );
+        // A whole run over the same names takes the notes away.
+        succeed(dir.path(), &["run", &room(), "-q", "-o", "a.xyz", "--force"]);
+        assert!(!dir.path().join("a.xyz.partial").exists());
+        let Some(python) = python_with_laspy() else { continue };
+        let script = format!(
+            r#"
+import laspy
+for name in ("a.las", "a.laz"):
+    las = laspy.read(name)
+    assert len(las) == {points}, (len(las), {points})
+    state = [v.record_data_bytes() for v in las.header.vlrs if (v.user_id, v.record_id) == ("vlscan", 2)]
+    assert state[0].startswith(b"partial"), state
+try:
+    import pyarrow as pa, pyarrow.parquet as pq
+except ImportError:
+    print("skipped: no pyarrow")
+else:
+    reader = pa.ipc.open_stream("a.arrow")
+    rows, told = 0, {{}}
+    while True:
+        try:
+            batch, metadata = reader.read_next_batch_with_custom_metadata()
+        except StopIteration:
+            break
+        rows, told = rows + batch.num_rows, dict(metadata or {{}})
+    assert rows == {points} and told[b"state"].startswith(b"partial"), (rows, told)
+    assert pa.ipc.open_stream("a.arrow").read_all().num_rows == {points}
+    parquet = pq.ParquetFile("a.parquet")
+    assert parquet.metadata.num_rows == {points}
+    assert parquet.metadata.metadata[b"state"].startswith(b"partial")
+"#
+        );
+        let judged =
+            std::process::Command::new(python).arg("-c").arg(script).current_dir(dir.path()).output();
+        let judged = judged.unwrap();
+        assert!(judged.status.success(), "{}", text(&judged.stderr));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_stream_is_complete() {
+    let dir = folder();
+    // What is written into a file tells when to interrupt; nobody reads the stream until then.
+    let sinks = ["-o", "a.csv", "-o", "-", "--format", "csv", "-q"];
+    let out = interrupted(dir.path(), &sinks, "a.csv.part", 1, "-INT");
     assert_eq!(out.status.code(), Some(130), "{}", text(&out.stderr));
-    assert!(files(dir.path()).is_empty(), "left behind: {:?}", files(dir.path()));
+    assert!(out.stdout == fs::read(dir.path().join("a.csv")).unwrap(), "the stream was cut");
+}
+
+#[test]
+fn a_reader_that_leaves_does_not_end_the_other_outputs() {
+    let dir = folder();
+    let args = ["run", &room(), "-q", "-o", "-", "-o", "a.xyz"];
+    let mut child =
+        vlscan(dir.path()).args(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut some = [0u8; 100];
+    child.stdout.take().unwrap().read_exact(&mut some).unwrap();
+    let out = child.wait_with_output().unwrap();
+    assert_eq!(out.status.code(), Some(0), "{}", text(&out.stderr));
+    succeed(dir.path(), &["run", &room(), "-q", "-o", "whole.xyz"]);
+    let read = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    assert!(read("a.xyz") == read("whole.xyz"), "the file lost points to the reader's end");
+}
+
+/// Runs a line of bash with `$VLSCAN` and `$SURVEY`; prints that it skips where a program of `needs` is missing.
+#[cfg(unix)]
+fn shell(folder: &std::path::Path, needs: &[&str], line: &str) -> Option<Output> {
+    for program in std::iter::once(&"bash").chain(needs) {
+        if std::process::Command::new(program).arg("--version").stdin(Stdio::null()).output().is_err() {
+            println!("skipped: no {program}");
+            return None;
+        }
+    }
+    let mut bash = std::process::Command::new("bash");
+    bash.args(["-o", "pipefail", "-c", line]).current_dir(folder).stdin(Stdio::null());
+    bash.env("VLSCAN", env!("CARGO_BIN_EXE_vlscan")).env("SURVEY", room());
+    Some(bash.output().unwrap())
+}
+
+#[cfg(unix)]
+#[test]
+fn every_name_of_stdout_and_a_named_pipe_take_the_same_points() {
+    let dir = folder();
+    succeed(dir.path(), &["run", &room(), "-q", "-o", "a.las"]);
+    let whole = fs::read(dir.path().join("a.las")).unwrap();
+    for name in ["-", "STDOUT", "/dev/stdout", "/proc/self/fd/1"] {
+        let out = run(dir.path(), &["run", &room(), "-q", "-o", name, "--format", "las"]);
+        assert!(out.status.success(), "{name}: {}", text(&out.stderr));
+        assert!(out.stdout == whole, "{name}");
+    }
+    let line = r#"mkfifo p.las q.arrow
+        cat p.las > from_pipe.las & cat q.arrow > from_pipe.arrow &
+        "$VLSCAN" run "$SURVEY" -q -o p.las -o q.arrow -o b.arrow && wait"#;
+    let Some(out) = shell(dir.path(), &[], line) else { return };
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let read = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    assert!(read("from_pipe.las") == whole);
+    assert!(read("from_pipe.arrow") == read("b.arrow"));
+}
+
+#[cfg(unix)]
+#[test]
+fn tee_and_head_take_what_they_want() {
+    let dir = folder();
+    let line = r#""$VLSCAN" run "$SURVEY" -q -o - --format csv | tee -p >(gzip > a.csv.gz) >(head -3 > head.csv) |
+        awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i; next } { n[$at["ReturnNumber"]]++ } END { print n[1] }'"#;
+    let Some(out) = shell(dir.path(), &["gzip", "awk"], line) else { return };
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    assert!(text(&out.stdout).trim().parse::<u64>().unwrap() > 1000, "{}", text(&out.stdout));
+    let quiet =
+        shell(dir.path(), &[], r#""$VLSCAN" run "$SURVEY" -q -o - --format arrow | head -c 1000 | wc -c"#)
+            .unwrap();
+    assert!(quiet.status.success() && quiet.stderr.is_empty(), "{}", text(&quiet.stderr));
+    assert_eq!(text(&quiet.stdout).trim(), "1000");
+}
+
+#[cfg(unix)]
+#[test]
+fn gnu_parallel_makes_the_same_clouds() {
+    let dir = folder();
+    let line = r#"parallel --version 2>/dev/null | grep -q GNU || exit 99
+        parallel --will-cite -j 2 '"$VLSCAN" run "$SURVEY" -q --seed {} -o {}.laz' ::: 1 2 3"#;
+    let out = shell(dir.path(), &[], line).unwrap();
+    if out.status.code() == Some(99) {
+        println!("skipped: no GNU parallel");
+        return;
+    }
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    succeed(dir.path(), &["run", &room(), "-q", "--seed", "2", "-o", "alone.laz"]);
+    let read = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    assert!(read("2.laz") == read("alone.laz"));
+    assert!(read("1.laz") != read("2.laz"), "the seed changes nothing");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_terminal_gets_no_binary_points_without_force() {
+    let dir = folder();
+    // `script` gives the program a terminal.
+    let on_a_terminal = |extra: &str| {
+        let line = format!(r#"script -qec "$VLSCAN run $SURVEY -q -o - {extra}" /dev/null | tail -c 3000"#);
+        shell(dir.path(), &["script"], &line)
+    };
+    for format in ["las", "laz", "ply", "arrow", "parquet", "bin"] {
+        let Some(out) = on_a_terminal(&format!("--format {format}")) else { return };
+        assert_eq!(out.status.code(), Some(2), "{format}: {}", text(&out.stdout));
+        assert!(text(&out.stdout).contains("--force"), "{format}: {}", text(&out.stdout));
+    }
+    let forced = on_a_terminal("--format arrow --force").unwrap();
+    assert!(forced.status.success());
+    let words = on_a_terminal("--format csv").unwrap();
+    assert!(words.status.success(), "{}", text(&words.stdout));
 }
 
 #[test]

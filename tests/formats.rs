@@ -231,3 +231,30 @@ assert np.abs(points["beam_direction_z"] - at("BeamDirectionZ")).max() < 1e-6
 "#,
     );
 }
+
+#[test]
+fn las_leaves_at_once_with_an_upper_bound_in_its_header() {
+    let Some(python) = python_with_laspy() else { return };
+    let dir = folder();
+    let survey = forest();
+    let usual = ["run", &survey, "-q", "--format", "las", "-o", "-", "--las-at-most"];
+    let piped = succeed(dir.path(), &[&usual[..], &["10M"]].concat());
+    std::fs::write(dir.path().join("piped.las"), &piped.stdout).unwrap();
+    succeed(dir.path(), &["run", &survey, "-q", "-o", "exact.las"]);
+    judge(
+        &python,
+        dir.path(),
+        r#"
+import laspy, io, numpy as np
+exact, piped = laspy.read("exact.las"), laspy.read("piped.las")
+assert piped.header.point_count >= len(exact)
+assert len(piped.points) == len(exact.points), (len(piped.points), len(exact.points))
+assert (piped.points.array == exact.points.array).all()
+assert (piped.header.mins <= exact.header.mins).all() and (piped.header.maxs >= exact.header.maxs).all()
+assert open("piped.las", "rb").read()[107 + 140:][:8] == (10**7).to_bytes(8, "little")
+"#,
+    );
+    let few = common::run(dir.path(), &[&usual[..], &["10"]].concat());
+    assert_eq!(few.status.code(), Some(2));
+    assert!(text(&few.stderr).contains("--las-at-most"), "{}", text(&few.stderr));
+}

@@ -183,6 +183,10 @@ pub struct OutputArgs {
     /// Write pulses without echoes, too: 0 returns, at the beam's origin, with the beam's direction.
     #[arg(long, help_heading = "Output")]
     pub misses: bool,
+    /// Let LAS leave through a pipe at once, with N as the number of points in its header (250k, 1G); readers bear fewer
+    /// points, more are an error. Without it LAS is completed in a temporary file first.
+    #[arg(long, value_name = "N", help_heading = "Output")]
+    pub las_at_most: Option<String>,
     /// Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside that file or
     /// beside it as .wdp.
     #[arg(long, value_name = "WHERE", value_parser = ["inside", "beside"], help_heading = "Output")]

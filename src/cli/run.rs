@@ -72,6 +72,14 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         flying += took_off.elapsed().as_secs_f64();
         match ended {
             Ended::Whole(summary) => break summary,
+            Ended::Cut(summary) => {
+                let pulses = progress.snapshot().pulses;
+                report(console, &summary, pulses, flying, started.elapsed().as_secs_f64());
+                if !summary.files.is_empty() {
+                    console.say("the run was interrupted: these outputs are valid but partial, and say so");
+                }
+                return Err(Error::Interrupted);
+            }
             Ended::Play(interval) => before = Some(interval),
         }
         // One play's scene at a time.

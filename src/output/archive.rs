@@ -4,7 +4,7 @@
 //! alone.
 
 use super::blocks::Blocks;
-use super::medium::{Medium, Place, is_special};
+use super::medium::{Medium, Patched, Place, is_special};
 use super::offload::Offload;
 use crate::error::{Error, Result};
 use flate2::{Compress, Compression, FlushCompress, Status};
@@ -143,7 +143,7 @@ pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) ->
     }
     let mut archive = Archive { name, bytes: flate2::bufread::ZlibDecoder::new(file), at: 0 };
     archive.check_head()?;
-    let mut medium = Medium::open(&place, force, false)?;
+    let mut medium = Medium::open(&place, force, Patched::Never)?;
     let mut text = Vec::new();
     let mut lines = 0;
     while let Some(length) = archive.length()? {
@@ -269,7 +269,7 @@ mod tests {
     fn zipped(parts: &[&[u8]]) -> Vec<u8> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.bin");
-        let mut medium = Medium::open(&Place::Path(path.clone()), false, false).unwrap();
+        let mut medium = Medium::open(&Place::Path(path.clone()), false, Patched::Never).unwrap();
         let mut stream = ArchiveStream::begin(&mut medium).unwrap();
         parts.iter().for_each(|lines| stream.append(lines, &mut medium, &NoOffload).unwrap());
         stream.finish(&mut medium, &NoOffload).unwrap();

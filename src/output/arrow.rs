@@ -3,6 +3,7 @@
 //!
 //! Rows are collected to batches of fixed size, so that the bytes do not depend on how they arrived.
 
+use super::PARTIAL;
 use super::columns::{Column, Kind, slices};
 use super::las::ObjectIds;
 use crate::error::{Error, Result};
@@ -26,8 +27,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(super) const BATCH_ROWS: usize = 16_384;
 /// Rows of a row group of Parquet.
 const GROUP_ROWS: usize = 16 * BATCH_ROWS;
-/// What tells that a run was interrupted.
-pub(super) const PARTIAL: (&str, &str) = ("state", "partial: the run was interrupted");
+/// The metadata that says [`PARTIAL`].
+const STATE: &str = "state";
 
 /// What the metadata of a point table tells.
 pub(super) struct About<'a> {
@@ -192,7 +193,7 @@ fn encode(
 /// An empty batch of so many columns with [`PARTIAL`] as its metadata (Arrow columnar format, encapsulated message).
 fn mark(columns: usize) -> Vec<u8> {
     let mut fbb = FlatBufferBuilder::new();
-    let (key, value) = (fbb.create_string(PARTIAL.0), fbb.create_string(PARTIAL.1));
+    let (key, value) = (fbb.create_string(STATE), fbb.create_string(PARTIAL));
     let mut entry = KeyValueBuilder::new(&mut fbb);
     entry.add_key(key);
     entry.add_value(value);
@@ -285,8 +286,7 @@ impl ParquetStream {
             self.writer.write(&last).map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
         }
         if partial {
-            let (key, value) = PARTIAL;
-            self.writer.append_key_value_metadata(KeyValue::new(key.to_owned(), value.to_owned()));
+            self.writer.append_key_value_metadata(KeyValue::new(STATE.to_owned(), PARTIAL.to_owned()));
         }
         self.writer.close().map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
         out(&self.drain.take())

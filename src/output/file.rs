@@ -7,7 +7,7 @@ use super::las::{PACKETS_HEADER, packets_header, place_packets};
 use super::layout::Content;
 use super::layout::FilePlan;
 use super::laz::{self, LazStream};
-use super::medium::{Medium, Place};
+use super::medium::{Medium, Patched, Place, is_special};
 use super::offload::Offload;
 use super::plan::{OutputPlan, packets_path};
 use super::ply;
@@ -15,6 +15,7 @@ use super::request::{PacketPlace, PointFormat, TrajectoryFormat};
 use super::summary::{FileKind, FileSummary, Tally};
 use super::table;
 use super::text::TRAJECTORY_HEADER;
+use super::{COMPLETE, PARTIAL};
 use crate::error::{Error, Result};
 use ::laz::LazVlr;
 use std::path::{Path, PathBuf};
@@ -45,6 +46,8 @@ enum Body {
     Archive(ArchiveStream),
     /// A header that counts and bounds the points.
     Las,
+    /// The same where it was written at the beginning: at most so many points.
+    LasStream(u64),
     Laz(LazVlr, LazStream),
     /// A header that counts the points.
     Ply(PointFormat),
@@ -59,24 +62,41 @@ impl OutputFile {
     /// the beginnings of a file do not pass for the whole.
     pub fn open(plan: &OutputPlan, place: &Place, file: &FilePlan) -> Result<OutputFile> {
         let content = file.content;
-        let counts = matches!(content, Content::Points(format) if format.counts());
-        let mut medium = Medium::open(place, plan.force, counts)?;
+        let patched = match content {
+            Content::Points(PointFormat::Las) if plan.las.at_most.is_some() => Patched::IfPossible,
+            Content::Points(format) if format.counts() => Patched::Always,
+            _ => Patched::Never,
+        };
+        let mut medium = Medium::open(place, plan.force, patched)?;
         let body = match content {
             _ if file.zipped => Body::Archive(ArchiveStream::begin(&mut medium)?),
+            Content::Points(PointFormat::Las) if !medium.is_seekable() => {
+                let at_most = plan.las.at_most.unwrap_or(0);
+                medium.append(&plan.las.stream_head(at_most))?;
+                Body::LasStream(at_most)
+            }
             Content::Points(PointFormat::Las) => {
-                medium.append(&vec![0; plan.las.head(None, &Tally::EMPTY, None).len()])?;
+                medium.append(&vec![0; plan.las.head(None, &Tally::EMPTY, None, COMPLETE).len()])?;
                 Body::Las
             }
             Content::Points(PointFormat::Laz) => {
                 let laszip = laz::laszip(&plan.las)?;
-                medium.append(&vec![0; plan.las.head(Some(&laszip), &Tally::EMPTY, None).len()])?;
+                medium.append(&vec![0; plan.las.head(Some(&laszip), &Tally::EMPTY, None, COMPLETE).len()])?;
                 let stream = LazStream::begin(laszip.clone(), plan.las.record_length(), &mut medium)?;
                 Body::Laz(laszip, stream)
             }
             Content::Points(format @ (PointFormat::PlyBinary | PointFormat::PlyAscii)) => {
                 medium.append(&vec![
                     b' ';
-                    ply::head(format, plan.epsg, &plan.objects, plan.ply_more(), 0).len()
+                    ply::head(
+                        format,
+                        plan.epsg,
+                        &plan.objects,
+                        plan.ply_more(),
+                        0,
+                        COMPLETE
+                    )
+                    .len()
                 ])?;
                 Body::Ply(format)
             }
@@ -126,7 +146,12 @@ impl OutputFile {
             Body::Archive(stream) => stream.append(bytes, &mut self.medium, offload)?,
             Body::Arrow(stream) => stream.append(bytes, |bytes| self.medium.append(bytes))?,
             Body::Parquet(stream) => stream.append(bytes, |bytes| self.medium.append(bytes))?,
-            Body::Plain | Body::Las | Body::Ply(_) => self.medium.append(bytes)?,
+            Body::Plain | Body::Las | Body::LasStream(_) | Body::Ply(_) => self.medium.append(bytes)?,
+        }
+        if let Body::LasStream(at_most) = self.body
+            && self.tally.records > at_most
+        {
+            return Err(Error::input(format!("more points than --las-at-most promises: {at_most}")));
         }
         if matches!(self.body, Body::Las | Body::Laz(..)) && self.tally.records > plan.las.most_points() {
             let most = plan.las.most_points();
@@ -156,20 +181,32 @@ impl OutputFile {
     }
 
     /// Writes what comes after the last record and what is known only now, and completes the file.
-    pub fn finish(mut self, plan: &OutputPlan, offload: &dyn Offload) -> Result<Vec<FileSummary>> {
+    /// With `partial`, the file tells that the run was interrupted: in its own metadata, or beside it where it has none.
+    pub fn finish(
+        mut self,
+        plan: &OutputPlan,
+        offload: &dyn Offload,
+        partial: bool,
+    ) -> Result<Vec<FileSummary>> {
         let mut bounds = self.tally.bounds;
         let packets = self.packets.take();
         let mut beside = None;
+        let state = if partial { PARTIAL } else { COMPLETE };
+        let has_metadata = !matches!(self.body, Body::Plain | Body::Archive(_));
         match self.body {
             Body::Plain => {}
-            Body::Arrow(stream) => stream.finish(false, |bytes| self.medium.append(bytes))?,
-            Body::Parquet(stream) => stream.finish(false, |bytes| self.medium.append(bytes))?,
+            Body::LasStream(_) => {
+                beside = packets.map(|p| p.finish(&mut self.medium)).transpose()?;
+                bounds = plan.las.world(&bounds);
+            }
+            Body::Arrow(stream) => stream.finish(partial, |bytes| self.medium.append(bytes))?,
+            Body::Parquet(stream) => stream.finish(partial, |bytes| self.medium.append(bytes))?,
             Body::Archive(stream) => stream.finish(&mut self.medium, offload)?,
             Body::Las => {
                 let packets_at = self.medium.len();
                 beside = packets.map(|p| p.finish(&mut self.medium)).transpose()?;
                 let packets_at = plan.las.packets_inside().then_some(packets_at);
-                self.medium.patch(0, &plan.las.head(None, &self.tally, packets_at))?;
+                self.medium.patch(0, &plan.las.head(None, &self.tally, packets_at, state))?;
                 bounds = plan.las.world(&bounds);
             }
             Body::Laz(laszip, stream) => {
@@ -177,22 +214,40 @@ impl OutputFile {
                 let packets_at = self.medium.len();
                 beside = packets.map(|p| p.finish(&mut self.medium)).transpose()?;
                 let packets_at = plan.las.packets_inside().then_some(packets_at);
-                self.medium.patch(0, &plan.las.head(Some(&laszip), &self.tally, packets_at))?;
+                self.medium.patch(0, &plan.las.head(Some(&laszip), &self.tally, packets_at, state))?;
                 bounds = plan.las.world(&bounds);
             }
             Body::Ply(format) => {
                 self.medium.patch(
                     0,
-                    &ply::head(format, plan.epsg, &plan.objects, plan.ply_more(), self.tally.records),
+                    &ply::head(format, plan.epsg, &plan.objects, plan.ply_more(), self.tally.records, state),
                 )?;
             }
         }
         let bytes = self.medium.len();
         self.medium.finish()?;
+        if let Some(path) = self.path.as_deref().filter(|path| !has_metadata && !is_special(path)) {
+            note(path, partial)?;
+        }
         let Tally { records, left_out, by_return, .. } = self.tally;
         let points =
             FileSummary { path: self.path, kind: self.kind, records, bytes, bounds, by_return, left_out };
         Ok([Some(points), beside.flatten()].into_iter().flatten().collect())
+    }
+}
+
+/// Tells beside a text file whether it is partial. A note that is no longer true goes away.
+fn note(path: &Path, partial: bool) -> Result<()> {
+    let mut name = path.as_os_str().to_os_string();
+    name.push(".partial");
+    let note = PathBuf::from(name);
+    if partial {
+        let text = format!("{} is {PARTIAL}.\n", path.display());
+        return std::fs::write(&note, text).map_err(|e| Error::io("write", note, e));
+    }
+    match std::fs::remove_file(&note) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", note, e)),
+        _ => Ok(()),
     }
 }
 
@@ -202,7 +257,7 @@ impl Packets {
         let (path, mut medium) = match (place, las) {
             (PacketPlace::Beside, Some(las)) => {
                 let path = packets_path(las);
-                let medium = Medium::open(&Place::Path(path.clone()), plan.force, true)?;
+                let medium = Medium::open(&Place::Path(path.clone()), plan.force, Patched::Always)?;
                 (Some(path), medium)
             }
             _ => (None, Medium::unnamed()?),

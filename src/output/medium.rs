@@ -29,6 +29,17 @@ pub(super) struct Medium {
     buffer: Vec<u8>,
     /// Bytes appended so far, those in the buffer included.
     len: u64,
+    /// Whether bytes at the beginning can be replaced.
+    seekable: bool,
+}
+
+/// Whether bytes at the beginning will be replaced at the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Patched {
+    Never,
+    /// Where the place allows it.
+    IfPossible,
+    Always,
 }
 
 enum Kind {
@@ -58,8 +69,8 @@ pub(super) fn is_special(path: &Path) -> bool {
 }
 
 impl Medium {
-    /// Opens a place for writing. With `patched`, bytes at the beginning will be replaced at the end.
-    pub fn open(place: &Place, force: bool, patched: bool) -> Result<Medium> {
+    /// Opens a place for writing.
+    pub fn open(place: &Place, force: bool, patched: Patched) -> Result<Medium> {
         match place {
             Place::Stdout => {
                 let name = PathBuf::from("standard output");
@@ -75,9 +86,12 @@ impl Medium {
         }
     }
 
-    fn stream(name: PathBuf, mut file: File, patched: bool) -> Result<Medium> {
-        if !patched || is_seekable(&mut file) {
-            return Ok(Medium::new(name, Kind::Direct, Box::new(file)));
+    fn stream(name: PathBuf, mut file: File, patched: Patched) -> Result<Medium> {
+        let seekable = is_seekable(&mut file);
+        if patched != Patched::Always || seekable {
+            let mut medium = Medium::new(name, Kind::Direct, Box::new(file));
+            medium.seekable = seekable;
+            return Ok(medium);
         }
         let no_spool = |e| Error::io("create a file in", std::env::temp_dir(), e);
         let spool = tempfile::tempfile().map_err(no_spool)?;
@@ -131,7 +145,7 @@ impl Medium {
     }
 
     fn new(name: PathBuf, kind: Kind, storage: Box<dyn Storage>) -> Medium {
-        Medium { name, kind, storage: Some(storage), buffer: Vec::new(), len: 0 }
+        Medium { name, kind, storage: Some(storage), buffer: Vec::new(), len: 0, seekable: true }
     }
 
     /// A named file whose bytes go through `storage`.
@@ -140,6 +154,11 @@ impl Medium {
         let mut medium = Medium::part(path, false).unwrap();
         medium.storage = Some(storage(File::options().write(true).open(part_name(path)).unwrap()));
         medium
+    }
+
+    /// Whether [`Medium::patch`] works.
+    pub fn is_seekable(&self) -> bool {
+        self.seekable
     }
 
     /// Whether bytes leave as they come, to a pipe or the like.
@@ -315,7 +334,7 @@ mod tests {
     fn parked_files_go_on_where_they_were() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a");
-        let mut medium = Medium::open(&Place::Path(path.clone()), false, true).unwrap();
+        let mut medium = Medium::open(&Place::Path(path.clone()), false, Patched::Always).unwrap();
         for text in ["head ", "one ", "two"] {
             medium.append(text.as_bytes()).unwrap();
             medium.park().unwrap();
@@ -334,7 +353,7 @@ mod tests {
         let [link, target] = ["link", "target"].map(|name| dir.path().join(name));
         fs::write(&target, "old").unwrap();
         std::os::unix::fs::symlink(&target, &link).unwrap();
-        let mut medium = Medium::open(&Place::Path(link.clone()), true, false).unwrap();
+        let mut medium = Medium::open(&Place::Path(link.clone()), true, Patched::Never).unwrap();
         medium.append(b"new").unwrap();
         medium.finish().unwrap();
         assert!(link.is_symlink());

@@ -47,6 +47,10 @@ mod tests;
 mod text;
 mod writer;
 
+/// What outputs say of themselves, and those of an interrupted run.
+const COMPLETE: &str = "complete";
+const PARTIAL: &str = "partial: the run was interrupted";
+
 pub use archive::unzip;
 pub use columns::Column;
 pub use encode::Encoded;

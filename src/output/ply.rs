@@ -61,6 +61,7 @@ pub(super) fn head(
     objects: &ObjectIds,
     more: PlyMore,
     count: u64,
+    state: &str,
 ) -> Vec<u8> {
     let encoding = if format == PointFormat::PlyAscii { "ascii" } else { "binary_little_endian" };
     let mut head = format!("ply\nformat {encoding} 1.0\ncomment vlscan {}\n", env!("CARGO_PKG_VERSION"));
@@ -72,6 +73,7 @@ pub(super) fn head(
         let name: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect();
         head.push_str(&format!("comment object {number} {name}\n"));
     }
+    head.push_str(&format!("comment state {state:40}\n"));
     let count = count.to_string();
     let padding = " ".repeat(20 - count.len());
     head.push_str(&format!("comment .{padding}\nelement vertex {count}\n"));

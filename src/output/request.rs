@@ -198,6 +198,10 @@ pub struct LasSettings {
     pub intensity: IntensityMapping,
     /// Extra bytes.
     pub extra: ExtraDimensions,
+    /// LAS on a pipe leaves at once, with this as the number of points in its header, and the scene's box as theirs: more
+    /// points than that are an error, and fewer are what most readers bear. `None`: it is spooled, and the header is exact.
+    /// Where the header can be completed at the end, it is.
+    pub at_most: Option<u64>,
     /// Waveforms as packets that the points refer to (LAS 1.4 with point format 9); `None`: no packets, point format 6.
     pub packets: Option<PacketPlace>,
 }

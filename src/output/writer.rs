@@ -20,6 +20,9 @@ pub struct Writer {
     /// Slots in the order in which legs complete them, and how many of them are done.
     closing: Vec<u32>,
     closed: usize,
+    /// Slots of streams whose readers went away.
+    gone: Vec<u32>,
+    partial: bool,
     leg: u32,
     play: u32,
     summary: Summary,
@@ -56,6 +59,8 @@ impl OutputPlan {
             files: self.layout.files.iter().map(|_| None).collect(),
             closing,
             closed: 0,
+            gone: Vec::new(),
+            partial: false,
             leg: 0,
             play: 1,
             summary: Summary::default(),
@@ -79,8 +84,8 @@ impl Writer {
     /// Appends a batch. Batches come in chunk order, so that a file is complete when a later leg begins.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::ClosedPipe`] when the reader of a stream went away, [`Error::Internal`] when a batch is out
-    /// of order. Nothing more can be written after an error; drop the writer.
+    /// [`Error::Io`], [`Error::ClosedPipe`] when the readers of all outputs went away, [`Error::Internal`] when a batch is
+    /// out of order. Where only some readers went away, the other outputs go on. Nothing more can be written after an error; drop the writer.
     pub fn append(&mut self, encoded: Encoded) -> Result<()> {
         if encoded.leg < self.leg || encoded.leg as usize >= self.plan.layout.routes.len() {
             return Err(Error::Internal(format!("a batch of leg {} after leg {}", encoded.leg, self.leg)));
@@ -89,10 +94,15 @@ impl Writer {
             self.enter(encoded.leg)?;
         }
         for piece in encoded.pieces {
+            if self.gone.contains(&piece.slot) {
+                continue;
+            }
+            let slot = piece.slot;
             let file = self.files.get_mut(piece.slot as usize).and_then(Option::as_mut);
             let file =
                 file.ok_or_else(|| Error::Internal(format!("leg {} writes a closed file", encoded.leg)))?;
-            file.append(&self.plan, piece, &*self.offload)?;
+            let appended = file.append(&self.plan, piece, &*self.offload);
+            self.unless_gone(slot, appended)?;
         }
         Ok(())
     }
@@ -100,7 +110,13 @@ impl Writer {
     /// Hands everything that was appended to the operating system, for readers of live streams.
     pub fn flush(&mut self) -> Result<()> {
         let plan = self.plan.clone();
-        self.files.iter_mut().flatten().try_for_each(|file| file.flush(&plan))
+        for slot in 0..self.files.len() as u32 {
+            if let Some(file) = &mut self.files[slot as usize] {
+                let flushed = file.flush(&plan);
+                self.unless_gone(slot, flushed)?;
+            }
+        }
+        Ok(())
     }
 
     /// Begins the next play of a survey with swapped parts: its legs begin anew, in new run directories; files of other
@@ -130,6 +146,27 @@ impl Writer {
         self.close_while(|_| true)?;
         self.keep_runs();
         Ok(std::mem::take(&mut self.summary))
+    }
+
+    /// [`Writer::finish`] of a run that ended early: every output is complete and valid, and says that it is partial.
+    ///
+    /// # Errors
+    /// As [`Writer::finish`].
+    pub fn finish_partial(mut self) -> Result<Summary> {
+        self.partial = true;
+        self.finish()
+    }
+
+    /// Lets a stream go whose reader went away, as long as there are other outputs.
+    fn unless_gone(&mut self, slot: u32, outcome: Result<()>) -> Result<()> {
+        match outcome {
+            Err(Error::ClosedPipe) => {
+                self.files[slot as usize] = None;
+                self.gone.push(slot);
+                if self.gone.len() == self.files.len() { Err(Error::ClosedPipe) } else { Ok(()) }
+            }
+            other => other,
+        }
     }
 
     /// Gives up: files that are not complete are removed.
@@ -191,13 +228,18 @@ impl Writer {
             if self.play < plan.plays && !matches!(file.home, Home::Run { .. }) {
                 continue;
             }
-            if let Some(open) = self.files[slot as usize].take() {
-                let done = open.finish(&plan, &*self.offload)?;
-                if matches!(file.content, Content::Points(_)) && file.sink == 0 {
-                    self.summary.points += done.iter().map(|file| file.records).sum::<u64>();
+            let Some(open) = self.files[slot as usize].take() else { continue };
+            let done = match open.finish(&plan, &*self.offload, self.partial) {
+                Err(Error::ClosedPipe) => {
+                    self.unless_gone(slot, Err(Error::ClosedPipe))?;
+                    continue;
                 }
-                self.summary.files.extend(done);
+                done => done?,
+            };
+            if matches!(file.content, Content::Points(_)) && file.sink == 0 {
+                self.summary.points += done.iter().map(|file| file.records).sum::<u64>();
             }
+            self.summary.files.extend(done);
         }
         Ok(())
     }

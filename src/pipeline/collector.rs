@@ -22,6 +22,8 @@ pub enum Closed {
     Whole(Summary),
     /// They are open for the next play.
     Play(Box<Writer>),
+    /// They are open, and nothing more will come because the user ended the run.
+    Cut(Box<Writer>),
 }
 
 impl Collect<Measured> for Collector<'_> {
@@ -43,6 +45,10 @@ impl Collect<Measured> for Collector<'_> {
         }
         self.writer.next_play()?;
         Ok(Closed::Play(Box::new(self.writer)))
+    }
+
+    fn cut(self) -> Result<Closed> {
+        Ok(Closed::Cut(Box::new(self.writer)))
     }
 
     fn abort(self) {

@@ -55,6 +55,8 @@ pub enum Ended {
     Whole(Summary),
     /// Another one follows; its outputs are open.
     Play(Box<Interval>),
+    /// The user ended the run: the outputs hold what was measured until then, and say so.
+    Cut(Summary),
 }
 
 /// Flies the survey once: chunks → schedule → workers (replay, trace, detect, encode) → sinks in chunk order. When this
@@ -88,6 +90,7 @@ pub fn fly(run: Run<'_>, after: Option<Box<Interval>>, is_last: bool) -> Result<
     )?;
     Ok(match closed {
         Closed::Whole(summary) => Ended::Whole(summary),
+        Closed::Cut(writer) => Ended::Cut(writer.finish_partial()?),
         Closed::Play(writer) => Ended::Play(Box::new(Interval { writer: *writer, state })),
     })
 }

@@ -27,7 +27,16 @@ pub trait Collect<R>: Send {
     fn take(&mut self, result: R, more_waiting: bool) -> Result<()>;
     /// All results were taken.
     fn finish(self) -> Result<Self::Summary>;
-    /// The run ends early.
+    /// The user ends the run; what was taken until now is all that there will be, unless it turns out that the producer
+    /// has failed: then the summary is dropped.
+    fn cut(self) -> Result<Self::Summary>
+    where
+        Self: Sized,
+    {
+        self.abort();
+        Err(Error::Interrupted)
+    }
+    /// The run fails.
     fn abort(self);
 }
 
@@ -442,8 +451,7 @@ fn collect<R, K: Collect<R>>(
         }
     }
     if stop.asked() {
-        collector.abort();
-        return Err(Error::Interrupted);
+        return collector.cut();
     }
     account.hand_in_as_collector();
     collector.finish()

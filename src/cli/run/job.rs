@@ -204,6 +204,14 @@ fn output(
         las: LasSettings {
             version: if args.las10 { LasVersion::V10 } else { LasVersion::V14 },
             scale: args.las_scale,
+            at_most: match args.las_at_most.as_deref() {
+                Some(text) => Some(count(text).filter(|&n| n > 0).ok_or_else(|| {
+                    Error::input(format!(
+                        "--las-at-most: expected a number of points such as 250M, found {text:?}"
+                    ))
+                })?),
+                None => None,
+            },
             packets: args.wave_packets.as_deref().map(|place| match place {
                 "inside" => PacketPlace::Inside,
                 _ => PacketPlace::Beside,
@@ -218,7 +226,9 @@ fn output(
 }
 
 fn is_stdout(path: &Path) -> bool {
-    ["-", "STDOUT", "/dev/stdout"].iter().any(|name| path.as_os_str() == *name)
+    ["-", "STDOUT", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"]
+        .iter()
+        .any(|name| path.as_os_str() == *name)
 }
 
 fn per_leg(target: Target, wanted: Option<bool>) -> Target {
@@ -255,6 +265,10 @@ fn sink(path: &Path, format: Option<&str>, usual: PointFormat) -> Result<(Target
     let target = match (stream, extension) {
         (true, _) => Target::Stdout,
         (false, Some(_)) if !path.is_dir() => Target::File(path.to_path_buf()),
+        // A named pipe, or what the shell makes of >(...)
+        (false, None) if path.exists() && !path.is_dir() && !path.is_file() => {
+            Target::File(path.to_path_buf())
+        }
         _ => Target::Directory(path.to_path_buf()),
     };
     match known {

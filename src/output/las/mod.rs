@@ -39,6 +39,10 @@ pub(super) struct LasFormat {
     pub shift: DVec3,
     pub intensity: IntensityMapping,
     pub extra: ExtraDimensions,
+    /// Most points of a stream whose header cannot be completed.
+    pub at_most: Option<u64>,
+    /// Box of the scene as integers, for the headers of such streams.
+    reach: Aabb,
     /// Whether the extra bytes hold part, primitive and true range.
     pub labels: bool,
     /// Whether they hold the beam's direction.
@@ -86,11 +90,20 @@ impl LasFormat {
         vlrs.extend(packets.iter().flat_map(WavePackets::descriptors));
         vlrs.push(vlr::remarks(settings));
         vlrs.extend(vlr::object_names(&objects.names));
+        let scale = scale(settings.scale, &scene.bounds, problems);
+        let shift = scene.shift - offset;
+        if settings.at_most.is_some() && settings.packets == Some(PacketPlace::Inside) {
+            problems
+                .error(None, "waveform packets after the points need a header that is completed at the end")
+                .help("--wave-packets beside, or no --las-at-most");
+        }
         LasFormat {
             version: settings.version,
-            scale: scale(settings.scale, &scene.bounds, problems),
+            scale,
+            at_most: settings.at_most,
+            reach: reach(&scene.bounds, shift, scale),
             offset,
-            shift: scene.shift - offset,
+            shift,
             intensity: settings.intensity,
             extra: settings.extra,
             creation: request.creation,
@@ -149,13 +162,29 @@ impl LasFormat {
     }
 
     /// Header and variable length records of a file with these points, and with packets that begin at `packets_at` of the
-    /// same file. The length does not depend on them.
-    pub fn head(&self, laszip: Option<&laz::LazVlr>, tally: &Tally, packets_at: Option<u64>) -> Vec<u8> {
+    /// same file; `state` tells how the run ended. The length does not depend on any of this.
+    pub fn head(
+        &self,
+        laszip: Option<&laz::LazVlr>,
+        tally: &Tally,
+        packets_at: Option<u64>,
+        state: &str,
+    ) -> Vec<u8> {
         let compression = laszip.map(vlr::laszip);
-        let vlrs: Vec<&[u8]> = compression.iter().chain(&self.vlrs).map(Vec::as_slice).collect();
+        let state = Some(vlr::state(state));
+        let vlrs: Vec<&[u8]> =
+            compression.iter().chain(&self.vlrs).chain(&state).map(Vec::as_slice).collect();
         let mut head = header::header(self, laszip.is_some(), &vlrs, tally, packets_at);
         vlrs.iter().for_each(|vlr| head.extend_from_slice(vlr));
         head
+    }
+
+    /// The header of a stream: as many points as there may be, somewhere in the scene.
+    pub fn stream_head(&self, at_most: u64) -> Vec<u8> {
+        let mut by_return = [0; 15];
+        by_return[0] = at_most;
+        let tally = Tally { records: at_most, left_out: 0, by_return, bounds: self.reach };
+        self.head(None, &tally, None, "streamed")
     }
 
     /// World coordinates of a box of integers.
@@ -165,6 +194,15 @@ impl LasFormat {
         }
         Aabb { min: stored.min * self.scale + self.offset, max: stored.max * self.scale + self.offset }
     }
+}
+
+/// The scene's box and ten metres around it, where range noise may carry points, as integers.
+fn reach(bounds: &Aabb, shift: DVec3, scale: f64) -> Aabb {
+    if bounds.is_empty() {
+        return Aabb::EMPTY;
+    }
+    let margin = DVec3::splat(10.0);
+    Aabb { min: (bounds.min - margin + shift) / scale, max: (bounds.max + margin + shift) / scale }
 }
 
 /// The scale asked for, or 0.1 mm, or as much more as the scene needs.

@@ -135,6 +135,11 @@ pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
     record("LASF_Spec", 3, "remarks", &data)
 }
 
+/// How the run ended, in a record of fixed length.
+pub(super) fn state(text: &str) -> Vec<u8> {
+    record("vlscan", 2, "state of the run", &fixed_text::<40>(text))
+}
+
 /// Names of objects whose id is no number: lines of integer, tab, name, in as many records as they need.
 pub(super) fn object_names(names: &[(i32, String)]) -> Vec<Vec<u8>> {
     let mut records = Vec::new();
