@@ -94,7 +94,9 @@ impl Scene {
     /// packed with.
     pub fn tree(&self, options: &BuildOptions) -> Tree {
         let usual = BuildOptions::of(options.builder);
-        let is_usual = *options == BuildOptions { jobs: options.jobs, delegate: options.delegate, ..usual };
+        // The other settings are those of kd-trees.
+        let is_usual = options.builder == Builder::Bvh
+            || *options == BuildOptions { jobs: options.jobs, delegate: options.delegate, ..usual };
         if let Some(ready) = self.ready.as_ref().filter(|r| is_usual && r.builder == options.builder) {
             return ready.tree.clone();
         }
