@@ -1,7 +1,7 @@
 //! Rotations as unit quaternions, with the composition and angle conventions of the survey formats.
 
 use super::{DVec3, unit};
-use libm::{acos, asin, atan2, cos, sin};
+use libm::{acos, asin, atan2, sincos};
 
 /// A rotation of vectors, right-handed, stored as a quaternion `w + u`.
 ///
@@ -21,22 +21,26 @@ impl Rotation {
 
     /// Right-handed rotation by `angle` (radians) about `axis`, which need not be of unit length.
     pub fn about(axis: DVec3, angle: f64) -> Rotation {
-        Rotation { w: cos(angle * 0.5), u: unit(axis) * sin(angle * 0.5) }
+        let (sin, cos) = sincos(angle * 0.5);
+        Rotation { w: cos, u: unit(axis) * sin }
     }
 
     /// Rotation about x.
     pub fn about_x(angle: f64) -> Rotation {
-        Rotation { w: cos(angle * 0.5), u: DVec3::new(sin(angle * 0.5), 0.0, 0.0) }
+        let (sin, cos) = sincos(angle * 0.5);
+        Rotation { w: cos, u: DVec3::new(sin, 0.0, 0.0) }
     }
 
     /// Rotation about y.
     pub fn about_y(angle: f64) -> Rotation {
-        Rotation { w: cos(angle * 0.5), u: DVec3::new(0.0, sin(angle * 0.5), 0.0) }
+        let (sin, cos) = sincos(angle * 0.5);
+        Rotation { w: cos, u: DVec3::new(0.0, sin, 0.0) }
     }
 
     /// Rotation about z.
     pub fn about_z(angle: f64) -> Rotation {
-        Rotation { w: cos(angle * 0.5), u: DVec3::new(0.0, 0.0, sin(angle * 0.5)) }
+        let (sin, cos) = sincos(angle * 0.5);
+        Rotation { w: cos, u: DVec3::new(0.0, 0.0, sin) }
     }
 
     /// `self ∘ first`: the rotation that applies `first` and then `self` (Hamilton product).

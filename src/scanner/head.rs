@@ -17,6 +17,8 @@ pub struct HeadState {
     /// rad per step.
     step: f64,
     stop: f64,
+    /// The rotations with and without error of a head that stands still during the leg.
+    still: Option<[Rotation; 2]>,
 }
 
 impl HeadState {
@@ -31,6 +33,10 @@ impl HeadState {
         self.step = self.rate / frequency;
         self.stop = settings.head_stop;
         self.set(plan, settings.head_start, deflection);
+        self.still = None;
+        if self.rate == 0.0 {
+            self.still = Some([self.rotation(plan), self.exact_rotation(plan)]);
+        }
     }
 
     #[inline]
@@ -73,12 +79,18 @@ impl HeadState {
 
     /// The head's rotation with its error.
     pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
-        Rotation::about(plan.head_axis, self.disturbed_angle(plan) % TAU)
+        match &self.still {
+            Some([disturbed, _]) => *disturbed,
+            None => Rotation::about(plan.head_axis, self.disturbed_angle(plan) % TAU),
+        }
     }
 
     /// The head's rotation without error.
     pub fn exact_rotation(&self, plan: &DevicePlan) -> Rotation {
-        Rotation::about(plan.head_axis, self.angle % TAU)
+        match &self.still {
+            Some([_, exact]) => *exact,
+            None => Rotation::about(plan.head_axis, self.angle % TAU),
+        }
     }
 
     /// The share of the leg's turn that is done, from 0 to 1; `None` when the head does not turn.
