@@ -18,7 +18,7 @@
 //!
 //! | room | what it does | imports |
 //! |---|---|---|
-//! | [`geom`], [`rng`], [`diag`], [`error`] | rotations, boxes; counter-based random numbers; places and reports | nothing |
+//! | [`geom`], [`rng`], [`diag`], [`error`], [`arrivals`] | rotations, boxes; counter-based random numbers; places and reports; bytes as they arrive | nothing |
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
 //! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
@@ -29,6 +29,7 @@
 //! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes echoes | flight, scene, tree |
 //! | [`schedule`] | four ways to hand out chunks, workers, order; records and replays | nothing of lidar |
 //! | [`output`] | sinks, one file per format | pulse, flight, scene, survey |
+//! | [`streams`] | pulses and poses between commands, as rows of text | flight, platform, schedule |
 //! | [`preview`] | draws point clouds as PNG and as pages for a browser, and waveforms | pulse, geom, diag |
 //! | [`pipeline`] | the wiring of all of them | all above |
 //! | [`cli`] | the command line | all above |
@@ -44,6 +45,7 @@
 //! * coordinates are `f64` in the scene frame, which is the world's minus the scene's centre;
 //! * points go to stdout and nothing else does.
 
+pub mod arrivals;
 pub mod cli;
 pub mod diag;
 pub mod error;
@@ -59,6 +61,7 @@ pub mod scanner;
 pub mod scene;
 pub mod schedule;
 pub mod store;
+pub mod streams;
 pub mod survey;
 pub mod tree;
 

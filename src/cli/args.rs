@@ -1,5 +1,6 @@
 //! The command line as typed: nothing here touches the world.
 
+pub use super::stage_args::{PulsesArgs, SurveyArgs, TraceArgs, TrajectoryArgs};
 use super::{LogTo, Verbosity};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -63,6 +64,12 @@ pub enum Command {
     Run(Box<RunArgs>),
     /// Compare trees, schedules, chunk sizes and numbers of threads on a survey.
     Bench(Box<BenchArgs>),
+    /// Fly a survey or pipeline and write the platform's poses to stdout.
+    Trajectory(Box<TrajectoryArgs>),
+    /// Fly a survey or pipeline and write every pulse to stdout instead of tracing it.
+    Pulses(Box<PulsesArgs>),
+    /// Read pulses, trace them through a scene and write the echoes.
+    Trace(Box<TraceArgs>),
     /// Make scenes to try things with.
     Scene(SceneArgs),
     /// List the scanners and platforms that ship.
@@ -152,7 +159,7 @@ pub struct RunArgs {
 }
 
 /// Points and what is written beside them.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct OutputArgs {
     /// Where the points go: a file (format from its extension; all legs in one), a folder (one file per leg), or - for
     /// stdout. May be given more than once.
@@ -212,7 +219,7 @@ pub struct OutputArgs {
 }
 
 /// What is read.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct InputArgs {
     /// Replace the scene: a packed one (.vlscene), file.xml#id, or a file of geometry.
     #[arg(long, value_name = "SCENE", help_heading = "Input")]
@@ -235,11 +242,14 @@ pub struct InputArgs {
 }
 
 /// Where the platform is.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct FlightArgs {
     /// Replace the platform by a recorded trajectory (time,x,y,z,roll,pitch,yaw); - reads it from stdin as it arrives.
     #[arg(long, value_name = "PATH", help_heading = "Input")]
     pub trajectory: Option<PathBuf>,
+    /// How long, in seconds, points of a live trajectory may wait for others to be computed together. [default: 0.25]
+    #[arg(long, value_name = "SECONDS", help_heading = "Input")]
+    pub latency: Option<f64>,
     /// Ignore the platform's position and attitude noise.
     #[arg(long, help_heading = "Simulation")]
     pub no_platform_noise: bool,
@@ -249,7 +259,7 @@ pub struct FlightArgs {
 }
 
 /// What all random draws and time stamps depend on.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct OriginArgs {
     /// Seed of all noise: an integer, a decimal number or "YYYY-MM-DD hh:mm:ss". [default: the survey's, else 0]
     #[arg(long, value_name = "SEED", help_heading = "Simulation")]
@@ -260,7 +270,7 @@ pub struct OriginArgs {
 }
 
 /// How echoes are computed.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct PhysicsArgs {
     /// Reproduce the reference program, or switch its known weaknesses off. [default: helios]
     #[arg(long, value_name = "PROFILE", help_heading = "Simulation")]
@@ -284,7 +294,7 @@ pub struct PhysicsArgs {
 }
 
 /// How the work is done; the points are the same.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct ScheduleArgs {
     /// Threads that compute; 0 or nothing = all. The points are the same for any number.
     #[arg(short = 'j', long, value_name = "N", help_heading = "Speed")]
@@ -320,7 +330,7 @@ pub struct ScheduleArgs {
 }
 
 /// How the scene is kept; the points are the same.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct TreeArgs {
     /// The tree that traces the rays; the points are the same. [default: bvh]
     #[arg(long, value_name = "TREE", help_heading = "Speed")]

@@ -2,6 +2,7 @@
 
 use super::Console;
 use super::args::InfoArgs;
+use super::inputs::{holds_survey, read_survey};
 use super::watch::amount;
 use crate::diag::{Diagnostics, Severity};
 use crate::error::{Error, Result};
@@ -75,20 +76,13 @@ impl Asked<'_> {
     pub fn recipe(&self) -> Result<(SceneRecipe, Scanning, Diagnostics)> {
         let reading = ReadOptions { assets: self.assets.to_vec(), ..ReadOptions::default() };
         let path = Path::new(self.scene);
-        let extension = path.extension().map(|e| e.to_ascii_lowercase()).unwrap_or_default();
-        let is_survey = extension == "xml"
-            && std::fs::read(path).is_ok_and(|bytes| memchr::memmem::find(&bytes, b"<survey").is_some());
-        let survey = if is_survey {
-            Some(survey::read_survey(path, &reading)?)
-        } else if extension == "toml" {
-            let (pipeline, warnings) = survey::read_pipeline(path, &reading)?;
-            Some((pipeline.survey, warnings))
-        } else {
-            None
+        let survey = match holds_survey(path) {
+            true => Some(read_survey(path, &reading)?),
+            false => None,
         };
         let usual = LoadOptions::default().wavelength_nm;
         match survey {
-            Some((survey, warnings)) => {
+            Some((survey, _, warnings)) => {
                 let wavelength = survey.scanner.devices.first().map(|d| d.beam.wavelength);
                 let scanning = Scanning { wavelength_nm: wavelength.unwrap_or(usual), seed: survey.seed };
                 Ok((survey.scene, scanning, warnings))

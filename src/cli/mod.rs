@@ -9,12 +9,15 @@ mod completions;
 mod console;
 mod helios;
 mod info;
+mod inputs;
 mod interrupt;
 mod manual;
 mod pack;
 mod preview;
 mod run;
 mod scene;
+mod stage_args;
+mod stages;
 mod unzip;
 mod watch;
 
@@ -59,6 +62,9 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     let outcome = match &cli.command {
         Command::Run(args) => run::run(args, &console),
         Command::Bench(args) => bench::run(args, &console),
+        Command::Trajectory(args) => stages::trajectory(args, &console),
+        Command::Pulses(args) => stages::pulses(args, &console),
+        Command::Trace(args) => stages::trace(args, &console),
         Command::Scene(args) => scene::run(args, &console),
         Command::Catalogue(args) => catalogue::run(args, &console),
         Command::Unzip(args) => unzip::run(args, &console),

@@ -45,7 +45,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let context = OutputContext { survey: &job.survey, scene: &stage.scene };
     let output = Arc::new(OutputPlan::new(OutputRequest { plays, ..job.output.clone() }, &context)?);
     let first = Stand::of(&stage.scene);
-    let mut poses = stream.map(PoseReader::open).transpose()?;
+    let mut poses = stream.map(PoseReader::open).transpose()?.map(|poses| poses.patient(job.latency));
 
     let progress = Progress::default();
     let recorder = job.schedule_log.is_some().then(Recorder::new);
@@ -98,14 +98,15 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
 }
 
 /// What a play is flown over.
-struct Stage {
-    scene: Scene,
+pub struct Stage {
+    pub scene: Scene,
     /// Over what stands still.
-    tree: Tree,
-    movers: Option<Movers>,
+    pub tree: Tree,
+    pub movers: Option<Movers>,
 }
 
-fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Stand>) -> Result<Stage> {
+/// Loads the scene of a play and builds its tree. `first` is where the first play's scene stands.
+pub fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Stand>) -> Result<Stage> {
     let started = Instant::now();
     let recipe = &job.survey.scene;
     let (scene, warnings) = scene::load_play(recipe, &job.load, play, first)?;
@@ -134,7 +135,8 @@ fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Stand>)
     Ok(Stage { scene, tree, movers })
 }
 
-fn report(console: &Console, summary: &Summary, pulses: u64, flying: f64, whole: f64) {
+/// Tells what was written.
+pub fn report(console: &Console, summary: &Summary, pulses: u64, flying: f64, whole: f64) {
     for file in &summary.files {
         let name = file.path.as_ref().map_or_else(|| "stdout".into(), |p| p.display().to_string());
         let unit = if file.kind == FileKind::Points { "points" } else { "records" };

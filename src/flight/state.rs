@@ -155,7 +155,8 @@ impl FlightState {
             let (platform, time_ns) = (&self.platform, self.time_ns);
             sink.pose(|| {
                 let [roll, pitch, yaw] = platform.angles(&plan.platform);
-                PoseSample { time_ns, position: platform.position(), roll, pitch, yaw }
+                let attitude = platform.reported_attitude(&plan.platform);
+                PoseSample { time_ns, position: platform.position(), roll, pitch, yaw, attitude }
             });
         }
     }

@@ -109,7 +109,8 @@ impl OutputPlan {
         echoes: &[Echo],
         pieces: &mut Vec<Piece>,
     ) {
-        let Some(leg) = self.legs.get(batch.leg as usize) else { return };
+        let own = batch.leg_number.map(LegFacts::new);
+        let Some(leg) = own.as_ref().or(self.legs.get(batch.leg as usize)) else { return };
         let ply = PlyFields { shift: self.shift, objects: &self.objects, more: self.ply_more() };
         match format {
             PointFormat::Xyz if self.columns_chosen => {

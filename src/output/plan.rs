@@ -67,7 +67,7 @@ pub(super) struct LegFacts {
 }
 
 impl LegFacts {
-    fn new(number: u32) -> LegFacts {
+    pub fn new(number: u32) -> LegFacts {
         let number = u16::try_from(number).unwrap_or(u16::MAX);
         LegFacts { number, source_id: number.saturating_add(1) }
     }

@@ -188,7 +188,15 @@ pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
                 device: 0,
                 scan_angle: 0.0,
             });
-            batch.poses.push(PoseSample { time_ns, position: origin, roll: 0.0, pitch: 0.0, yaw: 1.0 });
+            let attitude = Rotation::about_z(1.0);
+            batch.poses.push(PoseSample {
+                time_ns,
+                position: origin,
+                roll: 0.0,
+                pitch: 0.0,
+                yaw: 1.0,
+                attitude,
+            });
         }
     }
     batch

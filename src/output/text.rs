@@ -47,14 +47,14 @@ pub(super) fn push_pose(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
     out.push(b'\n');
 }
 
-/// `time,x,y,z,roll,pitch,yaw`, seconds, metres and degrees.
+/// `time,x,y,z,roll,pitch,yaw`, seconds, metres and degrees after ARINC 705, as `--trajectory` reads them.
 pub(super) fn push_pose_csv(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
     push_seconds(out, pose.time_ns);
     for metres in position.to_array() {
         out.push(b',');
         push_fixed::<6>(out, metres);
     }
-    for angle in [degrees(pose.roll), degrees(pose.pitch), yaw_degrees(pose)] {
+    for angle in pose.arinc_angles().map(degrees) {
         out.push(b',');
         push_fixed::<9>(out, angle);
     }
@@ -117,6 +117,7 @@ fn yaw_degrees(pose: &PoseSample) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::Rotation;
     use crate::output::testing::echo;
 
     fn text(push: impl FnOnce(&mut Vec<u8>)) -> String {
@@ -140,6 +141,7 @@ mod tests {
             roll: 0.0,
             pitch: -0.0,
             yaw: 1.5 * std::f64::consts::PI,
+            attitude: Rotation::about_z(1.5 * std::f64::consts::PI),
         };
         let position = DVec3::new(-30.0, -50.0, 100.0);
         let line = text(|out| push_pose(out, position, &pose));
@@ -147,7 +149,7 @@ mod tests {
         let line = text(|out| push_pose_csv(out, position, &pose));
         assert_eq!(
             line,
-            "86391.000000000,-30.000000,-50.000000,100.000000,0.000000000,-0.000000000,270.000000000\n"
+            "86391.000000000,-30.000000,-50.000000,100.000000,0.000000000,0.000000000,90.000000000\n"
         );
         let west = PoseSample { yaw: -0.5 * std::f64::consts::PI, ..pose };
         assert!(text(|out| push_pose(out, position, &west)).ends_with(" 270.0000\n"));

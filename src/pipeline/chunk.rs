@@ -2,12 +2,15 @@
 
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
-use crate::platform::PoseReader;
+use crate::platform::{PoseReader, Waited};
 use crate::scene::{MoverState, Movers};
 use crate::schedule::{Feed, Stop, Tasks};
+use std::time::{Duration, Instant};
 
 /// Steps after which a chunk ends although few of them fired: the wish to stop is looked at between chunks.
 const MAX_STEPS: u32 = 1 << 16;
+/// How often the wish to stop is looked at while no pose arrives.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// Consecutive steps of one leg: the state before the first of them, and how many there are. Whoever replays them gets
 /// the pulses; the producer only counted them.
@@ -127,8 +130,8 @@ impl<R, W: FnMut(Chunk) -> Result<R>> Outlet for Feed<'_, Chunk, R, W> {
 }
 
 /// Steps from `state`, the beginning of a flight, through the whole of it and puts every chunk that yields anything into
-/// `outlet`. A chunk ends when it has the size that the outlet wants, at the end of its leg, or when the next pose has not
-/// arrived yet. Returns early when `stop` is asked.
+/// `outlet`. A chunk ends when it has the size that the outlet wants, at the end of its leg, or when the next pose
+/// keeps it waiting for longer than the stream of poses allows. Returns early when `stop` is asked.
 pub fn produce(
     plan: &FlightPlan,
     movers: Option<&Movers>,
@@ -142,9 +145,19 @@ pub fn produce(
     loop {
         let size = outlet.size();
         let mut count = Count { pulses: chunk.pulses, poses: chunk.poses };
+        let mut first = None;
         let step = loop {
             let step = state.step(plan, &mut count)?;
             if step != Step::Went {
+                let waiting = count.pulses > 0 || count.poses > 0;
+                if step == Step::NeedsPoses && waiting && !stop.asked() {
+                    let since = *first.get_or_insert_with(Instant::now);
+                    let latency = poses.as_ref().map_or(Duration::ZERO, PoseReader::latency);
+                    let patience = latency.saturating_sub(since.elapsed());
+                    if more_poses(plan, &mut poses, &mut [&mut *state, &mut chunk.start], patience) {
+                        continue;
+                    }
+                }
                 break step;
             }
             chunk.steps += 1;
@@ -174,10 +187,7 @@ pub fn produce(
             _ if stop.asked() => return Ok(()),
             Step::Went => {}
             Step::LegChanged => outlet.leg_ended(),
-            Step::NeedsPoses => match poses.as_mut().map(PoseReader::next_block).transpose()?.flatten() {
-                Some(block) => state.feed(plan, block),
-                None => state.end_of_poses(),
-            },
+            Step::NeedsPoses => wait_for_poses(plan, &mut poses, state, stop)?,
         }
         chunk = match rest {
             Some(mut rest) => {
@@ -186,6 +196,45 @@ pub fn produce(
             }
             None => Chunk::begin(plan, state, moving.as_ref()),
         };
+    }
+}
+
+/// Feeds poses that arrive within `patience` to both ends of a chunk, whose first steps do not see them. `false` if none
+/// did: the stream's end and its failure are met again by [`wait_for_poses`].
+fn more_poses(
+    plan: &FlightPlan,
+    poses: &mut Option<PoseReader>,
+    ends: &mut [&mut FlightState],
+    patience: Duration,
+) -> bool {
+    let Some(Ok(Waited::Poses(block))) = poses.as_mut().map(|p| p.wait(patience)) else { return false };
+    ends.iter_mut().for_each(|state| state.feed(plan, block.clone()));
+    true
+}
+
+fn wait_for_poses(
+    plan: &FlightPlan,
+    poses: &mut Option<PoseReader>,
+    state: &mut FlightState,
+    stop: &Stop,
+) -> Result<()> {
+    let Some(poses) = poses else {
+        state.end_of_poses();
+        return Ok(());
+    };
+    loop {
+        match poses.wait(LOOK)? {
+            Waited::Poses(block) => {
+                state.feed(plan, block);
+                return Ok(());
+            }
+            Waited::End => {
+                state.end_of_poses();
+                return Ok(());
+            }
+            Waited::Nothing if stop.asked() => return Ok(()),
+            Waited::Nothing => {}
+        }
     }
 }
 

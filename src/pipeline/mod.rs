@@ -1,13 +1,17 @@
 //! The wiring of the river, short enough to read in a minute: [`fly`] joins the flight's chunks, the workers and the
-//! sinks.
+//! sinks. [`emit`] and [`trace`] are its two halves with a stream of pulses between them.
 
 mod chunk;
 mod collector;
+mod emit;
 mod progress;
+mod trace;
 mod worker;
 
 pub use chunk::{Chunk, Outlet, produce};
+pub use emit::{Emission, Emitted, emit};
 pub use progress::{Progress, Snapshot};
+pub use trace::{LegRule, PulseSource, Sinks, TraceEnded, Tracing, trace};
 
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightState};

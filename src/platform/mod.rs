@@ -18,7 +18,8 @@ mod trajectory_file;
 
 pub use course::{LegCourse, Span};
 pub use interpolated::InterpolatedState;
-pub use pose_reader::{Pose, PoseReader};
+pub use pose_reader::{Pose, PoseReader, Waited};
+pub(crate) use rows::Separator;
 pub use stream::{Readiness, StreamState};
 pub use table::TrajectoryTable;
 pub use trajectory_file::read_trajectories;
@@ -256,11 +257,15 @@ impl PlatformState {
     /// The attitude that trajectories report as (roll, pitch, yaw) in radians, yaw within [0, 2π] (spec kinematics §9).
     pub fn angles(&self, plan: &PlatformPlan) -> [f64; 3] {
         let recorded = matches!(self.0, KindState::Interpolated(_) | KindState::Stream(_));
-        let attitude = match &self.0 {
+        course::reported_angles(self.reported_attitude(plan), recorded.then_some(plan.rotation_spec))
+    }
+
+    /// The attitude that trajectories report: a multicopter's tilt included, which never reaches the beam.
+    pub fn reported_attitude(&self, plan: &PlatformPlan) -> Rotation {
+        match &self.0 {
             KindState::Multicopter(s) => s.attitude(),
             _ => self.pointing(plan),
-        };
-        course::reported_angles(attitude, recorded.then_some(plan.rotation_spec))
+        }
     }
 
     /// The share of leg `leg` that is done, from 0 to 1 (spec outputs §10.3); `None` for platforms that stand still or

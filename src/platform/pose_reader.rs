@@ -3,13 +3,14 @@
 use super::interpolated::composed;
 use super::layout::{Layout, is_header};
 use super::rows::{QUANTITIES, Quantity, Separator, column_name};
+use crate::arrivals::{Arrival, Arrivals, is_stdin};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::{DVec3, Rotation, radians};
 use crate::survey::PoseStream;
 use std::collections::VecDeque;
-use std::io::BufRead;
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 /// One pose of a stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +21,23 @@ pub struct Pose {
     pub position: DVec3,
     /// Attitude of the platform.
     pub attitude: Rotation,
+}
+
+/// What waiting for poses came to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Waited {
+    /// Some arrived.
+    Poses(Vec<Pose>),
+    /// None within the time given.
+    Nothing,
+    /// None will any more.
+    End,
+}
+
+/// Why no more poses can be read.
+enum Failure {
+    Input(Box<Diagnostics>),
+    Io(std::io::ErrorKind, String),
 }
 
 /// Most rows of a block.
@@ -33,7 +51,7 @@ const MOST_WARNINGS: usize = 20;
 /// yaw. Blank lines and lines that begin with `#` are passed over, but for the `#HEADER:` and `#TIME_COLUMN:` of trajectory
 /// files. Times must ascend.
 pub struct PoseReader {
-    input: Box<dyn BufRead + Send>,
+    arrivals: Arrivals,
     path: PathBuf,
     settings: PoseStream,
     /// Bytes of a line whose end has not arrived.
@@ -44,9 +62,10 @@ pub struct PoseReader {
     reading: Option<(Layout, Separator)>,
     last: Option<([f64; 7], Pose)>,
     arrived: VecDeque<Pose>,
-    failure: Option<Error>,
+    failure: Option<Failure>,
     ended: bool,
     warnings: Diagnostics,
+    latency: Duration,
 }
 
 impl std::fmt::Debug for PoseReader {
@@ -64,18 +83,15 @@ impl PoseReader {
     /// # Errors
     /// The file cannot be opened.
     pub fn open(settings: &PoseStream) -> Result<PoseReader> {
-        if settings.path.as_os_str() == "-" {
-            return Ok(PoseReader::new(std::io::BufReader::new(std::io::stdin()), settings));
-        }
-        let file = std::fs::File::open(&settings.path).map_err(|e| Error::io("read", &settings.path, e))?;
-        Ok(PoseReader::new(std::io::BufReader::with_capacity(1 << 16, file), settings))
+        let arrivals = Arrivals::open(&settings.path).map_err(|e| Error::io("read", &settings.path, e))?;
+        Ok(PoseReader::of(arrivals, settings))
     }
 
-    /// Reads from `input`; `settings.path` is the name in messages.
-    pub fn new(input: impl BufRead + Send + 'static, settings: &PoseStream) -> PoseReader {
-        let stdin = settings.path.as_os_str() == "-";
+    /// Reads what arrives; `settings.path` is the name in messages.
+    pub fn of(arrivals: Arrivals, settings: &PoseStream) -> PoseReader {
+        let stdin = is_stdin(&settings.path);
         PoseReader {
-            input: Box::new(input),
+            arrivals,
             path: if stdin { PathBuf::from("<stdin>") } else { settings.path.clone() },
             settings: settings.clone(),
             rest: Vec::new(),
@@ -88,24 +104,58 @@ impl PoseReader {
             failure: None,
             ended: false,
             warnings: Diagnostics::default(),
+            latency: Duration::ZERO,
         }
     }
 
-    /// Waits for at least one pose and returns those that have arrived, at most 1024; `None` at the end of the stream.
+    /// The same reader, whose poses may wait so long for others to be flown along together.
+    pub fn patient(self, latency: Duration) -> PoseReader {
+        PoseReader { latency, ..self }
+    }
+
+    /// How long what is flown along its poses may wait for more of them.
+    pub fn latency(&self) -> Duration {
+        self.latency
+    }
+
+    /// Waits for poses for some time and returns those that have arrived, at most 1024.
     ///
     /// # Errors
     /// A line that is no pose, or whose time does not ascend, with its number; a stream that cannot be read. Poses before
-    /// the wrong line are returned first.
-    pub fn next_block(&mut self) -> Result<Option<Vec<Pose>>> {
+    /// the wrong line are returned first. The error stays: waiting again meets it again.
+    pub fn wait(&mut self, patience: Duration) -> Result<Waited> {
+        let until = Instant::now() + patience;
         while self.arrived.is_empty() && self.failure.is_none() && !self.ended {
-            self.receive();
+            if !self.receive(Some(until.saturating_duration_since(Instant::now()))) {
+                return Ok(Waited::Nothing);
+            }
         }
         if !self.arrived.is_empty() {
             let count = self.arrived.len().min(MOST_ROWS);
-            return Ok(Some(self.arrived.drain(..count).collect()));
+            return Ok(Waited::Poses(self.arrived.drain(..count).collect()));
         }
         self.ended = true;
-        self.failure.take().map_or(Ok(None), Err)
+        match &self.failure {
+            Some(Failure::Input(problems)) => Err(Error::Input(problems.clone())),
+            Some(Failure::Io(kind, text)) => {
+                Err(Error::io("read", &self.path, std::io::Error::new(*kind, text.clone())))
+            }
+            None => Ok(Waited::End),
+        }
+    }
+
+    /// Waits for at least one pose, as long as it takes; `None` at the end of the stream.
+    ///
+    /// # Errors
+    /// As [`PoseReader::wait`].
+    pub fn next_block(&mut self) -> Result<Option<Vec<Pose>>> {
+        loop {
+            match self.wait(Duration::from_secs(3600))? {
+                Waited::Poses(block) => return Ok(Some(block)),
+                Waited::End => return Ok(None),
+                Waited::Nothing => {}
+            }
+        }
     }
 
     /// The warnings since the last call.
@@ -113,21 +163,18 @@ impl PoseReader {
         std::mem::take(&mut self.warnings)
     }
 
-    /// Takes in one read's worth of bytes.
-    fn receive(&mut self) {
-        let bytes = match self.input.fill_buf() {
-            Ok(bytes) => bytes,
-            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => return,
-            Err(e) => {
-                self.failure = Some(Error::io("read", &self.path, e));
-                return;
-            }
-        };
-        let count = bytes.len();
+    /// Takes in one read's worth of bytes; `false` if none arrived in time.
+    fn receive(&mut self, patience: Option<Duration>) -> bool {
         let mut taken = std::mem::take(&mut self.rest);
-        taken.extend_from_slice(bytes);
-        self.input.consume(count);
-        self.ended = count == 0;
+        match self.arrivals.next(patience) {
+            Arrival::Bytes(bytes) => taken.extend_from_slice(&bytes),
+            Arrival::Nothing => {
+                self.rest = taken;
+                return false;
+            }
+            Arrival::End => self.ended = true,
+            Arrival::Failed(e) => self.failure = Some(Failure::Io(e.kind(), e.to_string())),
+        }
         let mut start = 0;
         while self.failure.is_none() {
             let line = match taken[start..].iter().position(|b| *b == b'\n') {
@@ -147,6 +194,7 @@ impl PoseReader {
             self.fail(&start, 0..0, format!("a line of more than {LONGEST_LINE} bytes, expected a pose"));
         }
         self.rest = taken;
+        true
     }
 
     fn take_line(&mut self, line: &str) {
@@ -280,7 +328,7 @@ impl PoseReader {
         if !help.is_empty() {
             problem.help(help);
         }
-        self.failure = Some(Error::Input(Box::new(problems)));
+        self.failure = Some(Failure::Input(Box::new(problems)));
     }
 }
 
@@ -318,7 +366,7 @@ pub(super) mod tests {
 
     fn reader(text: &str, size: usize, settings: &PoseStream) -> PoseReader {
         let trickle = Trickle { text: text.as_bytes().to_vec(), size };
-        PoseReader::new(std::io::BufReader::new(trickle), settings)
+        PoseReader::of(Arrivals::of(trickle), settings)
     }
 
     fn read_all(text: &str, size: usize, settings: &PoseStream) -> Result<Vec<Pose>, String> {
@@ -373,7 +421,7 @@ pub(super) mod tests {
         let counts: Vec<usize> = std::iter::from_fn(|| r.next_block().unwrap()).map(|b| b.len()).collect();
         assert_eq!(counts, [1, 1, 1]);
         let many: String = (0..3000).map(|i| format!("{i},0,0,0,0,0,0\n")).collect();
-        let mut r = PoseReader::new(std::io::Cursor::new(many), &settings());
+        let mut r = PoseReader::of(Arrivals::of(std::io::Cursor::new(many)), &settings());
         let counts: Vec<usize> = std::iter::from_fn(|| r.next_block().unwrap()).map(|b| b.len()).collect();
         assert_eq!(counts, [1024, 1024, 952]);
     }

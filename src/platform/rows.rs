@@ -4,7 +4,7 @@ use std::ops::Range;
 
 /// How the columns of a line are told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Separator {
+pub(crate) enum Separator {
     /// One character; blanks around it do not count.
     Char(char),
     /// Any run of blanks and tabs.

@@ -8,6 +8,8 @@ use crate::flight::PoseSample;
 pub struct Batch {
     /// Index of the leg among the survey's legs.
     pub leg: u32,
+    /// What records say is the number of the leg, where the survey's legs do not tell: pulses of other origin.
+    pub leg_number: Option<u32>,
     /// Echoes, pulse by pulse, by return number within a pulse.
     pub echoes: Vec<Echo>,
     /// Waveforms, when they are recorded.
@@ -24,6 +26,7 @@ impl Batch {
     /// Empties the batch for the next chunk; memory is kept.
     pub fn clear(&mut self, leg: u32) {
         self.leg = leg;
+        self.leg_number = None;
         self.echoes.clear();
         self.waveforms.clear();
         self.samples.clear();

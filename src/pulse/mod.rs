@@ -34,5 +34,5 @@ mod waveform;
 pub use batch::Batch;
 pub use echo::{Echo, PulseRecord, WaveformRecord};
 pub use options::{Corrections, PhysicsOptions};
-pub use physics::{Lap, Physics, Shooter};
+pub use physics::{Equipment, Lap, Physics, Shooter};
 pub use recorded::{RecordedEcho, recorded_echoes};

@@ -65,11 +65,17 @@ impl<'a> Physics<'a> {
         self.fleet.most_rays()
     }
 
+    /// The instruments that a shooter begins with.
+    pub fn equipment(&self) -> Equipment {
+        Equipment(self.fleet.clone())
+    }
+
     /// A shooter for one worker.
     pub fn shooter(&self) -> Shooter<'_> {
         let volleys = vec![Volley::default(); self.fleet.devices()];
         Shooter {
             physics: self,
+            fleet: self.fleet.clone(),
             volleys,
             apart: Volley::default(),
             places: Vec::new(),
@@ -93,6 +99,20 @@ fn gate(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
     (!o.corrections.no_axis_gate && !o.corrections.unbounded_scene).then_some(scene.bounds)
 }
 
+/// The instruments of a survey by leg and device, apart from what they look at.
+#[derive(Clone, Debug)]
+pub struct Equipment(Arc<Fleet>);
+
+impl Equipment {
+    /// Computes all that `survey` uses.
+    ///
+    /// # Errors
+    /// As [`Physics::new`].
+    pub fn new(survey: &Survey, options: &PhysicsOptions) -> Result<Equipment> {
+        Fleet::new(survey, options).map(|fleet| Equipment(Arc::new(fleet)))
+    }
+}
+
 /// Most pulses that are traced together, over all devices.
 const VOLLEY: usize = 128;
 /// Most rays that are traced together, unless one pulse has more.
@@ -105,6 +125,8 @@ const SIGHTED: usize = 8;
 #[derive(Clone, Debug)]
 pub struct Shooter<'p> {
     physics: &'p Physics<'p>,
+    /// The survey's instruments, or those taken up later.
+    fleet: Arc<Fleet>,
     /// One per device, whose neighbouring pulses hit neighbouring things.
     volleys: Vec<Volley>,
     /// Pulses of one device that see the moving parts at the same places.
@@ -146,6 +168,12 @@ struct Receiver {
 }
 
 impl Shooter<'_> {
+    /// Fires with other instruments from now on; they must have as many devices as the survey's, and legs are those of
+    /// the survey that they were computed from.
+    pub fn take_up(&mut self, equipment: &Equipment) {
+        self.fleet = equipment.0.clone();
+    }
+
     /// Fires `pulses`, emitted one after the other in leg `leg` (position among the survey's legs), and appends what they
     /// yield to `batch` in their order. What a pulse yields does not depend on those fired with it; many at once are
     /// traced several times faster. Fails if the survey has no such leg or device, or if a waveform is too long to be
@@ -206,7 +234,7 @@ impl Shooter<'_> {
 
     /// Pulses that are traced together.
     fn together(&self) -> usize {
-        (VOLLEY_RAYS / self.physics.fleet.most_rays().max(1)).clamp(1, VOLLEY)
+        (VOLLEY_RAYS / self.fleet.most_rays().max(1)).clamp(1, VOLLEY)
     }
 
     /// [`Shooter::fire_all`] of one pulse.
@@ -216,11 +244,11 @@ impl Shooter<'_> {
 
     /// Expands pulses into subrays.
     fn aim(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
-        let Shooter { physics, volleys, places, .. } = self;
+        let Shooter { physics, fleet, volleys, places, .. } = self;
         volleys.iter_mut().for_each(|v| v.rays.clear(0));
         places.clear();
         for pulse in pulses {
-            let subrays = &physics.fleet.instrument(leg, pulse.device)?.subrays;
+            let subrays = &fleet.instrument(leg, pulse.device)?.subrays;
             places.push(meets(physics.gate, pulse.origin, axis(pulse)).then(|| {
                 let rays = &mut volleys[pulse.device as usize].rays;
                 if rays.is_empty() {
@@ -303,7 +331,7 @@ impl Shooter<'_> {
             for (pulse, place) in pulses.iter().zip(places) {
                 if let Some(place) = *place {
                     let of_device = &self.volleys[pulse.device as usize];
-                    let instrument = physics.fleet.instrument(volley.leg, pulse.device)?;
+                    let instrument = self.fleet.instrument(volley.leg, pulse.device)?;
                     let shot = Shot::of(&of_device.rays, &of_device.hits, place);
                     shot.foresee(view.scene);
                     self.receiver.sights.push(instrument, &shot);
@@ -316,7 +344,7 @@ impl Shooter<'_> {
                 }
                 if let Some(place) = *place {
                     let of_device = &self.volleys[pulse.device as usize];
-                    let instrument = physics.fleet.instrument(volley.leg, pulse.device)?;
+                    let instrument = self.fleet.instrument(volley.leg, pulse.device)?;
                     let shot = Shot::of(&of_device.rays, &of_device.hits, place);
                     self.receiver.receive::<WIDE>(physics, &view, instrument, pulse, (shot, first), batch)?;
                     first += shot.blocks();

@@ -49,5 +49,5 @@ pub use formula::{Formula, FormulaError};
 pub use model::*;
 pub use pipeline::keys;
 pub use pipeline::{Pipeline, PipelineKeys, RunSettings, SinkSetting, read_pipeline};
-pub use read::{read_scene, read_survey};
+pub use read::{find_scanner, read_scene, read_survey};
 pub use seed::parse_seed;

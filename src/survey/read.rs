@@ -1,13 +1,17 @@
 //! The entrances: a survey, a scene.
 
 use super::assets::Found;
+use super::catalogue::FILES;
 use super::context::{Context, ReadOptions};
 use super::instances::{Base, read_table};
+use super::scanner_xml::read_scanner;
 use super::scene_xml::read_scene_element;
 use super::survey_xml::read_survey_document;
-use super::{Loader, MaterialChoice, MotionTiming, PartRecipe, SceneRecipe, Survey, Transform, UpAxis};
+use super::{
+    Loader, MaterialChoice, MotionTiming, PartRecipe, Scanner, SceneRecipe, Survey, Transform, UpAxis,
+};
 use super::{VoxelLoader, VoxelMode};
-use crate::diag::{Diagnostics, Place};
+use crate::diag::{Diagnostics, Place, nearest};
 use crate::error::Result;
 use std::path::{Path, PathBuf};
 
@@ -36,6 +40,48 @@ pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe
     let context = Context::new(options);
     let scene = find_scene(&context, reference, Path::new(""), None);
     context.finish(scene)
+}
+
+/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, or the id of one that ships.
+///
+/// # Errors
+/// As [`read_survey`].
+pub fn find_scanner(reference: &str, options: &ReadOptions) -> Result<(Scanner, Diagnostics)> {
+    let context = Context::new(options);
+    let is_file = |name: &str| name.contains('/') || extension(name) == "xml";
+    let (file, id) = match reference.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None if is_file(reference) => (reference, None),
+        None => {
+            let shipped = shipped_scanner(&context, reference);
+            return context.finish(shipped);
+        }
+    };
+    let scanner = context
+        .referred_document(file, Path::new(""), None)
+        .and_then(|root| context.pick(&root, "scanner", id, None))
+        .and_then(|element| read_scanner(&context, &element));
+    context.finish(scanner)
+}
+
+/// The scanner of the built-in catalogue with that id.
+fn shipped_scanner(context: &Context, id: &str) -> Option<Scanner> {
+    let mut ids = Vec::new();
+    for file in &FILES {
+        let Some(root) = context.open(&Found::BuiltIn(file)) else { continue };
+        for element in root.named("scanner") {
+            match element.value("id") {
+                Some(own) if own == id => return read_scanner(context, &element),
+                own => ids.extend(own.map(str::to_owned)),
+            }
+        }
+    }
+    let help = match nearest(id, ids.iter().map(String::as_str)) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => "`vlscan catalogue` lists those that ship; a file of one's own is file.xml#id".to_owned(),
+    };
+    context.error_help(None, format!("no scanner that ships has the id `{id}`"), help);
+    None
 }
 
 /// The scene of a reference that stands in a file in `folder` at `place`.

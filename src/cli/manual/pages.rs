@@ -68,6 +68,57 @@ vlscan run forest/survey.xml -o refined.laz --physics refined --seed 7",
         ],
     },
     Page {
+        path: "vlscan trajectory",
+        examples: "\
+# something to fly over
+vlscan scene make terrain -n 20k --pulses 60k -o terrain
+
+# where was the aeroplane?
+vlscan trajectory terrain/survey.xml > flown.csv
+
+# fly the same way again, 200 poses per second
+vlscan trajectory terrain/survey.xml --interval 0.005 |
+  vlscan run terrain/survey.xml --trajectory - -o again.laz",
+        files: &[],
+    },
+    Page {
+        path: "vlscan pulses",
+        examples: "\
+# something to scan
+vlscan scene make terrain -n 20k --pulses 60k -o terrain
+
+# the two halves of a run: the same points as `vlscan run terrain/survey.xml`
+vlscan pulses terrain/survey.xml | vlscan trace --scanner terrain/survey.xml -o terrain.laz
+
+# every tenth pulse
+vlscan pulses terrain/survey.xml | awk 'NR % 10 == 1' |
+  vlscan trace --scanner terrain/survey.xml -o tenth.xyz
+
+# what the columns are
+vlscan pulses terrain/survey.xml | head -n 1 | tr , '\\n'",
+        files: &[],
+    },
+    Page {
+        path: "vlscan trace",
+        examples: "\
+# something to scan
+vlscan scene make terrain -n 20k --pulses 60k -o terrain
+
+# the same points as `vlscan run terrain/survey.xml`
+vlscan pulses terrain/survey.xml | vlscan trace --scanner terrain/survey.xml -o terrain.laz
+
+# the same flight with the receiver of another instrument
+vlscan pulses terrain/survey.xml |
+  vlscan trace --scene terrain/survey.xml --scanner riegl_vq-880g --max-returns 1 -o other.laz
+
+# a scan pattern of one's own: a spiral of pulses from one place
+awk 'BEGIN { OFS = \",\"; print \"time,x,y,z,dx,dy,dz\"
+  for (i = 0; i < 36000; i++) { a = i * 0.0174533; r = i / 36000
+    print i * 1e-5, 0, 0, 500, r * cos(a), r * sin(a), -1 } }' |
+  vlscan trace --scene terrain/survey.xml --scanner riegl_vz400 > spiral.xyz",
+        files: &[],
+    },
+    Page {
         path: "vlscan scene",
         examples: "\
 # make a scene, see what it holds

@@ -2,6 +2,7 @@
 
 use super::speed::{schedule, tree};
 use crate::cli::args::{OutputArgs, PhysicsArgs, PhysicsProfile, RunArgs};
+use crate::cli::inputs::read_survey;
 use crate::cli::pack::sharing;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
@@ -15,9 +16,13 @@ use crate::schedule;
 use crate::survey::{self, PlatformKind, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
 use crate::tree::BuildOptions;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Start of the GPS clock when nobody asks for another: a fixed one, so that equal runs give equal bytes.
 const GPS_START: &str = "2024-01-01 00:00:00";
+
+/// How long points of a live trajectory may wait for others, s.
+const LATENCY: f64 = 0.25;
 
 /// Everything that a run needs to know.
 pub struct Job {
@@ -30,6 +35,7 @@ pub struct Job {
     pub output: OutputRequest,
     pub schedule: schedule::Settings,
     pub schedule_log: Option<PathBuf>,
+    pub latency: Duration,
     pub progress_lines: bool,
 }
 
@@ -49,7 +55,12 @@ impl Job {
             scene: args.input.scene.clone(),
             trajectory: stream,
         };
-        let (mut survey, set, warnings) = read(&args.file, &reading)?;
+        let (survey, set, warnings) = read_survey(&args.file, &reading)?;
+        Ok((Job::settle(args, survey, &set)?, warnings))
+    }
+
+    /// Settles every choice for a survey that has been read.
+    pub fn settle(args: &RunArgs, mut survey: Survey, set: &RunSettings) -> Result<Job> {
         if let Some(crs) = args.output.crs.as_deref().or(set.crs.as_deref()) {
             survey.crs_wkt = Some(wkt(crs)?);
         }
@@ -62,8 +73,8 @@ impl Job {
         // The reference takes the system's clock for an empty text.
         let gps = if gps == "now" || gps.trim().is_empty() { now() } else { gps };
         let threads = threads(args.schedule.threads.or(set.threads));
-        let physics = physics(&args.physics, &args.output, &set, seed)?;
-        let job = Job {
+        let physics = physics(&args.physics, &args.output, set, seed)?;
+        Ok(Job {
             strict: args.input.strict || set.strict.unwrap_or(false),
             load: LoadOptions {
                 wavelength_nm: survey.scanner.devices[0].beam.wavelength,
@@ -74,7 +85,7 @@ impl Job {
                 helios_specularity: !physics.corrections.specular_shares,
                 drop_polygons: args.input.drop_polygons,
             },
-            tree: tree(&args.tree, &set, threads)?,
+            tree: tree(&args.tree, set, threads)?,
             flight: FlightOptions {
                 seed,
                 platform_noise: !args.flight.no_platform_noise && set.platform_noise.unwrap_or(true),
@@ -83,29 +94,28 @@ impl Job {
                 ..FlightOptions::default()
             },
             physics,
-            output: output(&args.output, args.trajectory_out.as_ref(), &set, &survey, &gps)?,
-            schedule: schedule(&args.schedule, &set, threads)?,
+            output: output(&args.output, args.trajectory_out.as_ref(), set, &survey, &gps)?,
+            schedule: schedule(&args.schedule, set, threads)?,
             schedule_log: args.schedule.schedule_log.clone(),
+            latency: latency(args.flight.latency)?,
             progress_lines: args.schedule.progress,
             survey,
-        };
-        Ok((job, warnings))
+        })
     }
-}
-
-fn read(path: &Path, reading: &ReadOptions) -> Result<(Survey, RunSettings, Diagnostics)> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
-        let (pipeline, warnings) = survey::read_pipeline(path, reading)?;
-        return Ok((pipeline.survey, pipeline.settings, warnings));
-    }
-    let (survey, warnings) = survey::read_survey(path, reading)?;
-    Ok((survey, RunSettings::default(), warnings))
 }
 
 fn threads(wanted: Option<usize>) -> usize {
     match wanted {
         Some(n) if n > 0 => n.min(1024),
         _ => std::thread::available_parallelism().map_or(1, usize::from),
+    }
+}
+
+fn latency(seconds: Option<f64>) -> Result<Duration> {
+    let seconds = seconds.unwrap_or(LATENCY);
+    match Duration::try_from_secs_f64(seconds) {
+        Ok(latency) if seconds <= 3600.0 => Ok(latency),
+        _ => Err(Error::input(format!("--latency: expected seconds from 0 to 3600, found {seconds}"))),
     }
 }
 

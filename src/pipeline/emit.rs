@@ -1,0 +1,136 @@
+//! The river's first half by itself: [`emit`] flies and writes poses or pulses, which other commands go on with.
+
+use super::chunk::{Chunk, produce};
+use super::progress::Progress;
+use crate::error::{Error, Result};
+use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse};
+use crate::platform::PoseReader;
+use crate::schedule::{self, Collect, JobQueue, Stop};
+use std::io::Write;
+use std::sync::Arc;
+
+/// What a flight without a scene to look at needs.
+pub struct Emission<'a> {
+    /// Clock, legs, platform, optics.
+    pub flight: &'a FlightPlan,
+    /// How often the survey is flown.
+    pub plays: u32,
+    /// Poses of a streamed platform as they arrive.
+    pub poses: Option<PoseReader>,
+    /// Threads and the warehouse's size.
+    pub schedule: schedule::Settings,
+    /// The user's wish to end.
+    pub stop: &'a Stop,
+    /// What has been done so far, for whoever watches.
+    pub progress: &'a Progress,
+}
+
+/// What a chunk of steps emits.
+#[derive(Debug, Default)]
+pub struct Emitted {
+    /// Number of the leg.
+    pub leg: u32,
+    /// Number of the play, from 0.
+    pub play: u32,
+    /// Pulses, each with the number of simulation steps before it in its play.
+    pub pulses: Vec<(Pulse, u64)>,
+    /// Poses.
+    pub poses: Vec<PoseSample>,
+    step: u64,
+}
+
+impl FlightSink for Emitted {
+    fn pulse(&mut self, pulse: impl FnOnce() -> Pulse) {
+        self.pulses.push((pulse(), self.step));
+    }
+
+    fn pose(&mut self, pose: impl FnOnce() -> PoseSample) {
+        self.poses.push(pose());
+    }
+}
+
+/// Bytes of a chunk.
+struct Written {
+    bytes: Vec<u8>,
+    pulses: u64,
+    leg: u32,
+    done: f64,
+}
+
+/// Flies the survey and writes what `encode` makes of each chunk to `out`, in order. Returns what is behind `out` when
+/// everything is written.
+///
+/// # Errors
+/// [`Error::ClosedPipe`] when the reader went away, [`Error::Io`], and those of the flight.
+pub fn emit<W: Write + Send>(
+    emission: Emission<'_>,
+    encode: impl Fn(&Emitted, &mut Vec<u8>) + Sync,
+    mut out: W,
+) -> Result<W> {
+    let Emission { flight, plays, mut poses, schedule, stop, progress } = emission;
+    let mut state = FlightState::start(flight);
+    for play in 0..plays {
+        let jobs = Arc::new(JobQueue::new(1));
+        if play > 0 {
+            state.repeat(flight);
+        }
+        let make_worker = || {
+            let mut emitted = Emitted { play, ..Emitted::default() };
+            let encode = &encode;
+            move |chunk: Chunk| {
+                replay(flight, &chunk, &mut emitted)?;
+                let mut bytes = Vec::new();
+                encode(&emitted, &mut bytes);
+                let pulses = u64::from(chunk.pulses);
+                Ok(Written { bytes, pulses, leg: chunk.leg, done: chunk.done })
+            }
+        };
+        let collector = Append { out, progress };
+        let fly = |feed: &mut schedule::Feed<'_, _, _, _>| {
+            produce(flight, None, &mut state, poses.take(), stop, feed)
+        };
+        out = schedule::run(schedule, &jobs, stop, None, make_worker, fly, collector)?;
+    }
+    Ok(out)
+}
+
+/// Repeats the chunk's steps.
+fn replay(flight: &FlightPlan, chunk: &Chunk, emitted: &mut Emitted) -> Result<()> {
+    emitted.pulses.clear();
+    emitted.poses.clear();
+    emitted.leg = chunk.leg;
+    emitted.step = chunk.start.steps();
+    let mut state = chunk.start.clone();
+    for _ in 0..chunk.steps {
+        state.step(flight, emitted)?;
+        emitted.step += 1;
+    }
+    Ok(())
+}
+
+/// Appends bytes in the order of the chunks.
+struct Append<'a, W> {
+    out: W,
+    progress: &'a Progress,
+}
+
+impl<W: Write + Send> Collect<Written> for Append<'_, W> {
+    type Summary = W;
+
+    fn take(&mut self, chunk: Written, more_waiting: bool) -> Result<()> {
+        let failed = |e| Error::io("write", "standard output", e);
+        self.out.write_all(&chunk.bytes).map_err(failed)?;
+        if !more_waiting {
+            self.out.flush().map_err(failed)?;
+        }
+        self.progress.add(chunk.pulses, 0, chunk.leg, chunk.done);
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<W> {
+        self.out.flush().map_err(|e| Error::io("write", "standard output", e))?;
+        Ok(self.out)
+    }
+
+    fn abort(self) {}
+}

@@ -1,0 +1,104 @@
+//! Pulses and poses as comma-separated values: a header of names and units, then one row per line, every number with as
+//! many digits as bring back its bits.
+
+use super::columns::{Column, ENTRIES, Quantity};
+use super::row::{ATTITUDE, DIRECTION, EXACT, ORIGIN, Present, PulseRow};
+use crate::flight::PoseSample;
+use crate::geom::{DVec3, degrees};
+
+/// First line of a stream of poses.
+pub const POSE_HEADER: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]\n";
+
+/// What is written of every pulse.
+pub fn usual_columns() -> Present {
+    let single = [Column::Time, Column::Leg, Column::Device, Column::Pulse, Column::Step, Column::ScanAngle];
+    let low = [Column::LowX, Column::LowY, Column::LowZ];
+    let all = single.iter().chain(&ORIGIN).chain(&DIRECTION).chain(&ATTITUDE).chain(&low);
+    all.fold(Present::default(), |p, c| p.with(*c))
+}
+
+/// The columns of mechanical errors.
+pub fn with_errors(present: Present) -> Present {
+    EXACT.iter().fold(present.with(Column::RangeError), |p, c| p.with(*c))
+}
+
+/// The header line of a stream with these columns.
+pub fn header(present: Present) -> String {
+    let headings: Vec<String> =
+        ENTRIES.iter().filter(|e| present.has(e.column)).map(|e| e.heading()).collect();
+    headings.join(",") + "\n"
+}
+
+/// Appends a pulse as a line; `shift` is the world position of the scene frame's origin.
+pub fn push_pulse(out: &mut Vec<u8>, row: &PulseRow, present: Present, shift: DVec3) {
+    let values = row.values(shift);
+    for entry in ENTRIES.iter().filter(|e| present.has(e.column)) {
+        let value = values[entry.column as usize];
+        match entry.quantity {
+            Quantity::Count => push_count(out, value as u64),
+            _ => push_number(out, value),
+        }
+        out.push(b',');
+    }
+    end_line(out);
+}
+
+/// Appends a pose as a line: seconds, metres, degrees after ARINC 705.
+pub fn push_pose(out: &mut Vec<u8>, pose: &PoseSample, shift: DVec3) {
+    let position = pose.position + shift;
+    let angles = pose.arinc_angles().map(degrees);
+    let numbers = [pose.time_ns / 1e9, position.x, position.y, position.z, angles[0], angles[1], angles[2]];
+    for number in numbers {
+        // No negative zeros.
+        push_number(out, number + 0.0);
+        out.push(b',');
+    }
+    end_line(out);
+}
+
+/// The last comma becomes the line's end.
+fn end_line(out: &mut [u8]) {
+    if let Some(last) = out.last_mut() {
+        *last = b'\n';
+    }
+}
+
+fn push_count(out: &mut Vec<u8>, count: u64) {
+    out.extend_from_slice(itoa::Buffer::new().format(count).as_bytes());
+}
+
+/// The shortest text that reads back as the same number.
+fn push_number(out: &mut Vec<u8>, value: f64) {
+    let mut buffer = zmij::Buffer::new();
+    let text = buffer.format(value);
+    out.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn numbers_read_back_with_all_bits(value in prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO) {
+            let mut out = Vec::new();
+            push_number(&mut out, value);
+            let back: f64 = std::str::from_utf8(&out).unwrap().parse().unwrap();
+            prop_assert_eq!(back.to_bits(), value.to_bits());
+        }
+    }
+
+    #[test]
+    fn the_header_names_units() {
+        assert!(
+            header(usual_columns()).starts_with("time[ns],x[m],y[m],z[m],dx,dy,dz,leg,device,pulse,step,qw,")
+        );
+        assert!(
+            header(with_errors(usual_columns())).ends_with("exact_qx,exact_qy,exact_qz,range_error[m]\n")
+        );
+        let mut out = Vec::new();
+        push_number(&mut out, 86_391e9);
+        assert_eq!(out, b"86391000000000");
+    }
+}

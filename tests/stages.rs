@@ -1,0 +1,250 @@
+//! The stages as commands: composed they are `vlscan run`, bit for bit, and anybody's pulses can take the place of ours.
+
+mod common;
+
+use common::{feed, fixture, folder, run, succeed, text};
+use std::path::Path;
+
+fn survey(name: &str) -> String {
+    fixture(name).to_str().unwrap().to_owned()
+}
+
+/// What `run` and `pulses | trace` give, as text.
+fn both_ways(dir: &Path, survey: &str, flight: &[&str], trace: &[&str]) -> (Vec<u8>, Vec<u8>) {
+    let direct = [&["run", survey, "-q", "-o", "-", "--format", "xyz"], flight].concat();
+    let direct = succeed(dir, &direct).stdout;
+    let pulses = succeed(dir, &[&["pulses", survey, "-q", "-j", "3"], flight].concat()).stdout;
+    let traced = feed(dir, &[&["trace", "-q", "-j", "2"], trace].concat(), &pulses);
+    assert!(traced.status.success(), "{}", text(&traced.stderr));
+    (direct, traced.stdout)
+}
+
+fn assert_same(dir: &Path, survey: &str, flight: &[&str], trace: &[&str], least: usize) {
+    let (direct, traced) = both_ways(dir, survey, flight, trace);
+    let points = direct.iter().filter(|b| **b == b'\n').count();
+    assert!(points >= least, "{survey}: only {points} points");
+    assert!(direct == traced, "{survey}: run and pulses | trace {} differ", trace.join(" "));
+}
+
+#[test]
+fn an_airborne_survey_is_the_same_in_two_stages() {
+    let dir = folder();
+    let s = survey("forest/survey.xml");
+    assert_same(dir.path(), &s, &[], &["--scene", &s, "--scanner", &s], 10_000);
+    let scanner = format!("{}#", survey("forest/scanners.xml"));
+    let scanner = scanner.trim_end_matches('#');
+    // The scanner alone: seed and legs come with the pulses or from the command line.
+    let scene = survey("forest/scene.xml");
+    assert_same(
+        dir.path(),
+        &s,
+        &["--seed", "5"],
+        &["--scene", &scene, "--scanner", scanner, "--seed", "5"],
+        10_000,
+    );
+}
+
+#[test]
+fn refined_physics_and_small_blocks_change_nothing() {
+    let dir = folder();
+    let s = survey("terrain/survey.xml");
+    let refined = ["--physics", "refined", "--echo-width", "--seed", "9"];
+    let direct =
+        succeed(dir.path(), &[&["run", &s, "-q", "-o", "-", "--format", "xyz"], &refined[..]].concat());
+    let pulses = succeed(dir.path(), &["pulses", &s, "-q", "--seed", "9"]).stdout;
+    for size in ["7", "100000"] {
+        let args = [&["trace", "-q", "--scanner", &s, "--chunk-size", size], &refined[..]].concat();
+        let traced = feed(dir.path(), &args, &pulses);
+        assert!(traced.stdout == direct.stdout, "blocks of {size}: {}", text(&traced.stderr));
+    }
+}
+
+#[test]
+fn a_terrestrial_survey_is_the_same_in_two_stages() {
+    let dir = folder();
+    let s = survey("room/survey.xml");
+    assert_same(dir.path(), &s, &[], &["--scanner", &s], 10_000);
+}
+
+#[test]
+fn vehicles_and_many_channels_are_the_same_in_two_stages() {
+    let dir = folder();
+    for name in ["street/survey.xml", "street/spinning.xml"] {
+        let s = survey(name);
+        assert_same(dir.path(), &s, &["--seed", "3"], &["--scanner", &s, "--seed", "3"], 1000);
+    }
+}
+
+#[test]
+fn moving_parts_and_plays_are_the_same_in_two_stages() {
+    let dir = folder();
+    let s = survey("moving/survey.xml");
+    assert_same(dir.path(), &s, &[], &["--scanner", &s, "--chunk-size", "50"], 1000);
+}
+
+#[test]
+fn a_streamed_flight_is_the_same_in_two_stages() {
+    let dir = folder();
+    let pipeline = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/als.toml");
+    let pipeline = pipeline.to_str().unwrap();
+    let flight = fixture("flight.csv");
+    let flight = ["--trajectory", flight.to_str().unwrap()];
+    assert_same(dir.path(), pipeline, &flight, &["--scanner", pipeline], 1000);
+}
+
+#[test]
+fn files_per_leg_waveforms_and_las_are_the_same() {
+    let dir = folder();
+    let s = survey("room/survey.xml");
+    let wanted = ["-o", "legs", "--format", "las", "--waveforms", "--pulses"];
+    succeed(dir.path(), &[&["run", &s, "-q"], &wanted[..]].concat());
+    std::fs::rename(dir.path().join("legs"), dir.path().join("direct")).unwrap();
+    let pulses = succeed(dir.path(), &["pulses", &s, "-q"]).stdout;
+    let traced = feed(dir.path(), &[&["trace", "-q", "--scanner", &s], &wanted[..]].concat(), &pulses);
+    assert!(traced.status.success(), "{}", text(&traced.stderr));
+    let names = common::files(&dir.path().join("direct"));
+    assert_eq!(names, common::files(&dir.path().join("legs")));
+    assert!(names.len() >= 6, "{names:?}");
+    for name in names {
+        let bytes = |folder: &str| std::fs::read(dir.path().join(folder).join(&name)).unwrap();
+        assert!(bytes("direct") == bytes("legs"), "{} differs", name.display());
+    }
+}
+
+/// The manual's own scan pattern: ten lines of awk.
+const CONE: &str = r#"BEGIN { OFS = ","; print "time,x,y,z,dx,dy,dz"
+  for (i = 0; i < 3600; i++) { a = i * 0.0174533; r = i / 36000
+    print i * 1e-5, 0, 0, 100, r * cos(a), r * sin(a), -1 } }"#;
+
+#[test]
+fn anybodys_pulses_can_be_traced() {
+    let dir = folder();
+    let pulses = std::process::Command::new("awk").arg(CONE).output().expect("awk").stdout;
+    let scene = survey("terrain/scene.xml");
+    let args = ["trace", "-q", "--scene", &scene, "--scanner", "riegl_vz400"];
+    let traced = feed(dir.path(), &args, &pulses);
+    assert!(traced.status.success(), "{}", text(&traced.stderr));
+    let points = text(&traced.stdout);
+    assert!(points.lines().count() > 3000, "{} points", points.lines().count());
+    // All echoes lie within the cone, and the pulses are numbered by their order.
+    for line in points.lines() {
+        let f: Vec<f64> = line.split(' ').filter_map(|f| f.parse().ok()).collect();
+        let (x, y, z) = (f[0], f[1], f[2]);
+        assert!((x * x + y * y).sqrt() <= 0.11 * (100.0 - z), "{line}");
+        let number: f64 = line.split(' ').nth(7).unwrap().parse().unwrap();
+        let time: f64 = line.split(' ').nth(10).unwrap().parse().unwrap();
+        assert!((time - (number - 1.0) * 1e-5).abs() < 1e-8, "{line}");
+    }
+    // Without a header, with blanks.
+    let bare: String = text(&pulses).lines().skip(1).map(|l| l.replace(',', " ") + "\n").collect();
+    assert!(feed(dir.path(), &args, bare.as_bytes()).stdout == traced.stdout);
+}
+
+#[test]
+fn wrong_pulses_are_named_with_their_place() {
+    let dir = folder();
+    let scene = survey("terrain/scene.xml");
+    let args = ["trace", "-q", "--scene", &scene, "--scanner", "riegl_vz400"];
+    let head = "time,x,y,z,dx,dy,dz\n0,0,0,100,0,0,-1\n";
+    let cases = [
+        (String::new(), "the stream is empty"),
+        ("time,x,y,z,dx,dy,dzz\n".to_owned(), "did you mean `dz`"),
+        ("time,x,y,z,dx,dy\n1,2,3,4,5,6\n".to_owned(), "no column for dz"),
+        ("1,2,3,4\n".to_owned(), "4 numbers and no header"),
+        (format!("{head}1,0,0,100,0,0\n"), "<stdin>:3:1"),
+        (format!("{head}1,0,0,nan,0,0,-1\n"), "z is NaN"),
+        (format!("{head}1,0,x,100,0,0,-1\n"), "<stdin>:3:5"),
+        (format!("{head}1,0,0,100,0,0,0\n"), "0 0 0 is no direction"),
+        (format!("{head}1,0,0,1e999,0,0,1\n"), "z is inf"),
+        (
+            format!("device,{}0,0,0,0,100,0,0,-1\n9,0,0,0,100,0,0,-1\n", &head[..20]),
+            "device 9, the scanner has 1",
+        ),
+        ("\u{0}\u{1}\u{2}\n".repeat(3), "unknown column"),
+        ("x".repeat(100_000), "a line of more than"),
+    ];
+    for (input, part) in cases {
+        let out = feed(dir.path(), &args, input.as_bytes());
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{part}: {said}");
+        assert!(said.contains(part), "{part:?} is missing from\n{said}");
+    }
+}
+
+#[test]
+fn scanners_and_legs_that_are_missing_are_named() {
+    let dir = folder();
+    let scene = survey("terrain/scene.xml");
+    let refuse = |args: &[&str], input: &str, part: &str| {
+        let out = feed(dir.path(), args, input.as_bytes());
+        assert_eq!(out.status.code(), Some(2), "{part}: {}", text(&out.stderr));
+        assert!(text(&out.stderr).contains(part), "{part:?} is missing from\n{}", text(&out.stderr));
+    };
+    let pulse = "leg,x,y,z,dx,dy,dz\n5,0,0,100,0,0,-1\n";
+    refuse(&["trace", "--scene", &scene, "--scanner", "riegl_vz40"], pulse, "did you mean `riegl_vz400`");
+    refuse(&["trace", "--scanner", "riegl_vz400"], pulse, "--scene is missing");
+    refuse(
+        &["trace", "--scene", &scene, "--scanner", "riegl_vz400", "-o", "legs"],
+        pulse,
+        "one file per leg",
+    );
+    let s = survey("terrain/survey.xml");
+    refuse(&["trace", "--scanner", &s], pulse, "leg 5, the survey has");
+    // A scanner alone knows no legs: any number will do.
+    let args = ["trace", "-q", "--scene", &scene, "--scanner", "riegl_vz400"];
+    assert!(feed(dir.path(), &args, pulse.as_bytes()).status.success());
+}
+
+#[test]
+fn poses_fly_again_as_they_were() {
+    let dir = folder();
+    let s = survey("terrain/survey.xml");
+    let poses = succeed(dir.path(), &["trajectory", &s, "-q", "--interval", "0.01"]).stdout;
+    assert!(text(&poses).starts_with("time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]\n"));
+    let again =
+        feed(dir.path(), &["trajectory", &s, "-q", "--interval", "0.01", "--trajectory", "-"], &poses);
+    assert!(again.status.success(), "{}", text(&again.stderr));
+    let rows = |bytes: &[u8]| -> Vec<Vec<f64>> {
+        let line = |l: &str| l.split(',').map(|f| f.parse().unwrap()).collect();
+        text(bytes).lines().skip(1).map(line).collect()
+    };
+    let (first, second) = (rows(&poses), rows(&again.stdout));
+    assert!(first.len() > 50);
+    // Within the first leg every pose lies where the recorded ones say; later legs turn between two poses.
+    let mut checked = 0;
+    for pose in &second {
+        let after = first.partition_point(|p| p[0] < pose[0]);
+        let (Some(p), Some(q)) = (first.get(after.wrapping_sub(1)), first.get(after)) else { continue };
+        if q[6] != first[0][6] {
+            break;
+        }
+        let share = (pose[0] - p[0]) / (q[0] - p[0]);
+        for column in 1..7 {
+            let there = p[column] + (q[column] - p[column]) * share;
+            assert!((pose[column] - there).abs() < 1e-6, "{pose:?} is not between {p:?} and {q:?}");
+        }
+        checked += 1;
+    }
+    assert!(checked > 50, "only {checked} poses");
+}
+
+#[test]
+fn a_reader_that_goes_away_ends_the_flight_quietly() {
+    use std::io::Read;
+    use std::process::Stdio;
+    let dir = folder();
+    for command in ["pulses", "trajectory"] {
+        let mut child = common::vlscan(dir.path())
+            .args([command, &survey("forest/survey.xml")])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut some = [0; 100];
+        child.stdout.take().unwrap().read_exact(&mut some).unwrap();
+        let out = child.wait_with_output().unwrap();
+        assert_eq!((out.status.code(), text(&out.stderr)), (Some(0), String::new()), "{command}");
+    }
+    let out = run(dir.path(), &["pulses", "no_such.xml"]);
+    assert_eq!(out.status.code(), Some(2));
+}
