@@ -75,10 +75,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
             Ended::Cut(summary) => {
                 let pulses = progress.snapshot().pulses;
                 report(console, &summary, pulses, flying, started.elapsed().as_secs_f64());
-                if !summary.files.is_empty() {
-                    console.say("the run was interrupted: these outputs are valid but partial, and say so");
-                }
-                return Err(Error::Interrupted);
+                return Err(interrupted(console, &summary));
             }
             Ended::Play(interval) => before = Some(interval),
         }
@@ -95,6 +92,14 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let pulses = progress.snapshot().pulses;
     report(console, &summary, pulses, flying, started.elapsed().as_secs_f64());
     Ok(())
+}
+
+/// Says what an interrupted run leaves behind.
+pub fn interrupted(console: &Console, summary: &Summary) -> Error {
+    if !summary.files.is_empty() {
+        console.say("the run was interrupted: these outputs are valid but partial, and say so");
+    }
+    Error::Interrupted
 }
 
 /// What a play is flown over.

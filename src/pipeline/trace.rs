@@ -139,6 +139,7 @@ pub fn trace(
     Ok(match closed {
         Closed::Whole(summary) => TraceEnded::Whole(summary),
         Closed::Play(writer) => TraceEnded::Play(Sinks(writer)),
+        Closed::Cut(writer) => TraceEnded::Cut(writer.finish_partial()?),
     })
 }
 
@@ -152,6 +153,8 @@ pub enum TraceEnded {
     Whole(crate::output::Summary),
     /// Another one follows.
     Play(Sinks),
+    /// The user ended the run: the outputs hold what was measured until then, and say so.
+    Cut(crate::output::Summary),
 }
 
 /// One thread's computing stage.
@@ -346,6 +349,10 @@ impl Collect<Vec<Measured>> for Ordered<'_> {
 
     fn finish(self) -> Result<Closed> {
         self.inner.finish()
+    }
+
+    fn cut(self) -> Result<Closed> {
+        self.inner.cut()
     }
 
     fn abort(self) {

@@ -2,7 +2,7 @@
 
 use crate::cli::args::{FlightArgs, RunArgs, TraceArgs};
 use crate::cli::inputs::{holds_survey, read_survey};
-use crate::cli::run::{Job, Stage, load_and_build, report};
+use crate::cli::run::{Job, Stage, interrupted, load_and_build, report};
 use crate::cli::watch::watched;
 use crate::cli::{Console, interrupt};
 use crate::diag::Diagnostics;
@@ -72,6 +72,12 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
         match ended {
             TraceEnded::Whole(summary) => break (took_off.elapsed().as_secs_f64(), summary),
             TraceEnded::Play(open) => sinks = Some(open),
+            TraceEnded::Cut(summary) => {
+                let flying = took_off.elapsed().as_secs_f64();
+                let pulses = progress.snapshot().pulses;
+                report(console, &summary, pulses, flying, started.elapsed().as_secs_f64());
+                return Err(interrupted(console, &summary));
+            }
         }
         drop(stage);
         play += 1;
