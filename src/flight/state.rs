@@ -408,7 +408,7 @@ mod tests {
     #[test]
     fn snapshots_are_small() {
         assert!(size_of::<FlightState>() <= 512, "{}", size_of::<FlightState>());
-        assert!(size_of::<DeviceState>() <= 160, "{}", size_of::<DeviceState>());
+        assert!(size_of::<DeviceState>() <= 192, "{}", size_of::<DeviceState>());
     }
 
     #[test]

@@ -122,9 +122,13 @@ fn the_header_conforms_to_the_standard() {
     assert_eq!(raw.len(), u32_at(&raw, 96) as usize + 60 * 64);
     let vlrs = vlrs(&raw);
     let named: Vec<(&str, u16)> = vlrs.iter().map(|(user, id, _)| (user.as_str(), *id)).collect();
-    assert_eq!(named, [("LASF_Spec", 4), ("LASF_Projection", 2112), ("LASF_Spec", 3), ("vlscan", 1)]);
+    assert_eq!(
+        named,
+        [("LASF_Spec", 4), ("LASF_Projection", 2112), ("LASF_Spec", 3), ("vlscan", 1), ("vlscan", 2)]
+    );
     assert_eq!(vlrs[1].2, [WKT.as_bytes(), b"\0"].concat());
     assert_eq!(vlrs[3].2, b"1\tnorth\n");
+    assert_eq!(text(&vlrs[4].2), "complete");
     let names: Vec<(u8, String)> = vlrs[0].2.chunks(192).map(|d| (d[2], text(&d[4..36]))).collect();
     let expected = [
         (10, "echo_width"),

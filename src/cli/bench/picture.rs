@@ -324,11 +324,13 @@ impl Axis {
             let first = libm::floor(libm::log2(self.lo)) as i32;
             let last = libm::floor(libm::log2(self.hi)) as i32;
             let every = ((last - first) / 8).max(1);
-            return (first..=last)
+            let ticks: Vec<f64> = (first..=last)
                 .step_by(every as usize)
                 .map(|e| libm::ldexp(1.0, e))
                 .filter(|t| *t >= self.lo)
                 .collect();
+            // Between two powers of two there is no round value; the middle will do.
+            return if ticks.is_empty() { vec![(self.lo * self.hi).sqrt()] } else { ticks };
         }
         let raw = (self.hi - self.lo) / 5.0;
         let power = libm::pow(10.0, libm::floor(libm::log10(raw)));

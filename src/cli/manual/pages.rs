@@ -174,6 +174,19 @@ vlscan scene info forest.vlscene --verify",
         files: &[],
     },
     Page {
+        path: "vlscan bench",
+        examples:
+            "\
+vlscan scene make terrain -n 20k --pulses 60k -o terrain
+
+# two trees, one and two threads: a table; every cell as JSON; a picture
+vlscan bench terrain/survey.xml --tree bvh,fsah -j 1,2 --json cells.json --svg cells.svg
+
+# how four schedules would fare on 64 threads, from task times measured here
+vlscan bench terrain/survey.xml --tree bvh --schedule single,static,dynamic,warehouse --simulate-threads 2,64",
+        files: &[],
+    },
+    Page {
         path: "vlscan catalogue",
         examples: "\
 # everything that ships
