@@ -92,6 +92,41 @@ mod tests {
     }
 
     #[test]
+    fn uniform_noise_fills_its_interval_evenly() {
+        let noise = Noise { kind: NoiseKind::Uniform { min: -0.2, max: 0.6 }, clip: None, lifespan: 1 };
+        let source = only_x(Some(noise));
+        let values: Vec<f64> = (0..8000).map(|i| source.offset(0, i).x).collect();
+        assert!(values.iter().all(|v| (-0.2..0.6).contains(v)));
+        // Four standard deviations of a count of 1000 among 8000.
+        for tenth in 0..8 {
+            let low = -0.2 + 0.1 * f64::from(tenth);
+            let count = values.iter().filter(|v| (low..low + 0.1).contains(*v)).count();
+            assert!(count.abs_diff(1000) < 120, "{count} from {low}");
+        }
+    }
+
+    #[test]
+    fn each_attitude_source_turns_about_its_own_axis() {
+        for axis in 0..3 {
+            let mut attitude = [None, None, None];
+            attitude[axis] = normal(1, None);
+            let noise = PoseNoise::new(&PlatformNoise { position: [None, None, None], attitude }, 3);
+            let angles: Vec<f64> = (0..4000)
+                .map(|i| {
+                    let turned = noise.disturb(Rotation::IDENTITY, 0, i);
+                    let about = [turned.u.x, turned.u.y, turned.u.z];
+                    assert!((0..3).all(|other| other == axis || about[other] == 0.0), "{turned:?}");
+                    2.0 * about[axis].atan2(turned.w)
+                })
+                .collect();
+            let mean = angles.iter().sum::<f64>() / 4000.0;
+            let variance = angles.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / 3999.0;
+            // Four standard errors: 1/sqrt(n), and sqrt(2/n) of the variance.
+            assert!(mean.abs() < 0.0633 && (variance - 1.0).abs() < 0.09, "{mean} {variance}");
+        }
+    }
+
+    #[test]
     fn lifespan_repeats_and_clipping_saturates() {
         let draw = |n: &PoseNoise, i: u64| n.offset(0, i).x;
         let three = only_x(normal(3, None));

@@ -260,11 +260,17 @@ fn helios_format(args: &OutputArgs) -> PointFormat {
     }
 }
 
-/// Where a path leads, and the format that is asked for or told by the extension; `usual` where nothing tells it.
+/// Where a path leads, and its format: the one that its extension tells, else the one asked for, else `usual`.
 fn sink(path: &Path, format: Option<&str>, usual: PointFormat) -> Result<(Target, PointFormat)> {
     let stream = is_stdout(path);
-    let extension = path.extension().and_then(|e| e.to_str());
-    let known = format.or(if stream { None } else { extension }).map(|name| {
+    let extension = path.extension().and_then(|e| e.to_str()).filter(|_| !stream && !path.is_dir());
+    let told = match (extension.and_then(point_format), format) {
+        // One extension has two formats.
+        (Some(PointFormat::PlyBinary), Some("ply-ascii")) => Some("ply-ascii"),
+        (Some(_), _) => extension,
+        (None, asked) => asked.or(extension),
+    };
+    let known = told.map(|name| {
         point_format(name).ok_or_else(|| {
             Error::input(format!(
                 "{}: no format is called {name:?}; choose xyz, csv, bin, las, laz, ply, ply-ascii, arrow or parquet",
@@ -274,7 +280,7 @@ fn sink(path: &Path, format: Option<&str>, usual: PointFormat) -> Result<(Target
     });
     let target = match (stream, extension) {
         (true, _) => Target::Stdout,
-        (false, Some(_)) if !path.is_dir() => Target::File(path.to_path_buf()),
+        (false, Some(_)) => Target::File(path.to_path_buf()),
         // A named pipe, or what the shell makes of >(...)
         (false, None) if path.exists() && !path.is_dir() && !path.is_file() => {
             Target::File(path.to_path_buf())
@@ -386,5 +392,9 @@ mod tests {
         ));
         assert!(matches!(sink(Path::new("folder"), None, PointFormat::Las).unwrap(), (_, PointFormat::Las)));
         assert!(sink(Path::new("a.e57"), None, PointFormat::Xyz).is_err());
+        let named = |path: &str, format| sink(Path::new(path), Some(format), PointFormat::Xyz).unwrap().1;
+        assert_eq!(named("a.laz", "xyz"), PointFormat::Laz, "a name never lies");
+        assert_eq!(named("a.ply", "ply-ascii"), PointFormat::PlyAscii);
+        assert_eq!(named("a.dat", "las"), PointFormat::Las);
     }
 }
