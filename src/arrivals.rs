@@ -59,6 +59,9 @@ impl Arrivals {
         if is_stdin(path) {
             return Ok(Arrivals::of(std::io::stdin()));
         }
+        if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+            return Ok(Arrivals::of(Late::Closed(path.to_path_buf())));
+        }
         std::fs::File::open(path).map(Arrivals::of)
     }
 
@@ -75,6 +78,24 @@ impl Arrivals {
             Ok(Ok(bytes)) => Arrival::Bytes(bytes),
             Ok(Err(e)) => Arrival::Failed(e),
             Err(other) => other,
+        }
+    }
+}
+
+/// A named pipe that is opened with its first read: opening waits for a writer, and meanwhile the run may be ended.
+enum Late {
+    Closed(std::path::PathBuf),
+    Open(std::fs::File),
+}
+
+impl Read for Late {
+    fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+        if let Late::Closed(path) = self {
+            *self = Late::Open(std::fs::File::open(path)?);
+        }
+        match self {
+            Late::Open(file) => file.read(to),
+            Late::Closed(_) => Ok(0),
         }
     }
 }

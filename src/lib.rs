@@ -20,10 +20,10 @@
 //! |---|---|---|
 //! | [`geom`], [`rng`], [`diag`], [`error`], [`arrivals`] | rotations, boxes; counter-based random numbers; places and reports; bytes as they arrive | nothing |
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
-//! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag |
+//! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, arrivals |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
 //! | [`scene`] | loads, places and freezes what is scanned; tells what moves, and what another play swaps | survey, tree |
-//! | [`platform`] | the movers: position and attitude per step | survey, geom |
+//! | [`platform`] | the movers: position and attitude per step; recorded trajectories in every layout | survey, geom |
 //! | [`scanner`] | heads and deflectors per step | survey, geom |
 //! | [`flight`] | the clock: legs, steps, pulses; cheap to replay from a snapshot | platform, scanner |
 //! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes echoes | flight, scene, tree |

@@ -4,7 +4,8 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use vlscan::scene::make::{FlightOptions, Kind, MakeOptions, make, write_flight};
+use vlscan::geom::UtmZone;
+use vlscan::scene::make::{FlightOptions, GridPlace, Kind, MakeOptions, make, write_flight, write_sbet};
 
 fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures")
@@ -63,4 +64,21 @@ fn the_flight_is_what_the_generator_writes() {
     let folder = tempfile::tempdir().unwrap();
     let made = write_flight(&FlightOptions::default(), &folder.path().join("flight.csv")).unwrap();
     assert!(std::fs::read(kept).unwrap() == std::fs::read(made).unwrap(), "fixtures/flight.csv differs");
+}
+
+#[test]
+fn the_geographic_flight_is_what_the_generator_writes() {
+    let options = FlightOptions { rate_hz: 50.0, duration_s: 10.0, ..FlightOptions::default() };
+    let zone = UtmZone::parse("32N").unwrap();
+    let place = GridPlace { zone, origin_m: [476_000.0, 5_429_000.0], height_m: 48.0 };
+    let kept = fixtures().join("airborne/flight.out");
+    if updating() {
+        write_sbet(&options, &place, &kept).unwrap();
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let made = write_sbet(&options, &place, &folder.path().join("flight.out")).unwrap();
+    assert!(
+        std::fs::read(kept).unwrap() == std::fs::read(made).unwrap(),
+        "fixtures/airborne/flight.out differs"
+    );
 }

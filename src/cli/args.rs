@@ -1,5 +1,6 @@
 //! The command line as typed: nothing here touches the world.
 
+pub use super::pose_args::PoseArgs;
 pub use super::stage_args::{PulsesArgs, SurveyArgs, TraceArgs, TrajectoryArgs};
 use super::{LogTo, Verbosity};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
@@ -244,11 +245,15 @@ pub struct InputArgs {
 /// Where the platform is.
 #[derive(Clone, Debug, Default, Args)]
 pub struct FlightArgs {
-    /// Replace the platform by a recorded trajectory (time,x,y,z,roll,pitch,yaw); - reads it from stdin as it arrives.
+    /// Replace the platform by a recorded trajectory: text (time,x,y,z,roll,pitch,yaw), SBET or TerraScan .trj; - or STDIN
+    /// reads it from stdin as it arrives.
     #[arg(long, value_name = "PATH", help_heading = "Input")]
     pub trajectory: Option<PathBuf>,
+    /// How the trajectory is read.
+    #[command(flatten)]
+    pub poses: PoseArgs,
     /// How long, in seconds, points of a live trajectory may wait for others to be computed together. [default: 0.25]
-    #[arg(long, value_name = "SECONDS", help_heading = "Input")]
+    #[arg(long, value_name = "SECONDS", help_heading = "Trajectory")]
     pub latency: Option<f64>,
     /// Ignore the platform's position and attitude noise.
     #[arg(long, help_heading = "Simulation")]

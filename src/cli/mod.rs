@@ -13,6 +13,7 @@ mod inputs;
 mod interrupt;
 mod manual;
 mod pack;
+mod pose_args;
 mod preview;
 mod run;
 mod scene;

@@ -11,11 +11,11 @@ use crate::error::{Error, Result};
 use crate::flight::FlightPlan;
 use crate::output::{FileKind, OutputContext, OutputPlan, OutputRequest, Summary};
 use crate::pipeline::{self, Ended, Progress};
-use crate::platform::PoseReader;
+use crate::platform::{PoseReader, Told};
 use crate::pulse::Physics;
 use crate::scene::{self, Movers, Scene, Stand};
 use crate::schedule::Recorder;
-use crate::survey::PlatformKind;
+use crate::survey::{PlatformKind, PoseStream};
 use crate::tree::Tree;
 pub use job::{Job, count};
 use std::sync::Arc;
@@ -45,7 +45,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let context = OutputContext { survey: &job.survey, scene: &stage.scene };
     let output = Arc::new(OutputPlan::new(OutputRequest { plays, ..job.output.clone() }, &context)?);
     let first = Stand::of(&stage.scene);
-    let mut poses = stream.map(PoseReader::open).transpose()?.map(|poses| poses.patient(job.latency));
+    let mut poses = stream.map(|stream| open_poses(stream, &job, console)).transpose()?;
 
     let progress = Progress::default();
     let recorder = job.schedule_log.is_some().then(Recorder::new);
@@ -92,6 +92,17 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let pulses = progress.snapshot().pulses;
     report(console, &summary, pulses, flying, started.elapsed().as_secs_f64());
     Ok(())
+}
+
+/// The reader of a live trajectory, which tells the user what it meets.
+pub fn open_poses(stream: &PoseStream, job: &Job, console: &Console) -> Result<PoseReader> {
+    let console = console.clone();
+    let tell = move |told| match told {
+        Told::Warnings(found) => console.warnings(&found),
+        Told::Note(note) => console.say(note),
+        Told::Detail(detail) => console.detail(detail),
+    };
+    Ok(PoseReader::open(stream)?.patient(job.latency).telling(job.strict, tell))
 }
 
 /// Says what an interrupted run leaves behind.

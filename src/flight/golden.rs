@@ -356,6 +356,7 @@ fn table_survey(legs: Vec<Leg>, sync: bool) -> (Survey, tempfile::TempDir) {
         position_only: false,
         degrees: true,
         sync_gps_time: sync,
+        grid: crate::survey::Grid::FirstFix,
         files: vec![TrajectoryFile { path, columns: None, separator: None, slope_filter: 0.0 }],
     });
     (survey(kind, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs), dir)

@@ -127,9 +127,12 @@ impl FlightPlan {
                     stages.into_iter().map(|s| s.course).collect(),
                 )
             }
-            PlatformKind::Stream(s) => {
-                PlatformPlan::stream(survey.legs[0].scanner.pulse_freq, s.rotation_spec, courses)
-            }
+            PlatformKind::Stream(s) => PlatformPlan::stream(
+                survey.legs[0].scanner.pulse_freq,
+                s.max_gap,
+                s.rotation.rotation_spec(),
+                courses,
+            ),
         };
         let noise = if options.platform_noise { survey.platform.noise.clone() } else { Default::default() };
         let first_freq = f64::from(survey.legs[0].scanner.pulse_freq);

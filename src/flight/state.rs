@@ -343,8 +343,7 @@ mod tests {
     use super::*;
     use crate::flight::testing::*;
     use crate::geom::{DVec3, Rotation, radians};
-    use crate::survey::{Deflector, Mount, Noise, NoiseKind, PlatformKind, PoseStream, RotationSpec, Survey};
-    use std::path::PathBuf;
+    use crate::survey::{Deflector, Mount, Noise, NoiseKind, PlatformKind, PoseStream, Survey};
 
     fn busy_survey() -> Survey {
         let scan = |l: &mut crate::survey::Leg| {
@@ -476,13 +475,7 @@ mod tests {
     }
 
     fn stream_survey(change: impl FnOnce(&mut crate::survey::Leg)) -> Survey {
-        let kind = PlatformKind::Stream(PoseStream {
-            path: PathBuf::from("-"),
-            rotation_spec: RotationSpec::Arinc705,
-            degrees: true,
-            columns: None,
-            separator: None,
-        });
+        let kind = PlatformKind::Stream(PoseStream::at("-"));
         survey(kind, Mount::IDENTITY, polygon(), vec![leg([0.0; 3], 0.0, change)])
     }
 

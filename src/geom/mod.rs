@@ -5,11 +5,13 @@
 mod aabb;
 mod affine;
 mod rotation;
+mod utm;
 
 pub use aabb::Aabb;
 pub use affine::Affine;
 pub use glam::DVec3;
 pub use rotation::Rotation;
+pub use utm::{GridPoint, UtmZone};
 
 /// Speed of light in metres per nanosecond.
 pub const LIGHT_SPEED: f64 = 0.299_792_458;

@@ -10,7 +10,7 @@ mod layout;
 mod linear;
 mod multicopter;
 mod physics;
-mod pose_reader;
+mod poses;
 mod rows;
 mod stream;
 mod table;
@@ -18,8 +18,9 @@ mod trajectory_file;
 
 pub use course::{LegCourse, Span};
 pub use interpolated::InterpolatedState;
-pub use pose_reader::{Pose, PoseReader, Waited};
+pub use poses::{Pose, PoseReader, Told, Waited};
 pub(crate) use rows::Separator;
+use stream::StreamPlan;
 pub use stream::{Readiness, StreamState};
 pub use table::TrajectoryTable;
 pub use trajectory_file::read_trajectories;
@@ -46,7 +47,7 @@ enum KindPlan {
     GroundVehicle(GroundVehiclePlan),
     Multicopter(MulticopterPlan),
     Interpolated(TrajectoryTable),
-    Stream { frequency: u32 },
+    Stream(StreamPlan),
 }
 
 /// Where a platform is and how it moves; small and cheap to clone.
@@ -103,9 +104,16 @@ impl PlatformPlan {
         PlatformPlan { rotation_spec, ..PlatformPlan::new(KindPlan::Interpolated(table), legs) }
     }
 
-    /// Follows poses as they arrive, `frequency` steps per second.
-    pub fn stream(frequency: u32, rotation_spec: RotationSpec, legs: Vec<LegCourse>) -> PlatformPlan {
-        PlatformPlan { rotation_spec, ..PlatformPlan::new(KindPlan::Stream { frequency }, legs) }
+    /// Follows poses as they arrive, `frequency` steps per second; between poses that are more than `max_gap` seconds
+    /// apart it takes none.
+    pub fn stream(
+        frequency: u32,
+        max_gap: f64,
+        rotation_spec: RotationSpec,
+        legs: Vec<LegCourse>,
+    ) -> PlatformPlan {
+        let plan = StreamPlan { frequency, max_gap };
+        PlatformPlan { rotation_spec, ..PlatformPlan::new(KindPlan::Stream(plan), legs) }
     }
 
     fn new(kind: KindPlan, legs: Vec<LegCourse>) -> PlatformPlan {
@@ -134,7 +142,7 @@ impl PlatformPlan {
 
     /// Whether the platform follows a stream of poses.
     pub fn is_stream(&self) -> bool {
-        matches!(self.kind, KindPlan::Stream { .. })
+        matches!(self.kind, KindPlan::Stream(_))
     }
 
     /// Whether the platform accelerates and steers, so that nobody can say beforehand when it arrives.
@@ -164,7 +172,7 @@ impl PlatformPlan {
             KindPlan::GroundVehicle(_) => KindState::GroundVehicle(GroundVehicle::default()),
             KindPlan::Multicopter(_) => KindState::Multicopter(MulticopterState::default()),
             KindPlan::Interpolated(table) => KindState::Interpolated(InterpolatedState::new(table)),
-            KindPlan::Stream { .. } => KindState::Stream(StreamState::default()),
+            KindPlan::Stream(_) => KindState::Stream(StreamState::default()),
         })
     }
 }
@@ -189,7 +197,7 @@ impl PlatformState {
     #[inline]
     pub fn readiness(&self, plan: &PlatformPlan) -> Readiness {
         match (&self.0, &plan.kind) {
-            (KindState::Stream(s), KindPlan::Stream { frequency }) => s.readiness(*frequency),
+            (KindState::Stream(s), KindPlan::Stream(plan)) => s.readiness(plan),
             _ => Readiness::Ready,
         }
     }
@@ -198,7 +206,7 @@ impl PlatformState {
     #[inline]
     pub fn next_time_ns(&self, plan: &PlatformPlan) -> Option<f64> {
         match (&self.0, &plan.kind) {
-            (KindState::Stream(s), KindPlan::Stream { frequency }) => Some(s.next_time_ns(*frequency)),
+            (KindState::Stream(s), KindPlan::Stream(plan)) => Some(s.next_time_ns(plan)),
             _ => None,
         }
     }
@@ -211,7 +219,7 @@ impl PlatformState {
             (KindState::GroundVehicle(s), KindPlan::GroundVehicle(g)) => s.step(g, &plan.legs[leg]),
             (KindState::Multicopter(s), KindPlan::Multicopter(m)) => s.step(m, &plan.legs[leg]),
             (KindState::Interpolated(s), KindPlan::Interpolated(table)) => s.step(table, clock),
-            (KindState::Stream(s), KindPlan::Stream { frequency }) => s.step(*frequency),
+            (KindState::Stream(s), KindPlan::Stream(plan)) => s.step(plan),
             _ => {}
         }
     }

@@ -117,6 +117,8 @@ pub(super) struct ColumnName {
     pub quantity: Quantity,
     /// Factor to seconds, metres or radians when the name states a unit.
     pub factor: Option<f64>,
+    /// X is a longitude, Y a latitude.
+    pub geographic: bool,
 }
 
 /// Understands `roll`, `Roll[deg]`, `roll_rad`, `heading (deg)`, `gps_time`, `"t"`, `easting` and the like. `Ok(None)` for
@@ -127,51 +129,62 @@ pub(super) fn column_name(text: &str) -> Result<Option<ColumnName>, String> {
         Some(i) => (lower[..i].trim_end(), Some(lower[i..].trim_matches(['[', ']', '(', ')', ' ']))),
         None => (lower.as_str(), None),
     };
-    if let Some(quantity) = known_name(name) {
-        return with_unit(text, quantity, unit).map(Some);
+    if let Some(known) = known_name(name) {
+        return with_unit(text, known, unit).map(Some);
     }
     match name.rsplit_once('_') {
         Some((stem, suffix)) if unit.is_none() => match known_name(stem) {
-            Some(quantity) => with_unit(text, quantity, Some(suffix)).map(Some),
+            Some(known) => with_unit(text, known, Some(suffix)).map(Some),
             None => Ok(None),
         },
         _ => Ok(None),
     }
 }
 
-fn known_name(name: &str) -> Option<Quantity> {
-    Some(match name {
+/// The quantity of that name, and whether it is a latitude or longitude.
+fn known_name(name: &str) -> Option<(Quantity, bool)> {
+    let quantity = match name {
+        "lat" | "latitude" => return Some((Quantity::Y, true)),
+        "lon" | "long" | "lng" | "longitude" => return Some((Quantity::X, true)),
         "t" | "time" | "gpstime" | "gps_time" | "timestamp" | "sow" => Quantity::Time,
         "x" | "easting" | "east" | "e" => Quantity::X,
         "y" | "northing" | "north" | "n" => Quantity::Y,
-        "z" | "height" | "altitude" | "alt" | "elevation" | "up" => Quantity::Z,
+        "z" | "h" | "height" | "altitude" | "alt" | "elevation" | "up" => Quantity::Z,
         "roll" => Quantity::Roll,
         "pitch" => Quantity::Pitch,
         "yaw" | "heading" | "hdg" => Quantity::Yaw,
         _ => return None,
-    })
+    };
+    Some((quantity, false))
 }
 
-fn with_unit(text: &str, quantity: Quantity, unit: Option<&str>) -> Result<ColumnName, String> {
+fn with_unit(
+    text: &str,
+    (quantity, geographic): (Quantity, bool),
+    unit: Option<&str>,
+) -> Result<ColumnName, String> {
+    let is_angle = |q: Quantity| q.is_angle() || geographic;
     let factor = match (unit, quantity) {
         (None | Some(""), _) => None,
         (Some("s" | "sec" | "seconds"), Quantity::Time) => Some(1.0),
         (Some("ms"), Quantity::Time) => Some(1e-3),
         (Some("us" | "µs"), Quantity::Time) => Some(1e-6),
         (Some("ns"), Quantity::Time) => Some(1e-9),
-        (Some("deg" | "degrees" | "°"), q) if q.is_angle() => Some(std::f64::consts::PI / 180.0),
-        (Some("rad" | "radians"), q) if q.is_angle() => Some(1.0),
-        (Some("m" | "metres" | "meters"), Quantity::X | Quantity::Y | Quantity::Z) => Some(1.0),
+        (Some("deg" | "degrees" | "°"), q) if is_angle(q) => Some(std::f64::consts::PI / 180.0),
+        (Some("rad" | "radians"), q) if is_angle(q) => Some(1.0),
+        (Some("m" | "metres" | "meters"), Quantity::X | Quantity::Y | Quantity::Z) if !geographic => {
+            Some(1.0)
+        }
         (Some(unit), q) => {
             let known = match q {
                 Quantity::Time => "s, ms, us or ns",
-                Quantity::X | Quantity::Y | Quantity::Z => "m",
+                Quantity::X | Quantity::Y | Quantity::Z if !geographic => "m",
                 _ => "deg or rad",
             };
             return Err(format!("column `{}` is in `{unit}`, expected {known}", text.trim()));
         }
     };
-    Ok(ColumnName { quantity, factor })
+    Ok(ColumnName { quantity, factor, geographic })
 }
 
 /// A number as data files write it; NaN and infinity are no numbers.
@@ -208,6 +221,9 @@ mod tests {
         assert_eq!(of("time_ns"), Some((Quantity::Time, Some(1e-9))));
         assert_eq!(of("Easting"), Some((Quantity::X, None)));
         assert_eq!(of("velocity_x"), None);
+        assert_eq!(of("lat[rad]"), Some((Quantity::Y, Some(1.0))));
+        assert!(column_name("longitude").unwrap().unwrap().geographic);
+        assert!(column_name("lat[m]").unwrap_err().contains("deg or rad"));
         assert!(column_name("roll[gon]").unwrap_err().contains("gon"));
     }
 }

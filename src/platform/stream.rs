@@ -1,6 +1,6 @@
 //! A platform that follows poses as they arrive. Only a window of them is kept.
 
-use super::pose_reader::Pose;
+use super::poses::Pose;
 use crate::geom::{DVec3, Rotation};
 use std::sync::Arc;
 
@@ -15,6 +15,15 @@ pub enum Readiness {
     Ended,
 }
 
+/// How a stream is flown along.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StreamPlan {
+    /// Steps per second.
+    pub frequency: u32,
+    /// No step is taken between poses that are more seconds apart.
+    pub max_gap: f64,
+}
+
 /// Nanoseconds of a GPS week.
 const WEEK: f64 = 604_800e9;
 
@@ -27,12 +36,45 @@ pub struct StreamState {
     segment: usize,
     /// Time of the first pose in the stream's own scale, s.
     first_time: f64,
-    /// Whole seconds and steps beyond them, of the next step.
-    seconds: u64,
-    steps: u32,
+    /// The next step, unless it lies in a gap.
+    next: StepNumber,
     /// The current step's time, s after the first pose.
     elapsed: f64,
     complete: bool,
+}
+
+/// Number of a step: whole seconds after the first pose and steps beyond them.
+#[derive(Clone, Copy, Debug, Default)]
+struct StepNumber {
+    seconds: u64,
+    steps: u32,
+}
+
+impl StepNumber {
+    /// The first step at or after a time.
+    fn first_from(elapsed: f64, plan: &StreamPlan) -> StepNumber {
+        let seconds = elapsed.floor();
+        let steps = ((elapsed - seconds) * f64::from(plan.frequency)).floor() as u32;
+        let mut number = StepNumber { seconds: seconds as u64, steps: steps.min(plan.frequency - 1) };
+        while number.elapsed(plan) < elapsed {
+            number = number.after(plan);
+        }
+        number
+    }
+
+    /// Seconds after the first pose.
+    #[inline]
+    fn elapsed(self, plan: &StreamPlan) -> f64 {
+        self.seconds as f64 + f64::from(self.steps) / f64::from(plan.frequency)
+    }
+
+    #[inline]
+    fn after(self, plan: &StreamPlan) -> StepNumber {
+        match self.steps + 1 {
+            steps if steps >= plan.frequency => StepNumber { seconds: self.seconds + 1, steps: 0 },
+            steps => StepNumber { steps, ..self },
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -52,8 +94,7 @@ impl Default for StreamState {
             window: Arc::new([]),
             segment: 0,
             first_time: 0.0,
-            seconds: 0,
-            steps: 0,
+            next: StepNumber::default(),
             elapsed: 0.0,
             complete: false,
         }
@@ -89,11 +130,11 @@ impl StreamState {
         !self.window.is_empty()
     }
 
-    /// Whether the next step can be taken at `frequency` steps per second.
+    /// Whether the next step can be taken.
     #[inline]
-    pub(super) fn readiness(&self, frequency: u32) -> Readiness {
+    pub(super) fn readiness(&self, plan: &StreamPlan) -> Readiness {
         match self.window.last() {
-            Some(last) if self.next_elapsed(frequency) <= last.elapsed => Readiness::Ready,
+            Some(last) if self.next_number(plan).elapsed(plan) <= last.elapsed => Readiness::Ready,
             _ if self.complete => Readiness::Ended,
             _ => Readiness::NeedsPoses,
         }
@@ -101,30 +142,44 @@ impl StreamState {
 
     /// Time of the next step, ns of the GPS week.
     #[inline]
-    pub(super) fn next_time_ns(&self, frequency: u32) -> f64 {
+    pub(super) fn next_time_ns(&self, plan: &StreamPlan) -> f64 {
         let first =
             if self.first_time < WEEK * 1e-9 { self.first_time } else { self.first_time % (WEEK * 1e-9) };
-        let since = self.seconds as f64 * 1e9 + f64::from(self.steps) * 1e9 / f64::from(frequency);
+        let next = self.next_number(plan);
+        let since = next.seconds as f64 * 1e9 + f64::from(next.steps) * 1e9 / f64::from(plan.frequency);
         let time = first * 1e9 + since;
         if time > WEEK { time % WEEK } else { time }
     }
 
+    /// The number of the next step: the one that is due, or the first one after the gap in which it would lie. A pure
+    /// function of the poses about it, so that it does not matter when they arrive.
     #[inline]
-    fn next_elapsed(&self, frequency: u32) -> f64 {
-        self.seconds as f64 + f64::from(self.steps) / f64::from(frequency)
+    fn next_number(&self, plan: &StreamPlan) -> StepNumber {
+        if plan.max_gap == f64::INFINITY { self.next } else { self.next_beyond_gaps(plan) }
+    }
+
+    fn next_beyond_gaps(&self, plan: &StreamPlan) -> StepNumber {
+        let mut next = self.next;
+        for pair in self.window[self.segment.saturating_sub(1)..].windows(2) {
+            let due = next.elapsed(plan);
+            if due <= pair[0].elapsed {
+                break;
+            }
+            if due < pair[1].elapsed && pair[1].elapsed - pair[0].elapsed > plan.max_gap {
+                next = StepNumber::first_from(pair[1].elapsed, plan);
+            }
+        }
+        next
     }
 
     #[inline]
-    pub(super) fn step(&mut self, frequency: u32) {
-        self.elapsed = self.next_elapsed(frequency);
+    pub(super) fn step(&mut self, plan: &StreamPlan) {
+        self.next = self.next_number(plan);
+        self.elapsed = self.next.elapsed(plan);
         while self.segment + 1 < self.window.len() && self.window[self.segment].elapsed < self.elapsed {
             self.segment += 1;
         }
-        self.steps += 1;
-        if self.steps >= frequency {
-            self.steps = 0;
-            self.seconds += 1;
-        }
+        self.next = self.next.after(plan);
     }
 
     /// The poses before and after the current step and the share of the way between them.
@@ -180,6 +235,10 @@ mod tests {
         Pose { time, position: DVec3::new(x, 0.0, 0.0), attitude: Rotation::about_z(yaw.to_radians()) }
     }
 
+    fn at(frequency: u32) -> StreamPlan {
+        StreamPlan { frequency, max_gap: f64::INFINITY }
+    }
+
     fn yaw(s: &StreamState) -> f64 {
         let d = s.attitude().forward();
         libm::atan2(-d.x, d.y).to_degrees()
@@ -188,21 +247,21 @@ mod tests {
     #[test]
     fn positions_are_linear_and_attitudes_take_the_shorter_way() {
         let mut s = StreamState::default();
-        assert_eq!(s.readiness(4), Readiness::NeedsPoses);
+        assert_eq!(s.readiness(&at(4)), Readiness::NeedsPoses);
         s.feed(vec![pose(10.0, 100.0, 350.0), pose(11.0, 108.0, 10.0)], DVec3::new(100.0, 0.0, 0.0));
         let mut seen = Vec::new();
-        while s.readiness(4) == Readiness::Ready {
-            seen.push(s.next_time_ns(4));
-            s.step(4);
+        while s.readiness(&at(4)) == Readiness::Ready {
+            seen.push(s.next_time_ns(&at(4)));
+            s.step(&at(4));
             seen.extend([s.position().x, yaw(&s).round()]);
         }
         assert_eq!(
             seen,
             [10e9, 0.0, -10.0, 10.25e9, 2.0, -5.0, 10.5e9, 4.0, 0.0, 10.75e9, 6.0, 5.0, 11e9, 8.0, 10.0]
         );
-        assert_eq!(s.readiness(4), Readiness::NeedsPoses);
+        assert_eq!(s.readiness(&at(4)), Readiness::NeedsPoses);
         s.end();
-        assert_eq!(s.readiness(4), Readiness::Ended);
+        assert_eq!(s.readiness(&at(4)), Readiness::Ended);
     }
 
     #[test]
@@ -212,10 +271,10 @@ mod tests {
         let fly = |cut: usize| {
             let (mut s, mut blocks, mut seen) = (StreamState::default(), poses.chunks(cut), Vec::new());
             loop {
-                match s.readiness(7) {
+                match s.readiness(&at(7)) {
                     Readiness::Ready => {
-                        let time = s.next_time_ns(7);
-                        s.step(7);
+                        let time = s.next_time_ns(&at(7));
+                        s.step(&at(7));
                         assert!(s.window.len() <= cut + 2);
                         seen.push((time, s.position(), s.attitude()));
                     }
@@ -235,14 +294,42 @@ mod tests {
     }
 
     #[test]
+    fn no_step_is_taken_in_gaps() {
+        let poses: Vec<Pose> =
+            [0.0, 0.3, 5.1, 5.5, 9.0, 9.2].map(|time| pose(10.0 + time, time * 10.0, 0.0)).to_vec();
+        let plan = StreamPlan { frequency: 10, max_gap: 2.0 };
+        let fly = |cut: usize| {
+            let (mut s, mut blocks, mut seen) = (StreamState::default(), poses.chunks(cut), Vec::new());
+            loop {
+                match s.readiness(&plan) {
+                    Readiness::Ready => {
+                        let time = s.next_time_ns(&plan) / 1e9 - 10.0;
+                        s.step(&plan);
+                        assert!((s.position().x - time * 10.0).abs() < 1e-6, "{time}");
+                        seen.push((time * 10.0).round() as i32);
+                    }
+                    Readiness::NeedsPoses => match blocks.next() {
+                        Some(block) => s.feed(block.to_vec(), DVec3::ZERO),
+                        None => s.end(),
+                    },
+                    Readiness::Ended => return seen,
+                }
+            }
+        };
+        for cut in 1..=6 {
+            assert_eq!(fly(cut), [0, 1, 2, 3, 51, 52, 53, 54, 55, 90, 91, 92], "blocks of {cut}");
+        }
+    }
+
+    #[test]
     fn times_beyond_a_week_are_reduced() {
         let mut s = StreamState::default();
         s.feed(vec![pose(604_800.0 * 3.0 + 5.0, 0.0, 0.0)], DVec3::ZERO);
-        assert_eq!(s.next_time_ns(10), 5e9);
+        assert_eq!(s.next_time_ns(&at(10)), 5e9);
         let mut s = StreamState::default();
         s.feed(vec![pose(604_799.5, 0.0, 0.0)], DVec3::ZERO);
-        (0..10).for_each(|_| s.step(10));
-        assert_eq!(s.next_time_ns(10), 0.5e9);
+        (0..10).for_each(|_| s.step(&at(10)));
+        assert_eq!(s.next_time_ns(&at(10)), 0.5e9);
     }
 
     #[test]

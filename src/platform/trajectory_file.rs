@@ -1,12 +1,16 @@
 //! Reads the trajectory files of interpolated platforms (spec input-formats §2.8).
 
+use super::course::reported_angles;
+use super::interpolated::composed;
 use super::layout::{Layout, is_header};
+use super::poses::{Fix, FixPlace, Frame, Pose, Problem, read_binary};
 use super::rows::{QUANTITIES, Quantity, Separator};
 use super::table::{PoseValues, TrajectoryTable, filter_slopes};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::radians;
 use crate::survey::{Interpolated, TrajectoryFile};
+use std::f64::consts::TAU;
 use std::path::Path;
 
 /// More problems than these are counted, not listed.
@@ -23,21 +27,87 @@ pub fn read_trajectories(
 ) -> Result<Option<TrajectoryTable>> {
     let mut table = Vec::new();
     let mut usable = true;
+    let mut frame = Frame::of_grid(settings.grid);
     for (i, file) in settings.files.iter().enumerate() {
         let bytes = std::fs::read(&file.path).map_err(|e| Error::io("read", &file.path, e))?;
+        let thinned = |rows| {
+            if i == 0 && file.slope_filter > 0.0 { thinned(rows, file.slope_filter) } else { rows }
+        };
+        if let Some(read) = read_binary(&file.path, &bytes, &mut frame) {
+            match read.and_then(|poses| at_least_two(&file.path, poses)) {
+                Ok(poses) => table.extend(thinned(angle_rows(&poses, settings))),
+                Err(found) => {
+                    problems.extend(found);
+                    usable = false;
+                }
+            }
+            continue;
+        }
         let text = String::from_utf8_lossy(&bytes);
         let Some((rows, layout)) = read_rows(file, &text, settings.position_only, problems) else {
             usable = false;
             continue;
         };
-        let rows = if i == 0 && file.slope_filter > 0.0 { thinned(rows, file.slope_filter) } else { rows };
-        table.extend(rows.into_iter().map(|(t, v)| in_radians(t, v, &layout, settings.degrees)));
+        let rows = thinned(rows).into_iter().map(|(t, v)| in_radians(t, v, &layout, settings.degrees));
+        if layout.geographic {
+            match rows.map(|(time, values)| projected(time, values, settings, &mut frame)).collect() {
+                Ok::<Vec<Pose>, Problem>(poses) => table.extend(angle_rows(&poses, settings)),
+                Err(problem) => {
+                    problems
+                        .error(None, format!("{}: {}", file.path.display(), problem.message))
+                        .help(problem.help);
+                    usable = false;
+                }
+            }
+        } else {
+            table.extend(rows);
+        }
     }
     if settings.files.is_empty() {
         problems.error(None, "an interpolated platform needs a trajectory file");
         usable = false;
     }
     Ok(if usable { TrajectoryTable::new(table) } else { None })
+}
+
+fn at_least_two(path: &Path, poses: Vec<Pose>) -> std::result::Result<Vec<Pose>, Diagnostics> {
+    if poses.len() >= 2 {
+        return Ok(poses);
+    }
+    let mut found = Diagnostics::default();
+    found.error(None, format!("{} holds {} poses, expected at least 2", path.display(), poses.len()));
+    Err(found)
+}
+
+/// A row whose x and y are longitude and latitude as a pose on the grid.
+fn projected(
+    time: f64,
+    [roll, pitch, yaw, longitude, latitude, height]: PoseValues,
+    settings: &Interpolated,
+    frame: &mut Frame,
+) -> std::result::Result<Pose, Problem> {
+    let attitude = composed(settings.rotation_spec, roll, pitch, yaw);
+    frame.pose(&Fix { time, place: FixPlace::Geographic([latitude, longitude, height]), attitude })
+}
+
+/// Poses as rows of the table: angles as the survey composes them, each near the one before it so that nothing turns about.
+fn angle_rows(poses: &[Pose], settings: &Interpolated) -> Vec<(f64, PoseValues)> {
+    let mut rows: Vec<(f64, PoseValues)> = Vec::with_capacity(poses.len());
+    for pose in poses {
+        let mut angles = match settings.position_only {
+            true => [0.0; 3],
+            false => reported_angles(pose.attitude, Some(settings.rotation_spec)),
+        };
+        if let Some((_, before)) = rows.last() {
+            for (angle, before) in angles.iter_mut().zip(before) {
+                *angle += ((before - *angle) / TAU).round() * TAU;
+            }
+        }
+        let [roll, pitch, yaw] = angles;
+        let p = pose.position;
+        rows.push((pose.time, [roll, pitch, yaw, p.x, p.y, p.z]));
+    }
+    rows
 }
 
 fn thinned(mut rows: Vec<(f64, PoseValues)>, threshold: f64) -> Vec<(f64, PoseValues)> {
@@ -52,6 +122,15 @@ fn in_radians(time: f64, mut values: PoseValues, layout: &Layout, degrees: bool)
             None if degrees => radians(values[i]),
             None => values[i],
         };
+    }
+    if layout.geographic {
+        for (i, quantity) in [(3, Quantity::X), (4, Quantity::Y)] {
+            values[i] = match layout.factors[quantity as usize] {
+                Some(factor) => values[i] * factor,
+                None if degrees => radians(values[i]),
+                None => values[i],
+            };
+        }
     }
     (time * layout.factors[Quantity::Time as usize].unwrap_or(1.0), values)
 }
@@ -261,6 +340,7 @@ mod tests {
                 degrees,
                 sync_gps_time: false,
                 files: vec![TrajectoryFile { path: path.clone(), ..file() }],
+                grid: crate::survey::Grid::FirstFix,
             };
             let table = read_trajectories(&settings, &mut Diagnostics::default()).unwrap().unwrap();
             assert!((table.rows()[0].values[0] - wanted).abs() < 1e-12);

@@ -1,6 +1,6 @@
 //! What one run of a reader knows: options, documents already opened, problems met so far.
 
-use super::PoseStream;
+use super::PoseChoices;
 use super::assets::{Assets, Found};
 use super::fields::Fields;
 use super::xml::{Document, Element};
@@ -20,8 +20,9 @@ pub struct ReadOptions {
     pub strict: bool,
     /// Replaces the scene of the survey.
     pub scene: Option<String>,
-    /// Replaces the platform of the survey ([`super::Survey::fly`]) before the survey is checked as a whole.
-    pub trajectory: Option<PoseStream>,
+    /// Replaces the platform of the survey ([`super::Survey::fly`]) before the survey is checked as a whole, or changes
+    /// the trajectory of a pipeline.
+    pub trajectory: PoseChoices,
 }
 
 /// State of one run of a reader. Problems are collected so that all of them are reported at once.

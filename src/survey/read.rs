@@ -27,7 +27,8 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
         true => context.open(&Found::File(path.to_path_buf())),
         false => context.referred_document(&path.to_string_lossy(), Path::new(""), None),
     };
-    let survey = root.and_then(|root| read_survey_document(&context, &root, options.trajectory.as_ref()));
+    let survey =
+        root.and_then(|root| read_survey_document(&context, &root, options.trajectory.clone().stream()));
     context.finish(survey)
 }
 

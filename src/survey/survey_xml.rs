@@ -18,12 +18,12 @@ use std::path::Path;
 pub(super) fn read_survey_document(
     context: &Context,
     root: &Element,
-    trajectory: Option<&PoseStream>,
+    trajectory: Option<PoseStream>,
 ) -> Option<Survey> {
     let (mut survey, legs) = read_survey_parts(context, root)?;
     match trajectory {
         Some(stream) => {
-            survey.fly(stream.clone());
+            survey.fly(stream);
             check_legs(context, &survey, &[]);
         }
         None if legs.is_empty() => {

@@ -19,6 +19,7 @@ impl Trajectories {
             degrees: true,
             sync_gps_time: false,
             files: Vec::new(),
+            grid: super::Grid::FirstFix,
         };
         Trajectories { platform, position_only: None }
     }

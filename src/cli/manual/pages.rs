@@ -78,8 +78,20 @@ vlscan trajectory terrain/survey.xml > flown.csv
 
 # fly the same way again, 200 poses per second
 vlscan trajectory terrain/survey.xml --interval 0.005 |
-  vlscan run terrain/survey.xml --trajectory - -o again.laz",
-        files: &[],
+  vlscan run terrain/survey.xml --trajectory - -o again.laz
+
+# columns by number, angles in radians, the yaw counter-clockwise from east
+awk 'BEGIN { for (i = 0; i <= 400; i++) print i / 200, 1.5708, 0, 0, 0, i / 4 - 50, 300 }' > drone.txt
+vlscan run terrain/survey.xml --trajectory drone.txt -o drone.laz --trajectory-angles rad \\
+  --trajectory-rotation yaw --trajectory-columns time=1,yaw=2,pitch=3,roll=4,x=5,y=6,z=7",
+        files: &[
+            (
+                "*.csv, *.txt",
+                "Poses as text: time, x, y, z, roll, pitch, yaw, or as a first line names them.",
+            ),
+            ("*.out, *.sbet", "Poses of a navigation system: 17 doubles each (SBET)."),
+            ("*.trj", "Poses as TerraScan keeps them."),
+        ],
     },
     Page {
         path: "vlscan pulses",

@@ -13,7 +13,7 @@ use crate::output::{
 use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::LoadOptions;
 use crate::schedule;
-use crate::survey::{self, PlatformKind, PoseStream, ReadOptions, RotationSpec, RunSettings, Survey};
+use crate::survey::{self, Grid, PlatformKind, PoseChoices, ReadOptions, RunSettings, Survey};
 use crate::tree::BuildOptions;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -42,20 +42,15 @@ pub struct Job {
 impl Job {
     /// Reads the survey or pipeline and settles every choice: the command line first, then the file, then the default.
     pub fn resolve(args: &RunArgs) -> Result<(Job, Diagnostics)> {
-        let stream = args.flight.trajectory.clone().map(|path| PoseStream {
-            path,
-            rotation_spec: RotationSpec::Arinc705,
-            degrees: true,
-            columns: None,
-            separator: None,
-        });
+        let trajectory = args.flight.poses.choices(args.flight.trajectory.clone())?;
         let reading = ReadOptions {
             assets: args.input.assets.clone(),
             strict: args.input.strict,
             scene: args.input.scene.clone(),
-            trajectory: stream,
+            trajectory: trajectory.clone(),
         };
-        let (survey, set, warnings) = read_survey(&args.file, &reading)?;
+        let (mut survey, set, warnings) = read_survey(&args.file, &reading)?;
+        judge(&trajectory, &mut survey)?;
         Ok((Job::settle(args, survey, &set)?, warnings))
     }
 
@@ -63,6 +58,12 @@ impl Job {
     pub fn settle(args: &RunArgs, mut survey: Survey, set: &RunSettings) -> Result<Job> {
         if let Some(crs) = args.output.crs.as_deref().or(set.crs.as_deref()) {
             survey.crs_wkt = Some(wkt(crs)?);
+        }
+        let crs = survey.crs_wkt.as_deref();
+        match &mut survey.platform.kind {
+            PlatformKind::Stream(stream) => stream.grid = stream.grid.of_scene(crs),
+            PlatformKind::Interpolated(files) => files.grid = files.grid.of_scene(crs),
+            _ => {}
         }
         let seed = match args.origin.seed.as_deref() {
             Some(text) => survey::parse_seed(text).map_err(|e| Error::input(format!("--seed: {e}")))?,
@@ -97,10 +98,26 @@ impl Job {
             output: output(&args.output, args.trajectory_out.as_ref(), set, &survey, &gps)?,
             schedule: schedule(&args.schedule, set, threads)?,
             schedule_log: args.schedule.schedule_log.clone(),
-            latency: latency(args.flight.latency)?,
+            latency: latency(args.flight.latency.or(set.latency))?,
             progress_lines: args.schedule.progress,
             survey,
         })
+    }
+}
+
+/// What is said of a trajectory needs one.
+fn judge(said: &PoseChoices, survey: &mut Survey) -> Result<()> {
+    let zone = PoseChoices { utm_zone: said.utm_zone, ..PoseChoices::default() };
+    match &mut survey.platform.kind {
+        PlatformKind::Stream(_) => Ok(()),
+        PlatformKind::Interpolated(files) if *said == zone => {
+            files.grid = said.utm_zone.map_or(files.grid, Grid::Utm);
+            Ok(())
+        }
+        _ if *said == PoseChoices::default() => Ok(()),
+        _ => Err(Error::input(
+            "options under \"Trajectory\" tell how a trajectory is read, and there is none; name it with --trajectory",
+        )),
     }
 }
 

@@ -1,7 +1,7 @@
 //! `vlscan trajectory` and `vlscan pulses`: a survey is flown, and its poses or pulses go to stdout.
 
 use crate::cli::args::{OutputArgs, PhysicsArgs, PulsesArgs, RunArgs, SurveyArgs, TrajectoryArgs, TreeArgs};
-use crate::cli::run::Job;
+use crate::cli::run::{Job, open_poses};
 use crate::cli::watch::{amount, duration, watched};
 use crate::cli::{Console, Verbosity, interrupt};
 use crate::diag::Diagnostics;
@@ -9,7 +9,6 @@ use crate::error::{Error, Result};
 use crate::flight::FlightPlan;
 use crate::geom::DVec3;
 use crate::pipeline::{Emission, Emitted, Progress, emit};
-use crate::platform::PoseReader;
 use crate::scene;
 use crate::streams::{
     Column, POSE_HEADER, Present, PulseRow, header, push_pose, push_pulse, usual_columns, with_errors,
@@ -106,7 +105,7 @@ fn fly(
                 "the scene's swaps ask for {plays} flights, and a stream of poses passes only once"
             )));
         }
-        PlatformKind::Stream(stream) => Some(PoseReader::open(stream)?.patient(job.latency)),
+        PlatformKind::Stream(stream) => Some(open_poses(stream, &job, console)?),
         _ => None,
     };
     let (scene, found) = scene::load(&job.survey.scene, &job.load)?;

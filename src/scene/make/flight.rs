@@ -2,7 +2,7 @@
 
 use super::obj::PartFile;
 use crate::error::{Error, Result};
-use crate::geom::{degrees, radians};
+use crate::geom::{UtmZone, degrees, radians};
 use libm::{atan2, cos, sin};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -42,15 +42,10 @@ const NAMES: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]";
 /// Writes a flight as comma-separated text: a line of names with their units, then one pose per line. Angles are those of
 /// ARINC 705: yaw clockwise from north (+y), pitch with the nose up, roll with the right wing down.
 pub fn write_flight(options: &FlightOptions, path: &Path) -> Result<PathBuf> {
-    let poses = options.rate_hz * options.duration_s;
-    if !(poses.is_finite() && (1.0..=1e9).contains(&poses) && options.length_m > 0.0) {
-        return Err(Error::input(
-            "a flight needs a positive rate, duration and length, and at most 1000000000 poses",
-        ));
-    }
+    let poses = options.poses()?;
     let mut file = PartFile::create(path)?;
     let mut text = format!("{NAMES}\n");
-    for i in 0..=poses.round() as u64 {
+    for i in 0..=poses {
         let t = i as f64 / options.rate_hz;
         let [x, y, z, roll, pitch, yaw] = options.pose(t);
         let _ =
@@ -64,7 +59,70 @@ pub fn write_flight(options: &FlightOptions, path: &Path) -> Result<PathBuf> {
     file.finish()
 }
 
+/// Where on the Earth a flight is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridPlace {
+    /// The grid.
+    pub zone: UtmZone,
+    /// Easting and northing of the flight's origin, m.
+    pub origin_m: [f64; 2],
+    /// Height of the flight's zero above the ellipsoid, m.
+    pub height_m: f64,
+}
+
+/// Writes the same flight as SBET: records of 17 little-endian doubles, whose headings count from the north of a frame that
+/// wanders. Accelerations and angular rates are 0.
+pub fn write_sbet(options: &FlightOptions, place: &GridPlace, path: &Path) -> Result<PathBuf> {
+    let poses = options.poses()?;
+    let mut file = PartFile::create(path)?;
+    for i in 0..=poses {
+        let t = i as f64 / options.rate_hz;
+        let [x, y, z, roll, pitch, heading] = options.pose(t);
+        let [a, b] = [t - 5e-4, t + 5e-4].map(|t| options.pose(t));
+        let velocity: [f64; 3] = std::array::from_fn(|axis| (b[axis] - a[axis]) * 1e3);
+        let (latitude, longitude) = place.zone.unproject(place.origin_m[0] + x, place.origin_m[1] + y);
+        let point = place.zone.project(latitude, longitude);
+        let convergence = point.ok_or_else(|| Error::input("a flight must lie in its UTM zone"))?.convergence;
+        let wander = 0.1 + 1e-3 * t;
+        // Velocities along the axes of the wandering frame, the third one downwards.
+        let turn = convergence + wander;
+        let (s, c) = (sin(turn), cos(turn));
+        let [east, north, up] = velocity;
+        let record = [
+            options.start_s + t,
+            latitude,
+            longitude,
+            place.height_m + z,
+            north * c - east * s,
+            east * c + north * s,
+            -up,
+            radians(roll),
+            radians(pitch),
+            radians(heading) + turn,
+            wander,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        ];
+        let bytes: Vec<u8> = record.into_iter().flat_map(f64::to_le_bytes).collect();
+        file.write(&bytes)?;
+    }
+    file.finish()
+}
+
 impl FlightOptions {
+    /// Number of poses after the first.
+    fn poses(&self) -> Result<u64> {
+        let poses = self.rate_hz * self.duration_s;
+        if poses.is_finite() && (1.0..=1e9).contains(&poses) && self.length_m > 0.0 {
+            return Ok(poses.round() as u64);
+        }
+        Err(Error::input("a flight needs a positive rate, duration and length, and at most 1000000000 poses"))
+    }
+
     /// Position in metres and attitude in degrees at `t` seconds after the start.
     fn pose(&self, t: f64) -> [f64; 6] {
         let speed = self.length_m / self.duration_s;

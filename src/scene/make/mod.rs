@@ -15,7 +15,7 @@ mod survey;
 mod terrain;
 mod tree;
 
-pub use flight::{FlightOptions, write_flight};
+pub use flight::{FlightOptions, GridPlace, write_flight, write_sbet};
 
 use crate::error::{Error, Result};
 use crate::geom::Aabb;

@@ -1,6 +1,7 @@
 //! What a survey says, after every template, default and unit has been resolved. Angles are radians, lengths metres,
 //! frequencies hertz, positions world coordinates.
 
+mod poses;
 mod scene;
 
 use super::Formula;
@@ -8,6 +9,7 @@ use crate::diag::Place;
 use crate::geom::{DVec3, Rotation};
 use std::path::PathBuf;
 
+pub use poses::*;
 pub use scene::*;
 
 /// A whole survey: the instrument, what carries it, where it goes and what it looks at.
@@ -127,6 +129,8 @@ pub struct Interpolated {
     pub sync_gps_time: bool,
     /// The distinct files in the order of first mention.
     pub files: Vec<TrajectoryFile>,
+    /// The grid to which latitudes and longitudes are projected.
+    pub grid: Grid,
 }
 
 /// One trajectory file of an interpolated platform.
@@ -140,21 +144,6 @@ pub struct TrajectoryFile {
     pub separator: Option<char>,
     /// Slope filter threshold, 0 = off. Only the first file of a survey is filtered.
     pub slope_filter: f64,
-}
-
-/// Poses read from a stream (`--trajectory`).
-#[derive(Clone, Debug)]
-pub struct PoseStream {
-    /// Where the poses come from; `-` is standard input.
-    pub path: PathBuf,
-    /// Composition of the angles.
-    pub rotation_spec: RotationSpec,
-    /// Angles are degrees.
-    pub degrees: bool,
-    /// Column names in order, when neither a header line nor the default order time,x,y,z,roll,pitch,yaw is meant.
-    pub columns: Option<Vec<String>>,
-    /// Column separator; `None` guesses from the first line.
-    pub separator: Option<char>,
 }
 
 /// Noise of the platform's pose, per pulse (spec input-formats §2.10).

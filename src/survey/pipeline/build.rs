@@ -7,16 +7,17 @@ use super::super::read::find_scene;
 use super::super::survey_xml::read_survey_parts;
 use super::super::xml::Element;
 use super::super::{
-    Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, PoseStream, RotationSpec, Scanner,
+    Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, PoseStream, Scanner,
     ScannerSettings, Survey,
 };
 use super::PipelineKeys;
 use super::instrument::{Values, read_instrument};
-use super::keys::{LegKeys, PlatformKeys, PoseKeys, SettingsKeys, TrajectoryKeys};
+use super::keys::{LegKeys, PlatformKeys, PoseKeys, SettingsKeys};
 use super::run::one_of;
 use super::source::Source;
+use super::trajectory::read_trajectory;
 use crate::geom::{DVec3, Rotation, radians};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use toml::Spanned;
 
 /// The survey of a pipeline file.
@@ -57,11 +58,7 @@ pub(super) fn read_survey(
         None => base.as_ref().map(|b| b.scanner.clone()),
     };
     let platform = read_carrier(&values, keys.platform.as_ref(), base.as_ref().map(|b| b.platform.clone()));
-    let stream = match (&options.trajectory, &keys.trajectory) {
-        (Some(stream), _) => Some(stream.clone()),
-        (None, Some(keys)) => Some(read_stream(&values, keys)?),
-        (None, None) => None,
-    };
+    let stream = read_trajectory(&values, keys.trajectory.as_ref(), &options.trajectory)?;
     let (scene, mut scanner, platform) = (scene?, scanner?, platform?);
     change_detection(&values, &mut scanner, keys);
     let mut survey = base.unwrap_or_else(|| Survey {
@@ -95,7 +92,7 @@ fn scene_of(context: &Context, source: &Source, name: &Spanned<String>) -> Optio
 }
 
 /// A file beside the pipeline file comes before those of the search list.
-fn near(source: &Source, reference: &str) -> String {
+pub(super) fn near(source: &Source, reference: &str) -> String {
     let (file, id) = match reference.split_once('#') {
         Some((file, id)) => (file, Some(id)),
         None => (reference, None),
@@ -176,42 +173,6 @@ fn read_carrier(
         platform.mount = pose(values, mount);
     }
     Some(platform)
-}
-
-fn read_stream(values: &Values, keys: &TrajectoryKeys) -> Option<PoseStream> {
-    let (context, source) = (values.context, values.source);
-    let Some(path) = &keys.path else {
-        context.error_help(
-            source.place(0..0),
-            "[trajectory] needs the key `path`",
-            "path = \"-\" is standard input",
-        );
-        return None;
-    };
-    let file = match path.get_ref().as_str() {
-        "-" => PathBuf::from("-"),
-        name => context.file(&near(source, name), source.folder(), source.place(path.span()))?,
-    };
-    let rotation = one_of(context, source, &keys.rotation, &["arinc705", "canonical"]);
-    let separator = keys.separator.as_ref().and_then(|key| {
-        let mut letters = key.get_ref().chars();
-        let letter = letters.next();
-        if letter.is_none() || letters.next().is_some() {
-            values.refuse(key, "one character");
-        }
-        letter
-    });
-    Some(PoseStream {
-        path: file,
-        rotation_spec: if rotation.as_deref() == Some("canonical") {
-            RotationSpec::Canonical
-        } else {
-            RotationSpec::Arinc705
-        },
-        degrees: keys.degrees.unwrap_or(true),
-        columns: keys.columns.as_ref().map(|c| c.get_ref().clone()),
-        separator,
-    })
 }
 
 /// `[waveform]` and `[detector]` change every device.

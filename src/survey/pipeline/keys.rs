@@ -117,15 +117,33 @@ pub struct AxisKeys {
 pub struct TrajectoryKeys {
     /// The file; `-` is standard input.
     pub path: Key<String>,
-    /// Names of the columns in their order, from time, x, y, z, roll, pitch, yaw; any other name is skipped. Default: the
-    /// header line, or that order.
+    /// `text`, `helios`, `sbet` or `terrascan`. Default: found out from the content.
+    pub format: Key<String>,
+    /// Names of the columns in their order, from time, x, y, z, roll, pitch, yaw, lat, lon; any other name is skipped. Or
+    /// names with numbers from 1, such as `time=1`. Default: the header line, or time, x, y, z, roll, pitch, yaw.
     pub columns: Option<Spanned<Vec<String>>>,
     /// The character between columns. Default: found out from the first line.
     pub separator: Key<String>,
-    /// Angles are degrees. Default: true; false means radians.
+    /// Unit of angles behind whose names none stands: `deg` (the default) or `rad`.
+    pub angles: Key<String>,
+    /// Angles are degrees: true is the same as `angles = "deg"`, false as `angles = "rad"`.
     pub degrees: Option<bool>,
-    /// How the angles compose: `arinc705` (heading clockwise from north, the default) or `canonical`.
+    /// How the angles compose: `heading` or `arinc705` (clockwise from north, nose up; the default), `yaw`
+    /// (counter-clockwise from east), `ros` (the same, nose down) or `canonical`.
     pub rotation: Key<String>,
+    /// UTM zone to which latitudes and longitudes are projected, such as `32N`. Default: that of the scene's `crs`, else
+    /// that of the first pose.
+    pub utm_zone: Key<String>,
+    /// Added to all heights, m: ellipsoidal heights to those of the scene. Default: 0.
+    pub height_offset_m: Key<f64>,
+    /// Where the platform's frame is in that of the poses: right, forward, up in metres. Default: 0.
+    pub lever_arm_m: Key<[f64; 3]>,
+    /// How the platform's frame is turned in that of the poses: roll, pitch, heading in degrees. Default: 0.
+    pub boresight_deg: Key<[f64; 3]>,
+    /// Nothing is fired between poses that are farther apart, s. Default: no limit.
+    pub max_gap_s: Key<f64>,
+    /// How long points of a live trajectory may wait for others to be computed together, s. Default: 0.25.
+    pub latency_s: Key<f64>,
 }
 
 /// `[scanner]` and `[[scanner.channel]]`: a catalogue entry, changed by the other keys, or an instrument of one's own. A

@@ -6,6 +6,7 @@
 //! | `source` | the text with its places; all problems of one file at once |
 //! | `build` | keys to a survey |
 //! | `instrument` | the `[scanner]` table |
+//! | `trajectory` | the `[trajectory]` table |
 //! | `run` | keys to run settings |
 
 mod build;
@@ -13,6 +14,7 @@ mod instrument;
 pub mod keys;
 mod run;
 mod source;
+mod trajectory;
 
 pub use keys::PipelineKeys;
 pub use run::{RunSettings, SinkSetting};

@@ -43,6 +43,8 @@ pub struct RunSettings {
     pub platform_noise: Option<bool>,
     /// Random offsets of legs.
     pub leg_noise: Option<bool>,
+    /// How long points of a live trajectory may wait for others, s.
+    pub latency: Option<f64>,
     /// What is written, in the file's order.
     pub sinks: Vec<SinkSetting>,
     /// Coordinate reference system as WKT; also in [`crate::survey::Survey::crs_wkt`].
@@ -98,6 +100,7 @@ pub(super) fn read_settings(context: &Context, source: &Source, keys: &PipelineK
         waveform_noise: physics.waveform_noise,
         platform_noise: physics.platform_noise,
         leg_noise: physics.leg_noise,
+        latency: keys.trajectory.as_ref().and_then(|t| Some(*t.latency_s.as_ref()?.get_ref())),
         sinks: read_sinks(context, source, keys),
         crs: read_crs(context, source, &keys.crs),
         strict: keys.strict,

@@ -130,8 +130,8 @@ fn a_stream_of_poses() {
     let Pipeline { survey, .. } = fine(FLIGHT);
     let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
     assert_eq!(
-        (stream.path.as_path(), stream.degrees, stream.rotation_spec),
-        (Path::new("-"), true, RotationSpec::Arinc705)
+        (stream.path.as_path(), stream.degrees, stream.rotation),
+        (Path::new("-"), true, AngleConvention::Heading)
     );
     assert_eq!(
         (survey.legs.len(), survey.legs[0].scanner.pulse_freq, survey.legs[0].scanner.scan_freq),

@@ -381,19 +381,15 @@ fn contradicting_trajectory_settings() {
 
 #[test]
 fn a_stream_replaces_platform_and_legs() {
-    let stream = PoseStream {
-        path: PathBuf::from("-"),
-        rotation_spec: RotationSpec::Arinc705,
-        degrees: true,
-        columns: None,
-        separator: None,
-    };
     // on a tripod such a leg would never end, and the first one is not active
     let legs = "<leg><platformSettings/><scannerSettings active='0' scanFreq_hz='5'/></leg>
         <leg><platformSettings x='4'/><scannerSettings scanFreq_hz='70'/></leg>";
     let folder = Folder::new(&[("survey.xml", &document("", "platform='tripod'", legs)), ("a.obj", "")]);
     assert!(folder.read(&ReadOptions::default()).is_err());
-    let options = ReadOptions { trajectory: Some(stream), ..ReadOptions::default() };
+    let options = ReadOptions {
+        trajectory: PoseChoices { path: Some(PathBuf::from("-")), ..PoseChoices::default() },
+        ..ReadOptions::default()
+    };
     let (survey, _) = folder.read(&options).unwrap_or_else(|e| panic!("{}", report(&e)));
     assert!(matches!(&survey.platform.kind, PlatformKind::Stream(s) if s.path == Path::new("-")));
     assert_eq!((survey.legs.len(), survey.legs[0].scanner.scan_freq, survey.legs[0].number), (1, 70.0, 0));

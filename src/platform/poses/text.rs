@@ -1,0 +1,256 @@
+//! Trajectories of lines: a header names columns in any order, otherwise they are time, x, y, z, roll, pitch, yaw. Blank
+//! lines and lines that begin with `#` are passed over, but for the `#HEADER:` and `#TIME_COLUMN:` of HELIOS++'s files;
+//! lines as HELIOS++ writes them are known by their numbers of decimals.
+
+use super::super::interpolated::composed;
+use super::super::layout::{Layout, is_header};
+use super::super::rows::{QUANTITIES, Quantity, Separator};
+use super::fix::{Fix, FixPlace, Mark, Problem};
+use super::source::Next;
+use crate::geom::{Rotation, radians};
+use crate::survey::{AngleConvention, PoseFormat, PoseStream, RotationSpec};
+use std::borrow::Cow;
+use std::f64::consts::FRAC_PI_2;
+
+/// Longer lines are no poses.
+const LONGEST_LINE: usize = 1 << 16;
+/// Decimals of the columns of HELIOS++'s trajectory files: x, y, z, t, roll, pitch, yaw.
+const HELIOS_DECIMALS: [usize; 7] = [4, 4, 4, 9, 4, 4, 4];
+
+/// Reads lines of numbers.
+#[derive(Debug)]
+pub struct Lines {
+    settings: PoseStream,
+    line: usize,
+    directive: Option<Layout>,
+    time_column: Option<usize>,
+    reading: Option<(Layout, Separator)>,
+    helios: bool,
+}
+
+impl Lines {
+    pub fn new(settings: PoseStream) -> Lines {
+        let helios = settings.format == Some(PoseFormat::Helios);
+        Lines { settings, line: 0, directive: None, time_column: None, reading: None, helios }
+    }
+
+    /// A word for messages.
+    pub fn name(&self) -> &'static str {
+        if self.helios { "HELIOS++ text" } else { "text" }
+    }
+
+    pub fn next<'t>(&mut self, bytes: &'t [u8], ended: bool) -> Next<'t> {
+        let (line, taken) = match memchr::memchr(b'\n', bytes) {
+            Some(end) => (&bytes[..end], end + 1),
+            None if bytes.len() > LONGEST_LINE => {
+                let start = String::from_utf8_lossy(&bytes[..40]).into_owned();
+                let mark = Mark::Line { number: self.line + 1, text: Cow::Owned(start), time: 0..0 };
+                let message = format!("a line of more than {LONGEST_LINE} bytes, expected a pose");
+                return Next::Wrong(mark, Problem { at: Some(0..0), ..Problem::new(message) });
+            }
+            None if ended && !bytes.is_empty() => (bytes, bytes.len()),
+            None => return Next::More,
+        };
+        self.line += 1;
+        let mut text = String::from_utf8_lossy(line);
+        if text.ends_with('\r') || self.line == 1 && text.starts_with('\u{feff}') {
+            let bare = text.trim_end_matches('\r').trim_start_matches('\u{feff}');
+            text = Cow::Owned(bare.to_owned());
+        }
+        match self.take(&text) {
+            Ok(None) => Next::Passed(taken),
+            Ok(Some((fix, time))) => Next::Fix(taken, fix, Mark::Line { number: self.line, text, time }),
+            Err(problem) => Next::Wrong(Mark::Line { number: self.line, text, time: 0..0 }, problem),
+        }
+    }
+
+    fn take(&mut self, line: &str) -> Result<Option<(Fix, std::ops::Range<usize>)>, Problem> {
+        let content = line.trim_start();
+        if content.is_empty() {
+            return Ok(None);
+        }
+        if content.starts_with('#') {
+            return self.take_comment(content).map(|()| None).map_err(Problem::new);
+        }
+        if self.reading.is_none() {
+            let separator = self.settings.separator.map_or_else(|| Separator::guess(line), Separator::named);
+            let named = is_header(line, separator);
+            let layout = self.choose_layout(line, separator, named).map_err(|message| {
+                Problem::new(message).help("name the columns in a first line: time,x,y,z,roll,pitch,yaw")
+            })?;
+            self.reading = Some((layout, separator));
+            if named || self.settings.columns.is_some() && holds_no_number(line, separator) {
+                return Ok(None);
+            }
+        }
+        let Some((layout, separator)) = &self.reading else { return Ok(None) };
+        let (values, time) = layout
+            .row(line, *separator)
+            .map_err(|e| Problem { at: Some(e.at), ..Problem::new(e.message) })?;
+        Ok(Some((self.fix(layout, values), time)))
+    }
+
+    fn take_comment(&mut self, comment: &str) -> Result<(), String> {
+        if let Some(names) = comment.strip_prefix("#HEADER:") {
+            let layout =
+                Layout::named(names, &Separator::guess(names).split(names)).map_err(|e| e.message)?;
+            self.directive = Some(layout);
+        } else if let Some(column) = comment.strip_prefix("#TIME_COLUMN:") {
+            let column = column.trim();
+            let number =
+                column.parse().map_err(|_| format!("expected the number of a column, found `{column}`"))?;
+            self.time_column = Some(number);
+        }
+        Ok(())
+    }
+
+    /// The user's names win over the stream's header, that over a `#HEADER`, and that over the usual orders.
+    fn choose_layout(&mut self, line: &str, separator: Separator, header: bool) -> Result<Layout, String> {
+        use Quantity::{Pitch, Roll, Time, X, Y, Yaw, Z};
+        let mut layout = if let Some(columns) = &self.settings.columns {
+            Layout::chosen(columns)?
+        } else if header {
+            Layout::named(line, &separator.split(line)).map_err(|e| e.message)?
+        } else if let Some(layout) = &self.directive {
+            layout.clone()
+        } else if let Some(time) = self.time_column {
+            let mut order = vec![Roll, Pitch, Yaw, X, Y, Z];
+            order.insert(time.min(6), Time);
+            Layout::in_order(order)
+        } else if self.helios || self.settings.format.is_none() && is_helios_output(line, separator) {
+            self.helios = true;
+            Layout::in_order([X, Y, Z, Time, Roll, Pitch, Yaw])
+        } else {
+            Layout::in_order([Time, X, Y, Z, Roll, Pitch, Yaw])
+        };
+        if let Some(time) = self.time_column.filter(|_| !header && self.settings.columns.is_none()) {
+            layout.columns[Time as usize] = Some(time);
+        }
+        let missing = layout.missing(&QUANTITIES);
+        if missing.is_empty() { Ok(layout) } else { Err(format!("no column for {}", missing.join(", "))) }
+    }
+
+    fn fix(&self, layout: &Layout, values: [f64; 7]) -> Fix {
+        let in_radians = |q: Quantity| match layout.factors[q as usize] {
+            Some(factor) => values[q as usize] * factor,
+            None if self.settings.degrees => radians(values[q as usize]),
+            None => values[q as usize],
+        };
+        let [time, .., x, y, z] = values;
+        Fix {
+            time: time * layout.factors[Quantity::Time as usize].unwrap_or(1.0),
+            place: match layout.geographic {
+                true => FixPlace::Geographic([in_radians(Quantity::Y), in_radians(Quantity::X), z]),
+                false => FixPlace::Local([x, y, z]),
+            },
+            attitude: attitude(
+                self.settings.rotation,
+                in_radians(Quantity::Roll),
+                in_radians(Quantity::Pitch),
+                in_radians(Quantity::Yaw),
+            ),
+        }
+    }
+}
+
+fn attitude(convention: AngleConvention, roll: f64, pitch: f64, yaw: f64) -> Rotation {
+    match convention {
+        AngleConvention::Heading => composed(RotationSpec::Arinc705, roll, pitch, yaw),
+        AngleConvention::Yaw => composed(RotationSpec::Arinc705, roll, pitch, FRAC_PI_2 - yaw),
+        AngleConvention::Ros => composed(RotationSpec::Arinc705, roll, -pitch, FRAC_PI_2 - yaw),
+        AngleConvention::Canonical => composed(RotationSpec::Canonical, roll, pitch, yaw),
+    }
+}
+
+fn holds_no_number(line: &str, separator: Separator) -> bool {
+    separator.split(line).into_iter().all(|field| line[field].parse::<f64>().is_err())
+}
+
+fn is_helios_output(line: &str, separator: Separator) -> bool {
+    let fields = separator.split(line);
+    let decimals = |text: &str| text.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+    separator == Separator::Blanks
+        && fields.len() == HELIOS_DECIMALS.len()
+        && fields.iter().zip(HELIOS_DECIMALS).all(|(f, expected)| decimals(&line[f.clone()]) == expected)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::DVec3;
+
+    fn first(settings: PoseStream, text: &str) -> Fix {
+        let (mut lines, mut at) = (Lines::new(settings), 0);
+        loop {
+            match lines.next(&text.as_bytes()[at..], true) {
+                Next::Passed(n) => at += n,
+                Next::Fix(_, fix, _) => return fix,
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    fn usual() -> PoseStream {
+        PoseStream::at("-")
+    }
+
+    #[test]
+    fn what_the_reference_writes_is_known_by_its_decimals() {
+        let line = "-30.0000 -50.0000 100.0000 86391.000000000 0.0000 0.0000 90.0000\n";
+        let fix = first(usual(), line);
+        assert_eq!((fix.time, fix.place), (86391.0, FixPlace::Local([-30.0, -50.0, 100.0])));
+        let text = PoseStream { format: Some(PoseFormat::Text), ..usual() };
+        assert_eq!(first(text, line).time, -30.0, "asked to be plain text");
+        let told = PoseStream { format: Some(PoseFormat::Helios), ..usual() };
+        assert_eq!(first(told, "1 2 3 4 5 6 7").time, 4.0);
+    }
+
+    #[test]
+    fn angles_mean_what_they_are_said_to_mean() {
+        let forward =
+            |rotation| first(PoseStream { rotation, ..usual() }, "1 0 0 0 0 0 30").attitude.forward();
+        let (sin, cos) = (0.5, 3f64.sqrt() / 2.0);
+        for (convention, expected) in [
+            (AngleConvention::Heading, DVec3::new(sin, cos, 0.0)),
+            (AngleConvention::Yaw, DVec3::new(cos, sin, 0.0)),
+            (AngleConvention::Canonical, DVec3::new(-sin, cos, 0.0)),
+        ] {
+            assert!((forward(convention) - expected).length() < 1e-12, "{convention:?}");
+        }
+        let nose =
+            |rotation| first(PoseStream { rotation, ..usual() }, "1 0 0 0 0 30 0").attitude.forward().z;
+        assert!((nose(AngleConvention::Yaw) - 0.5).abs() < 1e-12);
+        assert!((nose(AngleConvention::Ros) + 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn columns_are_chosen_by_name_or_number() {
+        let columns = |list: &[&str]| PoseStream {
+            columns: Some(list.iter().map(|c| (*c).to_owned()).collect()),
+            ..usual()
+        };
+        let numbered = ["time=2", "x=5", "y=4", "z=3", "roll=6", "pitch=7", "yaw[rad]=1"];
+        let fix = first(columns(&numbered), "some,words,that,name,all,the,rest\n0.5,9,3,2,1,0,0\n");
+        assert_eq!((fix.time, fix.place), (9.0, FixPlace::Local([1.0, 2.0, 3.0])));
+        assert!((fix.attitude.forward().x - libm::sin(0.5)).abs() < 1e-12);
+        let named = ["quality", "time", "x", "y", "z", "roll", "pitch", "yaw"];
+        assert_eq!(first(columns(&named), "7 9 1 2 3 0 0 0").time, 9.0);
+    }
+
+    #[test]
+    fn latitude_and_longitude_are_columns_too() {
+        let fix = first(usual(), "time,lat,lon,height,roll,pitch,heading\n1,49,8.5,300,0,0,0\n");
+        assert_eq!(fix.place, FixPlace::Geographic([radians(49.0), radians(8.5), 300.0]));
+        let fix = first(
+            usual(),
+            "time,longitude[rad],latitude[rad],height,roll,pitch,heading\n1,0.1,0.8,300,0,0,0\n",
+        );
+        assert_eq!(fix.place, FixPlace::Geographic([0.8, 0.1, 300.0]));
+        let fix = first(usual(), "time,lat,lon,height,roll,pitch,heading,x,y\n1,49,8.5,300,0,0,0,5,6\n");
+        assert_eq!(
+            fix.place,
+            FixPlace::Local([5.0, 6.0, 300.0]),
+            "coordinates that are projected already win"
+        );
+    }
+}
