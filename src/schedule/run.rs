@@ -398,8 +398,12 @@ impl<C: Tasks, R> Site<'_, C, R> {
             select! {
                 recv(self.jobs.exit()) -> job => match job {
                     Ok(job) => run_job(&mut account, job),
-                    // No job will come any more, which is the collector's last act.
-                    Err(_) => break,
+                    // No job will come any more, which is the collector's last act. Nobody takes results now, but a
+                    // producer that has not noticed yet may wait for what it sent.
+                    Err(_) => {
+                        self.shelves.iter().for_each(|item| self.discard(item));
+                        break;
+                    }
                 },
                 recv(self.shelves) -> item => match item {
                     Ok(item) => self.compute(item, &mut account, &mut work),
@@ -426,6 +430,16 @@ impl<C: Tasks, R> Site<'_, C, R> {
         if let Some(idle) = self.idle {
             idle.worker_ends();
         }
+        self.release();
+    }
+
+    /// Lets a chunk go whose result nobody would take.
+    fn discard(&self, item: Crate<C, R>) {
+        drop(item);
+        self.release();
+    }
+
+    fn release(&self) {
         if self.by_turns {
             // There is a place for every worker, and a producer that has gone needs none.
             let _ = self.released.try_send(());

@@ -243,3 +243,37 @@ fn shipped_pipelines_are_read_without_a_warning() {
     }
     assert!(count >= 3);
 }
+
+#[test]
+fn a_trajectory_with_everything() {
+    let keys = "path = 'STDIN'\nformat = 'sbet'\nangles = 'rad'\nrotation = 'yaw'\nutm_zone = '32N'\nheight_offset_m = -48\n\
+        lever_arm_m = [1, 2, 3]\nboresight_deg = [0, 0, 180]\nmax_gap_s = 2\nlatency_s = 0.5\ncolumns = ['time=1']";
+    let Pipeline { survey, settings } = fine(&FLIGHT.replace("path = '-'", keys));
+    let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
+    let expected = PoseStream {
+        format: Some(PoseFormat::Sbet),
+        rotation: AngleConvention::Yaw,
+        degrees: false,
+        columns: Some(vec!["time=1".to_owned()]),
+        grid: Grid::Utm(crate::geom::UtmZone::parse("32N").unwrap()),
+        height_offset: -48.0,
+        lever_arm: DVec3::new(1.0, 2.0, 3.0),
+        boresight: [0.0, 0.0, radians(180.0)],
+        max_gap: 2.0,
+        ..PoseStream::at("-")
+    };
+    assert_eq!((stream, settings.latency), (&expected, Some(0.5)));
+    let wrong = "path = '-'\nformat = 'sbt'\nangles = 'gon'\nutm_zone = '32U'\nlever_arm_m = [1, 2, nan]\nmax_gap_s = 0\n\
+        latency_s = -1";
+    contains(
+        &refused(read(&FLIGHT.replace("path = '-'", wrong))),
+        &[
+            "did you mean `sbet`?",
+            "deg, rad",
+            "a UTM zone",
+            "three finite numbers",
+            "above 0",
+            "from 0 to 3600",
+        ],
+    );
+}
