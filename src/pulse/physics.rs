@@ -270,7 +270,8 @@ impl Shooter<'_> {
 
     /// Lets some of the pulses hit moving parts where these are nearer than what stands still.
     fn trace_moving(&mut self, moving: &[Actor], pulses: &[Pulse], some: Range<usize>) {
-        let Shooter { volleys, apart, places, .. } = self;
+        let Shooter { physics, volleys, apart, places, .. } = self;
+        let scene = physics.view.scene;
         for (device, volley) in volleys.iter_mut().enumerate() {
             let of_device = |i: &usize| pulses[*i].device as usize == device;
             let mut own = some.clone().filter(of_device).filter_map(|i| places[i]);
@@ -280,7 +281,9 @@ impl Shooter<'_> {
             apart.rays.copy_from(&volley.rays, rows.clone());
             for actor in moving {
                 actor.tree.trace_group(&actor.scene.geometry, &apart.rays, &mut apart.hits);
-                volley.hits.take_nearer(rows.start * apart.rays.stride(), &apart.hits, |i| actor.global(i));
+                let first = rows.start * apart.rays.stride();
+                let (number, order) = (|i| actor.global(i), |i| scene.number_when_stored(i));
+                volley.hits.take_nearer(first, &apart.hits, number, order);
             }
         }
     }

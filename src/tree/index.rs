@@ -82,6 +82,16 @@ impl Tree {
         Tree { frame, bounds, nodes, blocks, statistics, placed: None }
     }
 
+    /// About how many bytes building a tree over so many triangles takes at its peak; the tree itself keeps less.
+    pub fn forecast(triangles: u64, builder: Builder) -> u64 {
+        let each = match builder {
+            Builder::Bvh => 80,
+            // They put a triangle into several leaves.
+            Builder::Fsah | Builder::Sah | Builder::AxisSah | Builder::Median => 240,
+        };
+        triangles.saturating_mul(each)
+    }
+
     /// Size, depth and expected cost of the tree without instances.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics

@@ -71,6 +71,11 @@ impl Inward {
         (self.matrix * (p - self.anchor), off)
     }
 
+    /// What turns directions.
+    pub fn turn(&self) -> DMat3 {
+        self.matrix
+    }
+
     /// A direction; `t` along it is what it is in the scene.
     pub fn direction(&self, d: DVec3) -> DVec3 {
         self.matrix * d

@@ -1,4 +1,5 @@
-//! Tracing instances: one pulse at a time, through the tree over their boxes and then the trees of the models it meets.
+//! Tracing instances: through the tree over their boxes and then the trees of the models that are met. Groups go the way of
+//! `kernel`; what is here for that are single rays and pulses that have no part in one.
 
 use super::beam::Beam;
 use super::block::{Block, LANES};
@@ -9,9 +10,15 @@ use super::index::Nodes;
 use super::instances::{Instance, Instances, Inward};
 use super::intersect::{SHORTEST, triangle};
 use super::trace::depth_limit;
-use super::{BuildOptions, Hit, Hits, RayGroup, Tree};
+use super::{BuildOptions, Geometry, Hit, Hits, Level, RayGroup, Tree};
 use crate::geom::{Aabb, DVec3};
+use std::cell::RefCell;
 use std::sync::Arc;
+
+thread_local! {
+    /// What a group hits of the geometry itself.
+    static OWN: RefCell<Hits> = RefCell::default();
+}
 
 /// The trees over instances and over their models.
 #[derive(Clone, Debug)]
@@ -81,18 +88,51 @@ impl Placed {
     }
 
     /// Brings the instances into the hits of a group that was traced without them.
-    pub fn trace_group(&self, group: &RayGroup, hits: &mut Hits) {
-        let mut inward = Vec::new();
-        for pulse in 0..group.len() {
-            let row = pulse * group.stride()..pulse * group.stride() + group.rays();
-            let rays = Rays {
-                origin: group.origin(pulse),
-                directions: group.directions(pulse),
-                t: &mut hits.t[row.clone()],
-                id: &mut hits.primitive[row],
-            };
-            self.trace(rays, &|_| true, &mut inward);
-        }
+    pub fn trace_group_on(&self, level: Level, geometry: &Geometry, group: &RayGroup, hits: &mut Hits) {
+        OWN.with_borrow_mut(|own| {
+            // Instances win all equal distances at first, the one with the lowest number that of all instances. If that
+            // one does not come before the geometry's primitive, no other does.
+            own.t.clone_from(&hits.t);
+            own.primitive.clone_from(&hits.primitive);
+            hits.primitive.fill(Hits::MISS);
+            self.trace_nearer_on(level, geometry, group, hits);
+            let own = own.t.iter().zip(&own.primitive);
+            for ((t, id), (own_t, own)) in hits.t.iter().zip(&mut hits.primitive).zip(own) {
+                let equal = *own != Hits::MISS && t == own_t;
+                if *id == Hits::MISS || (equal && !self.comes_before(*id, *own)) {
+                    *id = *own;
+                }
+            }
+        });
+    }
+
+    /// Whether triangle `new` of an instance comes before primitive `own` of the geometry.
+    fn comes_before(&self, new: u32, own: u32) -> bool {
+        let place = self.instances.locate(new).map(|(instance, _)| self.instances.all[instance].before);
+        place.is_some_and(|before| self.instances.comes_first(new, before, own))
+    }
+
+    /// Traces one pulse alone, likewise.
+    pub(super) fn trace_pulse(&self, group: &RayGroup, pulse: usize, hits: &mut Hits) {
+        let row = pulse * group.stride()..pulse * group.stride() + group.rays();
+        let (t, id) = (&mut hits.t[row.clone()], &mut hits.primitive[row]);
+        let rays = Rays { origin: group.origin(pulse), directions: group.directions(pulse), t, id };
+        self.trace(rays, &|_| true, &mut Vec::new());
+    }
+
+    /// Asks an instance about the rays of one pulse, whose nearest hits so far are in `t` and `id`.
+    #[cold]
+    pub(super) fn visit_pulse(
+        &self,
+        instance: &Instance,
+        group: &RayGroup,
+        pulse: usize,
+        t: &mut [f64],
+        id: &mut [u32],
+    ) {
+        let (t, id) = (&mut t[..group.rays()], &mut id[..group.rays()]);
+        let mut rays = Rays { origin: group.origin(pulse), directions: group.directions(pulse), t, id };
+        self.visit(instance, &mut rays, &|_| true, &mut Vec::new());
     }
 
     /// The nearer of `best` and the first hit among the instances' triangles that `accept` approves.
@@ -336,16 +376,27 @@ mod tests {
         group
     }
 
+    /// More than fit two registers of sixteen.
+    const RAYS: usize = 37;
+
     fn pulses() -> impl Strategy<Value = Vec<(DVec3, Vec<DVec3>)>> {
         let on_grid = [-6..=6i32, -6..=6, -6..=6].prop_map(|c| DVec3::from(c.map(|x| f64::from(x) * 0.5)));
         let origin = prop_oneof![point(20.0), on_grid.clone(), point(2000.0)];
-        let pulse = (origin, prop_oneof![point(8.0), on_grid], prop::collection::vec(point(0.02), 7))
-            .prop_map(|(origin, target, aside)| {
-                let axis = unit(target - origin + DVec3::splat(f64::MIN_POSITIVE));
-                let aimed = if axis.is_finite() { axis } else { DVec3::X };
-                (origin, std::iter::once(aimed).chain(aside.iter().map(|a| unit(aimed + *a))).collect())
-            });
-        prop::collection::vec(pulse, 1..24)
+        let target = prop_oneof![point(8.0), on_grid];
+        let aside = prop::collection::vec(point(0.02), RAYS);
+        // Pulses alone, and some that run side by side.
+        let volley = (origin, target, aside, prop_oneof![Just(1), 2..20usize], point(0.004), point(0.1));
+        let volley = volley.prop_map(|(origin, target, aside, count, turn, step)| {
+            let axis = unit(target - origin + DVec3::splat(f64::MIN_POSITIVE));
+            let aimed = if axis.is_finite() { axis } else { DVec3::X };
+            let pulse = |n: usize| {
+                let aimed = aimed + turn * n as f64;
+                let aside = aside[1..].iter().map(|a| unit(aimed + *a));
+                (origin + step * n as f64, std::iter::once(unit(aimed)).chain(aside).collect())
+            };
+            (0..count).map(pulse).collect::<Vec<_>>()
+        });
+        prop::collection::vec(volley, 1..8).prop_map(|volleys| volleys.into_iter().flatten().collect())
     }
 
     proptest! {
@@ -363,21 +414,25 @@ mod tests {
             let flat_tree = Tree::build(&flat, &options);
             let group = group(&pulses);
             let (mut hits, mut expected) = (Hits::default(), Hits::default());
-            tree.trace_group(own, &group, &mut hits);
             flat_tree.trace_group(&flat, &group, &mut expected);
-            for p in 0..group.len() {
-                for r in 0..group.rays() {
-                    let at = p * group.stride() + r;
-                    let number = |id: u32| match id {
-                        Hits::MISS => Hits::MISS,
-                        id => all.number_when_stored(id, own.triangles.len()),
-                    };
+            let number = |id: u32| match id {
+                Hits::MISS => Hits::MISS,
+                id => all.number_when_stored(id, own.triangles.len()),
+            };
+            for level in Level::available() {
+                tree.trace_group_on(level, own, &group, &mut hits);
+                tree.placed.as_ref().unwrap().trace_group_on(level, own, &group, &mut hits);
+                for at in (0..group.len() * group.stride()).filter(|at| at % group.stride() < RAYS) {
                     prop_assert_eq!(hits.t[at].to_bits(), expected.t[at].to_bits());
                     prop_assert_eq!(number(hits.primitive[at]), expected.primitive[at]);
-                    let (o, d) = (group.origin(p), group.direction(p, r));
-                    let one = tree.nearest(own, o, d).map_or((f64::INFINITY, Hits::MISS), |h| (h.t, number(h.primitive)));
-                    prop_assert_eq!(one, (expected.t[at], expected.primitive[at]));
                 }
+            }
+            for p in (0..group.len()).step_by(5) {
+                let (o, d) = (group.origin(p), group.direction(p, p % RAYS));
+                let one = tree.nearest_where(own, o, d, |_| true);
+                let one = one.map_or((f64::INFINITY, Hits::MISS), |h| (h.t, number(h.primitive)));
+                let at = p * group.stride() + p % RAYS;
+                prop_assert_eq!(one, (expected.t[at], expected.primitive[at]));
             }
         }
 

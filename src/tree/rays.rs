@@ -1,6 +1,7 @@
 //! Rays that leave one point together, and what they hit.
 
 use crate::geom::DVec3;
+use glam::DMat3;
 use std::ops::Range;
 
 /// The rays of one pulse: one origin, unit directions as structure of arrays.
@@ -93,6 +94,30 @@ impl RayGroup {
         self.z.extend_from_slice(&other.z[rows]);
     }
 
+    /// Replaces the pulses by the `pulses` of another group as they are in another frame: `origin` moves their origins,
+    /// `turn` their directions.
+    #[inline(always)]
+    pub(super) fn turn_from(
+        &mut self,
+        other: &RayGroup,
+        pulses: Range<usize>,
+        turn: DMat3,
+        mut origin: impl FnMut(DVec3) -> DVec3,
+    ) {
+        self.rays = other.rays;
+        let rows = pulses.start * other.stride()..pulses.end * other.stride();
+        self.origins.clear();
+        self.origins.extend(other.origins[pulses].iter().map(|o| origin(*o)));
+        let [x, y, z] = [&other.x[rows.clone()], &other.y[rows.clone()], &other.z[rows]];
+        let [a, b, c] = [turn.x_axis, turn.y_axis, turn.z_axis];
+        for (to, m) in
+            [(&mut self.x, [a.x, b.x, c.x]), (&mut self.y, [a.y, b.y, c.y]), (&mut self.z, [a.z, b.z, c.z])]
+        {
+            to.clear();
+            to.extend(x.iter().zip(y).zip(z).map(|((x, y), z)| m[0] * x + m[1] * y + m[2] * z));
+        }
+    }
+
     /// Number of pulses.
     pub fn len(&self) -> usize {
         self.origins.len()
@@ -157,19 +182,30 @@ impl Hits {
 }
 
 impl Hits {
-    /// Takes over those of `others` that are nearer than what the rays from place `first` on have hit, or as near with a
-    /// smaller number; `number` turns their numbers into those of these hits.
-    pub fn take_nearer(&mut self, first: usize, others: &Hits, number: impl Fn(u32) -> u32) {
+    /// Takes over those of `others` that are nearer than what the rays from place `first` on have hit, or as near and first
+    /// in the `order` of these hits' numbers; `number` turns the others' numbers into those.
+    pub fn take_nearer(
+        &mut self,
+        first: usize,
+        others: &Hits,
+        number: impl Fn(u32) -> u32,
+        order: impl Fn(u32) -> u32,
+    ) {
         let own = self.t[first..].iter_mut().zip(&mut self.primitive[first..]);
         for ((t, id), (other_t, other)) in own.zip(others.t.iter().zip(&others.primitive)) {
             if *other == Hits::MISS || *other_t > *t {
                 continue;
             }
             let other = number(*other);
-            if *other_t < *t || other < *id {
+            if *other_t < *t || order(other) < order(*id) {
                 (*t, *id) = (*other_t, other);
             }
         }
+    }
+
+    /// All of them, by whole registers.
+    pub(super) fn registers(&mut self) -> (&mut [[f64; RayGroup::LANES]], &mut [[u32; RayGroup::LANES]]) {
+        (self.t.as_chunks_mut().0, self.primitive.as_chunks_mut().0)
     }
 
     /// Makes room for `rays` misses.

@@ -127,7 +127,7 @@ pub(crate) fn neighbours(rays: &RayGroup, first: usize) -> usize {
 
 impl<S: Simd> Lanes<S> {
     /// The lanes of some pulses, at most sixteen; lanes without a pulse repeat the first. `None` when they do not run
-    /// along one axis, or start out of reach.
+    /// along one axis, or start out of reach. `off` is by how much rays and primitives may be off, in units of the frame.
     ///
     /// # Safety
     /// As for [`Simd`].
@@ -137,10 +137,11 @@ impl<S: Simd> Lanes<S> {
         rays: &RayGroup,
         pulses: Range<usize>,
         deviations: &mut [Deviations],
+        off: f64,
     ) -> Option<Lanes<S>> {
         let axes = axes_by_dominance(rays.direction(pulses.start, 0));
         let forward = if rays.direction(pulses.start, 0)[axes[0]] < 0.0 { -1.0 } else { 1.0 };
-        let start = Start::of(frame, rays, pulses.clone(), axes, forward)?;
+        let start = Start::of(frame, rays, pulses.clone(), axes, forward, off)?;
         // SAFETY: the caller vouches for the instruction set.
         let spread = unsafe { Spread::of::<S>(rays, pulses.clone(), axes, forward, deviations) };
         let slope = spread.slopes()?;
@@ -245,6 +246,7 @@ impl Start {
         pulses: Range<usize>,
         axes: [usize; 3],
         forward: f64,
+        off: f64,
     ) -> Option<Start> {
         let mut origins = [DVec3::ZERO; GROUP];
         let origins = &mut origins[..pulses.len()];
@@ -268,7 +270,7 @@ impl Start {
         depth.repeat_first(origins.len());
         offset.iter_mut().for_each(|o| o.repeat_first(origins.len()));
         let sound = reach < FARTHEST;
-        let slack = above(2.0 * Frame::ROUNDING + 1e-14 * (1.0 + reach) + 5e-7 * spread);
+        let slack = above(2.0 * Frame::ROUNDING + 1e-14 * (1.0 + reach) + 5e-7 * spread + off);
         // Nearer than the offsets, an error of the depth is multiplied in offset / depth.
         let near = 16.0 * slack + above(spread);
         sound.then_some(Start { apex, slack, near, offset, depth })

@@ -3,6 +3,7 @@
 use super::Kernel;
 use super::filter::{Seen, boxes_in_beam};
 use super::lanes::{BeamSide, GROUP, Lanes};
+use super::placed::{HitPlaced, meet};
 use super::rows::{
     Asked, Batch, ENOUGH, FindDistances, FindInside, FindPlanes, FindSides, LookClosely, PAIRS, Rows, SPAN,
     TOGETHER,
@@ -81,9 +82,14 @@ impl<'a, S: Simd> Kernel<'a, S> {
                 let (rows, settled) = (&mut *self.rows, &mut self.settled);
                 let step = FindInside { rows, lists, lanes, deviations, settled, span, wide, valid };
                 let (count, unsure) = S::apart(step);
-                if unsure != 0 {
+                if unsure != 0 && self.standing.is_none() {
                     let rows = &mut *self.rows;
                     S::apart(LookClosely { rows, lists, lanes, deviations, geometry, span, wide, unsure });
+                }
+                if let Some(standing) = &self.standing {
+                    let (rows, t, ids) = (&mut *self.rows, &mut *self.t, &mut *self.ids);
+                    touched |= S::apart(HitPlaced { rows, lists, standing, t, ids, span, count });
+                    continue;
                 }
                 let (rows, stride) = (&mut *self.rows, self.registers);
                 let first = self.first * stride + span * SPAN / 8;
@@ -106,7 +112,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn lower_limits(&mut self, mut touched: u32) {
+    pub(super) unsafe fn lower_limits(&mut self, mut touched: u32) {
         while touched != 0 {
             // SAFETY: the caller vouches for the instruction set.
             unsafe { self.lower_limit(touched.trailing_zeros() as usize) };
@@ -167,8 +173,13 @@ impl<'a, S: Simd> Kernel<'a, S> {
                 sides.each_ref().map(|s| BeamSide { from: s.from.0[p], inverse: s.inverse.0[p] })
             });
             // SAFETY: the caller vouches for the instruction set.
-            let (mut met, _) =
+            let (mut met, enter) =
                 unsafe { boxes_in_beam::<S>(&beam, &block.corner[0], &block.corner[1], hi[p]) };
+            if let Some(list) = &mut self.met {
+                // SAFETY: as above.
+                unsafe { meet::<S>(list, block, p, met, enter) };
+                met = 0;
+            }
             touched |= u32::from(met != 0) << p;
             while met != 0 {
                 self.hit_cube(self.first + p, block.id[met.trailing_zeros() as usize % LANES]);
@@ -203,7 +214,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn lower_limit(&mut self, pulse: usize) {
+    pub(super) unsafe fn lower_limit(&mut self, pulse: usize) {
         let first = (self.first + pulse) * self.registers;
         // SAFETY: the caller vouches for the instruction set.
         let farthest = unsafe {

@@ -13,11 +13,13 @@
 //! | `rows` | what becomes of the pairs, step by step |
 //! | `sides`, `edges` | which rays are inside: from single precision, and from double where that leaves it open |
 //! | `verdict` | distances |
+//! | `placed` | instances: which of them a group meets, and their triangles in its frame |
 
 mod edges;
 mod filter;
 mod lanes;
 mod leaf;
+mod placed;
 mod rows;
 mod sides;
 mod verdict;
@@ -46,7 +48,7 @@ impl Tree {
     pub fn trace_group(&self, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
         self.trace_group_on(Level::best(), geometry, rays, hits);
         if let Some(placed) = &self.placed {
-            placed.trace_group(rays, hits);
+            placed.trace_group_on(Level::best(), geometry, rays, hits);
         }
     }
 
@@ -133,6 +135,10 @@ struct Kernel<'a, S: super::simd::Simd> {
     /// Blocks whose pairs wait to be looked at.
     lists: leaf::Lists<'a>,
     rows: &'a mut rows::Rows,
+    /// In a tree over instances: those that have been met.
+    met: Option<&'a mut Vec<placed::Met>>,
+    /// In the tree of a model: the instance.
+    standing: Option<placed::Standing<'a>>,
 }
 
 /// What a walk needs room for; cleared by nobody.
@@ -181,6 +187,38 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
         }
     }
 
+    /// A walk of the pulses from `first` on, which are in `lanes`; no limit allows them to meet anything yet.
+    #[inline(always)]
+    fn of<'a>(
+        geometry: &'a Geometry,
+        rays: &'a RayGroup,
+        first: usize,
+        (t, ids): (&'a mut [[f64; 8]], &'a mut [[u32; 8]]),
+        lanes: Lanes<S>,
+        scratch: &'a mut Scratch,
+    ) -> Kernel<'a, S> {
+        Kernel {
+            geometry,
+            rays,
+            directions: [0, 1, 2].map(|a| rays.lanes(a)),
+            t,
+            ids,
+            registers: rays.stride() / RayGroup::LANES,
+            wide: rays.stride().div_ceil(16),
+            spans: rays.stride().div_ceil(32),
+            first,
+            lanes,
+            deviations: &scratch.deviations,
+            limit: PerPulse([f32::NEG_INFINITY; GROUP]),
+            settled: rows::Settled { rays: [0; GROUP], depth: PerPulse([f32::NEG_INFINITY; GROUP]) },
+            stacks: &mut scratch.stacks,
+            lists: leaf::Lists::EMPTY,
+            rows: &mut scratch.rows,
+            met: None,
+            standing: None,
+        }
+    }
+
     /// Traces some pulses together, if they can be.
     ///
     /// # Safety
@@ -196,32 +234,14 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
     ) -> bool {
         // SAFETY: the caller vouches for the instruction set.
         let Some(lanes) =
-            (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone(), &mut scratch.deviations) })
+            (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone(), &mut scratch.deviations, 0.0) })
         else {
             return false;
         };
-        let mut limit = PerPulse([f32::NEG_INFINITY; GROUP]);
-        limit.0[..pulses.len()].fill(f32::INFINITY);
-        let mut kernel = Kernel {
-            geometry,
-            rays,
-            directions: [0, 1, 2].map(|a| rays.lanes(a)),
-            t: hits.t.as_chunks_mut().0,
-            ids: hits.primitive.as_chunks_mut().0,
-            registers: rays.stride() / RayGroup::LANES,
-            wide: rays.stride().div_ceil(16),
-            spans: rays.stride().div_ceil(32),
-            first: pulses.start,
-            lanes,
-            deviations: &scratch.deviations,
-            limit,
-            settled: rows::Settled { rays: [0; GROUP], depth: PerPulse([f32::NEG_INFINITY; GROUP]) },
-            stacks: &mut scratch.stacks,
-            lists: leaf::Lists::EMPTY,
-            rows: &mut scratch.rows,
-        };
+        let mut kernel = Kernel::of(geometry, rays, pulses.start, hits.registers(), lanes, scratch);
+        kernel.limit.0[..pulses.len()].fill(f32::INFINITY);
         // SAFETY: as above.
-        unsafe { kernel.walk(tree, pulses.len()) };
+        unsafe { kernel.walk(tree, (1 << pulses.len()) - 1) };
         true
     }
 }

@@ -38,15 +38,14 @@ impl Stacks {
 }
 
 impl<'a, S: Simd> Kernel<'a, S> {
-    /// Walks the first `pulses` lanes through the tree, front to back.
+    /// Walks the `pulses`, a bit each, through the tree, front to back.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub(super) unsafe fn walk(&mut self, tree: &'a Tree, pulses: usize) {
+    pub(super) unsafe fn walk(&mut self, tree: &'a Tree, pulses: u32) {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
-            let pulses = (1u32 << pulses) - 1;
             match &tree.nodes {
                 Nodes::Kd(nodes) => self.walk_kd(tree, nodes, pulses),
                 Nodes::Wide(nodes) => self.walk_wide(tree, nodes, pulses),
@@ -173,7 +172,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn within_limit(&self, enter: f32) -> u32 {
+    pub(super) unsafe fn within_limit(&self, enter: f32) -> u32 {
         // SAFETY: the caller vouches for the instruction set.
         unsafe { S::bits(S::le(S::splat(enter), S::mul(S::load(&self.limit.0), S::splat(LOOSE)))) }
     }
