@@ -4,7 +4,7 @@
 use super::assembly::{Assembly, FARTHEST, MOST_NUMBERS};
 use super::ground;
 use super::library::Names;
-use super::{Surface, load};
+use super::{Surface, load, play};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use crate::store::Store;
@@ -75,15 +75,11 @@ pub(super) struct Stock {
 }
 
 impl Stock {
-    /// Finds the files that are to be shared; none in a scene that moves or changes.
-    pub fn plan(&mut self, recipe: &SceneRecipe, sharing: Sharing) {
-        // What moves is numbered on from the stored primitives as well.
-        let changes = recipe.parts.iter().any(|p| !p.motions.is_empty() || !p.swaps.is_empty());
-        if changes {
-            return;
-        }
+    /// Finds the files that are to be shared in a play.
+    pub fn plan(&mut self, recipe: &SceneRecipe, play: u32, sharing: Sharing) {
         let mut users: HashMap<Key, u64> = HashMap::new();
-        for key in recipe.parts.iter().filter_map(key_of) {
+        let parts = recipe.parts.iter().filter_map(|part| play::state(part, play));
+        for key in parts.filter_map(|part| key_of(&part)) {
             *users.entry(key).or_default() += 1;
         }
         let wanted = |(path, _): &Key, users: u64| match sharing {
@@ -113,9 +109,10 @@ impl Stock {
     }
 }
 
-/// The file of a part that may share it: one OBJ file.
+/// The file of a part that may share it: one OBJ file, of a part that stays where it is.
 fn key_of(part: &PartRecipe) -> Option<Key> {
     match &part.loader {
+        _ if !part.motions.is_empty() => None,
         Loader::Obj { files, up } => match &files[..] {
             [file] => Some((file.clone(), *up == UpAxis::Y)),
             _ => None,

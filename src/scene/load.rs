@@ -84,7 +84,7 @@ fn load_state(
     let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
     let library = Library::new(spectra, options.helios_specularity, options.seed);
     let mut scene = Assembly::new(options, library);
-    scene.stock.plan(recipe, options.sharing);
+    scene.stock.plan(recipe, play, options.sharing);
     let mut placed = Vec::new();
     let mut ids = Ids::default();
     for part in &recipe.parts {

@@ -32,7 +32,7 @@ pub struct Scene {
     /// Parts that move, in document order; everything above shows them where they stand at first.
     pub movers: Vec<Mover>,
     /// Instances of shared meshes, if there are any: their triangles are numbered on from the primitives of `geometry`.
-    /// A scene with moving parts has none.
+    /// Moving parts are never among them.
     pub placed: Option<Placed>,
     /// Simulation steps from one update of the moving parts to the next.
     pub dyn_step: u32,
@@ -104,6 +104,18 @@ impl Scene {
         match &self.placed {
             Some(placed) => tree.with_instances(&placed.instances, options),
             None => tree,
+        }
+    }
+
+    /// About how many bytes [`Scene::tree`] takes, see [`Tree::forecast`]; models of instances have a tree each.
+    pub fn tree_forecast(&self, builder: Builder) -> u64 {
+        let placed = self.placed.as_ref().map_or(0, |p| {
+            let models = p.instances.models.iter().map(|m| m.geometry.len() as u64).sum::<u64>();
+            Tree::forecast(models, builder) + Tree::forecast(p.instances.all.len() as u64, Builder::Bvh)
+        });
+        match &self.ready {
+            Some(_) => 0,
+            None => Tree::forecast(self.geometry.len() as u64, builder).saturating_add(placed),
         }
     }
 

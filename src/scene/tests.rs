@@ -3,7 +3,7 @@
 use super::fixture::{Fixture, report};
 use super::{Scene, Stand, load_play};
 use crate::geom::{Aabb, DVec3};
-use crate::survey::{Loader, Swap, UpAxis};
+use crate::survey::{Loader, MotionSequence, Swap, UpAxis};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -214,4 +214,24 @@ fn sharing_a_mesh_changes_nothing() {
         hits += u32::from(one.is_some());
     }
     assert!(hits > 1000, "{hits}");
+}
+
+#[test]
+fn instances_stay_instances_beside_parts_that_move_or_are_swapped() {
+    let mut f = Fixture::new();
+    for x in 0..4 {
+        f.obj("a.obj", TRIANGLE).transform.offset.x = 3.0 * f64::from(x);
+    }
+    f.parts[1].motions =
+        vec![MotionSequence { id: "m".to_owned(), loops: 0, next: None, motions: Vec::new() }];
+    let swap = Swap { plays: 1, keep_crs: true, vanish: true, loader: None, scale: None, offset: None };
+    f.parts[2].swaps = vec![swap];
+    f.options.sharing = super::Sharing::Always;
+    let first = f.scene();
+    for (play, expected) in [(0, vec![0, 2, 3]), (1, vec![0, 3])] {
+        let (scene, _) = load_play(&f.recipe(), &f.options, play, Some(Stand::of(&first))).unwrap();
+        assert_eq!(scene.placed.as_ref().unwrap().parts, expected, "play {play}");
+        let moving = &scene.movers[0];
+        assert_eq!((moving.part, &moving.triangles, scene.geometry.triangles.len()), (1, &(0..1), 1));
+    }
 }
