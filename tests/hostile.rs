@@ -17,6 +17,8 @@ const MATERIAL: &str = "newmtl grey\nKd 0.25 0.25 0.25\nKs 0.125 0.125 0.125\nNs
     helios_spectra moss\nhelios_classification 12\nhelios_isGround true\n";
 const CLOUD: &str =
     "-2.25 9.25 -1.25 0.5 0.5 0.5\n-1.25 9.25 1.25 0.5 0.5 0.5\n-1.25 9.25 1.25 0.5 0.5 0.5\n";
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\nproperty double z\nend_header\n\
+    -2.25 9.25 -1.25\n-1.25 9.25 1.25\n-1.25 9.25 1.25\n";
 const VOXELS: &str = "VOXEL SPACE\n#min_corner: -12.5 8.5 -12.5\n#max_corner: 12.5 13.5 12.5\n#split: 5 1 5\n#res: 5.0 #max_pad: 5.0\n\
     i j k PadBVTotal a b c d e f g h n transmittance m l\n\
     2 0 2 1.25 54.25 0.5 0.5 0.5 1.25 0.5 12.5 7 60 0.75 0.5 0.25\n\
@@ -245,6 +247,43 @@ fn cases() -> Vec<Case> {
             |t| t.trim_end().ends_with("</document>"),
         ),
         Case {
+            is_text: false,
+            lines_may_change: false,
+            ..case(
+                "cloud.ply",
+                PLY,
+                r#"<part><filter type="xyzloader"><param type="string" key="filepath" value="cloud.ply"/>
+                <param type="double" key="voxelSize" value="5"/></filter></part>"#,
+                &[
+                    ("9.25", "nan"),
+                    ("9.25", "inf"),
+                    ("9.25", "1e300"),
+                    ("9.25", "x"),
+                    ("-2.25 9.25", "-2.25"),
+                    ("vertex 3", "vertex 4"),
+                    ("vertex 3", "vertex 18446744073709551615"),
+                    ("vertex 3", "vertex -3"),
+                    ("vertex 3", "face 3"),
+                    ("double x", "double q"),
+                    ("ascii", "cuneiform"),
+                ],
+                |_| false,
+            )
+        },
+        Case {
+            whole: las_cloud(),
+            is_text: false,
+            lines_may_change: false,
+            ..case(
+                "cloud.las",
+                "",
+                r#"<part><filter type="xyzloader"><param type="string" key="filepath" value="cloud.las"/>
+                <param type="double" key="voxelSize" value="5"/></filter></part>"#,
+                &[],
+                |_| false,
+            )
+        },
+        Case {
             whole: raster(),
             is_text: false,
             lines_may_change: false,
@@ -309,6 +348,24 @@ fn raster() -> Vec<u8> {
     out.extend([0; 4]);
     let (scale, tie) = ([30.0f64, 30.0, 0.0], [0.0f64, 0.0, 0.0, -45.0, 45.0, 0.0]);
     out.extend(scale.iter().chain(&tie).flat_map(|x| x.to_le_bytes()));
+    out
+}
+
+/// LAS 1.2 with the points of the other clouds, in units of 0.25 m.
+fn las_cloud() -> Vec<u8> {
+    let mut out = b"LASF".to_vec();
+    out.resize(227, 0);
+    let mut put = |at: usize, bytes: &[u8]| out[at..at + bytes.len()].copy_from_slice(bytes);
+    put(24, &[1, 2]);
+    put(94, &227u16.to_le_bytes());
+    put(96, &227u32.to_le_bytes());
+    put(105, &20u16.to_le_bytes());
+    put(107, &3u32.to_le_bytes());
+    (0..3).for_each(|axis| put(131 + 8 * axis, &0.25f64.to_le_bytes()));
+    for point in [[-9i32, 37, -5], [-5, 37, 5], [-5, 37, 5]] {
+        out.extend(point.iter().flat_map(|x| x.to_le_bytes()));
+        out.extend([0; 8]);
+    }
     out
 }
 
@@ -526,4 +583,31 @@ fn scenes_above_the_limit_are_refused_before_they_are_built() {
     let fan = format!("{TRIANGLES}f{}\n", " 1 2 3".repeat(1_000_000));
     let (status, messages, _) = outcome(&case, fan.as_bytes());
     assert!(status == 2 && messages.contains("needs at least"), "{status}: {messages}");
+}
+
+#[test]
+fn clouds_that_contradict_themselves_are_refused() {
+    let case = cases().into_iter().find(|c| c.file == "cloud.las").unwrap();
+    let mut all = Complaints::default();
+    let real = |v: f64| v.to_le_bytes().to_vec();
+    for (what, at, value) in [
+        ("four billion points", 107, u32::MAX.to_le_bytes().to_vec()),
+        ("one point more", 107, vec![4]),
+        ("points behind the end", 96, u32::MAX.to_le_bytes().to_vec()),
+        ("points of no bytes", 105, vec![0, 0]),
+        ("points of 21 bytes", 105, vec![21]),
+        ("format 11", 104, vec![11]),
+        ("format 0, compressed by nobody", 104, vec![0x80]),
+        ("version 2.0", 24, vec![2, 0]),
+        ("a NaN scale", 131, real(f64::NAN)),
+        ("a scale of 0", 131, real(0.0)),
+        ("a scale of 1e300", 131, real(1e300)),
+        ("an infinite offset", 155, real(f64::INFINITY)),
+        ("an offset of 1e300", 163, real(1e300)),
+    ] {
+        let mut bytes = case.whole.clone();
+        bytes[at..at + value.len()].copy_from_slice(&value);
+        all.refused(&case, &bytes, what);
+    }
+    all.told();
 }

@@ -38,6 +38,8 @@ struct MtlFile {
 enum Key {
     Defined(Known),
     Named(String),
+    /// Another material with a class of its own.
+    Classified(u32, u8),
 }
 
 /// A definition: its file and its position therein.
@@ -110,6 +112,22 @@ impl Library {
             materials.push(Material::unnamed(name));
             materials.len() as u32 - 1
         })
+    }
+
+    /// A material that differs from another one in its class only.
+    pub fn of_class(&mut self, material: u32, class: u8) -> u32 {
+        let base = &self.materials[material as usize];
+        if base.classification == i32::from(class) {
+            return material;
+        }
+        if let Some(&index) = self.index_of.get(&Key::Classified(material, class)) {
+            return index;
+        }
+        let classified = Material { classification: i32::from(class), ..base.clone() };
+        self.materials.push(classified);
+        let index = self.materials.len() as u32 - 1;
+        self.index_of.insert(Key::Classified(material, class), index);
+        index
     }
 
     fn defined(&mut self, known: Known, diagnostics: &mut Diagnostics) -> u32 {

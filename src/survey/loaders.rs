@@ -72,7 +72,8 @@ fn read_geotiff(params: &mut Params) -> Option<Loader> {
 fn read_xyz(params: &mut Params) -> Option<Loader> {
     let files = read_files(params);
     let separator = params.text("separator").map(|(text, _)| text);
-    if separator.is_none() {
+    let has_columns = |f: &PathBuf| !f.extension().is_some_and(is_binary_cloud);
+    if separator.is_none() && files.as_ref().is_none_or(|files| files.iter().any(has_columns)) {
         params.missing("separator");
     }
     let voxel_size = params.number("voxelSize");
@@ -94,7 +95,7 @@ fn read_xyz(params: &mut Params) -> Option<Loader> {
     let material = read_material(params, true);
     Some(Loader::Xyz(Box::new(XyzLoader {
         files: files?,
-        separator: separator?,
+        separator: separator.unwrap_or_default(),
         voxel_size: voxel_size.map(|size| if size == 0.0 { 1.0 } else { size })?,
         max_color_value: if max_color_value == 0.0 { 255.0 } else { max_color_value },
         default_normal: default_normal.map(unit),
@@ -104,6 +105,11 @@ fn read_xyz(params: &mut Params) -> Option<Loader> {
         estimate_normals,
         material,
     })))
+}
+
+/// Extensions of point clouds whose columns need no separator.
+fn is_binary_cloud(extension: &std::ffi::OsStr) -> bool {
+    ["las", "laz", "ply"].iter().any(|e| extension.eq_ignore_ascii_case(e))
 }
 
 /// Three columns, which count only when the first of them is given.

@@ -75,7 +75,7 @@ pub(super) enum NormalRule {
     Plane,
 }
 
-/// What a cell knows of its points; 128 bytes.
+/// What a cell knows of its points; 136 bytes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sums {
     /// Number of points.
@@ -86,10 +86,14 @@ pub(super) struct Sums {
     second: Moments,
     /// Box around the points relative to the centre (plane).
     extent: Aabb,
+    /// The class that most points have, if more than half of them have it (Boyer and Moore's vote), and its lead.
+    pub class: u8,
+    lead: u32,
 }
 
 impl Sums {
-    const NOTHING: Sums = Sums { count: 0, first: DVec3::ZERO, second: [0.0; 6], extent: Aabb::EMPTY };
+    const NOTHING: Sums =
+        Sums { count: 0, first: DVec3::ZERO, second: [0.0; 6], extent: Aabb::EMPTY, class: 0, lead: 0 };
 
     fn add(&mut self, centre: DVec3, point: &Point, rule: NormalRule) {
         let d = point.position - centre;
@@ -108,6 +112,11 @@ impl Sums {
                 }
             }
             (_, None) => {}
+        }
+        match (self.lead, self.class == point.class) {
+            (0, _) => (self.class, self.lead) = (point.class, 1),
+            (_, true) => self.lead = self.lead.saturating_add(1),
+            (_, false) => self.lead -= 1,
         }
         self.count = self.count.saturating_add(1);
     }
@@ -210,7 +219,7 @@ mod tests {
             let points: Vec<DVec3> = points.into_iter().map(|[x, y, z]| DVec3::new(x, y, tilt * x + 0.01 * z) + 1000.0).collect();
             let mut sums = Sums::NOTHING;
             for &position in &points {
-                sums.add(DVec3::splat(1000.5), &Point { position, normal: None }, NormalRule::Plane);
+                sums.add(DVec3::splat(1000.5), &Point { position, normal: None, class: 0 }, NormalRule::Plane);
             }
             let plane = crate::scene::plane::fit(&points).unwrap();
             let spread = points.iter().map(|p| (*p - plane.centre).length()).fold(0.0, f64::max);

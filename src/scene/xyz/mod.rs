@@ -1,20 +1,24 @@
-//! Point clouds as cubes (spec input-formats §4.4). The file is read twice, once for its extent and once into the cells of
-//! the grid, so that memory grows with the number of occupied cells and not with that of the points.
+//! Point clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from LAS, LAZ and PLY. The file is
+//! read twice, once for its extent and once into the cells of the grid, so that memory grows with the number of occupied
+//! cells and not with that of the points.
 
 mod cells;
+mod las;
+mod ply;
 mod points;
 #[cfg(test)]
 mod tests;
 
-use super::assembly::{Assembly, PartSource};
-use super::text::{Problems, Source, cut_into_pieces};
+use super::assembly::{Assembly, FARTHEST, PartSource};
+use super::text::{Problems, Source, cut_into_pieces, shown};
 use super::voxel::Voxel;
+use crate::diag::Diagnostics;
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3, unit};
 use crate::survey::XyzLoader;
 use crate::tree::Cube;
 use cells::{Cells, Grid, NormalRule, SHARDS};
-use points::{Columns, Point};
+use points::{Batches, Columns, Point};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -39,23 +43,12 @@ pub(super) fn load(
             return Ok(());
         }
     };
-    if !source.is_text("a point cloud", &mut scene.diagnostics) {
-        return Ok(());
-    }
-    let pieces = cut_into_pieces(source.bytes(), PIECE);
-    let (extent, mut problems) = extent_of(source, &pieces, &settings.columns);
-    if let Some((number, at, last)) = source.unended_line()
-        && let Some((columns, found)) = points::cut(source.bytes(), last, &settings.columns)
-    {
-        problems.error(number, at..at + last.len(), || {
-            format!("expected {columns} columns as in the first line, found {found}; is the file whole?")
-        });
-    }
-    if !problems.report(source, &mut scene.diagnostics) {
-        return Ok(());
-    }
+    let Some(cloud) = Cloud::of(source, &mut scene.diagnostics) else { return Ok(()) };
+    let Some(extent) = cloud.extent(source, &settings, &mut scene.diagnostics) else { return Ok(()) };
     if extent.is_empty() {
-        scene.diagnostics.error(Some(source.place(1, 0..0)), "expected points, found none");
+        let place = matches!(cloud, Cloud::Text { .. }).then(|| source.place(1, 0..0));
+        let message = format!("expected points in {}, found none", source.path().display());
+        scene.diagnostics.error(place, message);
         return Ok(());
     }
     let Some(grid) = Grid::around(extent, settings.voxel_size) else {
@@ -68,8 +61,118 @@ pub(super) fn load(
         scene.diagnostics.error(part.place.cloned(), message);
         return Ok(());
     };
-    let cells = collect(scene, source, &pieces, &settings, &grid)?;
-    append_cubes(scene, part, &settings, &grid, cells, materials)
+    let mut sorter = Sorter { grid: &grid, settings: &settings, shards: Default::default() };
+    match &cloud {
+        Cloud::Text { pieces } => sorter.sort_text(scene, source, pieces)?,
+        binary => {
+            let mut failure = Ok(());
+            let read = binary.each_batch(source, &settings, |batches| {
+                failure = sorter.sort(scene, source, batches);
+                failure.is_ok()
+            });
+            failure?;
+            if let Err(problem) = read {
+                scene.diagnostics.error(None, format!("{}: {problem}", source.path().display()));
+                return Ok(());
+            }
+        }
+    }
+    let shards = sorter.shards;
+    append_cubes(scene, part, &settings, &grid, shards, materials)
+}
+
+/// A file's points by its form, which the bytes tell and not the name.
+enum Cloud {
+    /// Lines; the pieces are read side by side.
+    Text {
+        pieces: Vec<Range<usize>>,
+    },
+    Las,
+    Ply,
+}
+
+impl Cloud {
+    /// The form of a file; `None` after an error when it is none.
+    fn of(source: &Source, diagnostics: &mut Diagnostics) -> Option<Cloud> {
+        let bytes = source.bytes();
+        let extension = source.path().extension().map(|e| e.to_ascii_lowercase());
+        let named = ["las", "laz", "ply"].into_iter().find(|n| extension.as_ref().is_some_and(|e| e == n));
+        match named {
+            _ if las::is_las(bytes) => Some(Cloud::Las),
+            _ if ply::is_ply(bytes) => Some(Cloud::Ply),
+            Some(name) => {
+                let (path, found) = (source.path().display(), shown(&bytes[..bytes.len().min(4)]));
+                let message = format!(
+                    "expected {path} to be a {} file, found one that begins with \"{found}\"",
+                    name.to_uppercase()
+                );
+                diagnostics.error(None, message);
+                None
+            }
+            None => source
+                .is_text("a point cloud", diagnostics)
+                .then(|| Cloud::Text { pieces: cut_into_pieces(bytes, PIECE) }),
+        }
+    }
+
+    /// The box around all points; `None` after an error.
+    fn extent(&self, source: &Source, settings: &Settings, diagnostics: &mut Diagnostics) -> Option<Aabb> {
+        if let Cloud::Text { pieces } = self {
+            return extent_of_text(source, pieces, &settings.columns, diagnostics);
+        }
+        let (mut extent, mut passed, mut wrong) = (Aabb::EMPTY, 0, None);
+        let read = self.each_batch(source, settings, |batches| {
+            for point in batches.iter().flatten() {
+                // Also false for what is no number.
+                let is_near = point.position.abs().max_element() <= FARTHEST;
+                wrong =
+                    wrong.or((!(point.position.is_finite() && is_near)).then_some((passed, point.position)));
+                extent = extent.with(point.position);
+                passed += 1;
+            }
+            wrong.is_none()
+        });
+        let read = match wrong {
+            Some((number, p)) => {
+                Err(format!("expected points within ±{FARTHEST:e} m, point {number} (from 0) is at {p}"))
+            }
+            None => read,
+        };
+        match read {
+            Ok(()) => Some(extent),
+            Err(problem) => {
+                diagnostics.error(None, format!("{}: {problem}", source.path().display()));
+                None
+            }
+        }
+    }
+
+    /// Shows the points of a file that is no text to `take`, some batches at a time, in the order of the file, until it
+    /// says that it has seen enough.
+    fn each_batch(
+        &self,
+        source: &Source,
+        settings: &Settings,
+        mut take: impl FnMut(&[Vec<Point>]) -> bool,
+    ) -> std::result::Result<(), String> {
+        let with_normals = settings.rule != NormalRule::Plane;
+        let mut points: Box<dyn Batches + '_> = match self {
+            Cloud::Ply => Box::new(ply::Cloud::open(source.bytes(), with_normals)?),
+            _ => Box::new(las::Cloud::open(source.bytes())?),
+        };
+        let mut batches = vec![Vec::new(); rayon::current_num_threads()];
+        let mut more = true;
+        while more {
+            for batch in &mut batches {
+                batch.clear();
+                more = more && points.next(batch)?;
+            }
+            if !take(&batches) {
+                break;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A loader's settings, checked.
@@ -78,6 +181,8 @@ struct Settings {
     voxel_size: f64,
     default_normal: Option<DVec3>,
     rule: NormalRule,
+    /// Whether the scene names a material, whose class then counts and not that of the points.
+    has_material: bool,
 }
 
 impl Settings {
@@ -96,12 +201,18 @@ impl Settings {
             (0, false) => NormalRule::Mean,
         };
         let columns = Columns::new(loader, rule != NormalRule::Plane);
-        Ok(Settings { columns, voxel_size: size, default_normal, rule })
+        let has_material = loader.material.file.is_some();
+        Ok(Settings { columns, voxel_size: size, default_normal, rule, has_material })
     }
 }
 
-/// The box around all points, and the lines that are none.
-fn extent_of(source: &Source, pieces: &[Range<usize>], columns: &Columns) -> (Aabb, Problems) {
+/// The box around all points of a text file; `None` after errors about lines that are none.
+fn extent_of_text(
+    source: &Source,
+    pieces: &[Range<usize>],
+    columns: &Columns,
+    diagnostics: &mut Diagnostics,
+) -> Option<Aabb> {
     let read: Vec<(Aabb, Problems, usize)> = pieces
         .par_iter()
         .map(|piece| {
@@ -119,40 +230,68 @@ fn extent_of(source: &Source, pieces: &[Range<usize>], columns: &Columns) -> (Aa
         problems.append(found, passed, piece.start);
         passed += lines;
     }
-    (all, problems)
+    if let Some((number, at, last)) = source.unended_line()
+        && let Some((columns, found)) = points::cut(source.bytes(), last, columns)
+    {
+        problems.error(number, at..at + last.len(), || {
+            format!("expected {columns} columns as in the first line, found {found}; is the file whole?")
+        });
+    }
+    problems.report(source, diagnostics).then_some(all)
 }
 
-/// Sorts all points into cells. Each cell sees its points in the order of the file whatever the number of threads.
-fn collect(
-    scene: &Assembly,
-    source: &Source,
-    pieces: &[Range<usize>],
-    settings: &Settings,
-    grid: &Grid,
-) -> Result<Vec<Cells>> {
-    let mut shards: Vec<Cells> = (0..SHARDS).map(|_| Cells::default()).collect();
-    for wave in pieces.chunks(4 * rayon::current_num_threads()) {
-        let read: Vec<Vec<Vec<Point>>> = wave
+/// Sorts points into cells. Each cell sees its points in the order of the file whatever the number of threads.
+struct Sorter<'a> {
+    grid: &'a Grid,
+    settings: &'a Settings,
+    shards: [Cells; SHARDS],
+}
+
+impl Sorter<'_> {
+    fn sort_text(&mut self, scene: &Assembly, source: &Source, pieces: &[Range<usize>]) -> Result<()> {
+        for wave in pieces.chunks(4 * rayon::current_num_threads()) {
+            let read: Vec<_> = wave
+                .par_iter()
+                .map(|piece| {
+                    let mut sorted: [Vec<Point>; SHARDS] = Default::default();
+                    let mut reported = Problems::default();
+                    let (bytes, is_first) = (&source.bytes()[piece.clone()], piece.start == 0);
+                    let columns = &self.settings.columns;
+                    points::each(bytes, is_first, columns, &mut reported, |p| self.put(p, &mut sorted));
+                    sorted
+                })
+                .collect();
+            self.add(scene, source, &read)?;
+        }
+        Ok(())
+    }
+
+    fn sort(&mut self, scene: &Assembly, source: &Source, batches: &[Vec<Point>]) -> Result<()> {
+        let sorted: Vec<_> = batches
             .par_iter()
-            .map(|piece| {
-                let mut sorted = vec![Vec::new(); SHARDS];
-                let mut reported = Problems::default();
-                let (bytes, is_first) = (&source.bytes()[piece.clone()], piece.start == 0);
-                points::each(bytes, is_first, &settings.columns, &mut reported, |point| {
-                    if let Some(point) = settings.usable(point) {
-                        sorted[grid.shard_of(point.position)].push(point);
-                    }
-                });
+            .map(|batch| {
+                let mut sorted: [Vec<Point>; SHARDS] = Default::default();
+                batch.iter().for_each(|p| self.put(*p, &mut sorted));
                 sorted
             })
             .collect();
-        shards.par_iter_mut().enumerate().for_each(|(shard, cells)| {
-            read.iter().flat_map(|piece| &piece[shard]).for_each(|p| cells.add(grid, p, settings.rule));
-        });
-        let held: usize = shards.iter().map(Cells::memory).sum();
-        scene.check_memory(held as u64, source.path())?;
+        self.add(scene, source, &sorted)
     }
-    Ok(shards)
+
+    fn put(&self, point: Point, sorted: &mut [Vec<Point>; SHARDS]) {
+        if let Some(point) = self.settings.usable(point) {
+            sorted[self.grid.shard_of(point.position)].push(point);
+        }
+    }
+
+    fn add(&mut self, scene: &Assembly, source: &Source, sorted: &[[Vec<Point>; SHARDS]]) -> Result<()> {
+        let (grid, rule) = (self.grid, self.settings.rule);
+        self.shards.par_iter_mut().enumerate().for_each(|(shard, cells)| {
+            sorted.iter().flat_map(|batch| &batch[shard]).for_each(|p| cells.add(grid, p, rule));
+        });
+        let held: usize = self.shards.iter().map(Cells::memory).sum();
+        scene.check_memory(held as u64, source.path())
+    }
 }
 
 impl Settings {
@@ -166,15 +305,18 @@ impl Settings {
     }
 }
 
+/// A cell's place in the order, its cube, and the class of its points.
+type Filled = (u128, Cube, Voxel, u8);
+
 fn append_cubes(
     scene: &mut Assembly,
     part: &PartSource,
     settings: &Settings,
     grid: &Grid,
-    shards: Vec<Cells>,
+    shards: [Cells; SHARDS],
     materials: &[u32],
 ) -> Result<()> {
-    let mut cells: Vec<(u128, Cube, Voxel)> = shards
+    let mut cells: Vec<Filled> = shards
         .into_par_iter()
         .flat_map_iter(|shard| shard.into_iter())
         .filter_map(|(cell, sums)| {
@@ -183,13 +325,20 @@ fn append_cubes(
                 _ => sums.normal(settings.rule).or(settings.default_normal),
             };
             let cube = Cube { centre: grid.centre(cell), half: 0.5 * settings.voxel_size };
-            Some((grid.order(cell), cube, Voxel::of_points(normal)))
+            Some((grid.order(cell), cube, Voxel::of_points(normal), sums.class))
         })
         .collect();
     cells.par_sort_unstable_by_key(|c| c.0);
-    let count = cells.len();
     scene.geometry.cubes.extend(cells.iter().map(|c| c.1));
     scene.voxels.extend(cells.iter().map(|c| c.2));
-    scene.spread_materials(part.index, materials, count);
+    if settings.has_material || cells.iter().all(|c| c.3 == 0) {
+        scene.spread_materials(part.index, materials, cells.len());
+    } else {
+        for ((.., class), material) in cells.iter().zip(materials.iter().cycle()) {
+            let material = scene.library.of_class(*material, *class);
+            let surface = scene.surface(part.index, material);
+            scene.cube_surfaces.push(surface);
+        }
+    }
     scene.check_numbers()
 }

@@ -1,4 +1,4 @@
-//! Points of a text file.
+//! Points, and those of a text file.
 
 use crate::geom::DVec3;
 use crate::scene::assembly::FARTHEST;
@@ -7,13 +7,24 @@ use crate::scene::text::{Line, Lines, Problems, is_empty_line, shown};
 use crate::survey::XyzLoader;
 use std::ops::Range;
 
-/// A point with the normal that its line holds.
+/// Points that are read at a time.
+pub(super) const BATCH: usize = 1 << 16;
+
+/// A file whose points come one after the other.
+pub(super) trait Batches {
+    /// Appends up to [`BATCH`] points; says whether there are more. An error says what is wrong with the file.
+    fn next(&mut self, room: &mut Vec<Point>) -> Result<bool, String>;
+}
+
+/// A point with the normal that its line or record holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Point {
     /// m, as the file has it.
     pub position: DVec3,
     /// As the file has it, of any length, also useless.
     pub normal: Option<DVec3>,
+    /// Point class; 0 where the file has none.
+    pub class: u8,
 }
 
 /// Where the columns are.
@@ -129,5 +140,5 @@ fn point(line: &Line, words: &[Range<usize>], columns: &Columns, problems: &mut 
         let value = |column| component(column).unwrap_or(f64::NAN);
         DVec3::new(value(x), value(y), value(z))
     });
-    Some(Point { position: DVec3::from(position), normal })
+    Some(Point { position: DVec3::from(position), normal, class: 0 })
 }

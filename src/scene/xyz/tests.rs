@@ -2,7 +2,7 @@
 
 use crate::geom::{DVec3, Rotation};
 use crate::scene::Scene;
-use crate::scene::fixture::Fixture;
+use crate::scene::fixture::{Fixture, report};
 use crate::survey::{Loader, MaterialChoice, XyzLoader};
 use std::fmt::Write;
 
@@ -164,4 +164,205 @@ fn many_pieces_and_threads_give_the_same_cubes() {
     let (one, three) = (load(1), load(3));
     assert!(one.voxels.len() > 1000);
     assert_eq!((one.geometry.cubes, one.voxels), (three.geometry.cubes, three.voxels));
+}
+
+/// Points on a grid of 1/1024 m, which LAS stores exactly: position, normal, class.
+fn cloud() -> Vec<(DVec3, DVec3, u8)> {
+    (0..3000u32)
+        .map(|i| {
+            let r = |m: u32| f64::from(i.wrapping_mul(m) >> 20) / 1024.0;
+            let position = DVec3::new(r(2_654_435_761) + 512_000.5, r(40_503_001), r(97_531_357) * 2.0);
+            let normal = DVec3::new(r(77_777) - 2.0, 0.25, 1.0);
+            (position, normal, if i % 3 == 0 { 2 } else { 5 })
+        })
+        .collect()
+}
+
+fn as_text(points: &[(DVec3, DVec3, u8)], normals: bool) -> Vec<u8> {
+    let mut text = String::new();
+    for (p, n, _) in points {
+        let _ = match normals {
+            true => writeln!(text, "{} {} {} {} {} {}", p.x, p.y, p.z, n.x, n.y, n.z),
+            false => writeln!(text, "{} {} {}", p.x, p.y, p.z),
+        };
+    }
+    text.into_bytes()
+}
+
+fn as_las(points: &[(DVec3, DVec3, u8)], format: u8, compressed: bool, classes: bool) -> Vec<u8> {
+    use las::point::{Classification, Format};
+    let mut builder = las::Builder::from((1, if format < 6 { 2 } else { 4 }));
+    builder.point_format = Format::new(format).unwrap();
+    builder.point_format.is_compressed = compressed;
+    let transform = |offset| las::Transform { scale: 1.0 / 1024.0, offset };
+    builder.transforms = las::Vector { x: transform(512_000.0), y: transform(0.0), z: transform(-8.0) };
+    let mut writer =
+        las::Writer::new(std::io::Cursor::new(Vec::new()), builder.into_header().unwrap()).unwrap();
+    for (p, _, class) in points {
+        let class = if classes { *class } else { 0 };
+        let point = las::Point {
+            x: p.x,
+            y: p.y,
+            z: p.z,
+            gps_time: Some(1.0).filter(|_| format != 0),
+            classification: Classification::new(class).unwrap(),
+            ..las::Point::default()
+        };
+        writer.write_point(point).unwrap();
+    }
+    writer.close().unwrap();
+    writer.into_inner().unwrap().into_inner()
+}
+
+fn as_ply(points: &[(DVec3, DVec3, u8)], binary: bool, more: &str) -> Vec<u8> {
+    let format = if binary { "binary_little_endian" } else { "ascii" };
+    let mut file = format!(
+        "ply\nformat {format} 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n",
+        points.len()
+    )
+    .into_bytes();
+    let has = |what: &str| more.contains(what);
+    if has("normals") {
+        file.extend(b"property float nx\nproperty float ny\nproperty float nz\n");
+    }
+    file.extend(b"property uchar red\n");
+    if has("classes") {
+        file.extend(b"property uchar classification\n");
+    }
+    file.extend(b"end_header\n");
+    for (p, n, class) in points {
+        let mut numbers: Vec<(f64, usize)> = p.to_array().map(|x| (x, 8)).to_vec();
+        if has("normals") {
+            numbers.extend(n.to_array().map(|x| (x, 4)));
+        }
+        numbers.push((200.0, 1));
+        if has("classes") {
+            numbers.push((f64::from(*class), 1));
+        }
+        for (x, size) in numbers {
+            match (binary, size) {
+                (false, _) => file.extend(format!("{x} ").into_bytes()),
+                (true, 8) => file.extend(x.to_le_bytes()),
+                (true, 4) => file.extend((x as f32).to_le_bytes()),
+                _ => file.push(x as u8),
+            }
+        }
+        if !binary {
+            file.push(b'\n');
+        }
+    }
+    file
+}
+
+/// The scene of a file's bytes, or the messages about it.
+fn scene_of(name: &str, bytes: &[u8], change: impl FnOnce(&mut XyzLoader)) -> Result<Scene, String> {
+    let mut f = Fixture::new();
+    let mut settings = loader(vec![f.file(name, bytes)], " ", 0.5);
+    change(&mut settings);
+    f.part(Loader::Xyz(Box::new(settings)));
+    f.load().map(|(scene, _)| scene).map_err(|e| report(&e))
+}
+
+#[test]
+fn the_same_cloud_gives_the_same_scene_in_every_format() {
+    let points = cloud();
+    let load = |name: &str, bytes: Vec<u8>, estimate| {
+        let change = |l: &mut XyzLoader| l.estimate_normals = estimate;
+        scene_of(name, &bytes, change).unwrap_or_else(|e| panic!("{name}: {e}"))
+    };
+    for estimate in [0, 1] {
+        let text = load("a.xyz", as_text(&points, false), estimate);
+        assert!(text.voxels.len() > 100);
+        for (name, bytes) in [
+            ("a.las", as_las(&points, 1, false, false)),
+            ("b.las", as_las(&points, 6, false, false)),
+            ("a.laz", as_las(&points, 0, true, false)),
+            ("b.laz", as_las(&points, 6, true, false)),
+            ("a.ply", as_ply(&points, false, "")),
+            ("b.ply", as_ply(&points, true, "")),
+        ] {
+            let other = load(name, bytes, estimate);
+            assert_eq!(other.geometry.cubes, text.geometry.cubes, "{name}");
+            assert_eq!(other.voxels, text.voxels, "{name}");
+            assert_eq!(other.materials, text.materials, "{name}");
+        }
+    }
+    let text = load("n.xyz", as_text(&points, true), 0);
+    assert!(text.voxels.iter().all(|v| v.normal().is_some()));
+    for binary in [false, true] {
+        let other = load("n.ply", as_ply(&points, binary, "normals"), 0);
+        assert_eq!((other.geometry.cubes, other.voxels), (text.geometry.cubes.clone(), text.voxels.clone()));
+    }
+}
+
+#[test]
+fn cubes_have_the_class_of_most_of_their_points_unless_a_material_says_otherwise() {
+    let points: Vec<_> =
+        cloud().into_iter().map(|(p, n, class)| (p, n, if p.z > 4.0 { class } else { 0 })).collect();
+    let classes = |scene: &Scene| -> Vec<i32> {
+        let first = scene.geometry.triangles.len();
+        let class = |i: usize| {
+            let surface = scene.surfaces[scene.surface_of[first + i] as usize];
+            (scene.geometry.cubes[i].centre.z, scene.materials[surface.material as usize].classification)
+        };
+        let mut of_cubes: Vec<_> = (0..scene.geometry.cubes.len()).map(class).collect();
+        of_cubes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        of_cubes.into_iter().map(|c| c.1).collect()
+    };
+    let files = [
+        ("a.las", as_las(&points, 1, false, true)),
+        ("a.laz", as_las(&points, 6, true, true)),
+        ("a.ply", as_ply(&points, true, "classes")),
+    ];
+    for (name, bytes) in files {
+        let scene = scene_of(name, &bytes, |_| {}).unwrap();
+        let found = classes(&scene);
+        assert_eq!((found[0], found.iter().max()), (0, Some(&5)), "{name}");
+        let mut f = Fixture::new();
+        let mut settings = loader(vec![f.file(name, &bytes)], "", 0.5);
+        settings.material.file = Some(f.file("m.mtl", "newmtl m\nhelios_classification 9\n"));
+        f.part(Loader::Xyz(Box::new(settings)));
+        assert!(classes(&f.scene()).iter().all(|c| *c == 9));
+    }
+}
+
+#[test]
+fn damaged_clouds_are_refused_and_never_panic() {
+    let points = cloud();
+    for (name, whole) in [
+        ("a.las", as_las(&points, 6, false, true)),
+        ("a.laz", as_las(&points, 6, true, true)),
+        ("b.laz", as_las(&points, 1, true, true)),
+        ("a.ply", as_ply(&points, false, "normals")),
+        ("b.ply", as_ply(&points, true, "normals")),
+    ] {
+        for tenth in 0..10 {
+            let cut = scene_of(name, &whole[..whole.len() * tenth / 10], |_| {});
+            let message = cut.err().unwrap_or_else(|| panic!("{name} cut at {tenth} tenths is loaded"));
+            assert!(message.contains(name), "{message}");
+        }
+        // Any byte of the head, and some of the rest, may be anything.
+        let rest = (400..whole.len()).step_by(whole.len() / 40);
+        for at in (0..400).step_by(2).chain(rest) {
+            for value in [0xff, whole[at] ^ 0x11] {
+                let mut bytes = whole.clone();
+                bytes[at] = value;
+                let _ = scene_of(name, &bytes, |_| {});
+            }
+        }
+    }
+    for (name, bytes) in [("a.las", &b"1 2 3\n"[..]), ("a.ply", b"plyx"), ("a.laz", b"")] {
+        let message = scene_of(name, bytes, |_| {}).err().unwrap();
+        assert!(message.contains("LA") || message.contains("PLY"), "{message}");
+    }
+}
+
+#[test]
+fn points_without_a_place_are_refused() {
+    let mut points = cloud();
+    for bad in [f64::NAN, f64::INFINITY, 1e300] {
+        points[7].0.y = bad;
+        let message = scene_of("a.ply", &as_ply(&points, true, ""), |_| {}).err().unwrap();
+        assert!(message.contains("point 7"), "{message}");
+    }
 }
