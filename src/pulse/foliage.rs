@@ -11,6 +11,10 @@ use std::f64::consts::TAU;
 /// Projection of spherically distributed leaves.
 const SPHERICAL: f64 = 0.5;
 
+/// Mean cosine of the incidence on leaves that face all directions alike: each is met as often as its projection, so it is
+/// the mean of the cosine's square over that of the cosine, 1/3 over 1/2.
+pub(super) const MEAN_COSINE: f64 = 2.0 / 3.0;
+
 /// The free paths of a pulse: one draw per voxel of foliage met, in the order of subrays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FreePaths {

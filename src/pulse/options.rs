@@ -142,6 +142,9 @@ corrections! {
     /// Intensity, attribution and range limits of a voxel's echo go by where the ray stopped, not by where it entered (trap
     /// 22).
     voxel_stop_point: true,
+    /// Foliage is met at the mean angle of leaves that face all directions alike, wherever the ray entered its voxel; in the
+    /// reference it is met like the voxel's nearest face, so that an echo from an edge may vanish (§10).
+    foliage_incidence: true,
     /// Every material with a specular colour has its specular share; in the reference only the last one of an MTL file and
     /// those with a spectrum do (spec input-formats §10, trap 56).
     specular_shares: true,

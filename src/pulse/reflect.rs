@@ -311,7 +311,11 @@ impl<'a> View<'a> {
                 };
                 let Some(at) = end else { continue };
                 face.turn_to(self, at.primitive);
-                let cosine = if self.fixed_incidence { 1.0 } else { face.cosine(&at, direction) };
+                let cosine = match instrument.corrections.foliage_incidence {
+                    _ if self.fixed_incidence => 1.0,
+                    true if foliage::scatters(face.scene, face.local) => foliage::MEAN_COSINE,
+                    _ => face.cosine(&at, direction),
+                };
                 if let Some(sigma) = foliage::cross_section(face.scene, face.local, direction) {
                     probe.foliage.push((out.count, sigma));
                 }

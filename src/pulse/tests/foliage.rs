@@ -135,3 +135,21 @@ fn free_paths_depend_on_seed_and_pulse_alone() {
     let alone = fire_as(&scene, &one_ray(), PhysicsOptions { seed: 3, ..legacy() }, 0, &alone);
     assert_eq!(alone.echoes[0], *run(3).iter().find(|e| e.pulse_number == 500).unwrap());
 }
+
+#[test]
+fn leaves_have_no_face_when_corrected() {
+    let (_, batch) = shares(&column([1.0; 6]), with(legacy(), "foliage_incidence"));
+    for e in &batch.echoes {
+        let expected = if e.primitive < 2 { 1.0 } else { 2.0 / 3.0 };
+        assert_eq!(e.incidence_cosine, expected, "primitive {}", e.primitive);
+    }
+    let ratio = |i: usize| {
+        let found =
+            shares(&column([1.0; 6]), if i == 0 { legacy() } else { with(legacy(), "foliage_incidence") }).1;
+        found.echoes.iter().find(|e| e.primitive == 2).map(|e| e.intensity).unwrap()
+    };
+    assert!((ratio(1) / ratio(0) - 2.0 / 3.0).abs() < 1e-9, "a Lambertian material");
+    let opaque = foliage(&[(99.0, 1.0, VoxelKind::Opaque)], None);
+    let batch = fire(&opaque, &one_ray(), with(legacy(), "foliage_incidence"));
+    assert_eq!(batch.echoes[0].incidence_cosine, 1.0, "what is solid keeps its faces");
+}
