@@ -132,6 +132,13 @@ impl Facts<'_> {
         if i.duplicates > 0 {
             faults.push(format!("{} triangles have the same corners as another one", i.duplicates));
         }
+        if i.duplicate_cubes > 0 {
+            faults.push(format!("{} voxels have the place and size of another one", i.duplicate_cubes));
+        }
+        if i.duplicate_instances > 0 {
+            let count = i.duplicate_instances;
+            faults.push(format!("{count} instances stand where the same mesh stands already"));
+        }
         faults
     }
 
@@ -237,7 +244,7 @@ impl Facts<'_> {
              \"memory_bytes\": {{\"scene\": {scene}, \"tree\": {tree}, \"per_primitive\": {}}},\n  \
              \"seconds\": {{\"load\": {}, \"tree\": {}}},\n  \
              \"tree\": {{\"leaves\": {}, \"nodes\": {}, \"depth\": {}}},\n  \
-             \"slivers\": {}, \"duplicates\": {},\n  \"parts\": {},\n  \"materials\": {},\n  \"warnings\": {}\n}}\n",
+             \"slivers\": {}, \"duplicates\": {}, \"duplicate_voxels\": {}, \"duplicate_instances\": {},\n  \"parts\": {},\n  \"materials\": {},\n  \"warnings\": {}\n}}\n",
             i.primitives(),
             i.triangles + i.instanced_triangles,
             i.cubes,
@@ -255,6 +262,8 @@ impl Facts<'_> {
             s.max_depth,
             i.slivers,
             i.duplicates,
+            i.duplicate_cubes,
+            i.duplicate_instances,
             list(parts.collect()),
             list(materials.collect()),
             list(warnings.collect()),

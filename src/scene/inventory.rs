@@ -32,6 +32,10 @@ pub struct Inventory {
     pub slivers: u64,
     /// Triangles with the same corners as another one of the same mesh.
     pub duplicates: u64,
+    /// Voxels with the place and size of another one.
+    pub duplicate_cubes: u64,
+    /// Instances that stand where the same mesh stands already.
+    pub duplicate_instances: u64,
 }
 
 impl Inventory {
@@ -51,6 +55,9 @@ impl Inventory {
             all.of_material[material as usize] += 1;
         }
         all.add_faults(&scene.geometry);
+        let cubes = scene.geometry.cubes.iter();
+        all.duplicate_cubes =
+            repeated(cubes.map(|c| bits(&[c.centre.x, c.centre.y, c.centre.z, c.half])).collect());
         let Some(placed) = &scene.placed else { return all };
         all.instanced_triangles = u64::from(placed.instances.triangles());
         all.instances = placed.instances.all.len() as u64;
@@ -64,6 +71,12 @@ impl Inventory {
             materials.iter().for_each(|&m| all.of_material[m as usize] += uses);
         }
         placed.instances.models.iter().for_each(|m| all.add_faults(&m.geometry));
+        let places = placed.instances.all.iter().map(|i| {
+            let (p, r) = (i.placement, i.placement.rotation);
+            let map = [r.w, r.u.x, r.u.y, r.u.z, p.scale, p.offset.x, p.offset.y, p.offset.z, p.raise];
+            (i.model, bits(&map))
+        });
+        all.duplicate_instances = repeated(places.collect());
         all
     }
 
@@ -93,10 +106,19 @@ impl Inventory {
         let count = geometry.triangles.len();
         let corners = || (0..count).into_par_iter().with_min_len(4096).map(|i| geometry.triangle(i));
         self.slivers += corners().filter(is_sliver).count() as u64;
-        let mut prints: Vec<u64> = corners().map(fingerprint).collect();
-        prints.par_sort_unstable();
-        self.duplicates += prints.windows(2).filter(|w| w[0] == w[1]).count() as u64;
+        self.duplicates += repeated(corners().map(fingerprint).collect());
     }
+}
+
+/// How many equal another one before them.
+fn repeated<T: Ord + Send>(mut all: Vec<T>) -> u64 {
+    all.par_sort_unstable();
+    all.windows(2).filter(|w| w[0] == w[1]).count() as u64
+}
+
+/// Numbers that can be compared bit by bit; −0 is 0.
+fn bits<const N: usize>(numbers: &[f64; N]) -> [u64; N] {
+    numbers.map(|x| (x + 0.0).to_bits())
 }
 
 fn is_sliver([a, b, c]: &[DVec3; 3]) -> bool {
@@ -118,6 +140,7 @@ mod tests {
     use super::*;
     use crate::scene::Sharing;
     use crate::scene::fixture::Fixture;
+    use crate::tree::Cube;
 
     const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1e-9 0\nf 1 2 3\nf 3 1 2\nf 1 2 4\nf 2 4 3\n";
 
@@ -133,9 +156,25 @@ mod tests {
                 (all.primitives(), &all.of_part[..], &all.of_material[..]),
                 (8, &[4, 4][..], &[8][..])
             );
-            assert_eq!((all.slivers, all.duplicates), (2 * times, times));
+            assert_eq!((all.slivers, all.duplicates, all.duplicate_instances), (2 * times, times, 0));
             assert_eq!(all.bounds.size(), DVec3::new(11.0, 1.0, 0.0));
             assert!(all.coordinates().starts_with("projected, UTM"));
         }
+    }
+
+    #[test]
+    fn what_stands_twice_in_one_place_is_told() {
+        let mut f = Fixture::new();
+        for x in [0.0, 5.0, 0.0] {
+            f.obj("a.obj", MESH).transform.offset = DVec3::X * x;
+        }
+        f.options.sharing = Sharing::Always;
+        assert_eq!(Inventory::of(&f.load().unwrap().0).duplicate_instances, 1);
+        f.options.sharing = Sharing::Never;
+        let mut scene = f.load().unwrap().0;
+        assert_eq!(Inventory::of(&scene).duplicates, 3 + 3, "one in each, and the whole of one");
+        let cube = Cube { centre: DVec3::ONE, half: 0.5 };
+        scene.geometry.cubes = vec![cube, Cube { half: 0.25, ..cube }, cube].into();
+        assert_eq!(Inventory::of(&scene).duplicate_cubes, 1);
     }
 }
