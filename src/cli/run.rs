@@ -125,6 +125,7 @@ pub struct Stage {
 pub fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Stand>) -> Result<Stage> {
     let started = Instant::now();
     let recipe = &job.survey.scene;
+    foretell_rasters(job, console)?;
     let (scene, warnings) = scene::load_play(recipe, &job.load, play, first)?;
     console.warnings(&warnings.finish(job.strict)?);
     console.took(
@@ -138,6 +139,7 @@ pub fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Sta
         ),
     );
     let started = Instant::now();
+    check_tree(job, &scene)?;
     let tree = scene.tree(&job.tree);
     console.took(
         Verbosity::Verbose,
@@ -149,6 +151,51 @@ pub fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Sta
         return Err(Error::Interrupted);
     }
     Ok(Stage { scene, tree, movers })
+}
+
+/// Rasters that take less are not worth a word.
+const TOLD: u64 = 500_000_000;
+
+/// Says what large rasters will take, and refuses what is more than allowed, before any of it is loaded.
+fn foretell_rasters(job: &Job, console: &Console) -> Result<()> {
+    let mut all = 0u64;
+    for need in scene::raster_needs(&job.survey.scene) {
+        let tree = Tree::forecast(need.triangles, job.tree.builder);
+        all = all.saturating_add(need.bytes).saturating_add(tree);
+        if need.bytes.saturating_add(tree) >= TOLD {
+            console.say(format!(
+                "{}: {} x {} pixels become {} triangles, which need {}B, and about {}B more for the tree over them",
+                need.path.display(),
+                need.columns,
+                need.rows,
+                amount(need.triangles as f64),
+                amount(need.bytes as f64),
+                amount(tree as f64)
+            ));
+        }
+    }
+    match job.load.max_memory {
+        Some(limit) if all > limit => Err(Error::input(format!(
+            "the rasters of the scene and the tree over them need about {}B; the limit is {}B",
+            amount(all as f64),
+            amount(limit as f64)
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a tree that would take more memory than allowed, before it is built.
+fn check_tree(job: &Job, scene: &Scene) -> Result<()> {
+    let (held, tree) = (scene.memory() as u64, scene.tree_forecast(job.tree.builder));
+    match job.load.max_memory {
+        Some(limit) if held.saturating_add(tree) > limit => Err(Error::input(format!(
+            "the scene needs {}B and the tree over it about {}B more; the limit is {}B",
+            amount(held as f64),
+            amount(tree as f64),
+            amount(limit as f64)
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Tells what was written.

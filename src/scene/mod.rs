@@ -42,6 +42,7 @@ mod vox;
 mod voxel;
 mod xyz;
 
+pub use geotiff::{RasterNeed, raster_needs};
 pub use instances::{Placed, Sharing};
 pub use inventory::Inventory;
 pub use lad::LadTable;

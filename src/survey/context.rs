@@ -8,8 +8,12 @@ use crate::diag::{Diagnostic, Diagnostics, Place, nearest};
 use crate::error::{Error, Result};
 use std::cell::RefCell;
 use std::collections::HashMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+
+/// Bytes of memory that a byte of a scene's description takes at least, as XML or as a table of instances.
+const PER_BYTE: u64 = 8;
 
 /// How input files are read.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +27,9 @@ pub struct ReadOptions {
     /// Replaces the platform of the survey ([`super::Survey::fly`]) before the survey is checked as a whole, or changes
     /// the trajectory of a pipeline.
     pub trajectory: PoseChoices,
+    /// Most bytes that the survey and its scene may need. Files of which it is certain that they need more are refused
+    /// before they are read.
+    pub max_memory: Option<u64>,
 }
 
 /// State of one run of a reader. Problems are collected so that all of them are reported at once.
@@ -32,6 +39,7 @@ pub(super) struct Context {
     /// The scene that replaces that of the survey.
     pub scene: Option<String>,
     strict: bool,
+    max_memory: Option<u64>,
     problems: RefCell<Diagnostics>,
     limits: RefCell<Diagnostics>,
     failure: RefCell<Option<Error>>,
@@ -44,6 +52,7 @@ impl Context {
             assets: Assets::new(&options.assets),
             scene: options.scene.clone(),
             strict: options.strict,
+            max_memory: options.max_memory,
             problems: RefCell::default(),
             limits: RefCell::default(),
             failure: RefCell::default(),
@@ -114,6 +123,26 @@ impl Context {
         }
     }
 
+    /// The bytes of a description, unless what is in them would take more memory than is allowed.
+    pub fn read(&self, path: &Path) -> std::io::Result<Vec<u8>> {
+        let mut file = std::fs::File::open(path)?;
+        let about = file.metadata()?;
+        let need = if about.is_file() { about.len().saturating_mul(PER_BYTE) } else { 0 };
+        match self.max_memory {
+            Some(limit) if need > limit => {
+                let message = format!(
+                    "its {} bytes need about {need} bytes of memory once they are read; the limit is {limit}",
+                    about.len()
+                );
+                Err(std::io::Error::new(std::io::ErrorKind::OutOfMemory, message))
+            }
+            _ => {
+                let mut bytes = Vec::new();
+                file.read_to_end(&mut bytes).map(|_| bytes)
+            }
+        }
+    }
+
     /// The root of the document that was found, which must be a `<document>`. Problems are recorded once.
     pub fn open(&self, found: &Found) -> Option<Element> {
         let path = match found {
@@ -125,10 +154,16 @@ impl Context {
         }
         let document = match found {
             Found::BuiltIn(file) => self.parse(&path, file.text.as_bytes()),
-            Found::File(path) => match std::fs::read(path) {
+            Found::File(path) => match self.read(path) {
                 Ok(bytes) => self.parse(path, &bytes),
                 Err(e) => {
-                    self.failure.borrow_mut().get_or_insert(Error::io("read", path, e));
+                    let failure = match e.kind() {
+                        std::io::ErrorKind::OutOfMemory => {
+                            Error::input(format!("cannot read {}: {e}", path.display()))
+                        }
+                        _ => Error::io("read", path, e),
+                    };
+                    self.failure.borrow_mut().get_or_insert(failure);
                     None
                 }
             },

@@ -42,7 +42,7 @@ pub(super) struct Base {
 
 /// Reads a table. All problems are recorded.
 pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<Vec<Row>> {
-    let bytes = match std::fs::read(path) {
+    let bytes = match context.read(path) {
         Ok(bytes) => bytes,
         Err(e) => {
             context.error_help(None, format!("cannot read {}: {e}", path.display()), "");

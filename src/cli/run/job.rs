@@ -48,6 +48,7 @@ impl Job {
             strict: args.input.strict,
             scene: args.input.scene.clone(),
             trajectory: trajectory.clone(),
+            max_memory: max_memory(args.schedule.max_memory.as_deref())?,
         };
         let (mut survey, set, warnings) = read_survey(&args.file, &reading)?;
         judge(&trajectory, &mut survey)?;

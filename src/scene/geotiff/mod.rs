@@ -8,9 +8,11 @@ use super::assembly::{Assembly, FARTHEST, MOST_NUMBERS, PartSource, as_size, mem
 use super::text::Source;
 use crate::error::Result;
 use crate::geom::DVec3;
+use crate::survey::{Loader, SceneRecipe};
 use georeference::Georeference;
 use rayon::prelude::*;
 use std::io::Cursor;
+use std::path::PathBuf;
 use tiff::TiffError;
 use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
@@ -23,6 +25,41 @@ const USUAL_NO_DATA: f64 = -1e10;
 
 /// Blocks or rows per thread that are decoded before they are appended.
 const SHARE: usize = 8;
+
+/// What a raster takes once it is triangles, without the tree over them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RasterNeed {
+    /// Its file.
+    pub path: PathBuf,
+    /// Pixels from west to east.
+    pub columns: usize,
+    /// Pixels from north to south.
+    pub rows: usize,
+    /// Triangles if no pixel is without data.
+    pub triangles: u64,
+    /// Bytes that the scene holds for it then.
+    pub bytes: u64,
+}
+
+/// What the rasters of a scene will take. Looks at their headers only; what is wrong with them is left to the loader.
+pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
+    let parts = recipe.parts.iter().filter(|_| recipe.packed.is_none());
+    let files = parts.filter_map(|part| match &part.loader {
+        Loader::GeoTiff { file, .. } => Some(file),
+        _ => None,
+    });
+    let need = |path: &PathBuf| {
+        let raster = describe(&Source::open(path).ok()?, &mut Vec::new()).ok()?;
+        Some(RasterNeed {
+            path: path.clone(),
+            columns: raster.columns,
+            rows: raster.rows,
+            triangles: raster.triangles() as u64,
+            bytes: memory_of(raster.pixels(), raster.triangles(), 0),
+        })
+    };
+    files.filter_map(need).collect()
+}
 
 /// A raster's description, all checked.
 struct Raster {

@@ -70,5 +70,6 @@ fn options_with(options: &ReadOptions, keys: &PipelineKeys, folder: &Path) -> Re
     options.assets.push(folder.to_path_buf());
     options.assets.extend(keys.assets.iter().map(|a| folder.join(a)));
     options.strict |= keys.strict.unwrap_or(false);
+    options.max_memory = options.max_memory.or_else(|| run::max_memory(keys));
     options
 }

@@ -198,15 +198,24 @@ fn read_crs(context: &Context, source: &Source, key: &Key<String>) -> Option<Str
 
 fn read_memory(context: &Context, source: &Source, key: &Key<Value>) -> Option<u64> {
     let key = key.as_ref()?;
-    let bytes = match key.get_ref() {
-        Value::Integer(bytes) => u64::try_from(*bytes).ok(),
-        Value::String(text) => parse_bytes(text),
-        _ => None,
-    };
+    let bytes = as_bytes(key.get_ref());
     if bytes.is_none() {
         context.error(source.place(key.span()), "expected a number of bytes such as 8000000000 or \"8G\"");
     }
     bytes
+}
+
+/// The limit of a file that need not be sound.
+pub(super) fn max_memory(keys: &PipelineKeys) -> Option<u64> {
+    as_bytes(keys.schedule.as_ref()?.max_memory.as_ref()?.get_ref())
+}
+
+fn as_bytes(value: &Value) -> Option<u64> {
+    match value {
+        Value::Integer(bytes) => u64::try_from(*bytes).ok(),
+        Value::String(text) => parse_bytes(text),
+        _ => None,
+    }
 }
 
 /// A number of bytes with an optional unit K, M, G or T (powers of 1024).
