@@ -284,7 +284,7 @@ fn cases() -> Vec<Case> {
             )
         },
         Case {
-            whole: raster(),
+            whole: raster(3),
             is_text: false,
             lines_may_change: false,
             ..case(
@@ -317,27 +317,27 @@ fn spectrum() -> Vec<u8> {
     format!("{header}0.5\t10.5\n1.0\t20.5\n1.5\t30.5\n").into_bytes()
 }
 
-/// A little-endian raster of 3 × 3 floats; its directory stands behind the pixels, so that every cut is seen.
-fn raster() -> Vec<u8> {
-    const DIRECTORY: u32 = 8 + 36;
-    const DOUBLES: u32 = DIRECTORY + 2 + 12 * 12 + 4;
+/// A little-endian raster of size × size floats; its directory stands behind the pixels, so that every cut is seen.
+fn raster(size: u32) -> Vec<u8> {
+    let directory = 8 + 4 * size * size;
+    let doubles = directory + 2 + 12 * 12 + 4;
     let entries: [(u16, u16, u32, u32); 12] = [
-        (256, 4, 1, 3),
-        (257, 4, 1, 3),
+        (256, 4, 1, size),
+        (257, 4, 1, size),
         (258, 3, 1, 32),
         (259, 3, 1, 1),
         (262, 3, 1, 1),
         (273, 4, 1, 8),
         (277, 3, 1, 1),
-        (278, 4, 1, 3),
-        (279, 4, 1, 36),
+        (278, 4, 1, size),
+        (279, 4, 1, 4 * size * size),
         (339, 3, 1, 3),
-        (33550, 12, 3, DOUBLES),
-        (33922, 12, 6, DOUBLES + 24),
+        (33550, 12, 3, doubles),
+        (33922, 12, 6, doubles + 24),
     ];
     let mut out = b"II\x2a\0".to_vec();
-    out.extend(DIRECTORY.to_le_bytes());
-    out.extend((0..9u8).flat_map(|i| (-2.0 - 0.1 * f32::from(i)).to_le_bytes()));
+    out.extend(directory.to_le_bytes());
+    out.extend((0..size * size).flat_map(|i| (-2.0 - 0.1 * (i % 9) as f32).to_le_bytes()));
     out.extend(12u16.to_le_bytes());
     for (tag, kind, count, value) in entries {
         out.extend(tag.to_le_bytes());
@@ -609,5 +609,23 @@ fn clouds_that_contradict_themselves_are_refused() {
         bytes[at..at + value.len()].copy_from_slice(&value);
         all.refused(&case, &bytes, what);
     }
+    all.told();
+}
+
+#[test]
+fn what_needs_more_memory_than_allowed_is_refused_before_it_is_built() {
+    // The limit is 20 MB.
+    let of = |file: &str| Case { is_text: false, ..cases().into_iter().find(|c| c.file == file).unwrap() };
+    let mut all = Complaints::default();
+    let padding = format!("<!-- {} -->", "x".repeat(3_000_000));
+    let (scene, places) = (of("scene.xml"), of("places.csv"));
+    all.refused(&scene, &[&scene.whole[..], padding.as_bytes()].concat(), "of 3 MB");
+    let line = "mesh.obj,1.25,0.25,0.25,45.5,1.25\n";
+    all.refused(&places, &[&places.whole[..], line.repeat(100_000).as_bytes()].concat(), "of 100 000 lines");
+    let (status, messages, _) = outcome(&of("dem.tif"), &raster(400));
+    all.expect(
+        status == 2 && messages.contains("raster") && messages.contains("the limit is 20.00 MB"),
+        || format!("a raster of 400 x 400: status {status}\n{messages}"),
+    );
     all.told();
 }
