@@ -57,6 +57,7 @@ impl Rotation {
     }
 
     /// The rotated vector: `2[w(w v + u×v) + (u·v)u] − v`.
+    #[inline]
     pub fn apply(&self, v: DVec3) -> DVec3 {
         let (w, u) = (self.w, self.u);
         let s = u.x * v.x + u.y * v.y + u.z * v.z;

@@ -109,12 +109,13 @@ impl RayGroup {
         self.origins.clear();
         self.origins.extend(other.origins[pulses].iter().map(|o| origin(*o)));
         let [x, y, z] = [&other.x[rows.clone()], &other.y[rows.clone()], &other.z[rows]];
-        let [a, b, c] = [turn.x_axis, turn.y_axis, turn.z_axis];
-        for (to, m) in
-            [(&mut self.x, [a.x, b.x, c.x]), (&mut self.y, [a.y, b.y, c.y]), (&mut self.z, [a.z, b.z, c.z])]
-        {
-            to.clear();
-            to.extend(x.iter().zip(y).zip(z).map(|((x, y), z)| m[0] * x + m[1] * y + m[2] * z));
+        let [a, b, c] = [turn.x_axis.to_array(), turn.y_axis.to_array(), turn.z_axis.to_array()];
+        for (axis, to) in [&mut self.x, &mut self.y, &mut self.z].into_iter().enumerate() {
+            to.resize(x.len(), 0.0);
+            let (a, b, c) = (a[axis], b[axis], c[axis]);
+            for (((to, x), y), z) in to.iter_mut().zip(x).zip(y).zip(z) {
+                *to = a * x + b * y + c * z;
+            }
         }
     }
 

@@ -259,6 +259,8 @@ fn heights(decoder: &mut BlockDecoder, raster: &Raster, block: usize) -> Result<
 /// the raster's first.
 fn append_triangles(scene: &mut Assembly, raster: &Raster, first_vertex: usize) {
     let columns = raster.columns;
+    // Growing by doubling would take more than is told beforehand; where there is not so much room, it may still do.
+    let _ = scene.geometry.triangles.to_mut().try_reserve_exact(raster.triangles());
     let vertices = &scene.geometry.vertices[first_vertex..];
     let exists = |v: usize| !vertices[v].z.is_nan();
     let between = |row: usize| {

@@ -43,8 +43,11 @@ pub(super) struct Met {
 
 /// Where a model stands, and the rays as they are there.
 pub(super) struct Standing<'a> {
-    placed: &'a Placed,
     instance: &'a Instance,
+    /// Of the model.
+    vertices: &'a [DVec3],
+    /// Moves the scene's frame.
+    shift: DVec3,
     /// Directions of the pulses that the walk is about.
     directions: [&'a [[f64; 8]]; 3],
     registers: usize,
@@ -211,10 +214,11 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let below = pulses.trailing_zeros() as usize;
         let span = below..GROUP.min(32 - pulses.leading_zeros() as usize);
         let pulses = pulses >> below;
-        // SAFETY: the caller vouches for the instruction set.
-        let entered = placed.instances.inward(instance).is_some_and(|way| unsafe {
-            self.enter(placed, instance, &way, span.clone(), pulses, scratch, inward)
-        });
+        let entered = match placed.instances.inward(instance) {
+            // SAFETY: the caller vouches for the instruction set.
+            Some(way) => unsafe { self.enter(placed, instance, &way, span.clone(), pulses, scratch, inward) },
+            None => false,
+        };
         let mut rest = if entered { 0 } else { pulses };
         while rest != 0 {
             let pulse = self.first + span.start + rest.trailing_zeros() as usize;
@@ -260,8 +264,9 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let geometry = &placed.instances.model(instance).geometry;
         let mut kernel = Kernel::of(geometry, inward, 0, (t, ids), lanes, scratch);
         kernel.standing = Some(Standing {
-            placed,
             instance,
+            vertices: &geometry.vertices,
+            shift: placed.instances.shift,
             directions: self.directions.map(|d| &d[rows.clone()]),
             registers,
             along: self.lanes.axes[0],
@@ -319,7 +324,7 @@ impl<S: Simd> Step<S> for HitPlaced<'_> {
     #[inline(always)]
     unsafe fn run(self) -> u32 {
         let HitPlaced { rows, lists, standing, t, ids, span, count } = self;
-        let Standing { placed, instance, along, forward, registers, .. } = *standing;
+        let Standing { instance, vertices, shift, along, forward, registers, .. } = *standing;
         let Rows { inside, planes, .. } = rows;
         let plane = &mut planes[0];
         let mut touched = 0;
@@ -327,10 +332,11 @@ impl<S: Simd> Step<S> for HitPlaced<'_> {
             let (pulse, lane) = (pulse_of(*pair), lane_of(*pair));
             let Some(block) = lists.blocks[block_of(*pair)] else { continue };
             touched |= 1 << pulse;
-            let (origin, number) = (standing.origins[pulse], block.id[lane]);
-            let corners = placed.instances.corners(instance, number as usize);
+            let origin = standing.origins[pulse];
+            let vertex = |c: usize| vertices[block.vertex[c][lane] as usize];
+            let corners = [vertex(0), vertex(1), vertex(2)].map(|v| instance.placement.place(v, shift));
             let [a, b, c] = &corners;
-            plane.id = instance.first + number;
+            plane.id = instance.first + block.id[lane];
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
                 let corners = [a.as_ref(), b.as_ref(), c.as_ref()];
