@@ -214,11 +214,8 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let below = pulses.trailing_zeros() as usize;
         let span = below..GROUP.min(32 - pulses.leading_zeros() as usize);
         let pulses = pulses >> below;
-        let entered = match placed.instances.inward(instance) {
-            // SAFETY: the caller vouches for the instruction set.
-            Some(way) => unsafe { self.enter(placed, instance, &way, span.clone(), pulses, scratch, inward) },
-            None => false,
-        };
+        // SAFETY: the caller vouches for the instruction set.
+        let entered = unsafe { self.enter(placed, instance, span.clone(), pulses, scratch, inward) };
         let mut rest = if entered { 0 } else { pulses };
         while rest != 0 {
             let pulse = self.first + span.start + rest.trailing_zeros() as usize;
@@ -239,17 +236,18 @@ impl<'a, S: Simd> Kernel<'a, S> {
         &mut self,
         placed: &Placed,
         instance: &Instance,
-        way: &Inward,
         span: Range<usize>,
         pulses: u32,
         scratch: &mut Scratch,
         inward: &mut RayGroup,
     ) -> bool {
+        let Some(way) = placed.instances.inward(instance) else { return false };
         let tree = &placed.models[instance.model as usize];
         let (first, count) = (self.first + span.start, span.len());
         // SAFETY: the caller vouches for the instruction set.
         let Some(lanes) = (unsafe {
-            let off = S::apart(TurnInward { inward, rays: self.rays, pulses: first..first + count, way });
+            let off =
+                S::apart(TurnInward { inward, rays: self.rays, pulses: first..first + count, way: &way });
             Lanes::<S>::of(&tree.frame, inward, 0..count, &mut scratch.deviations, off * tree.frame.scale)
         }) else {
             return false;
