@@ -80,6 +80,7 @@ fn every_cell_is_measured_and_told() {
     for cell in cells {
         let of = |key: &str| number(cell, key);
         assert!((of("build_s") + of("simulation_s") - of("total_s")).abs() < 1e-9);
+        assert!(of("cpu_s") > 0.0);
         assert!(of("build_s") > 0.0 && of("simulation_s") > 0.0 && of("rays_per_s") >= of("pulses_per_s"));
         assert_eq!((&cell["pulses"], &cell["echoes"]), (&first["pulses"], &first["echoes"]), "{cell}");
         assert!((of("efficiency") * of("threads") - of("speedup")).abs() < 1e-9);

@@ -20,6 +20,7 @@
 //! | `run` | the threads, and the producer's end of them |
 //! | `dropper` | the size of dynamic chunks |
 //! | `record` | idle times, queue depths, chunk sizes |
+//! | `workload` | what there is to do and what it costs, from records |
 //! | `replay` | the same in simulated time, for machines that are not here |
 //! | `jobs` | side jobs of the collector |
 
@@ -29,13 +30,15 @@ mod policy;
 mod record;
 mod replay;
 mod run;
+mod workload;
 
 pub use dropper::{Direction, Dropper};
 pub use jobs::{Job, JobQueue};
 pub use policy::{Policy, Settings};
 pub use record::{Depth, LegEnd, Log, Recorder, Series, SizeChange, ThreadLog};
-pub use replay::{Profile, Replayed, Workload, overheads, replay};
+pub use replay::{Replayed, replay};
 pub use run::{Collect, Feed, Tasks, run};
+pub use workload::{Profile, Workload, overheads};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -75,4 +75,19 @@ impl Settings {
             _ => self.workers().max(1),
         }
     }
+
+    /// Chunks that may have been made and not been collected, beyond the one that the collector waits for: every chunk
+    /// that waits or is being worked on, and as many finished ones. Where a producer computes single tasks while a worker
+    /// has a whole chunk, each of those tasks is a chunk.
+    pub(super) fn receipts(&self) -> usize {
+        let singles = match self.policy {
+            Policy::Static { size } => size.min(MOST_SINGLES),
+            Policy::Dynamic { .. } => MOST_SINGLES,
+            Policy::Single | Policy::Warehouse { .. } => 0,
+        };
+        2 * (self.capacity() + self.threads.max(1)) + singles as usize
+    }
 }
+
+/// Single tasks by which a producer may be ahead of a worker with a chunk.
+const MOST_SINGLES: u32 = 4096;

@@ -1,5 +1,5 @@
 //! What a schedule did: idle times, queue depths, chunk sizes. Threads keep their own accounts and hand them in at the
-//! end, so recording costs two looks at the clock per chunk.
+//! end, so recording costs two looks at the clock per chunk, and two at each thread's processor clock in all.
 
 use super::{Dropper, Settings};
 use serde::Serialize;
@@ -71,6 +71,11 @@ pub struct ThreadLog {
     pub idle_s: f64,
     /// Time of side jobs (compression) for the collector, s.
     pub jobs_s: f64,
+    /// Processor time of the thread, s, which other programs do not lengthen; all but idle time where the system does not
+    /// tell.
+    pub cpu_s: f64,
+    /// From its beginning to its end, s.
+    pub wall_s: f64,
 }
 
 impl ThreadLog {
@@ -82,6 +87,8 @@ impl ThreadLog {
             busy_s: self.busy_s + other.busy_s,
             idle_s: self.idle_s + other.idle_s,
             jobs_s: self.jobs_s + other.jobs_s,
+            cpu_s: self.cpu_s + other.cpu_s,
+            wall_s: self.wall_s + other.wall_s,
         }
     }
 }
@@ -163,6 +170,13 @@ pub struct Log {
     pub profile: Series<(u64, f64)>,
 }
 
+impl Log {
+    /// Processor time of all threads together, s.
+    pub fn cpu_s(&self) -> f64 {
+        self.workers.iter().fold(self.producer.cpu_s + self.collector.cpu_s, |sum, worker| sum + worker.cpu_s)
+    }
+}
+
 impl Default for Log {
     fn default() -> Log {
         Log {
@@ -231,11 +245,37 @@ pub(super) struct Account<'r> {
     recorder: Option<&'r Recorder>,
     log: ThreadLog,
     since: Instant,
+    opened: Instant,
+    /// What the thread's processor clock said then.
+    cpu_s: Option<f64>,
+}
+
+/// Processor time of this thread so far, s.
+fn thread_cpu_s() -> Option<f64> {
+    #[cfg(target_os = "linux")]
+    {
+        let spent = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+        Some(spent.tv_sec as f64 + spent.tv_nsec as f64 * 1e-9)
+    }
+    #[cfg(not(target_os = "linux"))]
+    None
 }
 
 impl<'r> Account<'r> {
     pub fn open(recorder: Option<&'r Recorder>) -> Account<'r> {
-        Account { recorder, log: ThreadLog::default(), since: Instant::now() }
+        let now = Instant::now();
+        let cpu_s = recorder.and_then(|_| thread_cpu_s());
+        Account { recorder, log: ThreadLog::default(), since: now, opened: now, cpu_s }
+    }
+
+    /// The whole account, on the thread that it belongs to.
+    fn closed(&self) -> ThreadLog {
+        let wall_s = self.opened.elapsed().as_secs_f64();
+        let cpu_s = match (self.cpu_s, thread_cpu_s()) {
+            (Some(from), Some(to)) => to - from,
+            _ => (wall_s - self.log.idle_s).max(0.0),
+        };
+        ThreadLog { cpu_s, wall_s, ..self.log }
     }
 
     fn lap(&mut self) -> f64 {
@@ -275,7 +315,8 @@ impl<'r> Account<'r> {
     /// The collector's account.
     pub fn hand_in_as_collector(self) {
         if let Some(recorder) = self.recorder {
-            recorder.with(|log| log.collector = log.collector.plus(self.log));
+            let closed = self.closed();
+            recorder.with(|log| log.collector = log.collector.plus(closed));
         }
     }
 
@@ -283,7 +324,8 @@ impl<'r> Account<'r> {
     pub fn hand_in(mut self) {
         self.was_idle();
         if let Some(recorder) = self.recorder {
-            recorder.with(|log| log.workers.push(self.log));
+            let closed = self.closed();
+            recorder.with(|log| log.workers.push(closed));
         }
     }
 }
@@ -375,7 +417,7 @@ impl<'r> Ledger<'r> {
     pub fn hand_in(&mut self) {
         let now = self.now();
         if let (Some(recorder), Some(mut page)) = (self.account.recorder, self.page.take()) {
-            page.producer = page.producer.plus(self.account.log);
+            page.producer = page.producer.plus(self.account.closed());
             page.producer_s = now;
             recorder.with(|log| {
                 // Workers may have handed in theirs already.

@@ -1,92 +1,12 @@
 //! How a schedule would do on a machine with more threads: measured task times, handed out in simulated time.
 //!
 //! The machine has as many cores as threads. Producer, workers and queues do what [`super::run()`] does; what costs time is
-//! computing, making chunks, handing them over and waking up who sleeps. The collector works beside them: its work is
-//! charged to the computing threads, which share their cores with it, and nothing ends before it has taken everything.
+//! in the [`Workload`]. The collector works beside them: its work is charged to the computing threads, which share their
+//! cores with it, and nothing ends before it has taken everything. Who is too far ahead of it waits.
 
-use super::{
-    Collect, Dropper, JobQueue, Log, Policy, Recorder, Series, Settings, SizeChange, Stop, Tasks, run,
-};
-use crate::error::Result;
+use super::{Dropper, Policy, Series, Settings, SizeChange, Workload};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
-use std::sync::Arc;
-
-/// Seconds of computing up to each task, measured in chunks of one size.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Profile {
-    size: u32,
-    tasks: Vec<u64>,
-    seconds: Vec<f64>,
-}
-
-impl Profile {
-    /// A profile from tasks and seconds of computing after each chunk of `size`, both rising.
-    pub fn new(size: u32, entries: &[(u64, f64)]) -> Profile {
-        let (tasks, seconds) = [(0, 0.0)].iter().chain(entries).copied().unzip();
-        Profile { size: size.max(1), tasks, seconds }
-    }
-
-    /// Seconds up to `task`; between two measured points and beyond the last they grow evenly.
-    fn until(&self, task: u64) -> f64 {
-        let last = self.tasks.len() - 1;
-        let at = self.tasks.partition_point(|&t| t <= task).clamp(1, last.max(1));
-        let (Some(&t1), Some(&s1)) = (self.tasks.get(at), self.seconds.get(at)) else { return 0.0 };
-        let (t0, s0) = (self.tasks[at - 1], self.seconds[at - 1]);
-        if t1 == t0 {
-            return s1;
-        }
-        s0 + (s1 - s0) * (task as f64 - t0 as f64) / (t1 - t0) as f64
-    }
-}
-
-/// What there is to do and what it costs.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Workload {
-    /// Task times in chunks of different sizes, sizes rising.
-    profiles: Vec<Profile>,
-    /// Tasks up to the end of each leg, rising; the last is the number of tasks.
-    pub legs: Vec<u64>,
-    /// Making a task, s.
-    pub produce_s: f64,
-    /// Taking the result of a task, s.
-    pub collect_s: f64,
-    /// Handing a chunk over, s.
-    pub hand_over_s: f64,
-    /// Waking a thread that waits, s.
-    pub wake_s: f64,
-}
-
-impl Workload {
-    /// Tasks with these profiles, in legs; everything else costs nothing.
-    pub fn new(mut profiles: Vec<Profile>, legs: Vec<u64>) -> Workload {
-        profiles.sort_by_key(|p| p.size);
-        Workload { profiles, legs, ..Workload::default() }
-    }
-
-    /// Number of tasks.
-    pub fn tasks(&self) -> u64 {
-        self.legs.last().copied().unwrap_or(0)
-    }
-
-    /// Seconds for a chunk of tasks `from..to`. Between two measured sizes it goes with the logarithm.
-    fn cost(&self, from: u64, to: u64) -> f64 {
-        let count = to.saturating_sub(from);
-        let of = |p: &Profile| p.until(to) - p.until(from);
-        let at = self.profiles.partition_point(|p| u64::from(p.size) <= count);
-        let computing = match (at.checked_sub(1).and_then(|i| self.profiles.get(i)), self.profiles.get(at)) {
-            (Some(a), Some(b)) => {
-                let place = |n: f64| libm::log2(n.max(1.0));
-                let (least, most) = (place(f64::from(a.size)), place(f64::from(b.size)));
-                let share = (place(count as f64) - least) / (most - least);
-                of(a) * (1.0 - share) + of(b) * share
-            }
-            (Some(p), None) | (None, Some(p)) => of(p),
-            (None, None) => 0.0,
-        };
-        computing.max(0.0) + self.collect_s * count as f64
-    }
-}
 
 /// What came of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -148,10 +68,14 @@ struct Site<'a> {
     now: f64,
     /// When each worker is or was done.
     workers: BinaryHeap<Reverse<Moment>>,
-    /// Chunks in the warehouse: when they came and what they cost.
-    waiting: VecDeque<(f64, f64)>,
+    /// Chunks in the warehouse: when they came, what they cost and which they are.
+    waiting: VecDeque<(f64, f64, u64)>,
+    /// When each chunk that the collector has not taken is or was done, if that is known, from chunk `taken` on.
+    receipts: VecDeque<Option<f64>>,
+    taken: u64,
     computed: f64,
     produced: f64,
+    chunks: u64,
     /// Since when somebody has been idle, and the last idle time.
     idle_since: Option<f64>,
     measured: Option<u64>,
@@ -180,8 +104,11 @@ impl<'a> Site<'a> {
             // Below every moment: who has done nothing yet has not become idle.
             workers: (0..settings.workers()).map(|_| Reverse(Moment(-1.0))).collect(),
             waiting: VecDeque::new(),
+            receipts: VecDeque::new(),
+            taken: 0,
             computed: 0.0,
             produced: 0.0,
+            chunks: 0,
             idle_since: None,
             measured: None,
             out,
@@ -229,6 +156,8 @@ impl<'a> Site<'a> {
             Policy::Static { .. } | Policy::Dynamic { .. } => {
                 if self.earliest() > self.now {
                     self.refused();
+                    // Its first task is stepped through once more to be taken off.
+                    self.produce(self.load.produce_s);
                     self.compute(from, from + 1);
                     return false;
                 }
@@ -251,42 +180,78 @@ impl<'a> Site<'a> {
     }
 
     fn store(&mut self, from: u64, to: u64) {
+        let chunk = self.announce();
         self.take_from_warehouse();
         if self.waiting.len() < self.settings.capacity() {
             self.produce(self.load.hand_over_s);
-            self.waiting.push_back((self.now, self.load.cost(from, to)));
+            self.waiting.push_back((self.now, self.load.cost(from, to) + self.load.take_s, chunk));
             self.out.handed_over += 1;
             self.take_from_warehouse();
         } else {
             self.out.refusals += 1;
-            self.compute(from, to);
+            self.work_off(from, to, chunk);
         }
     }
 
     /// Workers take what they have taken until now.
     fn take_from_warehouse(&mut self) {
         while !self.waiting.is_empty() && self.earliest() <= self.now {
-            let chunk = self.waiting.pop_front();
-            let (Some((came, cost)), Some(Reverse(Moment(free)))) = (chunk, self.workers.pop()) else {
+            let next = self.waiting.pop_front();
+            let (Some((came, cost, chunk)), Some(Reverse(Moment(free)))) = (next, self.workers.pop()) else {
                 return;
             };
             // Who was idle when it came had to wake up.
             let start = if free < came { came + self.load.wake_s } else { free };
             self.workers.push(Reverse(Moment(start + cost)));
+            self.done(chunk, start + cost);
             self.computed += cost;
         }
     }
 
     fn send(&mut self, from: u64, to: u64) {
+        let chunk = self.announce();
         self.produce(self.load.hand_over_s);
-        let cost = self.load.cost(from, to);
+        let cost = self.load.cost(from, to) + self.load.take_s;
         if let Some(Reverse(Moment(free))) = self.workers.pop() {
             if free >= 0.0 && self.idle_since.is_none_or(|since| free < since) {
                 self.idle_since = Some(free);
             }
-            self.workers.push(Reverse(Moment(self.now + self.load.wake_s + cost)));
+            let done = self.now + self.load.wake_s + cost;
+            self.workers.push(Reverse(Moment(done)));
+            self.done(chunk, done);
             self.computed += cost;
             self.out.handed_over += 1;
+        }
+    }
+
+    /// Makes the next chunk known to the collector, once there is a place in the queue. Returns its number.
+    fn announce(&mut self) -> u64 {
+        self.produce(self.load.chunk_s);
+        loop {
+            // The collector holds one more in its hand.
+            let is_full = self.receipts.len() > self.settings.receipts();
+            match self.receipts.front() {
+                Some(&Some(done)) if done <= self.now || is_full => {
+                    self.now = self.now.max(done);
+                    self.receipts.pop_front();
+                    self.taken += 1;
+                }
+                // It waits in the warehouse.
+                Some(None) if is_full && !self.waiting.is_empty() => {
+                    self.now = self.now.max(self.earliest());
+                    self.take_from_warehouse();
+                }
+                _ => break,
+            }
+        }
+        self.receipts.push_back(None);
+        self.chunks += 1;
+        self.taken + self.receipts.len() as u64 - 1
+    }
+
+    fn done(&mut self, chunk: u64, at: f64) {
+        if let Some(receipt) = self.receipts.get_mut((chunk - self.taken) as usize) {
+            *receipt = Some(at);
         }
     }
 
@@ -314,9 +279,15 @@ impl<'a> Site<'a> {
     }
 
     fn compute(&mut self, from: u64, to: u64) {
+        let chunk = self.announce();
+        self.work_off(from, to, chunk);
+    }
+
+    fn work_off(&mut self, from: u64, to: u64, chunk: u64) {
         let cost = self.load.cost(from, to);
         self.now += cost;
         self.computed += cost;
+        self.done(chunk, self.now);
     }
 
     fn produce(&mut self, seconds: f64) {
@@ -327,9 +298,10 @@ impl<'a> Site<'a> {
     /// The producer works off what waits, beside the workers.
     fn drain(&mut self) {
         self.take_from_warehouse();
-        while let Some((_, cost)) = self.waiting.pop_front() {
+        while let Some((_, cost, chunk)) = self.waiting.pop_front() {
             self.now += cost;
             self.computed += cost;
+            self.done(chunk, self.now);
             self.take_from_warehouse();
         }
     }
@@ -344,8 +316,9 @@ impl<'a> Site<'a> {
 
     fn finish(mut self) -> Replayed {
         self.drain();
-        let collected = self.load.collect_s * self.load.tasks() as f64;
-        let seconds = self.now.max(self.last_done()).max(collected);
+        let load = self.load;
+        let collected = load.collect_s * load.tasks() as f64 + load.collect_chunk_s * self.chunks as f64;
+        let seconds = self.now.max(self.last_done()).max(collected) + load.fixed_s;
         let all = (seconds * self.settings.threads.max(1) as f64).max(f64::MIN_POSITIVE);
         Replayed {
             seconds,
@@ -356,59 +329,9 @@ impl<'a> Site<'a> {
     }
 }
 
-/// Measures what it costs to hand over a chunk, and to wake a thread that waits, s: runs without any work in them.
-pub fn overheads() -> Result<(f64, f64)> {
-    const CHUNKS: u32 = 20_000;
-    let idle_run = |policy| -> Result<Log> {
-        let (recorder, jobs) = (Recorder::new(), Arc::new(JobQueue::new(1)));
-        let settings = Settings { threads: 2, policy, leg_barrier: false };
-        run(
-            settings,
-            &jobs,
-            &Stop::new(),
-            Some(&recorder),
-            || |_: Nothing| Ok(()),
-            |feed| (0..CHUNKS).try_for_each(|_| feed.put(Nothing)),
-            Ignored,
-        )?;
-        Ok(recorder.finish())
-    };
-    let (mut hand_over, mut round_trip) = (f64::INFINITY, f64::INFINITY);
-    for _ in 0..3 {
-        let log = idle_run(Policy::Warehouse { size: 1, factor: CHUNKS as usize })?;
-        let p = &log.producer;
-        hand_over = hand_over.min((log.producer_s - p.busy_s - p.idle_s).max(0.0) / f64::from(CHUNKS));
-        round_trip = round_trip.min(idle_run(Policy::Single)?.seconds / f64::from(CHUNKS));
-    }
-    Ok((hand_over, (0.5 * (round_trip - hand_over)).max(0.0)))
-}
-
-struct Nothing;
-
-impl Tasks for Nothing {
-    fn tasks(&self) -> u32 {
-        1
-    }
-}
-
-struct Ignored;
-
-impl Collect<()> for Ignored {
-    type Summary = ();
-
-    fn take(&mut self, (): (), _: bool) -> Result<()> {
-        Ok(())
-    }
-
-    fn finish(self) -> Result<()> {
-        Ok(())
-    }
-
-    fn abort(self) {}
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::Profile;
     use super::*;
 
     fn load(costs: &[f64], legs: &[u64]) -> Workload {
@@ -497,15 +420,30 @@ mod tests {
         assert!(replayed.seconds < 2.0, "{} s", replayed.seconds);
     }
 
+    /// A chunk of 1 s for the worker from 0.5 s; meanwhile the producer takes off single tasks: each is stepped through
+    /// twice (0.125 s), a chunk of its own (0.25 s) and a second of computing.
     #[test]
-    fn costs_go_between_measured_sizes() {
-        let small = Profile::new(1, &[(100, 100.0)]);
-        let large = Profile::new(16, &[(100, 20.0)]);
-        let load = Workload::new(vec![large, small], vec![100]);
-        assert!((load.cost(0, 1) - 1.0).abs() < 1e-12);
-        assert!((load.cost(10, 14) - 4.0 * 0.6).abs() < 1e-12);
-        assert!((load.cost(0, 64) - 64.0 * 0.2).abs() < 1e-12);
-        assert_eq!(Workload::default().cost(0, 5), 0.0);
+    fn a_task_that_is_taken_off_costs_a_chunk_and_a_second_step() {
+        let load = Workload { produce_s: 0.125, chunk_s: 0.25, fixed_s: 0.5, ..load(&[1.0; 4], &[4]) };
+        // 0 and 1 sent at 0.5 s, done at 2.5 s. 2 and 3 made at 0.75 s, refused; 2 done at 2.125 s. 3 is all that is left,
+        // the worker is busy: done at 3.375 s.
+        assert_eq!(seconds(&load, 2, Policy::Static { size: 2 }, false), 3.875);
+    }
+
+    /// The worker has 0 until 100 s and 1 waits. The producer computes 2 to 6; with 0 in the collector's hand the queue of
+    /// six receipts is full then, and it waits until 100 s. The worker has 1 until 101 s, for which the producer waits, too;
+    /// from then on both work: 7 and 9 until 102 s, and so on until 18 at 108 s.
+    #[test]
+    fn who_is_too_far_ahead_of_the_collector_waits() {
+        let mut costs = [1.0; 20];
+        costs[0] = 100.0;
+        let load = load(&costs, &[20]);
+        assert_eq!(seconds(&load, 2, Policy::Warehouse { size: 1, factor: 1 }, false), 108.0);
+        // In chunks that lose single tasks there is a place for all of these.
+        let chunks = Policy::Static { size: 10 };
+        let mut costs = [1.0; 20];
+        costs[..10].fill(1.2);
+        assert_eq!(seconds(&super::tests::load(&costs, &[20]), 2, chunks, false), 12.0);
     }
 
     #[test]

@@ -280,8 +280,7 @@ where
     K: Collect<R>,
 {
     let (warehouse, shelves) = bounded::<Crate<C, R>>(settings.capacity());
-    // Every chunk that waits or is being worked on has a receipt, and as many finished ones may wait for the collector.
-    let (receipts, promises) = bounded(2 * (settings.capacity() + settings.threads));
+    let (receipts, promises) = bounded(settings.receipts());
     let (released, free) = bounded(settings.workers().max(1));
     let idle = IdleClock { origin: Instant::now(), since: AtomicU64::new(0) };
     let dropper = match settings.policy {

@@ -10,7 +10,7 @@ use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Targe
 use crate::pipeline::{self, Progress};
 use crate::pulse::Physics;
 use crate::scene::{self, Movers, Scene};
-use crate::schedule::{self, Log, Policy, Profile, Recorder, Settings, SizeChange, Workload};
+use crate::schedule::{self, Log, Policy, Recorder, Settings, SizeChange, Workload};
 use crate::survey::PlatformKind;
 use crate::tree::{BuildOptions, Tree};
 use serde::Serialize;
@@ -52,6 +52,9 @@ pub struct Cell {
     pub total_s: f64,
     /// Every repetition's simulation, s.
     pub simulations_s: Vec<f64>,
+    /// Processor time of the simulation's threads together, s, least of all repetitions: unlike the other seconds it is
+    /// not lengthened by other programs.
+    pub cpu_s: f64,
     /// Simulation of the same tree on one thread with chunks of this size, by this one.
     pub speedup: f64,
     /// Speedup per thread.
@@ -122,7 +125,7 @@ impl Bench {
         let (tree, builds) = self.builds(options, matrix)?;
         let physics = Physics::new(&self.scene, &tree, &self.job.survey, self.job.physics)?;
         let mut best: Vec<Option<(f64, Flown)>> = vec![None; matrix.flights.len()];
-        let mut all = vec![Vec::new(); matrix.flights.len()];
+        let mut all = vec![(Vec::new(), f64::INFINITY); matrix.flights.len()];
         for turn in 0..matrix.warm_up + matrix.repetitions {
             console.detail(format!(
                 "{}: {} {}",
@@ -135,7 +138,8 @@ impl Bench {
                 if turn < matrix.warm_up {
                     continue;
                 }
-                all[i].push(flown.seconds);
+                all[i].0.push(flown.seconds);
+                all[i].1 = all[i].1.min(flown.log.cpu_s());
                 if best[i].as_ref().is_none_or(|(least, _)| flown.seconds < *least) {
                     best[i] = Some((flown.seconds, flown));
                 }
@@ -177,7 +181,7 @@ impl Bench {
         flight: &Flight,
         build_s: f64,
         flown: Flown,
-        simulations_s: Vec<f64>,
+        (simulations_s, cpu_s): (Vec<f64>, f64),
         tree_bytes: usize,
     ) -> Cell {
         let (schedule, chunk_size, warehouse_factor) = flight.label();
@@ -200,6 +204,7 @@ impl Bench {
             simulation_s: flown.seconds,
             total_s: build_s + flown.seconds,
             simulations_s,
+            cpu_s,
             speedup: f64::NAN,
             efficiency: f64::NAN,
             global_speedup: f64::NAN,
@@ -284,20 +289,8 @@ impl Bench {
                 logs.push(self.fly(&physics, options, settings)?.log);
             }
         }
-        let profiles = logs.iter().map(|(size, logs)| Profile::new(*size, &least(logs))).collect();
-        let Some((_, largest)) = logs.last() else { return Err(Error::Internal("no task times".to_owned())) };
-        let legs = largest.first().map_or_else(Vec::new, |log| log.legs.iter().map(|l| l.tasks).collect());
-        // Jobs of the collector are done by whoever computes.
-        let per_task = |time: &dyn Fn(&Log) -> f64| {
-            largest.iter().map(|log| time(log) / log.tasks.max(1) as f64).fold(f64::INFINITY, f64::min)
-        };
-        let mut load = Workload::new(profiles, legs);
-        load.produce_s = per_task(&|log| {
-            let p = &log.producer;
-            (log.producer_s - p.busy_s - p.idle_s - p.jobs_s).max(0.0)
-        });
-        load.collect_s = per_task(&|log| log.collector.busy_s + log.producer.jobs_s);
-        (load.hand_over_s, load.wake_s) = schedule::overheads()?;
+        let mut load = Workload::of_logs(&logs);
+        (load.hand_over_s, load.take_s, load.wake_s) = schedule::overheads()?;
         Ok(load)
     }
 }
@@ -310,23 +303,6 @@ struct Flown {
     echoes: u64,
     rays: usize,
     log: Log,
-}
-
-/// Cumulative times of the least that each chunk took in any of the repetitions, which had the same chunks.
-fn least(logs: &[Log]) -> Vec<(u64, f64)> {
-    let Some(first) = logs.first() else { return Vec::new() };
-    let mut sum = 0.0;
-    (0..first.profile.entries().len())
-        .map(|i| {
-            let times = logs.iter().filter_map(|log| {
-                let entries = log.profile.entries();
-                let before = if i > 0 { entries.get(i - 1)?.1 } else { 0.0 };
-                Some(entries.get(i)?.1 - before)
-            });
-            sum += times.fold(f64::INFINITY, f64::min);
-            (first.profile.entries()[i].0, sum)
-        })
-        .collect()
 }
 
 fn with_jobs(options: &BuildOptions, jobs: usize) -> BuildOptions {

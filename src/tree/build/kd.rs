@@ -3,7 +3,7 @@
 use super::ledger::{Ledger, Proposal, Sums};
 use super::prim::Prim;
 use super::split::{Cell, Search, Split, count, partition};
-use super::{Arena, KdArena, crew};
+use super::{Arena, KdArena, MANY};
 use crate::tree::Geometry;
 use crate::tree::block::append_leaf;
 use crate::tree::frame::Frame;
@@ -17,7 +17,11 @@ pub(crate) fn build_kd(
     prims: Vec<Prim>,
     options: &BuildOptions,
 ) -> (KdArena, Statistics) {
-    let (count, root) = (prims.len(), Cell::around(&prims));
+    let geometry_jobs = match options.geometry_jobs {
+        0 => rayon::current_num_threads(),
+        n => n,
+    };
+    let (count, root) = (prims.len(), Cell::around(crew(prims.len(), Place::ROOT, geometry_jobs), &prims));
     let build = Build {
         search: Search { geometry, frame, options },
         max_depth: depth_cap(options, count),
@@ -28,13 +32,10 @@ pub(crate) fn build_kd(
             }
             _ => Ledger::Local,
         },
-        geometry_jobs: match options.geometry_jobs {
-            0 => rayon::current_num_threads(),
-            n => n,
-        },
+        geometry_jobs,
     };
     let mut arena = Arena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
-    let sums = build.node(prims, root, 0, &mut arena, 0);
+    let sums = build.node(prims, root, Place::ROOT, &mut arena, 0);
     let square_metres = root.area / frame.scale / frame.scale;
     let mut statistics = sums.statistics(options, count, root.area, square_metres);
     statistics.booked_cost = build.ledger.total();
@@ -49,6 +50,36 @@ fn depth_cap(options: &BuildOptions, count: usize) -> u32 {
     options.max_depth.unwrap_or(auto).min(DEEPEST)
 }
 
+/// Where a node is: its depth, and its number from the left among the 2^depth nodes that may be there.
+#[derive(Clone, Copy)]
+struct Place {
+    depth: u32,
+    number: u128,
+}
+
+impl Place {
+    const ROOT: Place = Place { depth: 0, number: 0 };
+
+    /// The places of the two children.
+    fn below(self) -> [Place; 2] {
+        [0, 1].map(|side| Place { depth: self.depth + 1, number: 2 * self.number + side })
+    }
+
+    /// How many of `threads` belong to the node here. They are shared evenly among the nodes of a level, and what is left
+    /// over goes to the right-most; below level ⌊log2 threads⌋ every node has one (spec §2.3).
+    fn share_of(self, threads: usize) -> usize {
+        let (nodes, threads) = (1u128 << self.depth, threads as u128);
+        let (each, rest) = (threads / nodes, threads % nodes);
+        let surplus = u128::from(self.number >= nodes - rest);
+        ((each + surplus) as usize).max(1)
+    }
+}
+
+/// How many of `threads` work together on a node of `count` primitives.
+fn crew(count: usize, place: Place, threads: usize) -> usize {
+    if count < MANY { 1 } else { place.share_of(threads) }
+}
+
 struct Build<'a> {
     search: Search<'a>,
     max_depth: u32,
@@ -58,27 +89,27 @@ struct Build<'a> {
 
 impl Build<'_> {
     /// Builds the node at `slot` of the arena and everything below it.
-    fn node(&self, prims: Vec<Prim>, cell: Cell, depth: u32, arena: &mut KdArena, slot: usize) -> Sums {
-        let Some((split, [left, right])) = self.accepted_split(&prims, &cell, depth) else {
-            return self.leaf(&prims, &cell, depth, arena, slot);
+    fn node(&self, prims: Vec<Prim>, cell: Cell, place: Place, arena: &mut KdArena, slot: usize) -> Sums {
+        let Some((split, [left, right])) = self.accepted_split(&prims, &cell, place) else {
+            return self.leaf(&prims, &cell, place.depth, arena, slot);
         };
         drop(prims);
         let child = arena.nodes.len();
         arena.nodes[slot] = KdNode::interior(split.axis, split.position as f32, child);
         arena.nodes.extend([KdNode::leaf(0, 0); 2]);
-        let [l, r] = cell.cut(&split);
+        let ([l, r], [to_left, to_right]) = (cell.cut(&split), place.below());
         let (a, b) = if left.len().min(right.len()) >= self.grain() {
             // Parts of their own also where one thread builds them one after the other, so that nodes are numbered alike.
-            let left = || self.apart(left, l, depth + 1);
-            let right = || self.apart(right, r, depth + 1);
+            let left = || self.apart(left, l, to_left);
+            let right = || self.apart(right, r, to_right);
             let ((one, a), (two, b)) =
                 if self.search.options.jobs == 1 { (left(), right()) } else { rayon::join(left, right) };
             attach(arena, child, one);
             attach(arena, child + 1, two);
             (a, b)
         } else {
-            let a = self.node(left, l, depth + 1, arena, child);
-            (a, self.node(right, r, depth + 1, arena, child + 1))
+            let a = self.node(left, l, to_left, arena, child);
+            (a, self.node(right, r, to_right, arena, child + 1))
         };
         Sums::interior(cell.area, a, b)
     }
@@ -89,9 +120,9 @@ impl Build<'_> {
     }
 
     /// The same in an arena of its own.
-    fn apart(&self, prims: Vec<Prim>, cell: Cell, depth: u32) -> (KdArena, Sums) {
+    fn apart(&self, prims: Vec<Prim>, cell: Cell, place: Place) -> (KdArena, Sums) {
         let mut arena = Arena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
-        let sums = self.node(prims, cell, depth, &mut arena, 0);
+        let sums = self.node(prims, cell, place, &mut arena, 0);
         (arena, sums)
     }
 
@@ -107,13 +138,13 @@ impl Build<'_> {
     }
 
     /// The split of this node and its two sides, if there is one worth making.
-    fn accepted_split(&self, prims: &[Prim], cell: &Cell, depth: u32) -> Option<(Split, [Vec<Prim>; 2])> {
+    fn accepted_split(&self, prims: &[Prim], cell: &Cell, place: Place) -> Option<(Split, [Vec<Prim>; 2])> {
         let options = self.search.options;
-        if prims.len() < options.min_primitives.max(2) || depth >= self.max_depth {
+        if prims.len() < options.min_primitives.max(2) || place.depth >= self.max_depth {
             return None;
         }
-        let turn = depth as usize;
-        let crew = crew(prims, self.geometry_jobs.checked_shr(depth).unwrap_or(0));
+        let turn = place.depth as usize;
+        let crew = crew(prims.len(), place, self.geometry_jobs);
         let worth_making = |split: Split| {
             let counts = count(crew, prims, split.axis, split.position);
             self.accepts(cell, &split, prims.len(), counts)
@@ -146,4 +177,97 @@ fn attach(arena: &mut KdArena, slot: usize, part: KdArena) {
     arena.nodes[slot] = part.nodes[0].moved(nodes, blocks);
     arena.nodes.extend(part.nodes[1..].iter().map(|n| n.moved(nodes, blocks)));
     arena.slots.extend(part.slots);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{collect, frame_of};
+    use super::*;
+    use crate::geom::DVec3;
+
+    /// The thread numbers a_i to b_i of spec §2.3.
+    #[test]
+    fn upper_nodes_share_the_threads_as_published() {
+        for threads in 1..=40usize {
+            for depth in 0..=threads.ilog2() {
+                let nodes = 1usize << depth;
+                let (alpha, beta) = (threads / nodes, threads % nodes);
+                let mut next = 0;
+                for i in 0..nodes {
+                    let (first, last) = if i < nodes - beta {
+                        (i * alpha, (i + 1) * alpha - 1)
+                    } else {
+                        (i * (alpha + 1) + beta - nodes, i * (alpha + 1) + beta - nodes + alpha)
+                    };
+                    let place = Place { depth, number: i as u128 };
+                    assert_eq!(
+                        (first, place.share_of(threads)),
+                        (next, last + 1 - first),
+                        "{threads} {depth} {i}"
+                    );
+                    next = last + 1;
+                }
+                assert_eq!(next, threads);
+            }
+            let [_, deeper] = Place { depth: 63, number: u128::from(u64::MAX >> 1) }.below();
+            assert_eq!(deeper.share_of(threads), 1);
+        }
+        assert_eq!([MANY - 1, MANY].map(|n| crew(n, Place::ROOT, 5)), [1, 5]);
+    }
+
+    /// A rough sheet of two triangles per cell.
+    fn sheet(cells: u32) -> Geometry {
+        let mut g = Geometry::default();
+        for i in 0..=cells {
+            for j in 0..=cells {
+                let h = (7 * i * i + 13 * j + i * j) % 97;
+                g.vertices.push(DVec3::new(f64::from(i), 1.1 * f64::from(j), 0.3 * f64::from(h)));
+            }
+        }
+        for i in 0..cells {
+            for j in 0..cells {
+                let a = i * (cells + 1) + j;
+                let (b, c, d) = (a + cells + 1, a + 1, a + cells + 2);
+                g.triangles.extend([[a, b, d], [a, d, c]]);
+            }
+        }
+        g
+    }
+
+    /// So many primitives that the root and its children are each worked on by several threads: by five, and by two and
+    /// three; the tree is that of one thread.
+    #[test]
+    fn threads_that_share_nodes_build_the_same_tree() {
+        let g = sheet(288);
+        let frame = frame_of(&g);
+        let prims = collect(&g, &frame, |_| true);
+        assert!(prims.len() > 5 * MANY / 2);
+        let children = Place::ROOT.below().map(|place| crew(prims.len() / 2, place, 5));
+        assert_eq!((crew(prims.len(), Place::ROOT, 5), children), (5, [2, 3]));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap();
+        for builder in [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah] {
+            for strict in [true, false] {
+                let base = if strict { BuildOptions::strict(builder) } else { BuildOptions::of(builder) };
+                let build = |jobs, geometry_jobs| {
+                    let accounting = Accounting::Local;
+                    let o = BuildOptions {
+                        jobs,
+                        geometry_jobs,
+                        accounting,
+                        candidates: 3,
+                        max_depth: Some(4),
+                        ..base.clone()
+                    };
+                    pool.install(|| build_kd(&g, frame, prims.clone(), &o))
+                };
+                let (alone, statistics) = build(1, 1);
+                assert!(statistics.max_depth == 4 && statistics.interior == 15, "{statistics:?}");
+                for (jobs, geometry_jobs) in [(1, 5), (5, 1), (5, 5)] {
+                    let (tree, s) = build(jobs, geometry_jobs);
+                    assert!(tree == alone, "{builder:?}: {jobs} and {geometry_jobs} threads");
+                    assert_eq!(s, statistics);
+                }
+            }
+        }
+    }
 }

@@ -133,13 +133,15 @@ impl Ilot {
         }
     }
 
-    /// The sums with the node of the proposal as an interior one (eqs 10–12).
+    /// The sums with the node of the proposal as an interior one (eqs 10–12). What the node cost as a leaf goes before what
+    /// its sides cost comes: where a split gains next to nothing, the rounding of this order decides, and the published
+    /// trees have it.
     fn with(&self, options: &BuildOptions, split: &Proposal, [n, nl, nr]: [f64; 3]) -> Ilot {
         let (ci, cl, co) = (options.cost_interior, options.cost_leaf, options.cost_primitive);
         let (left, right) = (split.chances[0] * split.area, split.chances[1] * split.area);
         let interior = self.interior + ci * split.area;
-        let leaves = self.leaves + (cl * (left + right) - cl * split.area);
-        let primitives = self.primitives + (co * (left * nl + right * nr) - co * split.area * n);
+        let leaves = self.leaves - cl * split.area + cl * (left + right);
+        let primitives = self.primitives - co * split.area * n + co * (left * nl + right * nr);
         let total = (interior + leaves + primitives) / self.root;
         Ilot { interior, leaves, primitives, total, root: self.root }
     }

@@ -13,8 +13,8 @@ pub(crate) use wide::{DEEPEST_WIDE, build_wide};
 use super::node::KdNode;
 use rayon::prelude::*;
 
-/// Nodes of at least this many primitives are worked on by all threads: the upper levels, where there are fewer nodes
-/// than threads (spec §2.3).
+/// Nodes of at least this many primitives may be worked on by several threads together: the upper levels, where there are
+/// fewer nodes than threads (spec §2.3).
 const MANY: usize = 1 << 16;
 
 /// Folds the primitives of a node, by all threads if they are many. `join` must not care about grouping.
@@ -24,12 +24,8 @@ fn fold<T: Send>(
     add: impl Fn(&mut T, &Prim) + Sync,
     join: impl Fn(T, T) -> T + Sync + Send,
 ) -> T {
-    fold_by(crew(prims, rayon::current_num_threads()), prims, nothing, add, join)
-}
-
-/// How many of `threads` are worth being set upon one node.
-fn crew(prims: &[Prim], threads: usize) -> usize {
-    if prims.len() < MANY { 1 } else { threads.max(1) }
+    let crew = if prims.len() < MANY { 1 } else { rayon::current_num_threads() };
+    fold_by(crew, prims, nothing, add, join)
 }
 
 /// Folds the primitives of a node in as many pieces at a time. `join` must not care about grouping.
@@ -50,7 +46,12 @@ fn fold_by<T: Send>(
     if crew < 2 {
         return one(prims);
     }
-    prims.par_chunks(prims.len().div_ceil(crew).max(1)).map(one).reduce(&nothing, join)
+    pieces(crew, prims).map(one).reduce(&nothing, join)
+}
+
+/// The primitives of a node in `crew` pieces, for as many threads.
+fn pieces(crew: usize, prims: &[Prim]) -> rayon::slice::Chunks<'_, Prim> {
+    prims.par_chunks(prims.len().div_ceil(crew.max(1)).max(1))
 }
 
 /// A tree under construction: nodes, and the primitives of its leaves in whole blocks.
@@ -63,3 +64,26 @@ pub(crate) struct Arena<N> {
 
 /// The kd-tree's arena.
 pub(crate) type KdArena = Arena<KdNode>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    #[test]
+    fn a_crew_folds_a_node_in_as_many_pieces() {
+        let prims: Vec<Prim> = (0..1000).map(|id| Prim { lo: [0.0; 3], id, hi: [1.0; 3] }).collect();
+        for crew in [1, 2, 3, 7] {
+            let folded = AtomicUsize::new(0);
+            let add = |sum: &mut (u64, bool), p: &Prim| {
+                // Each piece is folded from nothing.
+                if !std::mem::replace(&mut sum.1, true) {
+                    folded.fetch_add(1, Ordering::Relaxed);
+                }
+                sum.0 += u64::from(p.id);
+            };
+            let (sum, _) = fold_by(crew, &prims, || (0, false), add, |a, b| (a.0 + b.0, a.1 || b.1));
+            assert_eq!((sum, folded.into_inner()), (499_500, crew));
+        }
+    }
+}

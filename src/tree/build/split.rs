@@ -1,7 +1,7 @@
 //! Where to split a node: the four searches of spec §1.8 to §1.11.
 
 use super::prim::Prim;
-use super::{fold, fold_by};
+use super::{fold_by, pieces};
 use crate::tree::Geometry;
 use crate::tree::frame::Frame;
 use crate::tree::options::{Areas, BuildOptions, Builder};
@@ -19,13 +19,13 @@ pub(crate) struct Cell {
 }
 
 impl Cell {
-    /// The root's cell.
-    pub fn around(prims: &[Prim]) -> Cell {
+    /// The root's cell, found by `crew` threads.
+    pub fn around(crew: usize, prims: &[Prim]) -> Cell {
         let union = |(a, b): ([f32; 3], [f32; 3]), (c, d): ([f32; 3], [f32; 3])| {
             ([0, 1, 2].map(|i| a[i].min(c[i])), [0, 1, 2].map(|i| b[i].max(d[i])))
         };
         let nothing = || ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        let (lo, hi) = fold(prims, nothing, |b, p| *b = union(*b, (p.lo, p.hi)), union);
+        let (lo, hi) = fold_by(crew, prims, nothing, |b, p| *b = union(*b, (p.lo, p.hi)), union);
         let (mut lo, mut hi) = (lo.map(f64::from), hi.map(f64::from));
         if prims.is_empty() {
             (lo, hi) = ([0.0; 3], [0.0; 3]);
@@ -217,18 +217,21 @@ pub(crate) fn count(crew: usize, prims: &[Prim], axis: usize, p: f64) -> [usize;
 
 /// The primitives of either side in their order; those across the plane are in both.
 pub(crate) fn partition(crew: usize, prims: &[Prim], split: &Split, [nl, nr]: [usize; 2]) -> [Vec<Prim>; 2] {
-    let side = |lower: bool, count: usize| {
-        let mut side = Vec::with_capacity(count);
-        if lower {
-            side.extend(prims.iter().filter(|o| f64::from(o.lo[split.axis]) <= split.position));
-        } else {
-            side.extend(prims.iter().filter(|o| f64::from(o.hi[split.axis]) > split.position));
-        }
-        side
-    };
+    let is_left = |o: &&Prim| f64::from(o.lo[split.axis]) <= split.position;
+    let is_right = |o: &&Prim| f64::from(o.hi[split.axis]) > split.position;
+    let (mut left, mut right) = (Vec::with_capacity(nl), Vec::with_capacity(nr));
     if crew < 2 {
-        return [side(true, nl), side(false, nr)];
+        left.extend(prims.iter().filter(is_left));
+        right.extend(prims.iter().filter(is_right));
+        return [left, right];
     }
-    let (left, right) = rayon::join(|| side(true, nl), || side(false, nr));
+    let sides = |piece: &[Prim]| -> [Vec<Prim>; 2] {
+        [piece.iter().filter(is_left).copied().collect(), piece.iter().filter(is_right).copied().collect()]
+    };
+    let parts: Vec<[Vec<Prim>; 2]> = pieces(crew, prims).map(sides).collect();
+    for [l, r] in parts {
+        left.extend(l);
+        right.extend(r);
+    }
     [left, right]
 }

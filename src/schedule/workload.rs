@@ -1,0 +1,315 @@
+//! What there is to do and what it costs, as runs on one thread tell it.
+
+use super::{Collect, JobQueue, Log, Policy, Recorder, Settings, Stop, Tasks, ThreadLog, run};
+use crate::error::Result;
+use std::sync::Arc;
+
+/// Seconds of computing up to each task, measured in chunks of one size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    size: u32,
+    tasks: Vec<u64>,
+    seconds: Vec<f64>,
+}
+
+impl Profile {
+    /// A profile from tasks and seconds of computing after each chunk of `size`, both rising.
+    pub fn new(size: u32, entries: &[(u64, f64)]) -> Profile {
+        let (tasks, seconds) = [(0, 0.0)].iter().chain(entries).copied().unzip();
+        Profile { size: size.max(1), tasks, seconds }
+    }
+
+    /// Seconds up to `task`; between two measured points and beyond the last they grow evenly.
+    fn until(&self, task: u64) -> f64 {
+        let last = self.tasks.len() - 1;
+        let at = self.tasks.partition_point(|&t| t <= task).clamp(1, last.max(1));
+        let (Some(&t1), Some(&s1)) = (self.tasks.get(at), self.seconds.get(at)) else { return 0.0 };
+        let (t0, s0) = (self.tasks[at - 1], self.seconds[at - 1]);
+        if t1 == t0 {
+            return s1;
+        }
+        s0 + (s1 - s0) * (task as f64 - t0 as f64) / (t1 - t0) as f64
+    }
+}
+
+/// What there is to do and what it costs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Workload {
+    /// Task times in chunks of different sizes, sizes rising.
+    pub(super) profiles: Vec<Profile>,
+    /// Tasks up to the end of each leg, rising; the last is the number of tasks.
+    pub legs: Vec<u64>,
+    /// Making a task, s.
+    pub produce_s: f64,
+    /// Making a chunk, however many tasks it has, s.
+    pub chunk_s: f64,
+    /// Taking the result of a task, s.
+    pub collect_s: f64,
+    /// Taking the result of a chunk, however many tasks it has, s.
+    pub collect_chunk_s: f64,
+    /// Beginning and ending: threads, files, the last results, s.
+    pub fixed_s: f64,
+    /// What a worker does to take a chunk and to hand in its result, s.
+    pub take_s: f64,
+    /// Handing a chunk over, s.
+    pub hand_over_s: f64,
+    /// Waking a thread that waits, s.
+    pub wake_s: f64,
+}
+
+impl Workload {
+    /// Tasks with these profiles, in legs; everything else costs nothing.
+    pub fn new(mut profiles: Vec<Profile>, legs: Vec<u64>) -> Workload {
+        profiles.sort_by_key(|p| p.size);
+        Workload { profiles, legs, ..Workload::default() }
+    }
+
+    /// Number of tasks.
+    pub fn tasks(&self) -> u64 {
+        self.legs.last().copied().unwrap_or(0)
+    }
+
+    /// What logs of runs on one thread tell, the same run again and again in chunks of each size; what it costs to hand
+    /// over and to wake they do not.
+    ///
+    /// How the time goes on over the tasks is the least of each chunk; how much it is in all is the least that the
+    /// thread's processor clock told of any run, so that other programs do not count. What making and collecting cost per
+    /// chunk and per task follows from the smallest and the largest chunks.
+    pub fn of_logs(logs: &[(u32, Vec<Log>)]) -> Workload {
+        let mut profiles = Vec::new();
+        let mut sizes: Vec<(u32, Costs)> = Vec::new();
+        for (size, logs) in logs.iter().filter(|(_, logs)| !logs.is_empty()) {
+            let costs = logs.iter().map(Costs::of).reduce(Costs::least).unwrap_or_default();
+            let mut entries = least(logs);
+            let sum = entries.last().map_or(0.0, |e| e.1);
+            if sum > 0.0 {
+                entries.iter_mut().for_each(|e| e.1 *= costs.computing_s / sum);
+            }
+            profiles.push(Profile::new(*size, &entries));
+            sizes.push((*size, costs));
+        }
+        sizes.sort_by_key(|s| s.0);
+        let legs = logs.iter().find_map(|(_, logs)| logs.first());
+        let legs = legs.map_or_else(Vec::new, |log| log.legs.iter().map(|leg| leg.tasks).collect());
+        let mut load = Workload::new(profiles, legs);
+        if let (Some((_, small)), Some((_, large))) = (sizes.first(), sizes.last()) {
+            (load.chunk_s, load.produce_s) = per_chunk_and_task(small, large, |c| c.making_s);
+            (load.collect_chunk_s, load.collect_s) = per_chunk_and_task(small, large, |c| c.collecting_s);
+            load.fixed_s = large.fixed_s;
+        }
+        load
+    }
+
+    /// Seconds for a chunk of tasks `from..to`. Between two measured sizes it goes with the logarithm.
+    pub(super) fn cost(&self, from: u64, to: u64) -> f64 {
+        let count = to.saturating_sub(from);
+        let of = |p: &Profile| p.until(to) - p.until(from);
+        let at = self.profiles.partition_point(|p| u64::from(p.size) <= count);
+        let computing = match (at.checked_sub(1).and_then(|i| self.profiles.get(i)), self.profiles.get(at)) {
+            (Some(a), Some(b)) => {
+                let place = |n: f64| libm::log2(n.max(1.0));
+                let (least, most) = (place(f64::from(a.size)), place(f64::from(b.size)));
+                let share = (place(count as f64) - least) / (most - least);
+                of(a) * (1.0 - share) + of(b) * share
+            }
+            (Some(p), None) | (None, Some(p)) => of(p),
+            (None, None) => 0.0,
+        };
+        computing.max(0.0) + self.collect_chunk_s + self.collect_s * count as f64
+    }
+}
+
+/// What a run on one thread cost, s of processor time.
+#[derive(Clone, Copy, Debug, Default)]
+struct Costs {
+    chunks: u64,
+    tasks: u64,
+    computing_s: f64,
+    making_s: f64,
+    collecting_s: f64,
+    fixed_s: f64,
+}
+
+impl Costs {
+    fn of(log: &Log) -> Costs {
+        let p = &log.producer;
+        // Others who want the core are in the way of everything alike.
+        let awake = (p.wall_s - p.idle_s).max(f64::MIN_POSITIVE);
+        let part = |seconds: f64| p.cpu_s * (seconds / awake).min(1.0);
+        let (computing_s, jobs_s) = (part(p.busy_s), part(p.jobs_s));
+        Costs {
+            chunks: p.chunks,
+            tasks: p.tasks,
+            computing_s,
+            making_s: (p.cpu_s - computing_s - jobs_s).max(0.0),
+            // Jobs of the collector are done by whoever computes.
+            collecting_s: log.collector.cpu_s + jobs_s,
+            fixed_s: (log.seconds - p.wall_s).max(0.0),
+        }
+    }
+
+    fn least(self, other: Costs) -> Costs {
+        Costs {
+            computing_s: self.computing_s.min(other.computing_s),
+            making_s: self.making_s.min(other.making_s),
+            collecting_s: self.collecting_s.min(other.collecting_s),
+            fixed_s: self.fixed_s.min(other.fixed_s),
+            ..self
+        }
+    }
+}
+
+/// Splits a cost into what goes with the chunks and what goes with the tasks.
+fn per_chunk_and_task(small: &Costs, large: &Costs, cost: impl Fn(&Costs) -> f64) -> (f64, f64) {
+    let (more, tasks) = (small.chunks.saturating_sub(large.chunks), large.tasks.max(1) as f64);
+    let per_chunk = if more > 0 { ((cost(small) - cost(large)) / more as f64).max(0.0) } else { 0.0 };
+    let per_task = (cost(large) - per_chunk * large.chunks as f64) / tasks;
+    (per_chunk, per_task.max(0.0))
+}
+
+/// Cumulative times of the least that each chunk took in any of the repetitions, which had the same chunks.
+fn least(logs: &[Log]) -> Vec<(u64, f64)> {
+    let Some(first) = logs.first() else { return Vec::new() };
+    let mut sum = 0.0;
+    (0..first.profile.entries().len())
+        .map(|i| {
+            let times = logs.iter().filter_map(|log| {
+                let entries = log.profile.entries();
+                let before = if i > 0 { entries.get(i - 1)?.1 } else { 0.0 };
+                Some(entries.get(i)?.1 - before)
+            });
+            sum += times.fold(f64::INFINITY, f64::min);
+            (first.profile.entries()[i].0, sum)
+        })
+        .collect()
+}
+
+/// Measures what it costs to hand over a chunk, to take it and hand in its result, and to wake a thread that waits, s: runs
+/// without any work in them.
+pub fn overheads() -> Result<(f64, f64, f64)> {
+    const CHUNKS: u32 = 20_000;
+    let idle_run = |policy| -> Result<Log> {
+        let (recorder, jobs) = (Recorder::new(), Arc::new(JobQueue::new(1)));
+        let settings = Settings { threads: 2, policy, leg_barrier: false };
+        run(
+            settings,
+            &jobs,
+            &Stop::new(),
+            Some(&recorder),
+            || |_: Nothing| Ok(()),
+            |feed| (0..CHUNKS).try_for_each(|_| feed.put(Nothing)),
+            Ignored,
+        )?;
+        Ok(recorder.finish())
+    };
+    let (mut hand_over, mut take, mut round_trip) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
+    for _ in 0..3 {
+        let log = idle_run(Policy::Warehouse { size: 1, factor: CHUNKS as usize })?;
+        let making = log.producer.cpu_s - log.producer.busy_s;
+        hand_over = hand_over.min(making.max(0.0) / f64::from(CHUNKS));
+        let taken = log.workers.iter().fold(ThreadLog::default(), |sum, w| sum.plus(*w));
+        take = take.min(taken.cpu_s / taken.chunks.max(1) as f64);
+        round_trip = round_trip.min(idle_run(Policy::Single)?.seconds / f64::from(CHUNKS));
+    }
+    Ok((hand_over, take, (0.5 * (round_trip - hand_over)).max(0.0)))
+}
+
+struct Nothing;
+
+impl Tasks for Nothing {
+    fn tasks(&self) -> u32 {
+        1
+    }
+}
+
+struct Ignored;
+
+impl Collect<()> for Ignored {
+    type Summary = ();
+
+    fn take(&mut self, (): (), _: bool) -> Result<()> {
+        Ok(())
+    }
+
+    fn finish(self) -> Result<()> {
+        Ok(())
+    }
+
+    fn abort(self) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{LegEnd, replay};
+    use super::*;
+
+    #[test]
+    fn costs_go_between_measured_sizes() {
+        let small = Profile::new(1, &[(100, 100.0)]);
+        let large = Profile::new(16, &[(100, 20.0)]);
+        let load = Workload::new(vec![large, small], vec![100]);
+        assert!((load.cost(0, 1) - 1.0).abs() < 1e-12);
+        assert!((load.cost(10, 14) - 4.0 * 0.6).abs() < 1e-12);
+        assert!((load.cost(0, 64) - 64.0 * 0.2).abs() < 1e-12);
+        assert_eq!(Workload::default().cost(0, 5), 0.0);
+    }
+
+    /// The log of a run on one thread that other programs make `slower`: a leg of 64 tasks of 1 s, one of 64 of 2 s; making
+    /// takes 0.25 s per task and 0.5 s per chunk, collecting 0.125 s and 1 s, begin and end 3 s.
+    fn log(size: u64, slower: f64) -> Log {
+        let mut log = Log::default();
+        let chunks = 128 / size;
+        for i in 1..=chunks {
+            let tasks = i * size;
+            let seconds = tasks as f64 + tasks.saturating_sub(64) as f64;
+            log.profile.push((tasks, slower * seconds));
+        }
+        let cpu_s = 192.0 + 0.25 * 128.0 + 0.5 * chunks as f64;
+        log.producer = ThreadLog {
+            chunks,
+            tasks: 128,
+            busy_s: slower * 192.0,
+            idle_s: 7.0,
+            jobs_s: 0.0,
+            cpu_s,
+            wall_s: slower * cpu_s + 7.0,
+        };
+        log.collector.cpu_s = 0.125 * 128.0 + chunks as f64;
+        log.seconds = log.producer.wall_s + 3.0;
+        log.tasks = 128;
+        log.legs = [64, 128].map(|tasks| LegEnd { at_s: 0.0, tasks, waited_s: 0.0 }).to_vec();
+        log
+    }
+
+    #[test]
+    fn logs_tell_what_everything_costs() {
+        // Another program had half of the core in every run, and more in one of them.
+        // Other programs had half of the core in every run, or none in one of them.
+        for slower in [1.0, 2.0] {
+            let logs =
+                [1, 4, 16].map(|size| (size, vec![log(u64::from(size), slower), log(u64::from(size), 3.0)]));
+            let load = Workload::of_logs(&logs);
+            let costs = [load.produce_s, load.chunk_s, load.collect_s, load.collect_chunk_s, load.fixed_s];
+            for (found, known) in costs.into_iter().zip([0.25, 0.5, 0.125, 1.0, 3.0]) {
+                assert!((found - known).abs() < 1e-9, "{costs:?}");
+            }
+            assert_eq!(load.legs, [64, 128]);
+            assert!((load.cost(0, 16) - 16.0 - 1.0 - 2.0).abs() < 1e-9);
+            assert!((load.cost(64, 68) - 8.0 - 1.0 - 0.5).abs() < 1e-9);
+            // One thread does it all, and what it computes it need not hand over.
+            let policy = Policy::Static { size: 16 };
+            let alone = replay(&load, &Settings { threads: 1, policy, leg_barrier: false });
+            let known = 192.0 + 0.25 * 128.0 + 0.5 * 8.0 + 0.125 * 128.0 + 8.0 + 3.0;
+            assert!((alone.seconds - known).abs() < 1e-9, "{} for {known}", alone.seconds);
+            // Two threads, and a warehouse for one chunk of 16, which takes 4.5 s to make and 19 s in the first leg, 35 s in
+            // the second. The worker has 0 from 4.5 s and 1 until 42.5 s; the producer refuses 2 at 13.5 s, stores 3 at
+            // 37 s and takes it back until 56 s. So it goes in the second leg: 4 from 60.5 s, 5 until 130.5 s; 6 refused
+            // at 69.5 s, 7 stored at 109 s and taken back until 144 s. Begin and end are 3 s.
+            let policy = Policy::Warehouse { size: 16, factor: 1 };
+            let both = replay(&load, &Settings { threads: 2, policy, leg_barrier: true });
+            assert!((both.seconds - 147.0).abs() < 1e-9, "{}", both.seconds);
+        }
+        assert_eq!(Workload::of_logs(&[]), Workload::default());
+        assert_eq!(Workload::of_logs(&[(4, Vec::new())]).tasks(), 0);
+    }
+}
