@@ -133,15 +133,16 @@ struct Costs {
 impl Costs {
     fn of(log: &Log) -> Costs {
         let p = &log.producer;
-        // Others who want the core are in the way of everything alike.
+        // Others who want the core are in the way of everything alike, and waiting takes some processor time, too: each of
+        // the two clocks is too slow at most.
         let awake = (p.wall_s - p.idle_s).max(f64::MIN_POSITIVE);
-        let part = |seconds: f64| p.cpu_s * (seconds / awake).min(1.0);
+        let part = |seconds: f64| (p.cpu_s * (seconds / awake)).min(seconds);
         let (computing_s, jobs_s) = (part(p.busy_s), part(p.jobs_s));
         Costs {
             chunks: p.chunks,
             tasks: p.tasks,
             computing_s,
-            making_s: (p.cpu_s - computing_s - jobs_s).max(0.0),
+            making_s: part((awake - p.busy_s - p.jobs_s).max(0.0)),
             // Jobs of the collector are done by whoever computes.
             collecting_s: log.collector.cpu_s + jobs_s,
             fixed_s: (log.seconds - p.wall_s).max(0.0),

@@ -7,7 +7,7 @@ use crate::cli::{Console, RunArgs, interrupt};
 use crate::error::{Error, Result};
 use crate::flight::FlightPlan;
 use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
-use crate::pipeline::{self, Progress};
+use crate::pipeline::{self, Ended, Progress};
 use crate::pulse::Physics;
 use crate::scene::{self, Movers, Scene};
 use crate::schedule::{self, Log, Policy, Recorder, Settings, SizeChange, Workload};
@@ -244,7 +244,10 @@ impl Bench {
             progress: &progress,
         };
         let started = Instant::now();
-        pipeline::fly(run, None, true)?;
+        if let Ended::Cut(_) = pipeline::fly(run, None, true)? {
+            // What a flight took that did not come to its end tells nothing.
+            return Err(Error::Interrupted);
+        }
         let seconds = started.elapsed().as_secs_f64();
         let (done, log) = (progress.snapshot(), recorder.finish());
         Ok(Flown { seconds, pulses: done.pulses, echoes: done.echoes, rays: physics.most_rays(), log })
