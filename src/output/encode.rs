@@ -128,7 +128,7 @@ impl OutputPlan {
                 let codec = XyzCodec { shift: self.shift, labels: &self.labels };
                 encode_points(&codec, leg, slots, echoes, pieces);
             }
-            PointFormat::Las | PointFormat::Laz => {
+            PointFormat::Las | PointFormat::Laz | PointFormat::Copc => {
                 let codec = LasCodec { format: &self.las, objects: &self.objects };
                 match &self.las.packets {
                     None => encode_points(&codec, leg, slots, echoes, pieces),

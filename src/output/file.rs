@@ -2,6 +2,7 @@
 
 use super::archive::ArchiveStream;
 use super::arrow::{ArrowStream, ParquetStream};
+use super::copc::{self, CopcStream};
 use super::encode::Piece;
 use super::las::{PACKETS_HEADER, packets_header, place_packets};
 use super::layout::Content;
@@ -49,6 +50,7 @@ enum Body {
     /// The same where it was written at the beginning: at most so many points.
     LasStream(u64),
     Laz(LazVlr, LazStream),
+    Copc(LazVlr, Box<CopcStream>),
     /// A header that counts the points.
     Ply(PointFormat),
     /// Batches of rows.
@@ -84,6 +86,13 @@ impl OutputFile {
                 medium.append(&vec![0; plan.las.head(Some(&laszip), &Tally::EMPTY, None, COMPLETE).len()])?;
                 let stream = LazStream::begin(laszip.clone(), plan.las.record_length(), &mut medium)?;
                 Body::Laz(laszip, stream)
+            }
+            Content::Points(PointFormat::Copc) => {
+                let laszip = copc::laszip(&plan.las)?;
+                let head = plan.las.octree_head(&laszip, &Tally::EMPTY, &[0; copc::INFO], 0, COMPLETE);
+                medium.append(&vec![0; head.len()])?;
+                let stream = CopcStream::begin(laszip.clone(), plan.las.record_length(), &mut medium)?;
+                Body::Copc(laszip, Box::new(stream))
             }
             Content::Points(format @ (PointFormat::PlyBinary | PointFormat::PlyAscii)) => {
                 medium.append(&vec![
@@ -143,6 +152,7 @@ impl OutputFile {
         let bytes = &piece.bytes;
         match &mut self.body {
             Body::Laz(_, stream) => stream.append(bytes, &mut self.medium, offload)?,
+            Body::Copc(_, stream) => stream.append(bytes)?,
             Body::Archive(stream) => stream.append(bytes, &mut self.medium, offload)?,
             Body::Arrow(stream) => stream.append(bytes, |bytes| self.medium.append(bytes))?,
             Body::Parquet(stream) => stream.append(bytes, |bytes| self.medium.append(bytes))?,
@@ -215,6 +225,13 @@ impl OutputFile {
                 beside = packets.map(|p| p.finish(&mut self.medium)).transpose()?;
                 let packets_at = plan.las.packets_inside().then_some(packets_at);
                 self.medium.patch(0, &plan.las.head(Some(&laszip), &self.tally, packets_at, state))?;
+                bounds = plan.las.world(&bounds);
+            }
+            Body::Copc(laszip, stream) => {
+                let octree = stream.finish(&plan.las, &self.tally, &mut self.medium, offload)?;
+                let at = octree.hierarchy_at;
+                let head = plan.las.octree_head(&laszip, &self.tally, &octree.info, at, state);
+                self.medium.patch(0, &head)?;
                 bounds = plan.las.world(&bounds);
             }
             Body::Ply(format) => {

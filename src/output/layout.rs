@@ -327,7 +327,15 @@ fn file_name(name: &str) -> String {
 
 /// `dir/stem.ext` with `suffix` after the stem, and another extension if given.
 fn with_suffix(path: &Path, suffix: &str, extension: Option<&str>) -> PathBuf {
-    let mut name = path.file_stem().unwrap_or_default().to_os_string();
+    let stem = path.file_stem().unwrap_or_default();
+    // Two extensions that belong together
+    if let Some(stem) = stem.to_str().and_then(|stem| stem.strip_suffix(".copc"))
+        && path.extension() == Some(OsStr::new("laz"))
+    {
+        let extension = extension.unwrap_or("copc.laz");
+        return path.with_file_name(format!("{stem}{suffix}.{extension}"));
+    }
+    let mut name = stem.to_os_string();
     name.push(suffix);
     if let Some(extension) = extension.map(OsStr::new).or(path.extension()) {
         name.push(".");

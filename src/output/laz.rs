@@ -23,9 +23,13 @@ const CHUNK_POINTS: usize = 50_000;
 
 /// How the points of a run are compressed.
 pub(super) fn laszip(format: &LasFormat) -> Result<LazVlr> {
+    Ok(laszip_builder(format)?.with_fixed_chunk_size(CHUNK_POINTS as u32).build())
+}
+
+/// The same, for any division into chunks.
+pub(super) fn laszip_builder(format: &LasFormat) -> Result<LazVlrBuilder> {
     let builder = LazVlrBuilder::default().with_point_format(format.point_format(), format.extra_length());
-    let builder = builder.map_err(|e| Error::Internal(format!("LAZ: {e}")))?;
-    Ok(builder.with_fixed_chunk_size(CHUNK_POINTS as u32).build())
+    builder.map_err(|e| Error::Internal(format!("LAZ: {e}")))
 }
 
 /// The compressed points of one file.
@@ -101,7 +105,7 @@ fn write(chunk: &[u8], table: &mut ChunkTable, medium: &mut Medium) -> Result<()
 }
 
 /// Compresses `points` into `out`, which is empty.
-fn compress(points: &[u8], mut out: Vec<u8>, laszip: &LazVlr) -> laz::Result<Vec<u8>> {
+pub(super) fn compress(points: &[u8], mut out: Vec<u8>, laszip: &LazVlr) -> laz::Result<Vec<u8>> {
     out.reserve(points.len() / 2);
     let length = laszip.items().iter().map(|item| usize::from(item.size())).sum();
     if layers_are_known(laszip) && chunk::suits(points, length) {

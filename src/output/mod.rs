@@ -14,6 +14,7 @@
 //! | `encode` with `text`, `number`, `las`, `ply` | batches as bytes |
 //! | `columns` with `arrow`, `table` | chosen columns as Arrow, Parquet and text with a header |
 //! | `laz`, `archive` with `blocks` | compression of LAS and of text; text expanded |
+//! | `copc` | compressed LAS as an octree |
 //! | `writer`, `file`, `medium` | bytes into files and streams |
 //! | `offload`, `summary`, `crs` | work given away, what was written, EPSG codes |
 //!
@@ -24,6 +25,7 @@ mod archive;
 mod arrow;
 mod blocks;
 mod columns;
+mod copc;
 mod crs;
 mod encode;
 mod file;

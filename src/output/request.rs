@@ -14,6 +14,8 @@ pub enum PointFormat {
     Las,
     /// LAS compressed as LAZ.
     Laz,
+    /// LAZ whose chunks are the nodes of an octree (COPC).
+    Copc,
     /// PLY, little-endian.
     PlyBinary,
     /// PLY as text.
@@ -34,6 +36,7 @@ impl PointFormat {
             PointFormat::Bin => "bin",
             PointFormat::Las => "las",
             PointFormat::Laz => "laz",
+            PointFormat::Copc => "copc.laz",
             PointFormat::PlyBinary | PointFormat::PlyAscii => "ply",
             PointFormat::Csv => "csv",
             PointFormat::Arrow => "arrow",
@@ -43,12 +46,12 @@ impl PointFormat {
 
     /// Whether its header counts the points, and so is complete only at the end.
     pub fn counts(self) -> bool {
-        matches!(self, PointFormat::Las | PointFormat::Laz | PointFormat::PlyBinary | PointFormat::PlyAscii)
+        self.is_las() || matches!(self, PointFormat::PlyBinary | PointFormat::PlyAscii)
     }
 
     /// Whether it is LAS, compressed or not.
     pub fn is_las(self) -> bool {
-        matches!(self, PointFormat::Las | PointFormat::Laz)
+        matches!(self, PointFormat::Las | PointFormat::Laz | PointFormat::Copc)
     }
 
     /// Whether it is text that a terminal can show.

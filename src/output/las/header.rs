@@ -4,13 +4,23 @@ use super::LasFormat;
 use crate::output::request::{LasVersion, PacketPlace};
 use crate::output::summary::Tally;
 
+/// What stands behind the points, and where.
+#[derive(Clone, Copy)]
+pub(super) enum Behind {
+    Nothing,
+    /// Waveform packets.
+    Packets(u64),
+    /// The list of the octree's nodes.
+    Octree(u64),
+}
+
 /// The header, field by field as the specification of LAS lists them.
 pub(super) fn header(
     format: &LasFormat,
     compressed: bool,
     vlrs: &[&[u8]],
     tally: &Tally,
-    packets_at: Option<u64>,
+    behind: Behind,
 ) -> Vec<u8> {
     let modern = format.version == LasVersion::V14;
     let size: u16 = if modern { 375 } else { 227 };
@@ -68,10 +78,15 @@ pub(super) fn header(
     }
     if modern {
         // Start of waveform data packet record
-        out.extend(packets_at.unwrap_or(0).to_le_bytes());
+        let (packets_at, record_at) = match behind {
+            Behind::Nothing => (0, None),
+            Behind::Packets(at) => (at, Some(at)),
+            Behind::Octree(at) => (0, Some(at)),
+        };
+        out.extend(packets_at.to_le_bytes());
         // Start of first extended variable length record, number of them
-        out.extend(packets_at.unwrap_or(0).to_le_bytes());
-        out.extend(u32::from(packets_at.is_some()).to_le_bytes());
+        out.extend(record_at.unwrap_or(0).to_le_bytes());
+        out.extend(u32::from(record_at.is_some()).to_le_bytes());
         // Number of point records, and by return
         out.extend(tally.records.to_le_bytes());
         by_return.iter().for_each(|count| out.extend(count.to_le_bytes()));

@@ -19,7 +19,9 @@ pub(super) use objects::ObjectIds;
 pub(super) use packets::{PACKETS_HEADER, encode_with_packets, packets_header, place_packets};
 pub(super) use record::{LasCodec, incidence_degrees};
 
-use super::request::{ExtraDimensions, IntensityMapping, LasVersion, OutputRequest, PacketPlace};
+use super::request::{
+    ExtraDimensions, IntensityMapping, LasVersion, OutputRequest, PacketPlace, PointFormat,
+};
 use super::summary::Tally;
 use crate::diag::Diagnostics;
 use crate::geom::{Aabb, DVec3};
@@ -87,6 +89,14 @@ impl LasFormat {
             }
             WavePackets::new(place, scanner, problems)
         });
+        if request.sinks.iter().any(|(_, format)| *format == PointFormat::Copc) {
+            if settings.version == LasVersion::V10 {
+                problems.error(None, "COPC is LAS 1.4").help("leave out --las10, or write plain LAZ");
+            }
+            if packets.is_some() {
+                problems.error(None, "COPC has no waveform packets").help("write plain LAZ for them");
+            }
+        }
         vlrs.extend(packets.iter().flat_map(WavePackets::descriptors));
         vlrs.push(vlr::remarks(settings));
         vlrs.extend(vlr::object_names(&objects.names));
@@ -170,11 +180,36 @@ impl LasFormat {
         packets_at: Option<u64>,
         state: &str,
     ) -> Vec<u8> {
+        let behind = packets_at.map_or(header::Behind::Nothing, header::Behind::Packets);
+        self.head_with(None, laszip, tally, behind, state)
+    }
+
+    /// The same of a file whose points are an octree.
+    pub fn octree_head(
+        &self,
+        laszip: &laz::LazVlr,
+        tally: &Tally,
+        info: &[u8],
+        hierarchy_at: u64,
+        state: &str,
+    ) -> Vec<u8> {
+        let info = vlr::record("copc", 1, "COPC info", info);
+        self.head_with(Some(info), Some(laszip), tally, header::Behind::Octree(hierarchy_at), state)
+    }
+
+    fn head_with(
+        &self,
+        first: Option<Vec<u8>>,
+        laszip: Option<&laz::LazVlr>,
+        tally: &Tally,
+        behind: header::Behind,
+        state: &str,
+    ) -> Vec<u8> {
         let compression = laszip.map(vlr::laszip);
         let state = Some(vlr::state(state));
         let vlrs: Vec<&[u8]> =
-            compression.iter().chain(&self.vlrs).chain(&state).map(Vec::as_slice).collect();
-        let mut head = header::header(self, laszip.is_some(), &vlrs, tally, packets_at);
+            first.iter().chain(&compression).chain(&self.vlrs).chain(&state).map(Vec::as_slice).collect();
+        let mut head = header::header(self, laszip.is_some(), &vlrs, tally, behind);
         vlrs.iter().for_each(|vlr| head.extend_from_slice(vlr));
         head
     }
