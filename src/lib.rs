@@ -18,7 +18,7 @@
 //!
 //! | room | what it does | imports |
 //! |---|---|---|
-//! | [`geom`], [`rng`], [`diag`], [`error`], [`arrivals`] | rotations, boxes; counter-based random numbers; places and reports; bytes as they arrive | nothing |
+//! | [`geom`], [`rng`], [`diag`], [`error`], [`arrivals`] | rotations, boxes; counter-based random numbers; places and reports; bytes and tables as they arrive | nothing |
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
 //! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, arrivals |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
@@ -29,7 +29,7 @@
 //! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes echoes | flight, scene, tree |
 //! | [`schedule`] | four ways to hand out chunks, workers, order; records and replays | nothing of lidar |
 //! | [`output`] | sinks, one file per format | pulse, flight, scene, survey |
-//! | [`streams`] | pulses and poses between commands, as rows of text | flight, platform, schedule |
+//! | [`streams`] | pulses and poses between commands, as rows of text or of Arrow streams | flight, platform, schedule |
 //! | [`preview`] | draws point clouds as PNG and as pages for a browser, and waveforms | pulse, geom, diag |
 //! | [`pipeline`] | the wiring of all of them | all above |
 //! | [`cli`] | the command line | all above |

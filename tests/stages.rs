@@ -248,3 +248,172 @@ fn a_reader_that_goes_away_ends_the_flight_quietly() {
     let out = run(dir.path(), &["pulses", "no_such.xml"]);
     assert_eq!(out.status.code(), Some(2));
 }
+
+#[test]
+fn an_arrow_stream_between_the_stages_changes_no_bit() {
+    let dir = folder();
+    for (name, least) in
+        [("terrain/survey.xml", 1000), ("street/spinning.xml", 1000), ("moving/survey.xml", 1000)]
+    {
+        let s = survey(name);
+        let direct = succeed(dir.path(), &["run", &s, "-q", "-o", "-", "--format", "xyz"]).stdout;
+        let points = direct.iter().filter(|b| **b == b'\n').count();
+        assert!(points >= least, "{name}: only {points} points");
+        let pulses = succeed(dir.path(), &["pulses", &s, "-q", "--format", "arrow", "-j", "3"]).stdout;
+        assert_eq!(pulses[..4], [0xff; 4], "{name}: no Arrow stream");
+        for size in ["1000", "7"] {
+            let traced = feed(dir.path(), &["trace", "-q", "--scanner", &s, "--chunk-size", size], &pulses);
+            assert!(traced.stdout == direct, "{name}, blocks of {size}: {}", text(&traced.stderr));
+        }
+        // Neither threads nor chunks show in the stream.
+        let again =
+            succeed(dir.path(), &["pulses", &s, "-q", "--format", "arrow", "-j", "1", "--chunk-size", "50"]);
+        assert!(again.stdout == pulses, "{name}: the stream depends on threads or chunks");
+    }
+}
+
+#[test]
+fn poses_fly_along_an_arrow_stream_as_along_text() {
+    let dir = folder();
+    let s = survey("terrain/survey.xml");
+    let poses = |format: &str| succeed(dir.path(), &["trajectory", &s, "-q", "--format", format]).stdout;
+    let fly = |poses: &[u8]| feed(dir.path(), &["pulses", &s, "-q", "--trajectory", "-"], poses);
+    let (table, lines) = (poses("arrow"), poses("csv"));
+    assert_eq!(table[..4], [0xff; 4]);
+    let (along_table, along_lines) = (fly(&table), fly(&lines));
+    assert!(along_table.status.success(), "{}", text(&along_table.stderr));
+    assert!(text(&along_table.stdout).lines().count() > 1000);
+    assert!(along_table.stdout == along_lines.stdout, "Arrow and text lead elsewhere");
+    // Cut off within a batch
+    let cut = fly(&table[..table.len() - 200]);
+    assert_eq!(cut.status.code(), Some(2), "{}", text(&cut.stderr));
+    assert!(text(&cut.stderr).contains("the stream ends within batch"), "{}", text(&cut.stderr));
+}
+
+/// Interrupted while poses still arrive, a stream of pulses ends with whole rows, and as Arrow with its end.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_stream_of_pulses_is_whole() {
+    use std::io::{Read, Write};
+    use std::process::Stdio;
+    let dir = folder();
+    let s = survey("terrain/survey.xml");
+    for format in ["arrow", "csv"] {
+        let mut child = common::vlscan(dir.path())
+            .args(["pulses", &s, "-q", "--trajectory", "-", "--format", format])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut stdin = child.stdin.take().unwrap();
+        for i in 0..400 {
+            writeln!(stdin, "{},{},0,400,0,0,90", 100.0 + f64::from(i) * 0.01, f64::from(i) * 0.1).unwrap();
+        }
+        stdin.flush().unwrap();
+        let mut stdout = child.stdout.take().unwrap();
+        let mut pulses = vec![0; 20_000];
+        stdout.read_exact(&mut pulses).unwrap();
+        let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        assert!(killed.unwrap().success());
+        stdout.read_to_end(&mut pulses).unwrap();
+        let out = child.wait_with_output().unwrap();
+        assert_eq!(out.status.code(), Some(130), "{format}: {}", text(&out.stderr));
+        drop(stdin);
+        match format {
+            "arrow" => {
+                assert!(pulses.ends_with(&[0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0]), "no end of the stream")
+            }
+            _ => assert!(pulses.ends_with(b"\n"), "a row is cut"),
+        }
+        let traced = feed(dir.path(), &["trace", "-q", "--scanner", &s], &pulses);
+        assert!(traced.status.success() && traced.stdout.len() > 1000, "{format}: {}", text(&traced.stderr));
+    }
+}
+
+#[test]
+fn wrong_arrow_streams_are_named_with_their_place() {
+    let dir = folder();
+    let s = survey("terrain/survey.xml");
+    let pulses = succeed(dir.path(), &["pulses", &s, "-q", "--format", "arrow"]).stdout;
+    let trace = |bytes: &[u8]| {
+        let out = feed(dir.path(), &["trace", "-q", "--scanner", &s], bytes);
+        assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+        text(&out.stderr)
+    };
+    let cut = trace(&pulses[..pulses.len() / 2]);
+    assert!(cut.contains("the stream ends within batch") && cut.contains("whole rows"), "{cut}");
+    assert!(trace(&pulses[..3]).contains("unknown column") || trace(&pulses[..3]).contains("number"));
+    let mut damaged = pulses.clone();
+    let half = damaged.len() / 2;
+    damaged[half..].fill(0x77);
+    assert!(trace(&damaged).contains("error"));
+    assert!(
+        trace(&[[0xff; 4].as_slice(), &[0x40, 0, 0, 0], &[7; 64]].concat()).contains("unreadable metadata")
+    );
+}
+
+/// What pyarrow makes of a cone of pulses, in batches of 1000 rows, with what is changed in the table.
+const CONE_IN_PYTHON: &str = r#"
+import sys, math, pyarrow as pa
+n = 3600
+a = [i * 0.0174533 for i in range(n)]
+r = [i / 36000 for i in range(n)]
+columns = {"time": [i * 1e-5 for i in range(n)], "x": pa.array([0] * n, pa.int32()), "y": pa.array([0.0] * n, pa.float32()),
+    "z": [100] * n, "dx": [q * math.cos(p) for p, q in zip(a, r)], "dy": [q * math.sin(p) for p, q in zip(a, r)],
+    "dz": pa.array([-1] * n, pa.int8())}
+CHANGE
+table = pa.table(columns)
+sink = pa.ipc.new_file if "file" in sys.argv else pa.ipc.new_stream
+with sink(pa.output_stream(sys.stdout.buffer), table.schema) as out:
+    out.write_table(table, max_chunksize=1000)
+"#;
+
+#[test]
+fn pulses_that_pyarrow_makes_can_be_traced() {
+    let Some(python) = common::python("pyarrow") else { return };
+    let dir = folder();
+    let make = |change: &str, kind: &str| {
+        let script = CONE_IN_PYTHON.replace("CHANGE", change);
+        let out = std::process::Command::new(&python).args(["-c", &script, kind]).output().unwrap();
+        assert!(out.status.success(), "{}", text(&out.stderr));
+        out.stdout
+    };
+    let scene = survey("terrain/scene.xml");
+    let args = ["trace", "-q", "--scene", &scene, "--scanner", "riegl_vz400"];
+    let trace = |pulses: &[u8]| feed(dir.path(), &args, pulses);
+    let traced = trace(&make("", "stream"));
+    assert!(traced.status.success(), "{}", text(&traced.stderr));
+    assert!(text(&traced.stdout).lines().count() > 3000);
+    let from_text = trace(&std::process::Command::new("awk").arg(CONE).output().expect("awk").stdout);
+    let count = |out: &std::process::Output| text(&out.stdout).lines().count();
+    assert_eq!(count(&traced), count(&from_text));
+    let from_file = trace(&make("", "file"));
+    assert!(from_file.stdout == traced.stdout, "{}", text(&from_file.stderr));
+    // The fourth batch, its third row
+    for (change, part) in [
+        ("columns['dz'] = ['down'] * n", "column `dz` holds text, expected numbers"),
+        ("del columns['dy']", "no column for dy"),
+        ("columns['dxx'] = columns.pop('dx')", "did you mean"),
+        (
+            "columns['z'] = [None if i == 3002 else 100 for i in range(n)]",
+            "batch 4: 1 of 600 values of column `z` are null",
+        ),
+        (
+            "columns['z'] = [math.nan if i == 3002 else 100.0 for i in range(n)]",
+            "row 3003 (batch 4, its row 3): z is NaN",
+        ),
+        ("columns['leg'] = [-1] * n", "row 1 (batch 1, its row 1): leg is -1"),
+    ] {
+        let out = trace(&make(change, "stream"));
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{change}: {said}");
+        assert!(said.contains(part), "{part:?} is missing from\n{said}");
+    }
+    // Units in the metadata, and a table of one's own beside the numbers
+    let change = "columns['time'] = pa.array([i * 10 for i in range(n)], pa.int64())\n\
+                  columns = {('time[us]' if k == 'time' else k): v for k, v in columns.items()}";
+    let in_us = trace(&make(change, "stream"));
+    assert!(in_us.status.success(), "{}", text(&in_us.stderr));
+    assert_eq!(count(&in_us), count(&traced));
+}

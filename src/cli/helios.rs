@@ -196,10 +196,16 @@ mod tests {
                     --disablePlatformNoise --writeWaveform --lasoutput --zipOutput -j 2 -v2";
         for line in [format!("vlscan run {line}"), format!("vlscan {line}")] {
             let run = run(&line);
-            assert_eq!((run.origin.seed.as_deref(), run.file.to_str()), (Some("43"), Some("s.xml")));
-            assert_eq!((run.input.assets.len(), run.schedule.threads), (2, Some(2)));
+            assert_eq!(
+                (run.survey.common.origin.seed.as_deref(), run.survey.file.to_str()),
+                (Some("43"), Some("s.xml"))
+            );
+            assert_eq!(
+                (run.survey.common.input.assets.len(), run.survey.common.schedule.threads),
+                (2, Some(2))
+            );
             assert!(
-                run.flight.no_platform_noise
+                run.survey.flight.no_platform_noise
                     && run.output.waveforms
                     && run.output.las_output
                     && run.output.zip_output
@@ -217,7 +223,7 @@ mod tests {
         ] {
             let run = run(line);
             assert_eq!(
-                (run.schedule.threads, run.tree.tree, run.output.pulses),
+                (run.survey.common.schedule.threads, run.tree.tree, run.output.pulses),
                 (Some(3), Some(TreeKind::Sah), true),
                 "{line}"
             );
@@ -229,7 +235,11 @@ mod tests {
         let run =
             run("vlscan s.xml --seed 1 --seed 2 -j 3 --njobs 4 --writePulse --writePulse --chunkSize -32");
         assert_eq!(
-            (run.origin.seed.as_deref(), run.schedule.threads, run.schedule.chunk_size),
+            (
+                run.survey.common.origin.seed.as_deref(),
+                run.survey.common.schedule.threads,
+                run.survey.common.schedule.chunk_size
+            ),
             (Some("1"), Some(3), Some(-32))
         );
         assert_eq!(ours("vlscan s.xml --assets a --assets b"), "vlscan run s.xml --assets=a --assets=b");

@@ -58,7 +58,7 @@ struct Written {
 }
 
 /// Flies the survey and writes what `encode` makes of each chunk to `out`, in order. Returns what is behind `out` when
-/// everything is written.
+/// everything is written, or what came before the user's wish to end.
 ///
 /// # Errors
 /// [`Error::ClosedPipe`] when the reader went away, [`Error::Io`], and those of the flight.
@@ -69,7 +69,7 @@ pub fn emit<W: Write + Send>(
 ) -> Result<W> {
     let Emission { flight, plays, mut poses, schedule, stop, progress } = emission;
     let mut state = FlightState::start(flight);
-    for play in 0..plays {
+    for play in (0..plays).take_while(|_| !stop.asked()) {
         let jobs = Arc::new(JobQueue::new(1));
         if play > 0 {
             state.repeat(flight);
@@ -130,6 +130,10 @@ impl<W: Write + Send> Collect<Written> for Append<'_, W> {
     fn finish(mut self) -> Result<W> {
         self.out.flush().map_err(|e| Error::io("write", "standard output", e))?;
         Ok(self.out)
+    }
+
+    fn cut(self) -> Result<W> {
+        self.finish()
     }
 
     fn abort(self) {}

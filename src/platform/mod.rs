@@ -10,6 +10,7 @@ mod layout;
 mod linear;
 mod multicopter;
 mod physics;
+mod pose_table;
 mod poses;
 mod rows;
 mod stream;

@@ -1,45 +1,34 @@
-//! Reads a stream of pulses: blocks of whole rows as they arrive, which the workers then turn into pulses.
+//! Reads a stream of pulses: blocks of whole rows as they arrive, which the workers then turn into pulses. The first bytes
+//! tell whether they are lines of text or an Arrow stream.
 
-use super::columns::{COLUMNS, Column, named};
+use super::columns::Column;
 use super::row::{ATTITUDE, DIRECTION, EXACT, ORIGIN, Present, PulseRow};
+use super::table_rows::{TableRows, Tables};
+use super::text_rows::{Lines, TextRows};
+use crate::arrivals::arrow::{Recognised, recognise};
 use crate::arrivals::{Arrival, Arrivals, is_stdin};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
-use crate::platform::Separator;
 use crate::schedule::Stop;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Duration;
 
-/// Longer lines are no pulses.
-const LONGEST_LINE: usize = 1 << 16;
-/// About as long is the line of a pulse with all columns.
-const USUAL_LINE: usize = 320;
 /// How often the wish to end is looked at while nothing arrives.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Rows of pulses as they arrived, not looked into yet.
 #[derive(Clone, Debug)]
 pub struct Block {
-    format: Arc<TextFormat>,
-    /// Whole lines.
-    text: Vec<u8>,
-    /// Number of the first line.
-    line: usize,
+    rows: Rows,
     /// Pulses before it in the stream.
     before: u64,
-    rows: u64,
 }
 
-/// How lines are read.
-#[derive(Debug)]
-struct TextFormat {
-    path: PathBuf,
-    separator: Separator,
-    /// Column and factor by position.
-    columns: Vec<(Column, f64)>,
-    present: Present,
+#[derive(Clone, Debug)]
+enum Rows {
+    Text(TextRows),
+    Table(TableRows),
 }
 
 /// A stream of pulses being read.
@@ -47,13 +36,19 @@ struct TextFormat {
 pub struct PulseReader {
     arrivals: Arrivals,
     path: PathBuf,
-    /// Bytes that have arrived and are in no block yet.
-    rest: Vec<u8>,
+    form: Form,
     ended: bool,
-    line: usize,
     before: u64,
-    format: Option<Arc<TextFormat>>,
     most: usize,
+}
+
+/// What the stream is made of.
+#[derive(Debug)]
+enum Form {
+    /// The bytes that have arrived do not tell yet.
+    Unknown(Vec<u8>),
+    Text(Lines),
+    Table(Tables),
 }
 
 impl PulseReader {
@@ -71,11 +66,9 @@ impl PulseReader {
         PulseReader {
             arrivals,
             path: if is_stdin(path) { PathBuf::from("<stdin>") } else { path.to_path_buf() },
-            rest: Vec::new(),
+            form: Form::Unknown(Vec::new()),
             ended: false,
-            line: 0,
             before: 0,
-            format: None,
             most: most.max(1),
         }
     }
@@ -84,23 +77,19 @@ impl PulseReader {
     /// asked.
     ///
     /// # Errors
-    /// [`Error::Input`] for a header that is none or a stream without anything, [`Error::Io`] when it cannot be read.
+    /// [`Error::Input`] for a header or schema that is none, a stream without anything, or one that is cut off;
+    /// [`Error::Io`] when it cannot be read.
     pub fn next_block(&mut self, stop: &Stop) -> Result<Option<Block>> {
         loop {
-            if self.format.is_none() {
-                self.read_header()?;
-            }
-            if let Some(format) = &self.format
-                && let Some((bytes, lines, rows)) = self.whole_rows()
-            {
-                let text: Vec<u8> = self.rest.drain(..bytes).collect();
-                let block =
-                    Block { format: format.clone(), text, line: self.line + 1, before: self.before, rows };
-                (self.line, self.before) = (self.line + lines, self.before + rows);
-                if rows > 0 {
-                    return Ok(Some(block));
-                }
-                continue;
+            let rows = match &mut self.form {
+                Form::Unknown(_) => None,
+                Form::Text(lines) => lines.next_rows(self.most, self.ended)?.map(Rows::Text),
+                Form::Table(tables) => tables.next_rows(self.most)?.map(Rows::Table),
+            };
+            if let Some(rows) = rows {
+                let block = Block { rows, before: self.before };
+                self.before += block.rows.count();
+                return Ok(Some(block));
             }
             if self.ended || !self.receive(stop)? {
                 return self.finish(stop);
@@ -108,41 +97,24 @@ impl PulseReader {
         }
     }
 
-    /// Bytes, lines and rows of the next block: whole lines up to the block's size, all that are there.
-    fn whole_rows(&self) -> Option<(usize, usize, u64)> {
-        let (mut end, mut lines, mut rows) = (0, 0, 0);
-        while rows < self.most as u64 {
-            let rest = &self.rest[end..];
-            let length = match memchr::memchr(b'\n', rest) {
-                Some(at) => at + 1,
-                None if self.ended && !rest.is_empty() => rest.len(),
-                None => break,
-            };
-            lines += 1;
-            rows += u64::from(is_row(&rest[..length]));
-            end += length;
-        }
-        (end > 0).then_some((end, lines, rows))
-    }
-
-    /// Takes in what arrives next; `false` at the end.
+    /// Takes in what arrives next; `false` when the user wants an end.
     fn receive(&mut self, stop: &Stop) -> Result<bool> {
         loop {
             match self.arrivals.next(Some(LOOK)) {
                 Arrival::Bytes(bytes) => {
-                    self.rest.extend_from_slice(&bytes);
+                    self.feed(&bytes);
                     self.take_what_waits();
-                    if self.rest.len() > LONGEST_LINE && !self.rest.contains(&b'\n') {
-                        let start = String::from_utf8_lossy(&self.rest[..40]).into_owned();
-                        let message = format!("a line of more than {LONGEST_LINE} bytes, expected a pulse");
-                        return Err(refused(&self.path, self.line + 1, &start, 0..0, message, ""));
-                    }
                     return Ok(true);
                 }
                 Arrival::Nothing if stop.asked() => return Ok(false),
                 Arrival::Nothing => {}
                 Arrival::End => {
                     self.ended = true;
+                    // Too little to tell: a few bytes of text.
+                    if let Form::Unknown(bytes) = &mut self.form {
+                        let bytes = std::mem::take(bytes);
+                        self.begin_text(&bytes);
+                    }
                     return Ok(true);
                 }
                 Arrival::Failed(e) => return Err(Error::io("read", &self.path, e)),
@@ -150,11 +122,39 @@ impl PulseReader {
         }
     }
 
+    fn feed(&mut self, bytes: &[u8]) {
+        match &mut self.form {
+            Form::Text(lines) => lines.feed(bytes),
+            Form::Table(tables) => tables.feed(bytes),
+            Form::Unknown(first) => {
+                first.extend_from_slice(bytes);
+                let first = std::mem::take(first);
+                match recognise(&first) {
+                    Recognised::TooFew => self.form = Form::Unknown(first),
+                    Recognised::Other => self.begin_text(&first),
+                    Recognised::Arrow => {
+                        let mut tables = Tables::new(&self.path);
+                        tables.feed(&first);
+                        self.form = Form::Table(tables);
+                    }
+                }
+            }
+        }
+    }
+
+    fn begin_text(&mut self, bytes: &[u8]) {
+        let mut lines = Lines::new(&self.path);
+        lines.feed(bytes);
+        self.form = Form::Text(lines);
+    }
+
     /// Takes in what has arrived already, so that blocks of a fast stream are large.
     fn take_what_waits(&mut self) {
-        while self.rest.len() < self.most.saturating_mul(USUAL_LINE) {
+        while let Form::Text(lines) = &mut self.form
+            && !lines.are_many(self.most)
+        {
             match self.arrivals.next(Some(Duration::ZERO)) {
-                Arrival::Bytes(bytes) => self.rest.extend_from_slice(&bytes),
+                Arrival::Bytes(bytes) => lines.feed(&bytes),
                 // An end or a failure is met again by whoever waits next.
                 _ => break,
             }
@@ -162,111 +162,22 @@ impl PulseReader {
     }
 
     fn finish(&self, stop: &Stop) -> Result<Option<Block>> {
-        if self.format.is_none() && !stop.asked() {
-            let message = "the stream is empty, expected a header such as time,x,y,z,dx,dy,dz and pulses";
-            return Err(refused(&self.path, 0, "", 0..0, message.to_owned(), ""));
-        }
-        Ok(None)
-    }
-
-    /// Finds out from the first line that is no remark how the rows are made up.
-    fn read_header(&mut self) -> Result<()> {
-        loop {
-            let end = match memchr::memchr(b'\n', &self.rest) {
-                Some(at) => at + 1,
-                None if self.ended && !self.rest.is_empty() => self.rest.len(),
-                None => return Ok(()),
-            };
-            if !is_row(&self.rest[..end]) {
-                self.line += 1;
-                self.rest.drain(..end);
-                continue;
-            }
-            let line = String::from_utf8_lossy(&self.rest[..end]).into_owned();
-            let line = line.trim_start_matches('\u{feff}').trim_end();
-            let (format, is_header) = TextFormat::of(&self.path, self.line + 1, line)?;
-            if is_header {
-                self.line += 1;
-                self.rest.drain(..end);
-            }
-            self.format = Some(Arc::new(format));
-            return Ok(());
-        }
-    }
-}
-
-/// Whether a line holds anything but blanks or a remark.
-fn is_row(line: &[u8]) -> bool {
-    line.iter().find(|b| !b.is_ascii_whitespace()).is_some_and(|b| *b != b'#')
-}
-
-fn refused(
-    path: &Path,
-    line: usize,
-    text: &str,
-    at: std::ops::Range<usize>,
-    message: String,
-    help: &str,
-) -> Error {
-    let mut problems = Diagnostics::default();
-    let problem = problems.error(Some(Place::in_line(path, line, text, at)), message);
-    if !help.is_empty() {
-        problem.help(help);
-    }
-    Error::Input(Box::new(problems))
-}
-
-impl TextFormat {
-    /// The columns that a line names; seven numbers are time, origin and direction, six lack the time. The second value
-    /// tells whether the line was a header.
-    fn of(path: &Path, number: usize, line: &str) -> Result<(TextFormat, bool)> {
-        let separator = Separator::guess(line);
-        let fields = separator.split(line);
-        let is_header = fields.iter().all(|f| line[f.clone()].parse::<f64>().is_err());
-        let mut format = TextFormat {
-            path: path.to_path_buf(),
-            separator,
-            columns: Vec::new(),
-            present: Present::default(),
-        };
-        if !is_header {
-            let seconds = std::iter::once((Column::Time, 1e9)).filter(|_| fields.len() == 7);
-            let metres = ORIGIN.iter().chain(&DIRECTION).map(|c| (*c, 1.0));
-            if !matches!(fields.len(), 6 | 7) {
-                let message = format!("{} numbers and no header that names them", fields.len());
-                let help = "without a header the columns are time, x, y, z, dx, dy, dz";
-                return Err(refused(path, number, line, 0..line.len(), message, help));
-            }
-            format.columns = seconds.chain(metres).collect();
-            format.present = format.columns.iter().fold(Present::default(), |p, c| p.with(c.0));
-            return Ok((format, false));
-        }
-        let mut problems = Diagnostics::default();
-        for field in fields {
-            let place = Some(Place::in_line(path, number, line, field.clone()));
-            match named(&line[field.clone()]) {
-                Ok((column, _)) if format.present.has(column) => {
-                    problems.error(place, format!("a second column for {}", column.entry().name));
-                }
-                Ok((column, factor)) => {
-                    format.columns.push((column, factor));
-                    format.present = format.present.with(column);
-                }
-                Err((message, help)) => {
-                    problems.error(place, message).help(help);
-                }
+        match &self.form {
+            _ if stop.asked() => Ok(None),
+            Form::Table(tables) => tables.end().map(|()| None),
+            Form::Text(lines) if lines.have_begun() => Ok(None),
+            _ => {
+                let mut problems = Diagnostics::default();
+                let message = "the stream is empty, expected a header such as time,x,y,z,dx,dy,dz and pulses";
+                problems.error(Some(Place::in_line(&self.path, 0, "", 0..0)), message);
+                Err(Error::Input(Box::new(problems)))
             }
         }
-        if problems.is_empty() {
-            check_complete(format.present, Place::in_line(path, number, line, 0..line.len()), &mut problems);
-        }
-        problems.finish(false)?;
-        Ok((format, true))
     }
 }
 
 /// Columns that stand for one thing are there together, and those that a pulse needs are there.
-fn check_complete(present: Present, place: Place, problems: &mut Diagnostics) {
+pub(super) fn check_complete(present: Present, place: Place, problems: &mut Diagnostics) {
     let low = [Column::LowX, Column::LowY, Column::LowZ];
     let mut missing: Vec<&str> = Vec::new();
     let mut need = |columns: &[Column]| {
@@ -288,106 +199,58 @@ fn check_complete(present: Present, place: Place, problems: &mut Diagnostics) {
     }
 }
 
+impl Rows {
+    fn count(&self) -> u64 {
+        match self {
+            Rows::Text(rows) => rows.count(),
+            Rows::Table(rows) => rows.count(),
+        }
+    }
+}
+
 impl Block {
     /// Number of rows.
     pub fn rows(&self) -> u32 {
-        u32::try_from(self.rows).unwrap_or(u32::MAX)
+        u32::try_from(self.rows.count()).unwrap_or(u32::MAX)
     }
 
     /// Number of the play of the first pulse, without looking at the others.
     pub fn first_play(&self) -> u32 {
-        let Some(at) = self.format.columns.iter().position(|c| c.0 == Column::Play) else { return 0 };
-        let line = self.text.split(|b| *b == b'\n').find(|l| is_row(l)).unwrap_or_default();
-        self.play_in(line, at)
-    }
-
-    fn play_in(&self, line: &[u8], at: usize) -> u32 {
-        let text = String::from_utf8_lossy(line);
-        let fields = self.format.separator.split(&text);
-        // What is no number is reported when the row is read.
-        fields.get(at).and_then(|f| text[f.clone()].parse().ok()).unwrap_or(0)
+        match &self.rows {
+            Rows::Text(rows) => rows.first_play(),
+            Rows::Table(rows) => rows.first_play(),
+        }
     }
 
     /// Cuts the block where another play begins than that of its first pulse; the second value is the rest.
     pub fn split_at_play(self) -> (Block, Option<Block>) {
-        let Some(at) = self.format.columns.iter().position(|c| c.0 == Column::Play) else {
-            return (self, None);
-        };
-        let play = self.first_play();
-        let (mut end, mut lines, mut rows) = (0, 0, 0);
-        for line in self.text.split_inclusive(|b| *b == b'\n') {
-            if is_row(line) {
-                if self.play_in(line, at) != play {
-                    let mut first = self;
-                    let rest = Block {
-                        format: first.format.clone(),
-                        text: first.text.split_off(end),
-                        line: first.line + lines,
-                        before: first.before + rows,
-                        rows: first.rows - rows,
-                    };
-                    first.rows = rows;
-                    return (first, Some(rest));
-                }
-                rows += 1;
+        let (first, rest) = match self.rows {
+            Rows::Text(rows) => {
+                let (first, rest) = rows.split_at_play();
+                (Rows::Text(first), rest.map(Rows::Text))
             }
-            (end, lines) = (end + line.len(), lines + 1);
-        }
-        (self, None)
+            Rows::Table(rows) => {
+                let (first, rest) = rows.split_at_play();
+                (Rows::Table(first), rest.map(Rows::Table))
+            }
+        };
+        let rest = rest.map(|rows| Block { rows, before: self.before + first.count() });
+        (Block { rows: first, before: self.before }, rest)
     }
 
     /// Turns the rows into pulses in the frame whose origin lies at `shift` in the world. `check` looks at each.
     ///
     /// # Errors
-    /// [`Error::Input`] for the first row that is no pulse, with its line and column.
+    /// [`Error::Input`] for the first row that is no pulse, with its place.
     pub fn pulses(
         &self,
         shift: DVec3,
         into: &mut Vec<PulseRow>,
         check: impl Fn(&PulseRow) -> Result<(), (Column, String)>,
     ) -> Result<()> {
-        let mut order = self.before;
-        for (number, line) in (self.line..).zip(self.text.split(|b| *b == b'\n')) {
-            if !is_row(line) {
-                continue;
-            }
-            let line = String::from_utf8_lossy(line);
-            let line = line.trim_end();
-            let row = self.format.row(line, number, shift, order)?;
-            if let Err((column, message)) = check(&row) {
-                return Err(self.format.blame(column, line, number, message));
-            }
-            into.push(row);
-            order += 1;
+        match &self.rows {
+            Rows::Text(rows) => rows.pulses(shift, self.before, into, check),
+            Rows::Table(rows) => rows.pulses(shift, self.before, into, check),
         }
-        Ok(())
-    }
-}
-
-impl TextFormat {
-    fn row(&self, line: &str, number: usize, shift: DVec3, order: u64) -> Result<PulseRow> {
-        let mut values = [0.0; COLUMNS];
-        let fields = self.separator.split(line);
-        if fields.len() != self.columns.len() {
-            let message =
-                format!("{} columns, expected {} as in the header", fields.len(), self.columns.len());
-            return Err(refused(&self.path, number, line, 0..line.len(), message, ""));
-        }
-        for ((column, factor), field) in self.columns.iter().zip(&fields) {
-            let text = &line[field.clone()];
-            let Ok(value) = text.parse::<f64>() else {
-                let message = format!("expected a number for {}, found `{text}`", column.entry().name);
-                return Err(refused(&self.path, number, line, field.clone(), message, ""));
-            };
-            values[*column as usize] = value * factor;
-        }
-        PulseRow::of(&values, self.present, shift, order)
-            .map_err(|fault| self.blame(fault.column, line, number, fault.message))
-    }
-
-    fn blame(&self, column: Column, line: &str, number: usize, message: String) -> Error {
-        let at = self.columns.iter().position(|c| c.0 == column);
-        let field = at.and_then(|at| self.separator.split(line).get(at).cloned());
-        refused(&self.path, number, line, field.unwrap_or(0..line.len()), message, "")
     }
 }

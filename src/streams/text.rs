@@ -3,8 +3,9 @@
 
 use super::columns::{Column, ENTRIES, Quantity};
 use super::row::{ATTITUDE, DIRECTION, EXACT, ORIGIN, Present, PulseRow};
+use super::table::pose_values;
 use crate::flight::PoseSample;
-use crate::geom::{DVec3, degrees};
+use crate::geom::DVec3;
 
 /// First line of a stream of poses.
 pub const POSE_HEADER: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]\n";
@@ -45,12 +46,8 @@ pub fn push_pulse(out: &mut Vec<u8>, row: &PulseRow, present: Present, shift: DV
 
 /// Appends a pose as a line: seconds, metres, degrees after ARINC 705.
 pub fn push_pose(out: &mut Vec<u8>, pose: &PoseSample, shift: DVec3) {
-    let position = pose.position + shift;
-    let angles = pose.arinc_angles().map(degrees);
-    let numbers = [pose.time_ns / 1e9, position.x, position.y, position.z, angles[0], angles[1], angles[2]];
-    for number in numbers {
-        // No negative zeros.
-        push_number(out, number + 0.0);
+    for number in pose_values(pose, shift) {
+        push_number(out, number);
         out.push(b',');
     }
     end_line(out);

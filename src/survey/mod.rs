@@ -48,6 +48,6 @@ pub use context::ReadOptions;
 pub use formula::{Formula, FormulaError};
 pub use model::*;
 pub use pipeline::keys;
-pub use pipeline::{Pipeline, PipelineKeys, RunSettings, SinkSetting, read_pipeline};
+pub use pipeline::{OutputSettings, Pipeline, PipelineKeys, RunSettings, SinkSetting, read_pipeline};
 pub use read::{find_scanner, read_scene, read_survey};
 pub use seed::parse_seed;

@@ -77,12 +77,12 @@ pub fn files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// A Python that has laspy and lazrs, or `None` (with a printed note) where there is none.
-pub fn python_with_laspy() -> Option<PathBuf> {
+/// A Python that can import these modules, or `None` (with a printed note) where there is none.
+pub fn python(modules: &str) -> Option<PathBuf> {
     let candidates = [std::env::var("VLSCAN_PYTHON").ok(), Some("python3".to_owned())];
     for python in candidates.into_iter().flatten() {
         let works = Command::new(&python)
-            .args(["-c", "import laspy, lazrs"])
+            .args(["-c", &format!("import {modules}")])
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .status()
@@ -91,6 +91,11 @@ pub fn python_with_laspy() -> Option<PathBuf> {
             return Some(python.into());
         }
     }
-    println!("skipped: no python3 with laspy and lazrs (pip install laspy lazrs)");
+    println!("skipped: no python3 with {modules} (pip install {})", modules.replace(',', ""));
     None
+}
+
+/// A Python that has laspy and lazrs.
+pub fn python_with_laspy() -> Option<PathBuf> {
+    python("laspy, lazrs")
 }

@@ -1,7 +1,7 @@
 //! From arguments as typed and a file as written to a job with every choice made.
 
 use super::speed::{schedule, tree};
-use crate::cli::args::{OutputArgs, PhysicsArgs, PhysicsProfile, RunArgs};
+use crate::cli::args::{CommonArgs, OutputArgs, PhysicsArgs, PhysicsProfile, RunArgs, SurveyArgs};
 use crate::cli::inputs::read_survey;
 use crate::cli::pack::sharing;
 use crate::diag::Diagnostics;
@@ -13,7 +13,9 @@ use crate::output::{
 use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::LoadOptions;
 use crate::schedule;
-use crate::survey::{self, Grid, PlatformKind, PoseChoices, ReadOptions, RunSettings, Survey};
+use crate::survey::{
+    self, Grid, OutputSettings, PlatformKind, PoseChoices, ReadOptions, RunSettings, Survey,
+};
 use crate::tree::BuildOptions;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -42,21 +44,25 @@ pub struct Job {
 impl Job {
     /// Reads the survey or pipeline and settles every choice: the command line first, then the file, then the default.
     pub fn resolve(args: &RunArgs) -> Result<(Job, Diagnostics)> {
-        let trajectory = args.flight.poses.choices(args.flight.trajectory.clone())?;
+        let SurveyArgs { file, flight, common: CommonArgs { input, .. } } = &args.survey;
+        let trajectory = flight.poses.choices(flight.trajectory.clone())?;
         let reading = ReadOptions {
-            assets: args.input.assets.clone(),
-            strict: args.input.strict,
-            scene: args.input.scene.clone(),
+            assets: input.assets.clone(),
+            strict: input.strict,
+            scene: input.scene.clone(),
             trajectory: trajectory.clone(),
-            max_memory: max_memory(args.schedule.max_memory.as_deref())?,
+            max_memory: max_memory(args.survey.common.schedule.max_memory.as_deref())?,
         };
-        let (mut survey, set, warnings) = read_survey(&args.file, &reading)?;
+        let (mut survey, set, warnings) = read_survey(file, &reading)?;
         judge(&trajectory, &mut survey)?;
         Ok((Job::settle(args, survey, &set)?, warnings))
     }
 
     /// Settles every choice for a survey that has been read.
     pub fn settle(args: &RunArgs, mut survey: Survey, set: &RunSettings) -> Result<Job> {
+        let CommonArgs { input, origin, schedule: speed } = &args.survey.common;
+        let aloft = &args.survey.flight;
+        let wanted = with_settings(&args.output, &set.output);
         if let Some(crs) = args.output.crs.as_deref().or(set.crs.as_deref()) {
             survey.crs_wkt = Some(wkt(crs)?);
         }
@@ -66,41 +72,40 @@ impl Job {
             PlatformKind::Interpolated(files) => files.grid = files.grid.of_scene(crs),
             _ => {}
         }
-        let seed = match args.origin.seed.as_deref() {
+        let seed = match origin.seed.as_deref() {
             Some(text) => survey::parse_seed(text).map_err(|e| Error::input(format!("--seed: {e}")))?,
             None => set.seed.or(survey.seed).unwrap_or(0),
         };
-        let gps =
-            args.origin.gps_start.clone().or(set.gps_start.clone()).unwrap_or_else(|| GPS_START.to_owned());
+        let gps = origin.gps_start.clone().or(set.gps_start.clone()).unwrap_or_else(|| GPS_START.to_owned());
         // The reference takes the system's clock for an empty text.
         let gps = if gps == "now" || gps.trim().is_empty() { now() } else { gps };
-        let threads = threads(args.schedule.threads.or(set.threads));
-        let physics = physics(&args.physics, &args.output, set, seed)?;
+        let threads = threads(speed.threads.or(set.threads));
+        let physics = physics(&args.physics, &wanted, set, seed)?;
         Ok(Job {
-            strict: args.input.strict || set.strict.unwrap_or(false),
+            strict: input.strict || set.strict.unwrap_or(false),
             load: LoadOptions {
                 wavelength_nm: survey.scanner.devices[0].beam.wavelength,
                 seed,
-                max_memory: max_memory(args.schedule.max_memory.as_deref())?.or(set.max_memory),
+                max_memory: max_memory(speed.max_memory.as_deref())?.or(set.max_memory),
                 jobs: threads,
                 sharing: sharing(args.tree.instances.as_deref()),
                 helios_specularity: !physics.corrections.specular_shares,
-                drop_polygons: args.input.drop_polygons,
+                drop_polygons: input.drop_polygons,
             },
             tree: tree(&args.tree, set, threads)?,
             flight: FlightOptions {
                 seed,
-                platform_noise: !args.flight.no_platform_noise && set.platform_noise.unwrap_or(true),
-                leg_noise: !args.flight.no_leg_noise && set.leg_noise.unwrap_or(true),
+                platform_noise: !aloft.no_platform_noise && set.platform_noise.unwrap_or(true),
+                leg_noise: !aloft.no_leg_noise && set.leg_noise.unwrap_or(true),
                 gps_start_ns: flight::gps_start(&gps).map_err(|e| Error::input(format!("GPS start: {e}")))?,
                 ..FlightOptions::default()
             },
             physics,
-            output: output(&args.output, args.trajectory_out.as_ref(), set, &survey, &gps)?,
-            schedule: schedule(&args.schedule, set, threads)?,
-            schedule_log: args.schedule.schedule_log.clone(),
-            latency: latency(args.flight.latency.or(set.latency))?,
-            progress_lines: args.schedule.progress,
+            output: output(&wanted, args.trajectory_out.as_ref(), set, &survey, &gps)?,
+            schedule: schedule(speed, set, threads)?,
+            schedule_log: speed.schedule_log.clone(),
+            latency: latency(aloft.latency.or(set.latency))?,
+            progress_lines: speed.progress,
             survey,
         })
     }
@@ -160,8 +165,8 @@ fn physics(args: &PhysicsArgs, output: &OutputArgs, set: &RunSettings, seed: u64
         fixed_incidence: flag(args.fixed_incidence, set.fixed_incidence),
         echo_width: flag(args.echo_width, set.echo_width),
         waveform_noise: flag(args.waveform_noise, set.waveform_noise),
-        record_waveforms: output.waveforms || output.wave_packets.is_some() || set.waveforms.unwrap_or(false),
-        record_pulses: output.pulses || output.misses || set.pulses.unwrap_or(false),
+        record_waveforms: output.waveforms || output.wave_packets.is_some(),
+        record_pulses: output.pulses || output.misses,
         corrections,
     })
 }
@@ -182,6 +187,25 @@ fn correct(corrections: &mut Corrections, name: &str) -> Result<()> {
     Ok(())
 }
 
+/// What is typed together with what the pipeline file says.
+fn with_settings(args: &OutputArgs, set: &OutputSettings) -> OutputArgs {
+    OutputArgs {
+        waveforms: args.waveforms || set.waveforms,
+        pulses: args.pulses || set.pulses,
+        columns: args.columns.clone().or(set.columns.clone()),
+        labels: args.labels || set.labels,
+        misses: args.misses || set.misses,
+        las_at_most: args.las_at_most.clone().or(set.las_at_most.clone()),
+        las_scale: args.las_scale.or(set.las_scale),
+        las10: args.las10 || set.las10,
+        wave_packets: args.wave_packets.clone().or(set.wave_packets.clone()),
+        split_by_channel: args.split_by_channel || set.split_by_channel,
+        zip_output: args.zip_output || set.zip_output,
+        force: args.force || set.force,
+        ..args.clone()
+    }
+}
+
 fn output(
     args: &OutputArgs,
     poses: Option<&PathBuf>,
@@ -200,7 +224,8 @@ fn output(
     } else {
         for s in set.sinks.iter().filter(|s| s.content == "points") {
             let (target, format) = sink(&s.path, args.format.as_deref().or(s.format.as_deref()), usual)?;
-            sinks.push((per_leg(target, s.per_leg), format));
+            let target = if s.helios { Target::Helios(s.path.clone()) } else { per_leg(target, s.per_leg) };
+            sinks.push((target, format));
         }
         if sinks.is_empty() {
             sinks.push((Target::Helios(PathBuf::from("output")), usual));
@@ -214,14 +239,17 @@ fn output(
         let target = if is_stdout(path) { Target::Stdout } else { Target::File(path.clone()) };
         (per_leg(target, apart), TrajectoryFormat::Csv)
     });
+    // Columns that the file chooses are for its own outputs, which others may have replaced.
+    let has_columns = sinks.iter().any(|(_, format)| format.has_columns());
+    let columns = args.columns.as_deref().filter(|_| has_columns || args.columns != set.output.columns);
     Ok(OutputRequest {
         sinks,
-        waveforms: args.waveforms || set.waveforms.unwrap_or(false),
-        pulses: args.pulses || set.pulses.unwrap_or(false),
+        waveforms: args.waveforms,
+        pulses: args.pulses,
         zip: args.zip_output,
         split_by_channel: args.split_by_channel,
         trajectory,
-        columns: match args.columns.as_deref().map(Column::list) {
+        columns: match columns.map(Column::list) {
             Some(Err(message)) => return Err(Error::input(format!("--columns: {message}"))),
             Some(Ok(columns)) => Some(columns),
             None => None,
@@ -281,17 +309,18 @@ fn helios_format(args: &OutputArgs) -> PointFormat {
 /// Where a path leads, and its format: the one that its extension tells, else the one asked for, else `usual`.
 fn sink(path: &Path, format: Option<&str>, usual: PointFormat) -> Result<(Target, PointFormat)> {
     let stream = is_stdout(path);
-    let extension = path.extension().and_then(|e| e.to_str()).filter(|_| !stream && !path.is_dir());
+    let extension = extension(path).filter(|_| !stream && !path.is_dir());
     let told = match (extension.and_then(point_format), format) {
         // One extension has two formats.
         (Some(PointFormat::PlyBinary), Some("ply-ascii")) => Some("ply-ascii"),
+        (Some(PointFormat::Laz), Some("copc")) => Some("copc"),
         (Some(_), _) => extension,
         (None, asked) => asked.or(extension),
     };
     let known = told.map(|name| {
         point_format(name).ok_or_else(|| {
             Error::input(format!(
-                "{}: no format is called {name:?}; choose xyz, csv, bin, las, laz, ply, ply-ascii, arrow or parquet",
+                "{}: no format is called {name:?}; choose xyz, csv, bin, las, laz, copc, ply, ply-ascii, arrow or parquet",
                 path.display()
             ))
         })
@@ -311,12 +340,22 @@ fn sink(path: &Path, format: Option<&str>, usual: PointFormat) -> Result<(Target
     }
 }
 
+/// What stands behind the last dot of a name, or `copc.laz`.
+fn extension(path: &Path) -> Option<&str> {
+    let name = path.file_name()?.to_str()?;
+    match name.len().checked_sub(".copc.laz".len()).and_then(|at| name.get(at..)) {
+        Some(end) if end.eq_ignore_ascii_case(".copc.laz") => Some("copc.laz"),
+        _ => path.extension()?.to_str(),
+    }
+}
+
 fn point_format(name: &str) -> Option<PointFormat> {
     Some(match name.to_ascii_lowercase().as_str() {
         "xyz" | "txt" => PointFormat::Xyz,
         "bin" => PointFormat::Bin,
         "las" => PointFormat::Las,
         "laz" => PointFormat::Laz,
+        "copc" | "copc.laz" => PointFormat::Copc,
         "ply" => PointFormat::PlyBinary,
         "ply-ascii" => PointFormat::PlyAscii,
         "csv" => PointFormat::Csv,
@@ -413,6 +452,8 @@ mod tests {
         let named = |path: &str, format| sink(Path::new(path), Some(format), PointFormat::Xyz).unwrap().1;
         assert_eq!(named("a.laz", "xyz"), PointFormat::Laz, "a name never lies");
         assert_eq!(named("a.ply", "ply-ascii"), PointFormat::PlyAscii);
+        assert_eq!(named("a.copc.laz", "xyz"), PointFormat::Copc);
+        assert_eq!(named("a.laz", "copc"), PointFormat::Copc, "an octree is LAZ, too");
         assert_eq!(named("a.dat", "las"), PointFormat::Las);
     }
 }

@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn schedules_go_by_our_names_and_by_the_numbers_of_the_reference() {
         let none = RunSettings::default();
-        let policy = |line: &str| schedule(&args(line).schedule, &none, 2).unwrap().policy;
+        let policy = |line: &str| schedule(&args(line).survey.common.schedule, &none, 2).unwrap().policy;
         let warehouse = |size, factor| Policy::Warehouse { size, factor };
         let dynamic = |size| Policy::Dynamic { size, significant_ns: 100_000 };
         for (line, expected) in [
@@ -188,14 +188,14 @@ mod tests {
         ] {
             assert_eq!(policy(line), expected, "{line}");
         }
-        assert!(schedule(&args("--chunk-size 0").schedule, &none, 2).is_err());
-        assert!(schedule(&args("--idle-threshold=-1").schedule, &none, 2).is_err());
+        assert!(schedule(&args("--chunk-size 0").survey.common.schedule, &none, 2).is_err());
+        assert!(schedule(&args("--idle-threshold=-1").survey.common.schedule, &none, 2).is_err());
         let set = RunSettings {
             policy: Some("dynamic".to_owned()),
             leg_barrier: Some(true),
             ..RunSettings::default()
         };
-        let found = schedule(&args("").schedule, &set, 2).unwrap();
+        let found = schedule(&args("").survey.common.schedule, &set, 2).unwrap();
         assert_eq!((found.policy, found.leg_barrier), (dynamic(1024), true));
     }
 }

@@ -1,6 +1,8 @@
 //! `vlscan trajectory` and `vlscan pulses`: a survey is flown, and its poses or pulses go to stdout.
 
-use crate::cli::args::{OutputArgs, PhysicsArgs, PulsesArgs, RunArgs, SurveyArgs, TrajectoryArgs, TreeArgs};
+use crate::cli::args::{
+    EmitArgs, EmitFormat, OutputArgs, PhysicsArgs, PulsesArgs, RunArgs, SurveyArgs, TrajectoryArgs, TreeArgs,
+};
 use crate::cli::run::{Job, open_poses};
 use crate::cli::watch::{amount, duration, watched};
 use crate::cli::{Console, Verbosity, interrupt};
@@ -11,10 +13,11 @@ use crate::geom::DVec3;
 use crate::pipeline::{Emission, Emitted, Progress, emit};
 use crate::scene;
 use crate::streams::{
-    Column, POSE_HEADER, Present, PulseRow, header, push_pose, push_pulse, usual_columns, with_errors,
+    Column, POSE_HEADER, Present, PulseRow, TableColumn, TableWriter, header, pose_columns, pulse_columns,
+    push_pose, push_pose_row, push_pulse, push_pulse_row, usual_columns, with_errors,
 };
 use crate::survey::{PlatformKind, Survey};
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::time::Instant;
 
 /// Seconds between poses of surveys that do not say.
@@ -34,29 +37,82 @@ pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
             leg.scanner.trajectory_interval = interval.unwrap_or(if own > 0.0 { own } else { INTERVAL });
         }
     };
-    let begin = |_: &Flight| POSE_HEADER.to_owned();
-    let encode = |flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>| {
-        emitted.poses.iter().for_each(|pose| push_pose(out, pose, flight.shift));
-    };
-    fly(&args.survey, console, change, begin, encode)
+    fly(&args.survey, &args.emit, console, change, &Poses)
 }
 
 /// Runs `vlscan pulses`.
 pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
-    let begin = |flight: &Flight| header(flight.columns);
-    let encode = |flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>| {
-        for (pulse, step) in &emitted.pulses {
-            let divergence = flight.divergences.get(emitted.leg as usize).copied();
-            let row =
-                PulseRow { pulse: *pulse, leg: emitted.leg, step: *step, play: emitted.play, divergence };
-            push_pulse(out, &row, flight.columns, flight.shift);
-        }
-    };
     // Poses would only make work.
     let change = |survey: &mut Survey| {
         survey.legs.iter_mut().for_each(|leg| leg.scanner.trajectory_interval = 0.0);
     };
-    fly(&args.survey, console, change, begin, encode)
+    fly(&args.survey, &args.emit, console, change, &Pulses)
+}
+
+/// What is written of a flight, as lines of text or as rows of a table.
+trait Rows: Sync {
+    /// First line of text.
+    fn header(&self, flight: &Flight) -> String;
+    /// Columns of a table.
+    fn columns(&self, flight: &Flight) -> Vec<TableColumn>;
+    /// Appends what was emitted as lines.
+    fn push_lines(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>);
+    /// Appends it as values, row by row, as [`TableWriter`] takes them.
+    fn push_values(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>);
+}
+
+struct Poses;
+
+impl Rows for Poses {
+    fn header(&self, _: &Flight) -> String {
+        POSE_HEADER.to_owned()
+    }
+
+    fn columns(&self, _: &Flight) -> Vec<TableColumn> {
+        pose_columns()
+    }
+
+    fn push_lines(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
+        emitted.poses.iter().for_each(|pose| push_pose(out, pose, flight.shift));
+    }
+
+    fn push_values(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
+        emitted.poses.iter().for_each(|pose| push_pose_row(out, pose, flight.shift));
+    }
+}
+
+struct Pulses;
+
+impl Pulses {
+    fn rows(flight: &Flight, emitted: &Emitted) -> impl Iterator<Item = PulseRow> {
+        let divergence = flight.divergences.get(emitted.leg as usize).copied();
+        let (leg, play) = (emitted.leg, emitted.play);
+        emitted.pulses.iter().map(move |(pulse, step)| PulseRow {
+            pulse: *pulse,
+            leg,
+            step: *step,
+            play,
+            divergence,
+        })
+    }
+}
+
+impl Rows for Pulses {
+    fn header(&self, flight: &Flight) -> String {
+        header(flight.columns)
+    }
+
+    fn columns(&self, flight: &Flight) -> Vec<TableColumn> {
+        pulse_columns(flight.columns)
+    }
+
+    fn push_lines(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
+        Pulses::rows(flight, emitted).for_each(|row| push_pulse(out, &row, flight.columns, flight.shift));
+    }
+
+    fn push_values(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
+        Pulses::rows(flight, emitted).for_each(|row| push_pulse_row(out, &row, flight.columns, flight.shift));
+    }
 }
 
 /// What the rows need to know of the flight.
@@ -89,12 +145,17 @@ impl Flight {
 
 fn fly(
     args: &SurveyArgs,
+    emit_args: &EmitArgs,
     console: &Console,
     change: impl FnOnce(&mut Survey),
-    begin: impl FnOnce(&Flight) -> String,
-    encode: impl Fn(&Flight, &Emitted, &mut Vec<u8>) + Sync,
+    rows: &impl Rows,
 ) -> Result<()> {
     interrupt::listen();
+    if emit_args.format == EmitFormat::Arrow && !emit_args.force && std::io::stdout().is_terminal() {
+        return Err(Error::input(
+            "an Arrow stream would go to the terminal; redirect standard output, or insist with --force",
+        ));
+    }
     let (mut job, warnings) = Job::resolve(&as_run(args))?;
     console.warnings(&warnings);
     change(&mut job.survey);
@@ -118,11 +179,9 @@ fn fly(
     // Pulses go on in the frame of the scene, which itself is needed no more.
     drop(scene);
 
-    let mut out = std::io::stdout();
-    let failed = |e| Error::io("write", "standard output", e);
-    out.write_all(begin(&flight).as_bytes()).and_then(|()| out.flush()).map_err(failed)?;
     let progress = Progress::default();
     let started = Instant::now();
+    let live = poses.is_some();
     let emission = Emission {
         flight: &plan,
         plays,
@@ -131,8 +190,26 @@ fn fly(
         stop: &interrupt::STOP,
         progress: &progress,
     };
-    let encode = |emitted: &Emitted, out: &mut Vec<u8>| encode(&flight, emitted, out);
-    watched(console, job.progress_lines, job.survey.legs.len(), &progress, || emit(emission, encode, out))?;
+    let legs = job.survey.legs.len();
+    let failed = |e| Error::io("write", "standard output", e);
+    let mut out = std::io::stdout();
+    match emit_args.format {
+        EmitFormat::Csv => {
+            out.write_all(rows.header(&flight).as_bytes()).and_then(|()| out.flush()).map_err(failed)?;
+            let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push_lines(&flight, emitted, out);
+            watched(console, job.progress_lines, legs, &progress, || emit(emission, encode, out))?;
+        }
+        EmitFormat::Arrow => {
+            let mut out = TableWriter::begin(rows.columns(&flight), live, out).map_err(failed)?;
+            out.flush().map_err(failed)?;
+            let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push_values(&flight, emitted, out);
+            let out = watched(console, job.progress_lines, legs, &progress, || emit(emission, encode, out))?;
+            out.finish().map_err(failed)?;
+        }
+    }
+    if interrupt::STOP.asked() {
+        return Err(Error::Interrupted);
+    }
     let seconds = started.elapsed().as_secs_f64();
     let pulses = amount(progress.snapshot().pulses as f64);
     console.took(Verbosity::Verbose, format!("{pulses} pulses flown in {}", duration(seconds)));
@@ -142,13 +219,9 @@ fn fly(
 /// The same choices as those of a run without points.
 fn as_run(args: &SurveyArgs) -> RunArgs {
     RunArgs {
-        file: args.file.clone(),
         output: OutputArgs::default(),
-        flight: args.flight.clone(),
-        input: args.input.clone(),
-        origin: args.origin.clone(),
+        survey: args.clone(),
         physics: PhysicsArgs::default(),
-        schedule: args.schedule.clone(),
         tree: TreeArgs::default(),
         trajectory_out: None,
     }

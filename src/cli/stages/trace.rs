@@ -1,6 +1,6 @@
 //! `vlscan trace`: pulses from a stream meet a scene, and their echoes go wherever those of `vlscan run` may go.
 
-use crate::cli::args::{FlightArgs, RunArgs, TraceArgs};
+use crate::cli::args::{FlightArgs, RunArgs, SurveyArgs, TraceArgs};
 use crate::cli::inputs::{holds_survey, read_survey};
 use crate::cli::run::{Job, Stage, interrupted, load_and_build, report};
 use crate::cli::watch::watched;
@@ -103,14 +103,14 @@ struct Setting {
 impl Setting {
     fn read(args: &TraceArgs) -> Result<(Setting, Diagnostics)> {
         let reading = ReadOptions {
-            assets: args.input.assets.clone(),
-            strict: args.input.strict,
+            assets: args.common.input.assets.clone(),
+            strict: args.common.input.strict,
             ..ReadOptions::default()
         };
         let path = Path::new(&args.scanner);
         if holds_survey(path) {
             let (mut survey, settings, mut warnings) = read_survey(path, &reading)?;
-            if let Some(name) = &args.input.scene {
+            if let Some(name) = &args.common.input.scene {
                 let (scene, found) = scene_of(name, &reading)?;
                 survey.scene = scene;
                 warnings.extend(found);
@@ -118,7 +118,7 @@ impl Setting {
             return Ok((Setting { survey, settings, known: true }, warnings));
         }
         let (scanner, mut warnings) = survey::find_scanner(&args.scanner, &reading)?;
-        let Some(name) = &args.input.scene else {
+        let Some(name) = &args.common.input.scene else {
             return Err(Error::input(
                 "--scene is missing: what do the pulses meet? (only a survey as --scanner brings its own)",
             ));
@@ -208,15 +208,7 @@ fn as_run(args: &TraceArgs) -> RunArgs {
     if output.out.is_empty() && output.output.is_none() {
         output.out.push(PathBuf::from("-"));
     }
-    RunArgs {
-        file: args.stream.clone(),
-        output,
-        flight: FlightArgs::default(),
-        input: args.input.clone(),
-        origin: args.origin.clone(),
-        physics: args.physics.clone(),
-        schedule: args.schedule.clone(),
-        tree: args.tree.clone(),
-        trajectory_out: None,
-    }
+    let survey =
+        SurveyArgs { file: args.stream.clone(), flight: FlightArgs::default(), common: args.common.clone() };
+    RunArgs { output, survey, physics: args.physics.clone(), tree: args.tree.clone(), trajectory_out: None }
 }

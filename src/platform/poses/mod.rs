@@ -16,6 +16,7 @@ mod source;
 mod text;
 
 use super::layout::Layout;
+use super::pose_table::Spelling;
 use crate::arrivals::{Arrival, Arrivals, is_stdin};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
@@ -76,6 +77,7 @@ const MOST_POSES: usize = 1024;
 pub struct PoseReader {
     arrivals: Arrivals,
     path: PathBuf,
+    spelling: Spelling,
     source: Source,
     frame: Frame,
     order: Order,
@@ -121,6 +123,7 @@ impl PoseReader {
         PoseReader {
             arrivals,
             path: if stdin { PathBuf::from("<stdin>") } else { settings.path.clone() },
+            spelling: Spelling::default(),
             source: Source::new(settings),
             frame: Frame::new(settings),
             order: Order::new(settings.max_gap),
@@ -198,14 +201,23 @@ impl PoseReader {
         match self.arrivals.next(patience) {
             Arrival::Bytes(bytes) => {
                 self.bytes += bytes.len() as u64;
-                taken.extend_from_slice(&bytes);
+                let spelled = self.spelling.add(&bytes, &mut taken, &mut self.path);
+                self.refuse(spelled);
             }
             Arrival::Nothing => {
                 self.rest = taken;
                 return false;
             }
-            Arrival::End => self.ended = true,
+            Arrival::End => {
+                self.ended = true;
+                let whole = self.spelling.end();
+                self.refuse(whole);
+            }
             Arrival::Failed(e) => self.failure = Some(Failure::Io(e.kind(), e.to_string())),
+        }
+        if self.spelling.is_unknown() && !self.ended {
+            self.rest = taken;
+            return true;
         }
         let mut start = 0;
         while self.failure.is_none() {
@@ -225,6 +237,13 @@ impl PoseReader {
             self.look_back();
         }
         true
+    }
+
+    /// Keeps what is wrong with the stream as a whole, if anything is.
+    fn refuse(&mut self, outcome: Result<()>) {
+        if let Err(Error::Input(problems)) = outcome {
+            self.failure = Some(Failure::Input(problems));
+        }
     }
 
     fn take(&mut self, fix: &Fix, mark: &Mark) {

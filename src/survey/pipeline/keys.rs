@@ -51,6 +51,27 @@ pub struct PipelineKeys {
     pub waveforms: Option<bool>,
     /// Write every emitted pulse beside the first output that is a file or folder. Default: false.
     pub pulses: Option<bool>,
+    /// Columns of csv, arrow, parquet and (then with a header) xyz: a list of names, or a text with commas.
+    pub columns: Key<toml::Value>,
+    /// Part, primitive and true range in las, laz and ply, too. Default: false.
+    pub labels: Option<bool>,
+    /// Pulses without echoes, too: 0 returns, at the beam's origin. Default: false.
+    pub misses: Option<bool>,
+    /// LAS leaves through a pipe at once, with this number of points in its header: a whole number, or a text such as
+    /// `250M`.
+    pub las_at_most: Key<toml::Value>,
+    /// Resolution of LAS coordinates, m. Default: 0.0001, coarser where the scene is too wide for it.
+    pub las_scale: Option<f64>,
+    /// LAS 1.0 instead of 1.4. Default: false.
+    pub las10: Option<bool>,
+    /// Waveforms as packets of LAS and LAZ: `inside` the file, or `beside` it as .wdp.
+    pub wave_packets: Key<String>,
+    /// One point file per device of a multi-channel scanner. Default: false.
+    pub split_by_channel: Option<bool>,
+    /// Waveforms and pulses as compressed text (.bin). Default: false.
+    pub zip_output: Option<bool>,
+    /// Overwrite files that exist. Default: false.
+    pub force: Option<bool>,
     /// More folders in which input files are looked for.
     pub assets: Vec<PathBuf>,
     /// What carries the scanner.
@@ -364,8 +385,11 @@ pub struct OutputKeys {
     pub path: Key<PathBuf>,
     /// `points` (the default) or `trajectory`: the platform's poses as CSV, in the layout that `--trajectory` reads.
     pub content: Key<String>,
-    /// `xyz`, `las`, `laz`, `ply` or `ply-ascii`. Default: from the extension, else `xyz`.
+    /// `xyz`, `csv`, `bin`, `las`, `laz`, `copc`, `ply`, `ply-ascii`, `arrow` or `parquet`. Default: from the extension,
+    /// else `xyz`.
     pub format: Key<String>,
     /// One file for each leg or strip. Default: false.
     pub per_leg: Option<bool>,
+    /// The folder gets HELIOS++'s layout, `PATH/SURVEY/TIME/leg000_points.xyz` and so on. Default: false.
+    pub helios: Option<bool>,
 }

@@ -8,16 +8,19 @@
 //! | `instrument` | the `[scanner]` table |
 //! | `trajectory` | the `[trajectory]` table |
 //! | `run` | keys to run settings |
+//! | `output` | those of them that say what is written |
 
 mod build;
 mod instrument;
 pub mod keys;
+mod output;
 mod run;
 mod source;
 mod trajectory;
 
 pub use keys::PipelineKeys;
-pub use run::{RunSettings, SinkSetting};
+pub use output::{OutputSettings, SinkSetting};
+pub use run::RunSettings;
 
 use super::Survey;
 use super::context::{Context, ReadOptions};

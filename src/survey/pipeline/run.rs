@@ -4,9 +4,9 @@ use super::super::context::Context;
 use super::super::parse_seed;
 use super::PipelineKeys;
 use super::keys::Key;
+use super::output::{OutputSettings, SinkSetting, read_output, read_sinks};
 use super::source::Source;
 use crate::diag::nearest;
-use std::path::PathBuf;
 use toml::{Spanned, Value};
 
 /// What a pipeline file says about the run; everything may be missing and be set by the command line. The meanings are
@@ -51,25 +51,10 @@ pub struct RunSettings {
     pub crs: Option<String>,
     /// Warnings are errors.
     pub strict: Option<bool>,
-    /// Write waveforms.
-    pub waveforms: Option<bool>,
-    /// Write pulses.
-    pub pulses: Option<bool>,
+    /// What is written of every echo and beside it.
+    pub output: OutputSettings,
     /// Most memory for the scene, bytes.
     pub max_memory: Option<u64>,
-}
-
-/// One output.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SinkSetting {
-    /// File or folder, relative to the working directory; `-` is standard output.
-    pub path: PathBuf,
-    /// `points` or `trajectory`.
-    pub content: String,
-    /// `xyz`, `las`, `laz`, `ply` or `ply-ascii`.
-    pub format: Option<String>,
-    /// One file for each leg or strip.
-    pub per_leg: Option<bool>,
 }
 
 /// Reads everything that is not the survey itself.
@@ -104,8 +89,7 @@ pub(super) fn read_settings(context: &Context, source: &Source, keys: &PipelineK
         sinks: read_sinks(context, source, keys),
         crs: read_crs(context, source, &keys.crs),
         strict: keys.strict,
-        waveforms: keys.waveforms,
-        pulses: keys.pulses,
+        output: read_output(context, source, keys),
         max_memory: read_memory(context, source, &schedule.max_memory),
     }
 }
@@ -143,30 +127,6 @@ fn read_seed(context: &Context, source: &Source, key: &Key<Value>) -> Option<u64
             None
         }
     }
-}
-
-fn read_sinks(context: &Context, source: &Source, keys: &PipelineKeys) -> Vec<SinkSetting> {
-    let mut sinks = Vec::new();
-    for output in &keys.output {
-        let content = one_of(context, source, &output.content, &["points", "trajectory"]);
-        let format = one_of(
-            context,
-            source,
-            &output.format,
-            &["xyz", "csv", "bin", "las", "laz", "ply", "ply-ascii", "arrow", "parquet"],
-        );
-        let Some(path) = &output.path else {
-            context.error_help(None, "an [[output]] needs the key `path`", "path = \"-\" is standard output");
-            continue;
-        };
-        sinks.push(SinkSetting {
-            path: path.get_ref().clone(),
-            content: content.unwrap_or_else(|| "points".to_owned()),
-            format,
-            per_leg: output.per_leg,
-        });
-    }
-    sinks
 }
 
 /// WKT as it stands, or the content of a file.

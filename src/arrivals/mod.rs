@@ -1,5 +1,7 @@
 //! Bytes as they arrive: a thread reads what comes, so that whoever waits for it can also wait for something else or give
-//! up waiting.
+//! up waiting; and the tables that some of them are ([`arrow`]).
+
+pub mod arrow;
 
 use std::io::{ErrorKind, Read};
 use std::path::Path;

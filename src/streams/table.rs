@@ -1,0 +1,166 @@
+//! Pulses and poses as an Arrow IPC stream: the columns and values of the text, units and meanings as metadata of each
+//! column.
+
+use super::columns::{Column, ENTRIES, Quantity};
+use super::row::{Present, PulseRow};
+use crate::flight::PoseSample;
+use crate::geom::{DVec3, degrees};
+use ::arrow_array::{ArrayRef, Float64Array, RecordBatch, UInt64Array};
+use ::arrow_ipc::writer::StreamEncoder;
+use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::sync::Arc;
+
+/// Rows of a batch; whatever the chunks are, so that the bytes do not depend on them.
+const BATCH_ROWS: usize = 16_384;
+/// Bytes of a value on its way to a batch.
+const VALUE: usize = size_of::<f64>();
+
+/// A column of what is written.
+#[derive(Clone, Debug)]
+pub struct TableColumn {
+    name: &'static str,
+    unit: &'static str,
+    whole: bool,
+}
+
+/// The columns of a stream of poses; the values are those of [`pose_values`].
+pub fn pose_columns() -> Vec<TableColumn> {
+    let units = [
+        ("time", "s"),
+        ("x", "m"),
+        ("y", "m"),
+        ("z", "m"),
+        ("roll", "deg"),
+        ("pitch", "deg"),
+        ("yaw", "deg"),
+    ];
+    units.map(|(name, unit)| TableColumn { name, unit, whole: false }).to_vec()
+}
+
+/// The columns of a stream of pulses.
+pub fn pulse_columns(present: Present) -> Vec<TableColumn> {
+    let entries = ENTRIES.iter().filter(|e| present.has(e.column));
+    let column =
+        entries.map(|e| TableColumn { name: e.name, unit: e.unit(), whole: e.quantity == Quantity::Count });
+    column.collect()
+}
+
+/// Time (s), position (m) and ARINC 705 angles (degrees) of a pose.
+pub fn pose_values(pose: &PoseSample, shift: DVec3) -> [f64; 7] {
+    let position = pose.position + shift;
+    let angles = pose.arinc_angles().map(degrees);
+    // No negative zeros.
+    [pose.time_ns / 1e9, position.x, position.y, position.z, angles[0], angles[1], angles[2]].map(|v| v + 0.0)
+}
+
+/// Appends a pose as [`TableWriter`] takes it.
+pub fn push_pose_row(out: &mut Vec<u8>, pose: &PoseSample, shift: DVec3) {
+    pose_values(pose, shift).iter().for_each(|value| out.extend(value.to_le_bytes()));
+}
+
+/// Appends a pulse as [`TableWriter`] takes it.
+pub fn push_pulse_row(out: &mut Vec<u8>, row: &PulseRow, present: Present, shift: DVec3) {
+    let values = row.values(shift);
+    let present = ENTRIES.iter().map(|e| e.column).filter(|c: &Column| present.has(*c));
+    present.for_each(|column| out.extend(values[column as usize].to_le_bytes()));
+}
+
+/// Takes rows of values (`f64`, little-endian, one after the other) and writes them as an Arrow IPC stream.
+pub struct TableWriter<W> {
+    out: W,
+    encoder: StreamEncoder,
+    schema: SchemaRef,
+    columns: Vec<TableColumn>,
+    /// Values that make no whole batch yet.
+    waiting: Vec<u8>,
+    /// Flushing writes what there is instead of waiting for whole batches.
+    live: bool,
+}
+
+impl<W: Write> TableWriter<W> {
+    /// Writes the schema.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn begin(columns: Vec<TableColumn>, live: bool, mut out: W) -> io::Result<TableWriter<W>> {
+        let fields = columns.iter().map(|column| {
+            let kind = if column.whole { DataType::UInt64 } else { DataType::Float64 };
+            let unit = (!column.unit.is_empty()).then(|| ("unit".to_owned(), column.unit.to_owned()));
+            Field::new(column.name, kind, false).with_metadata(unit.into_iter().collect::<BTreeMap<_, _>>())
+        });
+        let generator = ("generator".to_owned(), concat!("vlscan ", env!("CARGO_PKG_VERSION")).to_owned());
+        let schema = Schema::new_with_metadata(fields.collect::<Vec<_>>(), BTreeMap::from([generator]));
+        let schema = Arc::new(schema);
+        let mut encoder = StreamEncoder::try_new(&schema).map_err(io::Error::other)?;
+        // The schema leaves with an empty batch, which says nothing: readers learn the columns at once.
+        let none = RecordBatch::new_empty(schema.clone());
+        write(&mut encoder, &none, &mut out)?;
+        Ok(TableWriter { out, encoder, schema, columns, waiting: Vec::new(), live })
+    }
+
+    /// Writes what is left and the end of the stream, and returns what it was written to.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.write_batch(self.whole_rows())?;
+        for buffer in self.encoder.finish().map_err(io::Error::other)? {
+            self.out.write_all(buffer.as_slice())?;
+        }
+        self.out.flush()?;
+        Ok(self.out)
+    }
+
+    fn whole_rows(&self) -> usize {
+        self.waiting.len() / (self.columns.len() * VALUE).max(1)
+    }
+
+    /// Writes so many of the rows that wait.
+    fn write_batch(&mut self, rows: usize) -> io::Result<()> {
+        if rows == 0 {
+            return Ok(());
+        }
+        let width = self.columns.len();
+        let bytes: Vec<u8> = self.waiting.drain(..rows * width * VALUE).collect();
+        let values: Vec<f64> = bytes.chunks_exact(VALUE).map(number).collect();
+        let columns = self.columns.iter().enumerate().map(|(i, column)| -> ArrayRef {
+            let values = values.iter().skip(i).step_by(width).copied();
+            match column.whole {
+                true => Arc::new(UInt64Array::from_iter_values(values.map(|v| v as u64))),
+                false => Arc::new(Float64Array::from_iter_values(values)),
+            }
+        });
+        let batch = RecordBatch::try_new(self.schema.clone(), columns.collect()).map_err(io::Error::other)?;
+        write(&mut self.encoder, &batch, &mut self.out)
+    }
+}
+
+fn number(bytes: &[u8]) -> f64 {
+    let mut value = [0; VALUE];
+    value.copy_from_slice(bytes);
+    f64::from_le_bytes(value)
+}
+
+fn write(encoder: &mut StreamEncoder, batch: &RecordBatch, out: &mut impl Write) -> io::Result<()> {
+    let buffers = encoder.encode(batch).map_err(io::Error::other)?;
+    buffers.iter().try_for_each(|buffer| out.write_all(buffer.as_slice()))
+}
+
+impl<W: Write> Write for TableWriter<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.waiting.extend_from_slice(bytes);
+        while self.whole_rows() >= BATCH_ROWS {
+            self.write_batch(BATCH_ROWS)?;
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if self.live {
+            self.write_batch(self.whole_rows())?;
+        }
+        self.out.flush()
+    }
+}
