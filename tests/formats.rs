@@ -99,20 +99,9 @@ fn packets_are_the_same_for_any_threads_and_chunks() {
     assert!(one == bytes(&["-j", "8", "--chunk-size", "37"]));
 }
 
-/// A Python that has pyarrow, or `None` (with a printed note) where there is none.
-fn python_with_pyarrow() -> Option<std::path::PathBuf> {
-    let python = std::env::var("VLSCAN_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let works = Command::new(&python).args(["-c", "import pyarrow.parquet, numpy"]).output();
-    if works.is_ok_and(|w| w.status.success()) {
-        return Some(python.into());
-    }
-    println!("skipped: no python3 with pyarrow (pip install pyarrow)");
-    None
-}
-
 #[test]
 fn pyarrow_reads_streams_and_parquet_with_units_and_labels() {
-    let Some(python) = python_with_pyarrow() else { return };
+    let Some(python) = common::python("pyarrow, numpy") else { return };
     let dir = folder();
     let survey = forest();
     let crs = r#"PROJCRS["ETRS89 / UTM zone 32N",ID["EPSG",25832]]"#;
@@ -257,4 +246,220 @@ assert open("piped.las", "rb").read()[107 + 140:][:8] == (10**7).to_bytes(8, "li
     let few = common::run(dir.path(), &[&usual[..], &["10"]].concat());
     assert_eq!(few.status.code(), Some(2));
     assert!(text(&few.stderr).contains("--las-at-most"), "{}", text(&few.stderr));
+}
+
+#[test]
+fn polars_reads_streams_and_parquet() {
+    let Some(python) = common::python("polars") else { return };
+    let dir = folder();
+    let survey = forest();
+    succeed(dir.path(), &["run", &survey, "-q", "-o", "a.arrow", "-o", "a.parquet", "-o", "a.csv"]);
+    judge(
+        &python,
+        dir.path(),
+        r#"
+import polars as pl
+csv = pl.read_csv("a.csv", infer_schema_length=None)
+assert len(csv) > 1000
+for frame in (pl.read_ipc_stream("a.arrow"), pl.read_parquet("a.parquet"), pl.scan_parquet("a.parquet").collect()):
+    assert frame.columns == csv.columns and len(frame) == len(csv)
+    for name in ("X", "Z", "GpsTime", "Primitive"):
+        assert (frame[name].cast(pl.Float64) - csv[name].cast(pl.Float64)).abs().max() < 6e-5, name
+"#,
+    );
+}
+
+#[test]
+fn a_pipeline_file_says_what_the_command_line_says() {
+    let dir = folder();
+    let scene = fixture("terrain/scene.xml");
+    let pipeline = |keys: &str, outputs: &str| {
+        format!(
+            "scene = '{}'\nseed = 4\n{keys}\n[platform]\ncatalogue = 'data/platforms.xml#copter_linearpath'\n[scanner]\n\
+             catalogue = 'data/scanners_als.xml#riegl_vux-1uav'\n[settings]\npulse_freq_hz = 50000\nscan_freq_hz = 50\n\
+             scan_angle_deg = 30\n[[leg]]\nposition_m = [-20, 0, 100]\n[[leg]]\nposition_m = [20, 0, 100]\n\
+             active = false\n{outputs}",
+            scene.display()
+        )
+    };
+    let sinks =
+        |folder: &str| ["csv", "las", "ply"].map(|e| format!("[[output]]\npath = '{folder}.{e}'\n")).concat();
+    let write = |name: &str, text: String| std::fs::write(dir.path().join(name), text).unwrap();
+    let keys = "columns = ['X', 'Y', 'Z', 'NumberOfReturns']\nlabels = true\nmisses = true\nlas_scale = 0.001\n\
+                wave_packets = 'beside'\nwaveforms = true\nzip_output = true";
+    write("written.toml", pipeline(keys, &sinks("written")));
+    write("plain.toml", pipeline("", &sinks("plain")));
+    succeed(dir.path(), &["run", "written.toml", "-q"]);
+    let typed = "run plain.toml -q --columns X,Y,Z,NumberOfReturns --labels --misses --las-scale 0.001 --wave-packets beside \
+                 --waveforms --zip-output";
+    succeed(dir.path(), &typed.split_whitespace().collect::<Vec<_>>());
+    for name in [".csv", ".las", ".wdp", ".ply", "_fullwave.bin"] {
+        let bytes = |stem: &str| std::fs::read(dir.path().join(format!("{stem}{name}"))).unwrap();
+        assert!(bytes("written") == bytes("plain"), "{name} differs");
+        assert!(bytes("written").len() > 500, "{name} is empty");
+    }
+    let las = std::fs::read(dir.path().join("written.las")).unwrap();
+    assert_eq!(las[104], 9, "point format");
+    // What is chosen for columns means nothing where others replace the outputs.
+    succeed(dir.path(), &["run", "written.toml", "-q", "-o", "other.laz", "-o", "others.xyz"]);
+    for (keys, part) in [
+        ("columns = 3", "expected names of columns"),
+        ("columns = 'X,Hight'", "Hight"),
+        ("wave_packets = 'within'", "expected inside, beside"),
+        ("las_at_most = true", "expected a number of points"),
+        ("las_at_most = 'many'", "--las-at-most: expected a number of points"),
+        ("colums = 'X'", "columns"),
+    ] {
+        write("wrong.toml", pipeline(keys, &sinks("wrong")));
+        let out = common::run(dir.path(), &["run", "wrong.toml", "-q"]);
+        assert_eq!(out.status.code(), Some(2), "{keys}: {}", text(&out.stderr));
+        assert!(text(&out.stderr).contains(part), "{keys}: {}", text(&out.stderr));
+    }
+}
+
+#[test]
+fn laspy_finds_regions_and_detail_in_an_octree() {
+    let Some(python) = python_with_laspy() else { return };
+    let dir = folder();
+    let crs = r#"PROJCRS["ETRS89 / UTM zone 32N",ID["EPSG",25832]]"#;
+    succeed(dir.path(), &["scene", "make", "forest", "-n", "20k", "--pulses", "400k", "-o", "made", "-q"]);
+    let usual = ["run", "made/survey.xml", "-q", "--labels", "--crs", crs];
+    succeed(dir.path(), &[&usual[..], &["-o", "a.copc.laz", "-o", "a.laz"]].concat());
+    judge(
+        &python,
+        dir.path(),
+        r#"
+import laspy, numpy as np
+from laspy import CopcReader
+from laspy.copc import Bounds
+plain = laspy.read("a.laz")
+assert len(plain) > 200_000
+columns = list(plain.point_format.dimension_names)
+def rows(points):
+    table = np.rec.fromarrays([np.asarray(points[name]) for name in columns], names=columns)
+    return np.sort(table, order=["gps_time", "return_number"])
+all_rows = rows(plain)
+reader = CopcReader.open("a.copc.laz")
+assert reader.header.point_count == len(plain)
+assert reader.header.parse_crs is not None and "25832" in open("a.copc.laz", "rb").read(4000).decode("latin1")
+assert (rows(reader.query()) == all_rows).all(), "the octree lost or changed points"
+assert (rows(laspy.read("a.copc.laz")) == all_rows).all(), "as plain LAZ it differs"
+
+info = reader.copc_info
+assert info.spacing == 2 * info.halfsize / 128
+assert info.gps_min == plain.gps_time.min() and info.gps_max == plain.gps_time.max()
+low, high = info.center - info.halfsize, info.center + info.halfsize
+assert (low <= plain.xyz.min(axis=0) + 1e-6).all() and (high >= plain.xyz.max(axis=0) - 1e-6).all()
+
+# Every node holds points of its own cube, as many as it says, and every point is in one node.
+entries = reader.root_page.entries
+assert len(entries) > 8, len(entries)
+assert sum(e.point_count for e in entries.values()) == len(plain)
+for level in range(max(k.level for k in entries) + 1):
+    points = reader.query(level=level)
+    edge = 2 * info.halfsize / 2 ** level
+    keys = np.floor((np.stack([points.x, points.y, points.z], axis=1) - low) / edge + 1e-9).astype(int)
+    found, counts = np.unique(keys, axis=0, return_counts=True)
+    told = {(k.x, k.y, k.z): e.point_count for k, e in entries.items() if k.level == level}
+    assert dict(zip(map(tuple, found.tolist()), counts.tolist())) == told, level
+
+# Detail: the root is a thin cloud of the whole, and every level adds to it.
+counts = [len(reader.query(level=range(0, n))) for n in (1, 2, 3)]
+assert 0 < counts[0] < counts[1] <= counts[2] <= len(plain), counts
+root = reader.query(level=0)
+wide = lambda p: np.ptp(np.asarray(p.x))
+assert wide(root) > 0.9 * wide(plain)
+# Region
+mid = plain.xyz.mean(axis=0)
+bounds = Bounds(mins=mid[:2] - 5, maxs=mid[:2] + 5)
+part = reader.query(bounds=bounds)
+inside = (np.abs(plain.xyz[:, :2] - mid[:2]) <= 5).all(axis=1).sum()
+assert abs(len(part) - inside) <= 2 and inside > 100, (len(part), inside)
+"#,
+    );
+    // Neither threads nor chunks show, nor whether the sink can seek.
+    let bytes = |extra: &[&str]| {
+        let out = succeed(dir.path(), &[&usual[..], &["-o", "-", "--format", "copc"], extra].concat());
+        out.stdout
+    };
+    let whole = std::fs::read(dir.path().join("a.copc.laz")).unwrap();
+    assert!(bytes(&["-j", "1"]) == whole && bytes(&["-j", "5", "--chunk-size", "77"]) == whole);
+    // A folder gets one for each leg, and none of it goes with what COPC has not.
+    succeed(dir.path(), &[&usual[..], &["-o", "legs", "--format", "copc"]].concat());
+    assert!(
+        common::files(&dir.path().join("legs")).iter().all(|f| f.to_string_lossy().ends_with(".copc.laz"))
+    );
+    for (extra, part) in
+        [("--las10", "COPC is LAS 1.4"), ("--wave-packets=inside", "COPC has no waveform packets")]
+    {
+        let out = common::run(dir.path(), &[&usual[..], &["-o", "b.copc.laz", extra]].concat());
+        assert_eq!(out.status.code(), Some(2));
+        assert!(text(&out.stderr).contains(part), "{}", text(&out.stderr));
+    }
+}
+
+#[test]
+fn an_octree_without_points_can_be_read() {
+    let Some(python) = python_with_laspy() else { return };
+    let dir = folder();
+    let scene = fixture("terrain/scene.xml");
+    let upwards = "x,y,z,dx,dy,dz\n0,0,500,0,0,1\n";
+    let args =
+        ["trace", "-q", "--scene", scene.to_str().unwrap(), "--scanner", "riegl_vz400", "-o", "a.copc.laz"];
+    let out = common::feed(dir.path(), &args, upwards.as_bytes());
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    judge(
+        &python,
+        dir.path(),
+        "import laspy\nassert len(laspy.CopcReader.open('a.copc.laz').query()) == 0\n",
+    );
+}
+
+#[test]
+fn previews_show_tables_and_wave_packets() {
+    let dir = folder();
+    let survey = forest();
+    let sinks =
+        ["-o", "a.arrow", "-o", "a.parquet", "-o", "a.laz", "--wave-packets", "inside", "--waveforms"];
+    succeed(dir.path(), &[&["run", &survey, "-q"], &sinks[..]].concat());
+    let clouds = ["a.arrow", "a.parquet", "a.laz"].map(|name| {
+        succeed(dir.path(), &["preview", name, "-o", &format!("{name}.png"), "--colour", "return", "-q"]);
+        let picture = std::fs::read(dir.path().join(format!("{name}.png"))).unwrap();
+        assert!(picture.len() > 5000 && picture.starts_with(b"\x89PNG"));
+        vlscan::preview::read_points(&dir.path().join(name)).unwrap()
+    });
+    for cloud in &clouds {
+        assert!(cloud.len() > 1000 && cloud.len() == clouds[0].len());
+        assert!((cloud.bounds().max - clouds[0].bounds().max).length() < 1e-3);
+        assert!(
+            cloud.attributes().return_number && cloud.attributes().object && cloud.attributes().intensity
+        );
+    }
+    let stream = std::fs::read(dir.path().join("a.arrow")).unwrap();
+    let piped = common::feed(dir.path(), &["preview", "-", "-o", "-", "-q"], &stream);
+    assert!(piped.stdout.starts_with(b"\x89PNG"), "{}", text(&piped.stderr));
+    // The waveform of a pulse is the same from text and from packets, but for 16 bits.
+    let wave = std::fs::read_to_string(dir.path().join("a_fullwave.txt")).unwrap();
+    let longest = wave.lines().max_by_key(|line| line.len()).unwrap();
+    let fields: Vec<f64> = longest.split_whitespace().map(|f| f.parse().unwrap()).collect();
+    let from_packet = vlscan::preview::read_packet(&dir.path().join("a.laz"), fields[0] as u64).unwrap();
+    let highest = fields[10..].iter().copied().fold(0.0, f64::max);
+    assert!(from_packet.samples.len() > 10 && from_packet.samples.len() <= fields.len() - 10);
+    for (packet, text) in from_packet.samples.iter().zip(&fields[10..]) {
+        assert!((packet - text).abs() < highest / 1000.0, "{packet} for {text}");
+    }
+    assert!((from_packet.start - fields[7]).abs() < 1e-2, "{} for {}", from_packet.start, fields[7]);
+    assert!((from_packet.direction.z - fields[6]).abs() < 1e-4);
+    assert!((from_packet.interval() - (fields[8] - fields[7]) / (fields.len() - 11) as f64).abs() < 1e-4);
+    let pulse = fields[0].to_string();
+    succeed(dir.path(), &["preview", "a.laz", "--pulse", &pulse, "-o", "wave.png", "-q"]);
+    let none = common::run(dir.path(), &["preview", "a.laz", "--pulse", "0", "-o", "none.png"]);
+    assert!(
+        none.status.code() == Some(2) && text(&none.stderr).contains("nearest"),
+        "{}",
+        text(&none.stderr)
+    );
+    succeed(dir.path(), &["run", &survey, "-q", "-o", "plain.laz"]);
+    let plain = common::run(dir.path(), &["preview", "plain.laz", "--pulse", "1", "-o", "none.png"]);
+    assert!(text(&plain.stderr).contains("--wave-packets"), "{}", text(&plain.stderr));
 }

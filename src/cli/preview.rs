@@ -5,7 +5,7 @@ use super::args::{Colour, PreviewArgs};
 use super::watch::amount;
 use crate::error::{Error, Result};
 use crate::preview::{
-    Chart, ColourBy, PageOptions, PreviewOptions, Wave, draw, read_points, read_wave, write_page,
+    Chart, ColourBy, PageOptions, PreviewOptions, Wave, draw, read_packet, read_points, read_wave, write_page,
 };
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -62,6 +62,9 @@ fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
 fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
     if is_stdout(path) {
         return read_wave(std::io::stdin().lock(), Path::new("<stdin>"), pulse);
+    }
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("las") || e.eq_ignore_ascii_case("laz")) {
+        return read_packet(path, pulse);
     }
     let open = |path: &Path| std::fs::File::open(path).map_err(|e| Error::io("read", path, e));
     let file = open(path)?;

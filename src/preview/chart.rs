@@ -175,8 +175,10 @@ impl Chart {
         let t = self.text;
         let room = axes.right - axes.left;
         let (low, high) = axes.amplitude;
+        let mut heights = Vec::new();
         for value in ticks(low, high, 5.0) {
             let y = axes.y(value);
+            heights.push(y);
             self.line([axes.left, y], [axes.right, y], Role::Grid);
             let text = round_number(value, round_below((high - low) / 5.0));
             self.marks.push(Mark::Text {
@@ -205,7 +207,12 @@ impl Chart {
         self.line([axes.left, axes.bottom], [axes.right, axes.bottom], Role::Faint);
         self.write(20.0 * t, axes.top - 14.0 * t, "time, ns".to_owned(), Role::Faint);
         self.write(20.0 * t, axes.bottom + 10.0 * t, "range, m".to_owned(), Role::Ink);
-        self.write(20.0 * t, axes.top + 2.0 * t, "amplitude".to_owned(), Role::Faint);
+        // Between the numbers, which it would hide
+        let between = match heights[..] {
+            [.., second, first] => 0.5 * (first + second) - 3.0 * t,
+            _ => axes.top + 2.0 * t,
+        };
+        self.write(20.0 * t, between, "amplitude".to_owned(), Role::Faint);
     }
 
     fn curve(&mut self, axes: &Axes, wave: &Wave, interval: f64) {

@@ -1,7 +1,7 @@
 //! Draws a point cloud as a picture (from above and from the south, with scale bars and a legend) or as a page to turn
 //! around.
 //!
-//! [`read_points`] reads text, LAS, LAZ and PLY; [`draw`] makes a [`Picture`], which is written as PNG, and [`write_page`] an
+//! [`read_points`] reads text, LAS, LAZ, PLY, Arrow and Parquet; [`draw`] makes a [`Picture`], which is written as PNG, and [`write_page`] an
 //! HTML page; [`Chart`] shows the waveform of one pulse. A point takes 20 bytes at most while it is drawn. The same points and options give the same picture.
 
 mod chart;
@@ -15,7 +15,9 @@ mod picture;
 mod points;
 mod read;
 mod read_las;
+mod read_packets;
 mod read_ply;
+mod read_table;
 mod wave;
 
 pub use chart::Chart;
@@ -23,6 +25,7 @@ pub use page::{Page, PageOptions, write_page};
 pub use picture::{Picture, Rgb};
 pub use points::{Attributes, Point, Points};
 pub use read::{read_points, read_text};
+pub use read_packets::read_packet;
 pub use wave::{Wave, read_wave};
 
 use colour::Colouring;

@@ -1,34 +1,55 @@
-//! Reads point clouds: text, LAS, LAZ, PLY.
+//! Reads point clouds: text, LAS, LAZ, PLY, Arrow, Parquet.
 
 use super::points::{Attributes, Point, Points};
+use super::read_table::Layout;
+use crate::arrivals::arrow::{Recognised, recognise};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-/// Reads a point cloud; the ending of its name tells the format: `.las` and `.laz`, `.ply`, everything else is text.
-/// `-` is text from stdin.
+/// Reads a point cloud; the ending of its name tells the format: `.las` and `.laz`, `.ply`, `.parquet`; everything else is
+/// text or an Arrow stream, which its first bytes tell. `-` is one of these two from stdin.
 ///
 /// Text has one point per line, columns separated by blanks, tabs, commas or semicolons: `x y z` and, if there is a
-/// fourth, an intensity; 11 columns are the point files of this program and of HELIOS++ (spec outputs §3). Empty lines, lines
-/// beginning with `#` or `//`, and a first line of names are passed over.
+/// fourth, an intensity; 11 columns are the point files of this program and of HELIOS++ (spec outputs §3). A first line of
+/// more than four names, X, Y and Z among them, tells the columns. Empty lines and lines beginning with `#` or `//` are
+/// passed over, and so is a first line of other names.
 ///
 /// Fails with [`Error::Input`] when the file is not what it says, with the lines of text that are wrong.
 pub fn read_points(path: &Path) -> Result<Points> {
     if path.as_os_str() == "-" {
-        return read_text(std::io::stdin().lock(), Path::new("<stdin>"));
+        return read_text_or_arrow(std::io::stdin().lock(), Path::new("<stdin>"));
     }
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     match ending.as_str() {
         "las" | "laz" => super::read_las::read(path),
         "ply" => super::read_ply::read(path),
+        "parquet" => super::read_table::read_parquet(path),
         _ => {
             let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
-            read_text(BufReader::with_capacity(1 << 20, file), path)
+            read_text_or_arrow(BufReader::with_capacity(1 << 20, file), path)
         }
     }
+}
+
+fn read_text_or_arrow(mut source: impl BufRead, path: &Path) -> Result<Points> {
+    // A pipe may bring the first bytes one by one.
+    let mut first = Vec::new();
+    while recognise(&first) == Recognised::TooFew {
+        let arrived = source.fill_buf().map_err(|e| Error::io("read", path, e))?;
+        if arrived.is_empty() {
+            break;
+        }
+        let count = arrived.len().min(8 - first.len());
+        first.extend_from_slice(&arrived[..count]);
+        source.consume(count);
+    }
+    let is_arrow = recognise(&first) == Recognised::Arrow;
+    let whole = std::io::Cursor::new(first).chain(source);
+    if is_arrow { super::read_table::read_arrow(whole, path) } else { read_text(whole, path) }
 }
 
 /// Problems after which reading stops.
@@ -41,10 +62,11 @@ pub fn read_text(mut source: impl BufRead, path: &Path) -> Result<Points> {
     let mut line = Vec::new();
     let mut number = 0;
     let mut first = true;
+    let mut named: Option<Layout> = None;
     loop {
         line.clear();
         // No line of a point cloud is this long; a binary file without line ends must not fill the memory.
-        let read = std::io::Read::take(&mut source, 1 << 16)
+        let read = Read::take(&mut source, 1 << 16)
             .read_until(b'\n', &mut line)
             .map_err(|e| Error::io("read", path, e))?;
         if read == 0 {
@@ -57,13 +79,24 @@ pub fn read_text(mut source: impl BufRead, path: &Path) -> Result<Points> {
             continue;
         }
         let columns = Columns::of(text);
-        match columns.point() {
-            Ok(point) => {
-                points.get_or_insert_with(|| Points::new(columns.attributes())).push(&point);
+        let outcome = match &named {
+            Some(layout) => by_name(layout, text, &mut points),
+            None => columns
+                .point()
+                .map(|point| {
+                    points.get_or_insert_with(|| Points::new(columns.attributes())).push(&point);
+                })
+                .map_err(|(column, expected)| {
+                    (columns.fields[..columns.count].get(column).copied().unwrap_or_default(), expected)
+                }),
+        };
+        match outcome {
+            Ok(()) => {}
+            Err(_) if first && text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '"') => {
+                let names: Vec<&str> = fields(text).map(|name| name.trim_matches('"')).collect();
+                named = Layout::of(&names, path).ok().filter(|_| names.len() > 4);
             }
-            Err(_) if first && text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '"') => {}
-            Err((column, expected)) => {
-                let found = columns.fields[..columns.count].get(column).copied().unwrap_or_default();
+            Err((found, expected)) => {
                 let excerpt: String = whole.trim_end().chars().take(200).collect();
                 let marked = if found.is_empty() {
                     excerpt.len()..excerpt.len()
@@ -87,6 +120,33 @@ pub fn read_text(mut source: impl BufRead, path: &Path) -> Result<Points> {
         Some(points) if !points.is_empty() => Ok(points),
         _ => Err(Error::input(format!("{} holds no points", path.display()))),
     }
+}
+
+/// Adds the point of a line whose columns have names. Otherwise what was found there and what belongs there.
+fn by_name<'t>(
+    layout: &Layout,
+    text: &'t str,
+    points: &mut Option<Points>,
+) -> Result<(), (&'t str, &'static str)> {
+    let texts: Vec<&str> = fields(text).collect();
+    let mut numbers = vec![f64::NAN; texts.len()];
+    for column in layout.columns() {
+        let found = texts.get(column).copied().unwrap_or_default();
+        match found.parse() {
+            Ok(number) => numbers[column] = number,
+            Err(_) => return Err((found, "a number")),
+        }
+    }
+    layout.push(points.get_or_insert_with(|| Points::new(layout.attributes())), |column| numbers[column]);
+    Ok(())
+}
+
+/// The fields of a line: between commas or semicolons if there are any, else between blanks.
+fn fields(text: &str) -> Box<dyn Iterator<Item = &str> + '_> {
+    if text.bytes().any(|b| matches!(b, b',' | b';')) {
+        return Box::new(text.split([',', ';']).map(str::trim));
+    }
+    Box::new(text.split_ascii_whitespace())
 }
 
 /// Columns of the point files of this program.
@@ -187,6 +247,20 @@ mod tests {
             assert_eq!(points.bounds().max, DVec3::new(4.0, 5.0, 6.0), "{text:?}");
         }
         assert!(read("1 2 3 0.5\n").unwrap().attributes().intensity);
+    }
+
+    #[test]
+    fn a_line_of_names_tells_the_columns() {
+        let points =
+            read("GpsTime,Z,X,Y,Note,ReturnNumber,Amplitude\n9,3,1,2,oak,1,0.5\n9,6,4,5,ash,2,0.25\n")
+                .unwrap();
+        assert_eq!(points.bounds().max, DVec3::new(4.0, 5.0, 6.0));
+        assert_eq!((&points.return_number[..], &points.intensity[..]), (&[1, 2][..], &[0.5, 0.25][..]));
+        let Err(Error::Input(report)) = read("Z,X,Y,T,ReturnNumber\n1,2,3,4,5\n1,2,three,4,5\n") else {
+            panic!("read")
+        };
+        let report = report.render(false);
+        assert!(report.contains("cloud.xyz:3:5") && report.contains("\"three\""), "{report}");
     }
 
     #[test]

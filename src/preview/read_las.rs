@@ -66,9 +66,22 @@ pub(super) fn read(path: &Path) -> Result<Points> {
 }
 
 /// An extra-bytes field within a point record.
-struct Field {
+pub(super) struct Field {
     offset: usize,
     kind: u8,
+}
+
+/// The first of these extra dimensions that the points have.
+pub(super) fn field(header: &las::Header, names: &[&str]) -> Option<Field> {
+    let all = fields(header);
+    names.iter().find_map(|name| {
+        all.iter().find(|f| f.0 == name.as_bytes()).map(|(_, f)| Field { offset: f.offset, kind: f.kind })
+    })
+}
+
+/// The number of a point's extra dimension.
+pub(super) fn number(field: &Field, record: &[u8]) -> Option<f64> {
+    field.value(record)
 }
 
 impl Field {
@@ -110,25 +123,28 @@ struct Extras {
 
 impl Extras {
     fn of(header: &las::Header) -> Extras {
-        const DESCRIPTOR: usize = 192;
-        let mut extras = Extras::default();
-        let format = header.point_format();
-        let mut offset = usize::from(format.len()).saturating_sub(usize::from(format.extra_bytes));
-        let descriptors = header.all_vlrs().find(|v| v.user_id == "LASF_Spec" && v.record_id == 4);
-        for descriptor in descriptors.iter().flat_map(|v| v.data.chunks_exact(DESCRIPTOR)) {
-            let (kind, options) = (descriptor[2], descriptor[3]);
-            let name = descriptor[4..36].split(|&b| b == 0).next().unwrap_or_default();
-            let field = Some(Field { offset, kind });
-            match name {
-                b"heliosAmplitude" | b"amplitude" | b"Amplitude" => extras.amplitude = field,
-                b"hitObjectId" => extras.object = field,
-                _ => {}
-            }
-            // Type 0 is a run of bytes whose number stands in the options.
-            offset += if kind == 0 { usize::from(options) } else { size_of_kind(kind) };
+        Extras {
+            amplitude: field(header, &["heliosAmplitude", "amplitude", "Amplitude"]),
+            object: field(header, &["hitObjectId"]),
         }
-        extras
     }
+}
+
+/// All extra dimensions with their names.
+fn fields(header: &las::Header) -> Vec<(Vec<u8>, Field)> {
+    const DESCRIPTOR: usize = 192;
+    let mut fields = Vec::new();
+    let format = header.point_format();
+    let mut offset = usize::from(format.len()).saturating_sub(usize::from(format.extra_bytes));
+    let descriptors = header.all_vlrs().find(|v| v.user_id == "LASF_Spec" && v.record_id == 4);
+    for descriptor in descriptors.iter().flat_map(|v| v.data.chunks_exact(DESCRIPTOR)) {
+        let (kind, options) = (descriptor[2], descriptor[3]);
+        let name = descriptor[4..36].split(|&b| b == 0).next().unwrap_or_default();
+        fields.push((name.to_vec(), Field { offset, kind }));
+        // Type 0 is a run of bytes whose number stands in the options.
+        offset += if kind == 0 { usize::from(options) } else { size_of_kind(kind) };
+    }
+    fields
 }
 
 #[cfg(test)]

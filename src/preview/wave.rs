@@ -137,14 +137,14 @@ fn wrong(path: &Path, count: usize, text: &str, found: &str, expected: &str) -> 
 
 /// Numbers that there are, for those who asked for one that there is not.
 #[derive(Default)]
-struct Near {
+pub(super) struct Near {
     lines: u64,
     below: Option<u64>,
     above: Option<u64>,
 }
 
 impl Near {
-    fn see(&mut self, pulse: u64, wanted: u64) {
+    pub(super) fn see(&mut self, pulse: u64, wanted: u64) {
         self.lines += 1;
         if pulse < wanted {
             self.below = self.below.max(Some(pulse));
@@ -153,7 +153,7 @@ impl Near {
         }
     }
 
-    fn advice(&self, path: &Path, wanted: u64) -> String {
+    pub(super) fn advice(&self, path: &Path, wanted: u64) -> String {
         let near: Vec<String> =
             [self.below, self.above].into_iter().flatten().map(|n| n.to_string()).collect();
         if near.is_empty() {

@@ -1,0 +1,207 @@
+//! Reads the waveform of one pulse from the packets that points of LAS and LAZ refer to (LAS 1.4 R15, point formats 4, 5, 9
+//! and 10).
+
+use super::read_las::{field, number};
+use super::wave::{Near, Wave};
+use crate::error::{Error, Result};
+use crate::geom::DVec3;
+use las::{PointDataBuilder, Reader};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// Metres per nanosecond.
+const C: f64 = 0.299792458;
+/// Longer packets are no waveforms, bytes.
+const LONGEST: u32 = 1 << 28;
+
+/// Finds the packet of pulse `number`, which the points name in the extra dimension `fullwaveIndex`.
+///
+/// # Errors
+/// [`Error::Input`] when the file has no packets or none of that pulse, with the nearest that are there.
+pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
+    let shown = path.display();
+    let failed = |e: las::Error| match e {
+        las::Error::Io(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io("read", path, e),
+        e => Error::input(format!("{shown} is not a LAS file that can be read: {e}")),
+    };
+    let mut reader = Reader::from_path(path).map_err(failed)?;
+    let header = reader.header().clone();
+    let format = header.point_format().to_u8().unwrap_or(0) & 0x3f;
+    let Some((packet_at, time_at)) = place(format) else {
+        return Err(Error::input(format!(
+            "{shown} has points without waveform packets (format {format}); write them with --wave-packets inside"
+        )));
+    };
+    let Some(index) = field(&header, &["fullwaveIndex"]) else {
+        return Err(Error::input(format!("{shown} does not tell pulses apart: no dimension fullwaveIndex")));
+    };
+    let range = field(&header, &["range"]);
+    let mut batch = PointDataBuilder::new().for_header(&header).build();
+    let mut left = header.number_of_points();
+    let (mut near, mut found): (Near, Option<(Packet, Wave)>) = (Near::default(), None);
+    while left > 0 {
+        let read = reader.fill_points(left.min(65_536), &mut batch).map_err(failed)?;
+        if read == 0 {
+            break;
+        }
+        left -= read;
+        let positions = batch.x().zip(batch.y()).zip(batch.z());
+        for (record, ((x, y), z)) in batch.raw_bytes().chunks_exact(batch.record_len()).zip(positions) {
+            // Files have the low 32 bits of the number.
+            let Some(pulse) = number(&index, record).map(|pulse| pulse as i64 as u32) else { continue };
+            near.see(u64::from(pulse), number_wanted);
+            if u64::from(pulse) != number_wanted & u64::from(u32::MAX) {
+                continue;
+            }
+            let Some(packet) = Packet::of(record, packet_at) else { continue };
+            match &mut found {
+                Some((first, wave)) if *first != packet => wave.namesakes += 1,
+                Some(_) => {}
+                None => {
+                    let range = range.as_ref().and_then(|f| number(f, record));
+                    let time = f64_at(record, time_at).unwrap_or(0.0);
+                    let wave = packet.wave(number_wanted, DVec3::new(x, y, z), range, time, &header, path)?;
+                    found = Some((packet, wave));
+                }
+            }
+        }
+    }
+    found.map(|(_, wave)| wave).ok_or_else(|| Error::input(near.advice(path, number_wanted)))
+}
+
+/// Where in a record its packet and its GPS time stand.
+fn place(format: u8) -> Option<(usize, usize)> {
+    match format {
+        4 => Some((28, 20)),
+        5 => Some((34, 20)),
+        9 => Some((30, 22)),
+        10 => Some((38, 22)),
+        _ => None,
+    }
+}
+
+/// What a point says of its packet.
+#[derive(Clone, Copy, Debug)]
+struct Packet {
+    descriptor: u8,
+    offset: u64,
+    bytes: u32,
+    /// Picoseconds from the first sample to the echo.
+    location: f64,
+    /// Metres per picosecond, towards the scanner.
+    step: DVec3,
+}
+
+impl PartialEq for Packet {
+    fn eq(&self, other: &Packet) -> bool {
+        (self.descriptor, self.offset) == (other.descriptor, other.offset)
+    }
+}
+
+impl Packet {
+    /// Nothing where the point has none.
+    fn of(record: &[u8], at: usize) -> Option<Packet> {
+        let field = record.get(at..at + 29)?;
+        let float = |at: usize| Some(f64::from(f32::from_le_bytes(field.get(at..at + 4)?.try_into().ok()?)));
+        let packet = Packet {
+            descriptor: field[0],
+            offset: u64::from_le_bytes(field.get(1..9)?.try_into().ok()?),
+            bytes: u32::from_le_bytes(field.get(9..13)?.try_into().ok()?),
+            location: float(13)?,
+            step: DVec3::new(float(17)?, float(21)?, float(25)?),
+        };
+        (packet.descriptor != 0).then_some(packet)
+    }
+
+    fn wave(
+        &self,
+        pulse: u64,
+        point: DVec3,
+        range: Option<f64>,
+        gps_time: f64,
+        header: &las::Header,
+        path: &Path,
+    ) -> Result<Wave> {
+        let wrong = |what: &str| Error::input(format!("{}: {what}", path.display()));
+        let id = 99 + u16::from(self.descriptor);
+        let vlr = header.all_vlrs().find(|v| v.user_id == "LASF_Spec" && v.record_id == id);
+        let data = vlr.filter(|v| v.data.len() >= 26).map(|v| &v.data[..]);
+        let data = data.ok_or_else(|| wrong("the points refer to a packet descriptor that is not there"))?;
+        let bits = usize::from(data[0]);
+        if data[1] != 0 || !matches!(bits, 8 | 16 | 32) {
+            return Err(wrong("waveform packets of a kind that is not read (compressed, or of odd bits)"));
+        }
+        let spacing = f64::from(u32::from_le_bytes([data[6], data[7], data[8], data[9]]));
+        let (gain, zero) = (f64_at(data, 10).unwrap_or(1.0), f64_at(data, 18).unwrap_or(0.0));
+        let bytes = self.bytes(path)?;
+        let raw = bytes.chunks_exact(bits / 8).map(|sample| {
+            let mut whole = [0; 4];
+            whole[..sample.len()].copy_from_slice(sample);
+            f64::from(u32::from_le_bytes(whole))
+        });
+        let mut samples: Vec<f64> = raw.map(|sample| zero + gain * sample).collect();
+        // Packets are filled up with zeros to the length that their descriptor has.
+        while samples.len() > 2 && samples.last() == Some(&0.0) {
+            samples.pop();
+        }
+        let metres = self.step.length() * spacing;
+        if samples.is_empty() || spacing <= 0.0 || !(metres > 0.0 && metres.is_finite()) {
+            return Err(wrong("a waveform packet without samples or without a direction"));
+        }
+        let direction = -self.step / self.step.length();
+        let bin = metres / C;
+        // Where the range is not known, the first sample is where time begins.
+        let before = self.location / spacing * bin;
+        let range = range.unwrap_or(before * C);
+        let start = range / C - before;
+        let end = start + (samples.len() - 1) as f64 * bin;
+        let origin = point - direction * range;
+        Ok(Wave { pulse, origin, direction, start, end, gps_time, samples, namesakes: 0 })
+    }
+
+    /// The packet from this file, or from the one beside it.
+    fn bytes(&self, path: &Path) -> Result<Vec<u8>> {
+        let failed = |path: &Path| {
+            let path = path.to_path_buf();
+            move |e: std::io::Error| match e.kind() {
+                std::io::ErrorKind::UnexpectedEof => {
+                    Error::input(format!("{} ends before the waveform packet", path.display()))
+                }
+                std::io::ErrorKind::NotFound => {
+                    Error::input(format!("{} with the waveform packets is not there", path.display()))
+                }
+                _ => Error::io("read", path.clone(), e),
+            }
+        };
+        if self.bytes > LONGEST {
+            return Err(Error::input(format!("{}: a packet of {} bytes", path.display(), self.bytes)));
+        }
+        let mut file = File::open(path).map_err(failed(path))?;
+        let mut head = [0; 235];
+        file.read_exact(&mut head).map_err(failed(path))?;
+        let encoding = u16::from_le_bytes([head[6], head[7]]);
+        let mut start = [0; 8];
+        start.copy_from_slice(&head[227..235]);
+        let mut start = u64::from_le_bytes(start);
+        let mut home = path.to_path_buf();
+        // Global encoding: bit 1 says inside, bit 2 beside.
+        if encoding & 4 != 0 || start == 0 {
+            (home, start) = (beside(path), 0);
+            file = File::open(&home).map_err(failed(&home))?;
+        }
+        let mut bytes = vec![0; self.bytes as usize];
+        file.seek(SeekFrom::Start(start.saturating_add(self.offset)))
+            .and_then(|_| file.read_exact(&mut bytes))
+            .map_err(failed(&home))?;
+        Ok(bytes)
+    }
+}
+
+fn beside(path: &Path) -> PathBuf {
+    path.with_extension("wdp")
+}
+
+fn f64_at(bytes: &[u8], at: usize) -> Option<f64> {
+    Some(f64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?))
+}

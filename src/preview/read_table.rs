@@ -1,0 +1,247 @@
+//! Reads points from Arrow streams and files and from Parquet: columns by their names, whatever their order.
+
+use super::points::{Attributes, Point, Points};
+use crate::arrivals::arrow::ArrowDecoder;
+use crate::error::{Error, Result};
+use crate::geom::DVec3;
+use ::arrow_array::cast::AsArray;
+use ::arrow_array::types::{
+    Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type, UInt32Type,
+    UInt64Type,
+};
+use ::arrow_array::{Array, ArrowPrimitiveType};
+use ::parquet::arrow::ProjectionMask;
+use ::parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Which columns hold what a preview shows.
+#[derive(Debug, PartialEq)]
+pub(super) struct Layout {
+    position: [usize; 3],
+    intensity: Option<usize>,
+    class: Option<usize>,
+    return_number: Option<usize>,
+    object: Option<usize>,
+}
+
+impl Layout {
+    /// Finds the columns among these names; text that names no coordinates has none.
+    pub fn of(names: &[&str], path: &Path) -> Result<Layout> {
+        let find = |known: &[&str]| {
+            known
+                .iter()
+                .find_map(|known| names.iter().position(|name| bare(name).eq_ignore_ascii_case(known)))
+        };
+        let needed = |name: &'static str| {
+            find(&[name]).ok_or_else(|| {
+                let names = names.join(", ");
+                Error::input(format!("{}: no column {name} with numbers; there are {names}", path.display()))
+            })
+        };
+        Ok(Layout {
+            position: [needed("X")?, needed("Y")?, needed("Z")?],
+            intensity: find(&["Amplitude", "Intensity"]),
+            class: find(&["SurfaceClass", "Classification"]),
+            return_number: find(&["ReturnNumber"]),
+            object: find(&["ObjectId", "hitObjectId", "Part"]),
+        })
+    }
+
+    pub fn attributes(&self) -> Attributes {
+        Attributes {
+            intensity: self.intensity.is_some(),
+            class: self.class.is_some(),
+            return_number: self.return_number.is_some(),
+            object: self.object.is_some(),
+        }
+    }
+
+    /// All columns.
+    pub fn columns(&self) -> impl Iterator<Item = usize> {
+        let others = [self.intensity, self.class, self.return_number, self.object];
+        self.position.into_iter().chain(others.into_iter().flatten())
+    }
+
+    /// Adds the point of a row.
+    pub fn push(&self, points: &mut Points, value: impl Fn(usize) -> f64) {
+        let object = self.object.map(|column| (value(column) as i64).to_string());
+        points.push(&Point {
+            position: DVec3::from(self.position.map(&value)),
+            intensity: self.intensity.map_or(0.0, |column| value(column) as f32),
+            class: self.class.map_or(0, |column| value(column) as i32),
+            return_number: self.return_number.map_or(0, |column| value(column) as u32),
+            object: object.as_deref().unwrap_or_default(),
+        });
+    }
+}
+
+/// The name without a unit behind it.
+fn bare(name: &str) -> &str {
+    name.find(['[', '(']).map_or(name, |at| name[..at].trim_end())
+}
+
+/// Reads an Arrow stream or file from its beginning; `path` is its name in messages.
+pub(super) fn read_arrow(mut source: impl Read, path: &Path) -> Result<Points> {
+    let mut decoder = ArrowDecoder::new(path);
+    let mut read: Option<(Layout, Points)> = None;
+    let mut buffer = vec![0; 1 << 18];
+    loop {
+        let count = match source.read(&mut buffer) {
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
+            count => count.map_err(|e| Error::io("read", path, e))?,
+        };
+        if count == 0 {
+            break;
+        }
+        decoder.feed(&buffer[..count]);
+        while let Some(batch) = decoder.next_batch()? {
+            if read.is_none() {
+                let fields = decoder.fields().map(|fields| fields.to_vec()).unwrap_or_default();
+                // What is no number is not looked for.
+                let names: Vec<&str> =
+                    fields.iter().map(|f| if f.is_number() { f.heading.as_str() } else { "" }).collect();
+                let layout = Layout::of(&names, path)?;
+                let points = Points::new(layout.attributes());
+                read = Some((layout, points));
+            }
+            let Some((layout, points)) = &mut read else { continue };
+            (0..batch.rows).for_each(|row| layout.push(points, |column| batch.value(column, row)));
+        }
+    }
+    decoder.end()?;
+    some(read.map(|(_, points)| points), path)
+}
+
+/// Reads a Parquet file.
+pub(super) fn read_parquet(path: &Path) -> Result<Points> {
+    let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
+    let failed = |e: &dyn std::fmt::Display| {
+        Error::input(format!("{} is not a Parquet file that can be read: {e}", path.display()))
+    };
+    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| failed(&e))?;
+    let schema = builder.schema().clone();
+    let names: Vec<&str> = schema
+        .fields()
+        .iter()
+        .map(|field| if field.data_type().is_numeric() { field.name().as_str() } else { "" })
+        .collect();
+    let layout = Layout::of(&names, path)?;
+    let mask = ProjectionMask::roots(builder.parquet_schema(), layout.columns());
+    let mut points = Points::new(layout.attributes());
+    let batches = builder.with_projection(mask).build().map_err(|e| failed(&e))?;
+    for batch in batches {
+        let batch = batch.map_err(|e| failed(&e))?;
+        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
+        for column in layout.columns() {
+            let name = names[column];
+            columns[column] =
+                batch.column_by_name(name).and_then(|array| numbers(array)).ok_or_else(|| {
+                    Error::input(format!("{}: column {name} holds no usual numbers", path.display()))
+                })?;
+        }
+        (0..batch.num_rows()).for_each(|row| layout.push(&mut points, |column| columns[column][row]));
+    }
+    some(Some(points), path)
+}
+
+fn some(points: Option<Points>, path: &Path) -> Result<Points> {
+    match points {
+        Some(points) if !points.is_empty() => Ok(points),
+        _ => Err(Error::input(format!("{} holds no points", path.display()))),
+    }
+}
+
+/// The numbers of a column; NaN where there is none.
+fn numbers(array: &dyn Array) -> Option<Vec<f64>> {
+    fn of<T: ArrowPrimitiveType>(array: &dyn Array, number: impl Fn(T::Native) -> f64) -> Option<Vec<f64>> {
+        Some(array.as_primitive_opt::<T>()?.iter().map(|v| v.map_or(f64::NAN, &number)).collect())
+    }
+    of::<Float64Type>(array, |v| v)
+        .or_else(|| of::<Float32Type>(array, f64::from))
+        .or_else(|| of::<UInt8Type>(array, f64::from))
+        .or_else(|| of::<UInt16Type>(array, f64::from))
+        .or_else(|| of::<UInt32Type>(array, f64::from))
+        .or_else(|| of::<UInt64Type>(array, |v| v as f64))
+        .or_else(|| of::<Int8Type>(array, f64::from))
+        .or_else(|| of::<Int16Type>(array, f64::from))
+        .or_else(|| of::<Int32Type>(array, f64::from))
+        .or_else(|| of::<Int64Type>(array, |v| v as f64))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ::arrow_array::{
+        ArrayRef, Float32Array, Float64Array, Int32Array, RecordBatch, StringArray, UInt8Array,
+    };
+    use std::sync::Arc;
+
+    fn table() -> RecordBatch {
+        let count = 0..500;
+        let columns: [(&str, ArrayRef); 6] = [
+            ("name", Arc::new(count.clone().map(|i| Some(format!("p{i}"))).collect::<StringArray>())),
+            ("z", Arc::new(Float32Array::from_iter_values(count.clone().map(|i| i as f32)))),
+            ("X", Arc::new(Float64Array::from_iter_values(count.clone().map(|i| f64::from(i) * 0.5)))),
+            ("y [m]", Arc::new(Int32Array::from_iter_values(count.clone()))),
+            ("Classification", Arc::new(UInt8Array::from_iter_values(count.clone().map(|i| (i % 7) as u8)))),
+            ("ObjectId", Arc::new(Int32Array::from_iter_values(count.map(|i| i / 250)))),
+        ];
+        RecordBatch::try_from_iter(columns).unwrap()
+    }
+
+    fn stream() -> Vec<u8> {
+        let table = table();
+        let mut writer = ::arrow_ipc::writer::StreamWriter::try_new(Vec::new(), &table.schema()).unwrap();
+        writer.write(&table.slice(0, 300)).unwrap();
+        writer.write(&table.slice(300, 200)).unwrap();
+        writer.into_inner().unwrap()
+    }
+
+    fn assert_points(points: &Points) {
+        assert_eq!(points.len(), 500);
+        assert_eq!(points.bounds().max, DVec3::new(249.5, 499.0, 499.0));
+        assert_eq!(points.class[..8], [0, 1, 2, 3, 4, 5, 6, 0]);
+        assert_eq!(points.objects, ["0", "1"]);
+        assert!(!points.attributes().intensity && !points.attributes().return_number);
+    }
+
+    #[test]
+    fn columns_are_found_by_name_in_both_formats() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_points(&read_arrow(&stream()[..], Path::new("t")).unwrap());
+        let path = folder.path().join("t.parquet");
+        let table = table();
+        let file = File::create(&path).unwrap();
+        let mut writer = ::parquet::arrow::ArrowWriter::try_new(file, table.schema(), None).unwrap();
+        writer.write(&table).unwrap();
+        writer.close().unwrap();
+        assert_points(&read_parquet(&path).unwrap());
+        let arrow = folder.path().join("t.arrow");
+        std::fs::write(&arrow, stream()).unwrap();
+        assert_points(&super::super::read_points(&arrow).unwrap());
+    }
+
+    #[test]
+    fn what_is_missing_or_damaged_is_said() {
+        let said = |result: Result<Points>| match result {
+            Err(Error::Input(problems)) => problems.render(false),
+            other => panic!("{other:?}"),
+        };
+        let bytes = stream();
+        assert!(
+            said(read_arrow(&bytes[..bytes.len() - 500], Path::new("t"))).contains("ends within batch 2")
+        );
+        let only: ArrayRef = Arc::new(Float64Array::from(vec![1.0]));
+        let table = RecordBatch::try_from_iter([("X", only.clone()), ("Y", only)]).unwrap();
+        let mut writer = ::arrow_ipc::writer::StreamWriter::try_new(Vec::new(), &table.schema()).unwrap();
+        writer.write(&table).unwrap();
+        let said_of = said(read_arrow(&writer.into_inner().unwrap()[..], Path::new("t")));
+        assert!(said_of.contains("no column Z") && said_of.contains("X, Y"), "{said_of}");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.parquet");
+        std::fs::write(&path, &bytes).unwrap();
+        assert!(said(read_parquet(&path)).contains("not a Parquet file"));
+    }
+}
