@@ -274,6 +274,49 @@ fn tee_and_head_take_what_they_want() {
 
 #[cfg(unix)]
 #[test]
+fn pv_passes_binary_points_on() {
+    let dir = folder();
+    succeed(dir.path(), &["run", &room(), "-q", "-o", "a.laz"]);
+    let line = r#""$VLSCAN" run "$SURVEY" -q -o - --format laz | pv -q > piped.laz"#;
+    let Some(out) = shell(dir.path(), &["pv"], line) else { return };
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let read = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    assert!(read("piped.laz") == read("a.laz"));
+}
+
+/// CloudCompare's command line reads PLY wherever it is installed; LAS only in builds with a plugin for it.
+#[cfg(unix)]
+#[test]
+fn cloudcompare_reads_ply() {
+    let dir = folder();
+    succeed(dir.path(), &["run", &room(), "-q", "-o", "a.ply", "-o", "a.xyz"]);
+    if std::process::Command::new("sh")
+        .args(["-c", "command -v CloudCompare"])
+        .output()
+        .unwrap()
+        .stdout
+        .is_empty()
+    {
+        println!("skipped: no CloudCompare");
+        return;
+    }
+    let line = "QT_QPA_PLATFORM=offscreen HOME=$PWD timeout 120 CloudCompare -SILENT -O a.ply -C_EXPORT_FMT ASC -PREC 6 \
+                -SAVE_CLOUDS && mv a_*.asc a.asc";
+    let out = shell(dir.path(), &[], line).unwrap();
+    assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
+    let rows = |name: &str| -> Vec<Vec<f64>> {
+        let table = fs::read_to_string(dir.path().join(name)).unwrap();
+        table.lines().map(|l| l.split(' ').map_while(|f| f.parse().ok()).take(3).collect()).collect()
+    };
+    let (theirs, ours) = (rows("a.asc"), rows("a.xyz"));
+    assert_eq!(theirs.len(), ours.len());
+    for (t, o) in theirs.iter().zip(&ours) {
+        assert!(t.iter().zip(o).all(|(t, o)| (t - o).abs() < 1e-3), "{t:?} for {o:?}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
 fn gnu_parallel_makes_the_same_clouds() {
     let dir = folder();
     let line = r#"parallel --version 2>/dev/null | grep -q GNU || exit 99
@@ -308,6 +351,10 @@ fn a_terminal_gets_no_binary_points_without_force() {
     assert!(forced.status.success());
     let words = on_a_terminal("--format csv").unwrap();
     assert!(words.status.success(), "{}", text(&words.stdout));
+    let line = r#"script -qec "$VLSCAN pulses $SURVEY -q --format arrow" /dev/null | tail -c 3000"#;
+    let pulses = shell(dir.path(), &["script"], line).unwrap();
+    assert_eq!(pulses.status.code(), Some(2), "{}", text(&pulses.stdout));
+    assert!(text(&pulses.stdout).contains("--force"), "{}", text(&pulses.stdout));
 }
 
 #[test]

@@ -22,7 +22,7 @@ To begin:
   vlscan run forest/survey.xml -o forest.laz
   vlscan preview forest.laz -o forest.html";
 
-/// The command line with the examples of [`pages`] at the end of each `--help`.
+/// The command line with the examples of [`pages`] and the exit statuses at the end of each `--help`.
 pub fn command() -> Command {
     let mut command = with_examples(Cli::command(), "vlscan").after_help(BEGIN);
     // Options that hold everywhere reach the subcommands, and all get their full names.
@@ -60,14 +60,18 @@ fn with_examples(command: Command, path: &str) -> Command {
     let command = names.iter().fold(command, |command, name| {
         command.mut_subcommand(name, |sub| with_examples(sub, &format!("{path} {name}")))
     });
-    match page(path) {
-        Some(page) => {
-            let examples: String = page.examples.lines().map(|line| format!("  {line}\n")).collect();
-            let examples = examples.replace("  \n", "\n");
-            command.after_long_help(format!("Examples:\n{}", examples.trim_end()))
-        }
-        None => command,
-    }
+    let examples = page(path).map(|page| {
+        let lines: String = page.examples.lines().map(|line| format!("  {line}\n")).collect();
+        format!("Examples:\n{}\n\n", lines.replace("  \n", "\n").trim_end())
+    });
+    command.after_long_help(examples.unwrap_or_default() + &exit_status())
+}
+
+/// The exit statuses as help tells them.
+fn exit_status() -> String {
+    let lines: Vec<String> =
+        EXIT_STATUS.iter().map(|(status, meaning)| format!("  {status:<3}  {meaning}")).collect();
+    format!("Exit status:\n{}", lines.join("\n"))
 }
 
 /// All pages: file name and text.
@@ -183,6 +187,10 @@ mod tests {
             assert!(page(path).is_some(), "`{path}` has no examples: add it to src/cli/manual/pages.rs");
             let help = command.clone().render_long_help().to_string();
             assert!(help.contains("Examples:\n  "), "{path}:\n{help}");
+            assert!(
+                help.contains("Exit status:\n  0    Done") && help.contains("\n  130  "),
+                "{path}:\n{help}"
+            );
         });
         for page in PAGES {
             assert!(

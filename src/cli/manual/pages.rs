@@ -17,7 +17,10 @@ pub(super) const EXIT_STATUS: &[(&str, &str)] = &[
     ("1", "The machine failed: a file could not be read or written, the disk is full."),
     ("2", "The input or the command line is wrong; the message says where and what was expected."),
     ("3", "A scan frequency is outside the scanner's limits."),
-    ("130", "Interrupted (Ctrl-C)."),
+    (
+        "130",
+        "Interrupted (Ctrl-C, SIGTERM): files and streams are valid, hold what was done until then and say that they are partial.",
+    ),
 ];
 
 /// All subcommands.
@@ -48,6 +51,9 @@ vlscan scene make forest -n 20k --pulses 60k -o forest
 
 # all strips in one file; the ending tells the format
 vlscan run forest/survey.xml -o forest.laz
+
+# an octree that viewers load in pieces (COPC); columns for pandas and polars
+vlscan run forest/survey.xml -o forest.copc.laz -o forest.parquet
 
 # one file per strip
 vlscan run forest/survey.xml -o strips --format las
@@ -80,6 +86,10 @@ vlscan trajectory terrain/survey.xml > flown.csv
 vlscan trajectory terrain/survey.xml --interval 0.005 |
   vlscan run terrain/survey.xml --trajectory - -o again.laz
 
+# the poses as an Arrow stream
+vlscan trajectory terrain/survey.xml --format arrow > flown.arrow
+vlscan run terrain/survey.xml --trajectory flown.arrow -o once_more.laz
+
 # columns by number, angles in radians, the yaw counter-clockwise from east
 awk 'BEGIN { for (i = 0; i <= 400; i++) print i / 200, 1.5708, 0, 0, 0, i / 4 - 50, 300 }' > drone.txt
 vlscan run terrain/survey.xml --trajectory drone.txt -o drone.laz --trajectory-angles rad \\
@@ -89,6 +99,7 @@ vlscan run terrain/survey.xml --trajectory drone.txt -o drone.laz --trajectory-a
                 "*.csv, *.txt",
                 "Poses as text: time, x, y, z, roll, pitch, yaw, or as a first line names them.",
             ),
+            ("*.arrow", "The same columns as an Arrow IPC stream or file."),
             ("*.out, *.sbet", "Poses of a navigation system: 17 doubles each (SBET)."),
             ("*.trj", "Poses as TerraScan keeps them."),
         ],
@@ -101,6 +112,10 @@ vlscan scene make terrain -n 20k --pulses 60k -o terrain
 
 # the two halves of a run: the same points as `vlscan run terrain/survey.xml`
 vlscan pulses terrain/survey.xml | vlscan trace --scanner terrain/survey.xml -o terrain.laz
+
+# the same through an Arrow stream: quicker, and read by pyarrow and polars
+vlscan pulses terrain/survey.xml --format arrow |
+  vlscan trace --scanner terrain/survey.xml -o same.laz
 
 # every tenth pulse
 vlscan pulses terrain/survey.xml | awk 'NR % 10 == 1' |
@@ -242,12 +257,18 @@ vlscan run forest/survey.xml -o - --format xyz -q | vlscan preview - -o piped.ht
 # the waveform of the first pulse with three echoes
 vlscan run forest/survey.xml --output out --waveforms -q
 pulse=$(awk '$7 == 3 { print $8; exit }' out/forest/*/strip001_points.xyz)
-vlscan preview out/forest/*/strip001_fullwave.txt --pulse $pulse -o pulse.png",
+vlscan preview out/forest/*/strip001_fullwave.txt --pulse $pulse -o pulse.png
+
+# the same waveform from packets within LAZ; the same points as a table
+vlscan run forest/survey.xml -o waves.laz -o trees.arrow --wave-packets inside -q
+vlscan preview waves.laz --pulse $pulse -o packet.png
+vlscan preview trees.arrow -o returns.png --colour return",
         files: &[
             (
                 "*_fullwave.txt, *_fullwave.bin",
                 "Waveforms, for --pulse; text may be compressed with gzip(1).",
             ),
+            ("*.las, *.laz", "With --pulse: files with waveform packets, inside or beside (.wdp)."),
             ("*.html", "A page that holds its points, drawn with WebGL 2; it fetches nothing."),
             ("NAME.part", "A file that is not complete yet."),
         ],
