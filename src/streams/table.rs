@@ -25,7 +25,7 @@ pub struct TableColumn {
     whole: bool,
 }
 
-/// The columns of a stream of poses; the values are those of [`pose_values`].
+/// The columns of a stream of poses; the values are those that `push_pose_row` appends.
 pub fn pose_columns() -> Vec<TableColumn> {
     let units = [
         ("time", "s"),

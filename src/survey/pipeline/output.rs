@@ -19,7 +19,7 @@ pub struct SinkSetting {
     pub path: PathBuf,
     /// `points` or `trajectory`.
     pub content: String,
-    /// One of [`FORMATS`].
+    /// Its name as `--format` takes it.
     pub format: Option<String>,
     /// One file for each leg or strip.
     pub per_leg: Option<bool>,
