@@ -140,11 +140,9 @@ impl<'a> Shot<'a> {
     pub fn foresee(&self, scene: &Scene) {
         for primitive in self.primitive.iter().step_by(4) {
             let primitive = *primitive as usize;
-            if let (Some(triangle), Some(surface)) =
-                (scene.geometry.triangles.get(primitive), scene.surface_of.get(primitive))
-            {
+            if let Some(triangle) = scene.geometry.triangles.get(primitive) {
                 prefetch(triangle);
-                prefetch(surface);
+                scene.surface_of.prefetch(primitive);
             }
         }
     }

@@ -49,7 +49,7 @@ impl Inventory {
             of_material: vec![0; scene.materials.len()],
             ..Inventory::default()
         };
-        for &surface in &scene.surface_of {
+        for surface in scene.surface_of.iter() {
             let Surface { part, material } = scene.surfaces[surface as usize];
             all.of_part[part as usize] += 1;
             all.of_material[material as usize] += 1;

@@ -326,7 +326,6 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Sc
     voxels.shrink_to_fit();
     let mut surface_of = triangle_surfaces;
     surface_of.extend(cube_surfaces);
-    surface_of.shrink_to_fit();
     let own = ground::bounds(&geometry, &all);
     let found = placed.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
     let bounds = first.map_or(found, |first| first.bounds(found, keep_frame));

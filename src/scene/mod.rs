@@ -35,6 +35,7 @@ mod place;
 mod plane;
 mod play;
 mod spectra;
+mod surface_of;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -52,4 +53,5 @@ pub use model::{Mover, Part, ReadyTree, Scene, Surface};
 pub use motion::{Actor, Change, MoverState, Movers, Stage};
 pub use pack::{Conditions, Pack, Packed, pack};
 pub use play::{Stand, plays};
+pub use surface_of::SurfaceOf;
 pub use voxel::{Voxel, VoxelKind};

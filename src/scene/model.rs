@@ -1,6 +1,6 @@
 //! The frozen scene that workers share.
 
-use super::{LadTable, Material, Placed, Voxel};
+use super::{LadTable, Material, Placed, SurfaceOf, Voxel};
 use crate::geom::{Aabb, DVec3};
 use crate::store::Store;
 use crate::survey::{MotionSequence, MotionTiming};
@@ -20,7 +20,7 @@ pub struct Scene {
     /// Primitives, local frame.
     pub geometry: Geometry,
     /// For each primitive its index in `surfaces`.
-    pub surface_of: Store<u32>,
+    pub surface_of: SurfaceOf,
     /// Distinct (part, material) pairs.
     pub surfaces: Vec<Surface>,
     /// Parts in document order.
@@ -128,7 +128,7 @@ impl Scene {
     #[inline]
     pub fn surface(&self, i: u32) -> Surface {
         match self.surface_of.get(i as usize) {
-            Some(&surface) => self.surfaces[surface as usize],
+            Some(surface) => self.surfaces[surface as usize],
             None => self.surface_of_instance(i),
         }
     }
@@ -212,7 +212,7 @@ impl Scene {
         let is_ground_material: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
         let is_ground: Vec<bool> =
             self.surfaces.iter().map(|s| is_ground_material[s.material as usize]).collect();
-        let ground = |i: usize| is_ground[self.surface_of[i] as usize];
+        let ground = |i: usize| self.surface_of.get(i).is_some_and(|s| is_ground[s as usize]);
         let count = self.geometry.triangles.len();
         // What is hit from below, and the height that counts then.
         let triangles = (0..count).filter(|&i| ground(i)).filter_map(|i| {

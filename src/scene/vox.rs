@@ -417,7 +417,7 @@ mod tests {
             name: None,
         };
         let scene = load(&mut f, loader);
-        assert_eq!(scene.surface_of, [0, 1, 2, 0, 1, 2]);
+        assert_eq!(scene.surface_of, vec![0, 1, 2, 0, 1, 2].into());
         assert_ne!(scene.material_of(1).reflection, scene.material_of(2).reflection);
     }
 

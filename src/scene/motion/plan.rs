@@ -140,11 +140,12 @@ fn alone(scene: &Scene, mover: &Mover) -> Scene {
         triangles: g.triangles[mover.triangles.clone()].iter().map(|t| t.map(|v| v - first)).collect(),
         cubes: g.cubes[mover.cubes.clone()].to_vec().into(),
     };
-    let cube_surfaces = &scene.surface_of[g.triangles.len()..][mover.cubes.clone()];
-    let numbers = scene.surface_of[mover.triangles.clone()].iter().chain(cube_surfaces);
+    let count = g.triangles.len();
+    let cubes = count + mover.cubes.start..count + mover.cubes.end;
+    let numbers = scene.surface_of.among(mover.triangles.clone()).chain(scene.surface_of.among(cubes));
     let (mut surfaces, mut materials, mut known) = (Vec::new(), Vec::new(), HashMap::new());
     let surface_of = numbers
-        .map(|&number| {
+        .map(|number| {
             *known.entry(number).or_insert_with(|| {
                 materials.push(scene.materials[scene.surfaces[number as usize].material as usize].clone());
                 surfaces.push(Surface { part: 0, material: surfaces.len() as u32 });

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3};
 use crate::scene::ReadyTree;
-use crate::scene::{LadTable, Material, Mover, Part, Placed, Reflection, Scene, Surface};
+use crate::scene::{LadTable, Material, Mover, Part, Placed, Reflection, Scene, Surface, SurfaceOf};
 use crate::store::{Archive, Cut, Reader, Words, Writer};
 use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming};
 use crate::tree::{Builder, Geometry, Instances, Tree};
@@ -65,7 +65,7 @@ pub(super) fn write(
     w.list(&scene.movers, write_mover);
     scene.geometry.pack(&name("own"), out)?;
     out.array(name("voxels"), &scene.voxels)?;
-    out.array(name("surfaces"), &scene.surface_of)?;
+    scene.surface_of.pack(name("surfaces"), out)?;
     tree.pack(&name("tree"), out, &mut w)?;
     w.flag(scene.placed.is_some());
     if let Some(placed) = &scene.placed {
@@ -103,7 +103,7 @@ fn read_scene(
     let mut scene = head(r).map_err(cut)?;
     scene.geometry = Geometry::unpack(&name("own"), file)?;
     scene.voxels = file.array(&name("voxels"))?;
-    scene.surface_of = file.array(&name("surfaces"))?;
+    scene.surface_of = SurfaceOf::unpack(&name("surfaces"), file)?;
     let (primitives, cubes) = (scene.geometry.len(), scene.geometry.cubes.len());
     if scene.surface_of.len() != primitives || scene.voxels.len() != cubes {
         return Err("its arrays do not belong together".to_owned());

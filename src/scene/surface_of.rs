@@ -1,0 +1,151 @@
+//! Which surface each primitive is of.
+
+use crate::error::Result;
+use crate::store::{Archive, Store, Writer};
+use crate::tree::prefetch;
+use std::ops::Range;
+
+/// For each primitive the number of its surface: two bytes while there are no more surfaces than that can tell apart, four
+/// otherwise. Scenes have few surfaces and many primitives.
+#[derive(Clone, Debug)]
+pub enum SurfaceOf {
+    /// Numbers below 65 536.
+    Few(Store<u16>),
+    /// Any others.
+    Many(Store<u32>),
+}
+
+impl SurfaceOf {
+    /// Number of primitives.
+    pub fn len(&self) -> usize {
+        match self {
+            SurfaceOf::Few(numbers) => numbers.len(),
+            SurfaceOf::Many(numbers) => numbers.len(),
+        }
+    }
+
+    /// Whether there is no primitive.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The surface of primitive `i`, if there is such a primitive.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Option<u32> {
+        match self {
+            SurfaceOf::Few(numbers) => numbers.get(i).map(|n| u32::from(*n)),
+            SurfaceOf::Many(numbers) => numbers.get(i).copied(),
+        }
+    }
+
+    /// The surfaces of all primitives.
+    pub fn iter(&self) -> impl Iterator<Item = u32> {
+        self.among(0..self.len())
+    }
+
+    /// The surfaces of some primitives, as far as there are any.
+    pub fn among(&self, primitives: Range<usize>) -> impl Iterator<Item = u32> {
+        primitives.map_while(|i| self.get(i))
+    }
+
+    /// One primitive more.
+    pub fn push(&mut self, surface: u32) {
+        self.extend([surface]);
+    }
+
+    /// Some primitives more.
+    pub fn extend(&mut self, surfaces: impl IntoIterator<Item = u32>) {
+        for surface in surfaces {
+            match (&mut *self, u16::try_from(surface)) {
+                (SurfaceOf::Few(numbers), Ok(surface)) => numbers.push(surface),
+                (SurfaceOf::Many(numbers), _) => numbers.push(surface),
+                (SurfaceOf::Few(_), Err(_)) => {
+                    let mut wide: Vec<u32> = self.iter().collect();
+                    wide.push(surface);
+                    *self = SurfaceOf::Many(wide.into());
+                }
+            }
+        }
+    }
+
+    /// Asks for the number of primitive `i` ahead of its use.
+    #[inline(always)]
+    pub fn prefetch(&self, i: usize) {
+        match self {
+            SurfaceOf::Few(numbers) => prefetch(numbers.as_ptr().wrapping_add(i)),
+            SurfaceOf::Many(numbers) => prefetch(numbers.as_ptr().wrapping_add(i)),
+        }
+    }
+
+    /// Bytes held.
+    pub fn memory(&self) -> usize {
+        match self {
+            SurfaceOf::Few(numbers) => numbers.memory(),
+            SurfaceOf::Many(numbers) => numbers.memory(),
+        }
+    }
+
+    /// Writes the numbers as an array of a file.
+    pub fn pack(&self, name: String, out: &mut Writer) -> Result<()> {
+        match self {
+            SurfaceOf::Few(numbers) => out.array(name, numbers),
+            SurfaceOf::Many(numbers) => out.array(name, numbers),
+        }
+    }
+
+    /// The numbers as [`SurfaceOf::pack`] wrote them. An error says what does not fit.
+    pub fn unpack(name: &str, file: &Archive) -> std::result::Result<SurfaceOf, String> {
+        match file.array(name) {
+            Ok(numbers) => Ok(SurfaceOf::Few(numbers)),
+            Err(_) => file.array(name).map(SurfaceOf::Many),
+        }
+    }
+}
+
+impl Default for SurfaceOf {
+    fn default() -> SurfaceOf {
+        SurfaceOf::Few(Store::new())
+    }
+}
+
+impl PartialEq for SurfaceOf {
+    fn eq(&self, other: &SurfaceOf) -> bool {
+        self.len() == other.len() && self.iter().eq(other.iter())
+    }
+}
+
+impl FromIterator<u32> for SurfaceOf {
+    fn from_iter<I: IntoIterator<Item = u32>>(surfaces: I) -> SurfaceOf {
+        let mut all = SurfaceOf::default();
+        all.extend(surfaces);
+        all
+    }
+}
+
+impl From<Vec<u32>> for SurfaceOf {
+    fn from(mut surfaces: Vec<u32>) -> SurfaceOf {
+        if surfaces.iter().any(|n| *n > u32::from(u16::MAX)) {
+            surfaces.shrink_to_fit();
+            return SurfaceOf::Many(surfaces.into());
+        }
+        SurfaceOf::Few(surfaces.into_iter().map(|n| n as u16).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_narrow_as_long_as_they_can_be() {
+        let mut of: SurfaceOf = vec![3, 65_535, 0].into();
+        assert!(matches!(of, SurfaceOf::Few(_)) && of.memory() <= 8, "{of:?}");
+        assert_eq!((of.get(1), of.get(3)), (Some(65_535), None));
+        of.push(65_536);
+        assert!(matches!(of, SurfaceOf::Many(_)), "{of:?}");
+        assert_eq!(of.iter().collect::<Vec<_>>(), [3, 65_535, 0, 65_536]);
+        assert_eq!(of.among(1..9).collect::<Vec<_>>(), [65_535, 0, 65_536]);
+        assert_eq!(of, SurfaceOf::from(vec![3, 65_535, 0, 65_536]));
+        assert_ne!(of, SurfaceOf::from(vec![3, 65_535, 0]));
+    }
+}
