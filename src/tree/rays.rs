@@ -209,11 +209,16 @@ impl Hits {
         (self.t.as_chunks_mut().0, self.primitive.as_chunks_mut().0)
     }
 
-    /// Makes room for `rays` misses.
-    pub(crate) fn reset(&mut self, rays: usize) {
-        self.t.clear();
+    /// Makes room for `rays` hits; what stands there means nothing yet.
+    pub(super) fn make_room(&mut self, rays: usize) {
         self.t.resize(rays, f64::INFINITY);
-        self.primitive.clear();
         self.primitive.resize(rays, Hits::MISS);
+    }
+
+    /// Makes some of them misses.
+    #[inline(always)]
+    pub(super) fn clear(&mut self, rays: Range<usize>) {
+        self.t[rays.clone()].fill(f64::INFINITY);
+        self.primitive[rays].fill(Hits::MISS);
     }
 }

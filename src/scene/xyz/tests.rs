@@ -302,7 +302,7 @@ fn cubes_have_the_class_of_most_of_their_points_unless_a_material_says_otherwise
     let classes = |scene: &Scene| -> Vec<i32> {
         let first = scene.geometry.triangles.len();
         let class = |i: usize| {
-            let surface = scene.surfaces[scene.surface_of[first + i] as usize];
+            let surface = scene.surface((first + i) as u32);
             (scene.geometry.cubes[i].centre.z, scene.materials[surface.material as usize].classification)
         };
         let mut of_cubes: Vec<_> = (0..scene.geometry.cubes.len()).map(class).collect();

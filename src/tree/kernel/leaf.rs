@@ -106,7 +106,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
             }
             self.lower_limits(touched);
         }
-        (self.lists.count, self.rows.batch_count, self.rows.kept_count) = (0, 0, 0);
+        (self.lists.count, self.rows.batch_count) = (0, 0);
     }
 
     /// # Safety

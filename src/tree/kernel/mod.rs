@@ -82,7 +82,7 @@ impl Tree {
 
     /// [`Tree::trace_group`] on a given instruction set.
     pub(super) fn trace_group_on(&self, level: Level, geometry: &Geometry, rays: &RayGroup, hits: &mut Hits) {
-        hits.reset(rays.len() * rays.stride());
+        hits.make_room(rays.len() * rays.stride());
         if rays.rays() == 0 {
             return;
         }
@@ -169,6 +169,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
         let mut first = 0;
         while first < rays.len() {
             let mut count = lanes::neighbours(rays, first);
+            hits.clear(first * rays.stride()..(first + count) * rays.stride());
             loop {
                 // SAFETY: the caller vouches for the instruction set.
                 if unsafe {

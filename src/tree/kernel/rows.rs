@@ -41,7 +41,10 @@ pub(super) struct Rows {
     pub batch_count: usize,
     /// The edges of sixteen pairs each.
     pub sides: [Sides; SIDES],
-    /// Places in `pairs` of those of which any ray may be inside; the first `kept_count` are meant.
+    /// Places in `pairs` of those of which surely all rays are inside; the first `whole_count` are meant.
+    pub whole: [u32; PAIR_ROOM],
+    pub whole_count: usize,
+    /// The same of the others of which any ray may be inside.
     pub kept: [u32; PAIR_ROOM],
     pub kept_count: usize,
     /// Pairs of which rays are inside.
@@ -80,6 +83,8 @@ impl Rows {
         batches: [Batch { block: 0, meant: 0 }; PLACES / LANES + 1],
         batch_count: 0,
         sides: [Sides::NONE; SIDES],
+        whole: [0; PAIR_ROOM],
+        whole_count: 0,
         kept: [0; PAIR_ROOM],
         kept_count: 0,
         inside: [Inside { pair: 0, strictly: 0, maybe: 0 }; PLANES],
@@ -121,20 +126,25 @@ impl<S: Simd> Step<S> for FindSides<'_, S> {
     unsafe fn run(self) {
         let FindSides { rows, lists, lanes, vertices } = self;
         let batches = rows.batches[..rows.batch_count].iter().zip(rows.pairs.as_chunks::<LANES>().0);
-        let mut kept_count = 0;
+        let (mut kept_count, mut whole_count) = (0, 0);
         for ((first, (batch, pairs)), sides) in (0..).step_by(LANES).zip(batches).zip(&mut rows.sides) {
             let Some(block) = lists.blocks[batch.block as usize % TOGETHER] else { continue };
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
-                let kept = batch.meant & Sides::of::<S>(sides, lanes, block, pairs);
+                let [any, whole] = Sides::of::<S>(sides, lanes, block, pairs);
+                let (kept, whole) = (batch.meant & any & !whole, batch.meant & whole);
                 if let Some(room) = rows.kept[kept_count..].first_chunk_mut() {
                     S::compress(kept, first, room);
                 }
                 kept_count += kept.count_ones() as usize;
+                if let Some(room) = rows.whole[whole_count..].first_chunk_mut() {
+                    S::compress(whole, first, room);
+                }
+                whole_count += whole.count_ones() as usize;
             }
         }
-        rows.kept_count = kept_count;
-        for n in &rows.kept[..kept_count] {
+        (rows.kept_count, rows.whole_count) = (kept_count, whole_count);
+        for n in rows.whole[..whole_count].iter().chain(&rows.kept[..kept_count]) {
             let pair = rows.pairs[*n as usize % PAIR_ROOM];
             let Some(block) = lists.blocks[block_of(pair)] else { continue };
             for corner in &block.vertex {
@@ -149,6 +159,26 @@ impl<S: Simd> Step<S> for FindSides<'_, S> {
 pub(super) struct Settled {
     pub rays: [u32; GROUP],
     pub depth: PerPulse,
+}
+
+impl Settled {
+    /// The rays that have hit something wholly in front of the triangle of a pair, which they do not see.
+    #[inline(always)]
+    fn hidden(&self, lists: &Lists, pair: u32) -> u32 {
+        let (pulse, near) = (pulse_of(pair), lists.near[block_of(pair)][lane_of(pair)]);
+        self.rays[pulse] & all_if(near > self.depth.0[pulse])
+    }
+
+    /// Takes down that these rays of a pair hit its triangle, unless that is partly behind the pulse's origin.
+    #[inline(always)]
+    fn settle<S: Simd>(&mut self, lists: &Lists, lanes: &Lanes<S>, pair: u32, rays: u32) {
+        let (block, pulse, lane) = (block_of(pair), pulse_of(pair), lane_of(pair));
+        let sure = rays & all_if(lists.near[block][lane] > lanes.start.0[pulse]);
+        self.rays[pulse] |= sure;
+        let far = f32::from_bits(lists.far[block][lane].to_bits() & all_if(sure != 0));
+        let depth = &mut self.depth.0[pulse];
+        *depth = if far > *depth { far } else { *depth };
+    }
 }
 
 /// All ones or none, without a branch that nobody could foresee.
@@ -180,12 +210,28 @@ impl<S: Simd> Step<S> for FindInside<'_, S> {
         let FindInside { rows, lists, lanes, deviations, settled, span, wide, valid } = self;
         let (first, single) = (2 * span, wide <= 2);
         let (mut count, mut unsure) = (0, 0);
-        let Rows { pairs, sides, kept, kept_count, inside, unsure: open, .. } = rows;
-        for n in &kept[..*kept_count] {
+        let Rows { pairs, sides, whole, whole_count, kept, kept_count, inside, unsure: open, .. } = rows;
+        // Pulses that are inside as a whole first: they hide most of the others.
+        for n in &whole[..*whole_count] {
+            let pair = pairs[*n as usize % PAIR_ROOM];
+            let rays = valid & !settled.hidden(lists, pair);
+            if single {
+                settled.settle(lists, lanes, pair, rays);
+            }
+            inside[count % PLANES] = Inside { pair, strictly: rays, maybe: rays };
+            count += usize::from(rays != 0);
+        }
+        let mut left = 0;
+        for n in 0..*kept_count {
+            let place = kept[n];
+            let hidden = settled.hidden(lists, pairs[place as usize % PAIR_ROOM]);
+            kept[left] = place;
+            left += usize::from(valid & !hidden != 0);
+        }
+        for n in &kept[..left] {
             let n = *n as usize;
             let pair = pairs[n % PAIR_ROOM];
-            let (block, pulse, lane) = (block_of(pair), pulse_of(pair), lane_of(pair));
-            let (sides, row) = (&sides[n / LANES % SIDES], pulse * wide + first);
+            let (sides, row) = (&sides[n / LANES % SIDES], pulse_of(pair) * wide + first);
             // SAFETY: the caller vouches for the instruction set.
             let (mut strictly, mut maybe) = unsafe { sides.inside::<S>(n % LANES, &deviations[row]) };
             if first + 1 < wide {
@@ -193,18 +239,10 @@ impl<S: Simd> Step<S> for FindInside<'_, S> {
                 let (s, m) = unsafe { sides.inside::<S>(n % LANES, &deviations[row + 1]) };
                 (strictly, maybe) = (strictly | s << 16, maybe | m << 16);
             }
-            // Rays that have hit something wholly in front of this triangle do not see it.
-            let near = lists.near[block][lane];
-            let hidden = settled.rays[pulse] & all_if(near > settled.depth.0[pulse]);
-            let valid = valid & !hidden;
+            let valid = valid & !settled.hidden(lists, pair);
             (strictly, maybe) = (strictly & valid, maybe & valid);
             if single {
-                // A triangle partly behind the pulse's origin may be hit there.
-                let sure = strictly & all_if(near > lanes.start.0[pulse]);
-                settled.rays[pulse] |= sure;
-                let far = f32::from_bits(lists.far[block][lane].to_bits() & all_if(sure != 0));
-                let depth = &mut settled.depth.0[pulse];
-                *depth = if far > *depth { far } else { *depth };
+                settled.settle(lists, lanes, pair, strictly);
             }
             inside[count % PLANES] = Inside { pair, strictly, maybe };
             open[unsure % ASKED] = count as u32;

@@ -34,7 +34,8 @@ pub(super) struct Sides {
 impl Sides {
     pub const NONE: Sides = Sides { coefficients: [[[0.0; LANES]; 3]; 3], error: [[0.0; LANES]; 2] };
 
-    /// The edges of sixteen pairs of a block, written to `sides`; returns the pairs of which any ray may be inside.
+    /// The edges of sixteen pairs of a block, written to `sides`; returns the pairs of which any ray may be inside, and
+    /// those of which surely all rays are.
     ///
     /// # Safety
     /// As for [`Simd`].
@@ -44,7 +45,7 @@ impl Sides {
         lanes: &Lanes<S>,
         block: &Block,
         pairs: &[u32; LANES],
-    ) -> u32 {
+    ) -> [u32; 2] {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let [triangle, pulse] = S::places(pairs);
@@ -96,7 +97,10 @@ impl Sides {
             // The whole pulse is left of one edge and right of another.
             let left = S::or(S::or(parted[0].0, parted[1].0), parted[2].0);
             let right = S::or(S::or(parted[0].1, parted[1].1), parted[2].1);
-            !S::bits(S::and(left, right)) & 0xffff
+            // Or it is left, or right, of all three.
+            let all_left = S::and(S::and(parted[0].0, parted[1].0), parted[2].0);
+            let all_right = S::and(S::and(parted[0].1, parted[1].1), parted[2].1);
+            [!S::bits(S::and(left, right)) & 0xffff, S::bits(S::or(all_left, all_right))]
         }
     }
 
