@@ -258,10 +258,12 @@ vlscan run forest/survey.xml -o - --format xyz -q | vlscan preview - -o piped.ht
 vlscan run forest/survey.xml --output out --waveforms -q
 pulse=$(awk '$7 == 3 { print $8; exit }' out/forest/*/strip001_points.xyz)
 vlscan preview out/forest/*/strip001_fullwave.txt --pulse $pulse -o pulse.png
-
-# the same waveform from packets within LAZ; the same points as a table
-vlscan run forest/survey.xml -o waves.laz -o trees.arrow --wave-packets inside -q
+# and from packets within LAZ
+vlscan run forest/survey.xml -o waves.laz --wave-packets inside -q
 vlscan preview waves.laz --pulse $pulse -o packet.png
+
+# points as a table
+vlscan run forest/survey.xml -o trees.arrow -q
 vlscan preview trees.arrow -o returns.png --colour return",
         files: &[
             (
