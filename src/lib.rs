@@ -18,7 +18,7 @@
 //!
 //! | room | what it does | imports |
 //! |---|---|---|
-//! | [`geom`], [`rng`], [`diag`], [`error`], [`arrivals`] | rotations, boxes; counter-based random numbers; places and reports; bytes and tables as they arrive | nothing |
+//! | [`geom`], [`rng`], [`diag`], [`error`], [`arrivals`], `damage` | rotations, boxes; counter-based random numbers; places and reports; bytes and tables as they arrive; libraries that panic on damaged files | nothing |
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
 //! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, arrivals |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
@@ -47,6 +47,7 @@
 
 pub mod arrivals;
 pub mod cli;
+mod damage;
 pub mod diag;
 pub mod error;
 pub mod flight;

@@ -629,3 +629,27 @@ fn what_needs_more_memory_than_allowed_is_refused_before_it_is_built() {
     );
     all.told();
 }
+
+/// Compressed points with some bytes overwritten: libraries that read them assert that they make sense.
+#[test]
+fn a_preview_of_damaged_points_ends_with_a_message() {
+    let folder = common::folder();
+    let survey = common::fixture("forest/survey.xml");
+    common::succeed(
+        folder.path(),
+        &["run", text(survey.as_os_str().as_encoded_bytes()).as_str(), "-q", "-o", "a.laz"],
+    );
+    let whole = std::fs::read(folder.path().join("a.laz")).unwrap();
+    let mut refused = 0;
+    for tenth in 1..10 {
+        let mut broken = whole.clone();
+        let at = whole.len() * tenth / 10;
+        broken[at..at + 40].fill(0xff);
+        std::fs::write(folder.path().join("broken.laz"), broken).unwrap();
+        let run = common::run(folder.path(), &["preview", "broken.laz", "-o", "a.png"]);
+        let said = text(&run.stderr);
+        assert!(matches!(run.status.code(), Some(0 | 2)) && !said.contains("panicked"), "{tenth}: {said}");
+        refused += usize::from(!run.status.success());
+    }
+    assert!(refused > 0, "nothing of it was noticed");
+}

@@ -1,6 +1,7 @@
 //! Reads LAS and LAZ.
 
 use super::points::{Attributes, Point, Points};
+use crate::damage;
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use las::{PointDataBuilder, Reader};
@@ -9,6 +10,15 @@ use std::path::Path;
 /// Reads all points. Intensity and object come from the extra bytes `heliosAmplitude` (or `amplitude`) and `hitObjectId`
 /// where they exist (spec outputs §4.4).
 pub(super) fn read(path: &Path) -> Result<Points> {
+    damage::survive(|| read_sound(path)).unwrap_or_else(|| Err(broken(path)))
+}
+
+/// Compressed points that are none.
+pub(super) fn broken(path: &Path) -> Error {
+    Error::input(format!("the compressed points of {} make no sense; is the file whole?", path.display()))
+}
+
+fn read_sound(path: &Path) -> Result<Points> {
     let failed = |e: las::Error| match e {
         las::Error::Io(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io("read", path, e),
         e => Error::input(format!("{} is not a LAS file that can be read: {e}", path.display())),

@@ -1,8 +1,9 @@
 //! Reads the waveform of one pulse from the packets that points of LAS and LAZ refer to (LAS 1.4 R15, point formats 4, 5, 9
 //! and 10).
 
-use super::read_las::{field, number};
+use super::read_las::{broken, field, number};
 use super::wave::{Near, Wave};
+use crate::damage;
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use las::{PointDataBuilder, Reader};
@@ -20,6 +21,10 @@ const LONGEST: u32 = 1 << 28;
 /// # Errors
 /// [`Error::Input`] when the file has no packets or none of that pulse, with the nearest that are there.
 pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
+    damage::survive(|| read_sound(path, number_wanted)).unwrap_or_else(|| Err(broken(path)))
+}
+
+fn read_sound(path: &Path, number_wanted: u64) -> Result<Wave> {
     let shown = path.display();
     let failed = |e: las::Error| match e {
         las::Error::Io(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io("read", path, e),

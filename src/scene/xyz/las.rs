@@ -1,13 +1,11 @@
 //! Points of LAS and LAZ files (ASPRS LAS 1.0–1.4): positions and classes.
 
 use super::points::{BATCH, Batches, Point};
+use crate::damage;
 use crate::geom::DVec3;
 use laz::las::selective::DecompressionSelection;
 use laz::{LasZipDecompressor, LazVlr};
-use std::cell::Cell;
 use std::io::{Cursor, Seek};
-use std::panic::{self, AssertUnwindSafe};
-use std::sync::Once;
 
 /// Shortest records of formats 0 to 10, bytes.
 const SHORTEST: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
@@ -175,27 +173,10 @@ impl Batches for Cloud<'_> {
     }
 }
 
-thread_local! {
-    /// Whether a panic of this thread is caught by [`survive`].
-    static CAUGHT: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Does what leads through `laz`, which asserts that compressed data make sense. Nothing that a panic may have left half
-/// done is used afterwards.
+/// Does what leads through `laz`.
 fn survive<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    static HOOK: Once = Once::new();
-    HOOK.call_once(|| {
-        let usual = panic::take_hook();
-        panic::set_hook(Box::new(move |about| {
-            if !CAUGHT.get() {
-                usual(about);
-            }
-        }));
-    });
-    CAUGHT.set(true);
-    let done = panic::catch_unwind(AssertUnwindSafe(read));
-    CAUGHT.set(false);
-    done.unwrap_or_else(|_| Err("its compressed points make no sense; is the file whole?".to_owned()))
+    let done = damage::survive(read);
+    done.unwrap_or_else(|| Err("its compressed points make no sense; is the file whole?".to_owned()))
 }
 
 impl<'a> Compressed<'a> {
