@@ -4,7 +4,8 @@
 #     pipelines/paper/compare.sh [FOLDER] [REPETITIONS]
 #
 # Trees are compared under the warehouse, schedules over FSAH. Every survey's full tables, JSON and pictures are left in FOLDER
-# as NAME-trees and NAME-schedules. Leave the machine alone meanwhile: ten minutes per repetition on two cores. Needs python3; VLSCAN names the program.
+# as NAME-trees and NAME-schedules. Leave the machine alone meanwhile: ten minutes per repetition on two cores.
+# Needs python3; VLSCAN names the program.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 folder=${1:-$here}
