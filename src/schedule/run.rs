@@ -218,35 +218,51 @@ impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     fn work_off(&mut self, item: Crate<C, R>, may_help: bool) {
         self.ledger.account.skip();
-        if may_help || self.settings.workers() == 0 {
-            while let Ok(job) = self.jobs.exit().try_recv() {
+        let workers = self.settings.workers();
+        if may_help || workers == 0 {
+            // Nothing comes in while this thread is at a job, and jobs can take longer than what is in store; so it leaves
+            // one for every worker to be busy with.
+            while self.jobs.exit().len() > workers
+                && let Ok(job) = self.jobs.exit().try_recv()
+            {
                 job();
                 self.ledger.account.did_job();
             }
         }
         let tasks = item.chunk.tasks();
         let result = (self.work)(item.chunk);
-        self.ledger.computed(tasks, self.settings.workers() == 0);
+        self.ledger.computed(tasks, workers == 0);
         // A collector that has gone is noticed at the next announcement.
         let _ = item.receipt.send(result);
     }
 
+    /// Tells the collector of a result to come. While it is behind, this thread does what there is to do: it computes what
+    /// waits in the warehouse, which is older than what the collector is to be told of, and runs the collector's jobs.
     fn announce(&mut self, mut promise: flume::Receiver<Result<R>>) -> Result<()> {
         let gone = |_| Error::Internal("the collector has ended early".to_owned());
-        match self.receipts.try_send(promise) {
-            Ok(()) => return Ok(()),
-            Err(TrySendError::Disconnected(_)) => return Err(gone(())),
-            Err(TrySendError::Full(p)) => promise = p,
-        }
-        self.ledger.account.skip();
+        let stores = matches!(self.settings.policy, Policy::Warehouse { .. });
+        // A shelf that nobody ever puts anything on.
+        let shelves = if stores { self.shelves.clone() } else { crossbeam_channel::never() };
         loop {
-            // While the collector waits for a job nobody else may be there to run it.
+            match self.receipts.try_send(promise) {
+                Ok(()) => return Ok(()),
+                Err(TrySendError::Disconnected(_)) => return Err(gone(())),
+                Err(TrySendError::Full(p)) => promise = p,
+            }
+            self.ledger.account.skip();
             let waiting = promise.clone();
             select! {
                 send(self.receipts, waiting) -> sent => {
                     self.ledger.account.was_idle();
                     return sent.map_err(|_| gone(()));
                 }
+                recv(shelves) -> item => match item {
+                    Ok(item) => {
+                        self.ledger.took_back();
+                        self.work_off(item, false);
+                    }
+                    Err(_) => return self.receipts.send(promise).map_err(|_| gone(())),
+                },
                 recv(self.jobs.exit()) -> job => match job {
                     Ok(job) => {
                         job();

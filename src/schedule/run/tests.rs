@@ -171,6 +171,71 @@ fn jobs_of_the_collector_are_run_whatever_the_number_of_threads() {
     }
 }
 
+/// A collector that gives away one job, at the first result, which ends when many more chunks have been computed.
+struct Patience<'a> {
+    jobs: Arc<JobQueue>,
+    computed: Arc<AtomicUsize>,
+    enough: &'a AtomicUsize,
+    waiting: Option<flume::Receiver<usize>>,
+}
+
+/// More than the collector may be behind.
+const MANY: usize = 60;
+
+impl Collect<u64> for Patience<'_> {
+    type Summary = ();
+    fn take(&mut self, result: u64, _: bool) -> Result<()> {
+        let (computed, began) = (self.computed.clone(), Instant::now());
+        let (tx, rx) = flume::bounded(1);
+        if result == 0 {
+            let job = move || {
+                while computed.load(Ordering::SeqCst) < MANY && began.elapsed() < Duration::from_millis(300) {
+                    std::thread::yield_now();
+                }
+                let _ = tx.send(computed.load(Ordering::SeqCst));
+            };
+            self.waiting = self.jobs.try_run(Box::new(job)).is_ok().then_some(rx);
+        }
+        Ok(())
+    }
+    fn finish(self) -> Result<()> {
+        let computed = self.waiting.map(|job| job.recv().unwrap());
+        self.enough.fetch_max(computed.unwrap_or(0), Ordering::SeqCst);
+        Ok(())
+    }
+    fn abort(self) {}
+}
+
+#[test]
+fn a_producer_ahead_of_the_collector_computes_what_waits_in_the_warehouse() {
+    let enough = AtomicUsize::new(0);
+    // The job may fall to the producer instead of the worker, but not always.
+    for _ in 0..20 {
+        let (jobs, computed) = (Arc::new(JobQueue::new(4)), Arc::new(AtomicUsize::new(0)));
+        let count = &computed;
+        let outcome = run(
+            Settings { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
+            &jobs,
+            &Stop::new(),
+            None,
+            || {
+                |x: u64| {
+                    count.fetch_add(1, Ordering::SeqCst);
+                    std::thread::sleep(Duration::from_micros(20));
+                    Ok(x)
+                }
+            },
+            |feed| (0..300).try_for_each(|x| feed.put(x)),
+            Patience { jobs: jobs.clone(), computed: computed.clone(), enough: &enough, waiting: None },
+        );
+        outcome.unwrap();
+        if enough.load(Ordering::SeqCst) >= MANY {
+            return;
+        }
+    }
+    panic!("only {} chunks were computed", enough.load(Ordering::SeqCst));
+}
+
 #[test]
 fn a_stop_ends_the_run_as_interrupted() {
     let jobs = Arc::new(JobQueue::new(4));
