@@ -38,6 +38,7 @@ impl RaySet {
             RaySet::new("terrestrial", 3, &turn(geometry)),
             RaySet::new("sparse", 3, &flight(ground, (100, 2.0), (50, 2.0))),
             RaySet::new("shuffled", 3, &shuffled[..40_000]),
+            RaySet::new("seven rays", 2, &airborne),
             RaySet::new("single ray", 1, &flight(ground, (60, 1.0), (1800, 0.05))),
         ]
     }

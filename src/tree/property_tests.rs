@@ -75,7 +75,7 @@ fn assert_groups_agree(
     expected: &[Vec<Option<Hit>>],
 ) {
     let mut hits = Hits::default();
-    for rays in [1, 2, 7, 19, 62] {
+    for rays in [1, 2, 3, 7, 8, 19, 62] {
         let mut group = RayGroup::new(rays);
         let members = || pulses.iter().zip(expected).filter(|(p, _)| p.len() == rays);
         for (p, _) in members() {
@@ -333,6 +333,47 @@ fn wide_pulses_in_groups_agree() {
         })
         .collect();
     assert_agreement(&g, &pulses);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    /// Pulses of few rays that start beside, before and behind each other, some of them within the mesh, some with another
+    /// that is no number: what packets are made of.
+    #[test]
+    fn packets_of_pulses_agree(
+        seed in 0u64..1000, rays in prop::sample::select(vec![1usize, 2, 3, 7, 8]), away in 0.0..5.0f64,
+        step in prop_oneof![Just(0.0), Just(1e-4), Just(0.05), Just(0.3)],
+        turn in prop_oneof![Just(0.0), Just(1e-5), Just(1e-3), Just(0.015)],
+        offset in prop_oneof![Just(0.0), Just(5.4e6)], odd in prop::option::of(0usize..40),
+    ) {
+        let draw = crate::rng::Stream::new(seed, crate::rng::Purpose::SceneMaking);
+        let centre = DVec3::new(offset, -offset, 0.1 * offset);
+        let g = ball(centre, 12, 20, seed);
+        let any = |i: u64, n: u32| {
+            DVec3::new(draw.uniform(n, i, 0), draw.uniform(n, i, 1), draw.uniform(n, i, 2)) - DVec3::splat(0.5)
+        };
+        let ahead = unit(any(0, 1));
+        let from = centre - ahead * away;
+        let pulses: Vec<RayBundle> = (0..40)
+            .map(|i| {
+                let axis = unit(ahead + any(i, 2) * turn);
+                let mut pulse = bundle(from + any(i, 3) * step, &cone(axis, 2.0 * turn, rays));
+                if odd == Some(i as usize) {
+                    pulse.origin.y = f64::NAN;
+                }
+                pulse
+            })
+            .collect();
+        let expected: Vec<Vec<Option<Hit>>> = pulses
+            .iter()
+            .map(|p| (0..p.len()).map(|i| brute_force(&g, p.origin, p.direction(i))).collect())
+            .collect();
+        for builder in [Builder::Fsah, Builder::Bvh] {
+            let tree = Tree::build(&g, &BuildOptions::of(builder));
+            assert_groups_agree(0, &tree, &g, &pulses, &expected);
+        }
+    }
 }
 
 #[test]

@@ -45,6 +45,8 @@ pub struct RayGroup {
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<f64>,
+    /// Origins of the rays of packets, by axis, in rows like the directions; empty where the rays of a pulse have its own.
+    from: [Vec<f64>; 3],
 }
 
 impl RayGroup {
@@ -60,6 +62,7 @@ impl RayGroup {
     pub fn clear(&mut self, rays: usize) {
         self.rays = rays;
         self.origins.clear();
+        self.from.iter_mut().for_each(Vec::clear);
         for d in [&mut self.x, &mut self.y, &mut self.z] {
             d.clear();
         }
@@ -117,6 +120,74 @@ impl RayGroup {
                 *to = a * x + b * y + c * z;
             }
         }
+    }
+
+    /// Most rays of pulses that are worth packing.
+    pub(super) const FEW: usize = RayGroup::PACKET / 4;
+
+    /// Rays of a packet.
+    pub(super) const PACKET: usize = 16;
+
+    /// Replaces the pulses by packets: what takes the place of a pulse are the rays of several, of at most
+    /// [`RayGroup::FEW`] rays each, which leave from about one place in about one direction. `places` tells of each ray
+    /// where its hit belongs in the hits of `of`; `u32::MAX` of those that fill up a row.
+    pub(super) fn pack(&mut self, of: &RayGroup, places: &mut Vec<u32>) {
+        self.clear(RayGroup::PACKET);
+        places.clear();
+        let mut first = 0;
+        while first < of.len() {
+            let last = (first + RayGroup::PACKET / of.rays).min(of.len());
+            let count = 1 + (first + 1..last).take_while(|p| of.are_near(first, *p)).count();
+            let mut row = [[0.0; RayGroup::PACKET]; 6];
+            let mut filled = 0;
+            for pulse in first..first + count {
+                let start = pulse * of.stride();
+                for at in start..start + of.rays {
+                    let o = of.origins[pulse];
+                    let ray = [of.x[at], of.y[at], of.z[at], o.x, o.y, o.z];
+                    row.iter_mut().zip(ray).for_each(|(row, x)| row[filled] = x);
+                    places.push(at as u32);
+                    filled += 1;
+                }
+            }
+            for row in &mut row {
+                let last = row[filled - 1];
+                row[filled..].fill(last);
+            }
+            places.resize(places.len() + RayGroup::PACKET - filled, u32::MAX);
+            self.origins.push(of.origins[first]);
+            let [fx, fy, fz] = &mut self.from;
+            for (to, row) in [&mut self.x, &mut self.y, &mut self.z, fx, fy, fz].into_iter().zip(&row) {
+                to.extend_from_slice(row);
+            }
+            first += count;
+        }
+    }
+
+    /// Whether two pulses may share a packet: never with one whose first ray is no number.
+    fn are_near(&self, a: usize, b: usize) -> bool {
+        let apart = (self.direction(a, 0) - self.direction(b, 0)).abs();
+        let away = (self.origins[a] - self.origins[b]).abs();
+        apart.cmple(DVec3::splat(0.02)).all() && away.cmple(DVec3::splat(1.0)).all()
+    }
+
+    /// Whether [`RayGroup::pack`] made this.
+    pub(super) fn is_packed(&self) -> bool {
+        !self.from[0].is_empty()
+    }
+
+    /// Origin of one ray, m.
+    pub(super) fn origin_of(&self, pulse: usize, ray: usize) -> DVec3 {
+        if !self.is_packed() {
+            return self.origins[pulse];
+        }
+        let at = pulse * self.stride() + ray;
+        DVec3::from(self.from.each_ref().map(|axis| axis[at]))
+    }
+
+    /// Origins of all rays along one axis, by whole registers; nothing but of packets.
+    pub(super) fn origin_lanes(&self, axis: usize) -> &[[f64; RayGroup::LANES]] {
+        self.from[axis].as_chunks().0
     }
 
     /// Number of pulses.
@@ -213,6 +284,16 @@ impl Hits {
     pub(super) fn make_room(&mut self, rays: usize) {
         self.t.resize(rays, f64::INFINITY);
         self.primitive.resize(rays, Hits::MISS);
+    }
+
+    /// Takes over the hits of packets: `places` are those of [`RayGroup::pack`].
+    pub(super) fn unpack(&mut self, packed: &Hits, places: &[u32]) {
+        for ((t, id), place) in packed.t.iter().zip(&packed.primitive).zip(places) {
+            let place = *place as usize;
+            if let (Some(own_t), Some(own)) = (self.t.get_mut(place), self.primitive.get_mut(place)) {
+                (*own_t, *own) = (*t, *id);
+            }
+        }
     }
 
     /// Makes some of them misses.

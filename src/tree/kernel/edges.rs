@@ -6,8 +6,10 @@
 //! from corner `p` to corner `q` on the side given by the sign of `E = c0 + c1·δ_i + c2·δ_j`, where
 //! `(c1, c2, c0) = p × q`. The three coefficients come from double precision, and as they are small for small triangles
 //! near the ray, so is the error of `E`. It is bounded; a ray within the bound of an edge is left undecided.
+//!
+//! To rays of packets, which start aside of the first, the edges themselves count as well: see [`super::sides`].
 
-use super::lanes::Deviations;
+use super::lanes::{Asides, Deviations};
 use crate::geom::DVec3;
 use crate::tree::simd::{Simd, each_of};
 
@@ -44,19 +46,28 @@ impl Eye {
 pub(super) struct Edges {
     /// `c1`, `c2`, `c0`, the bound of the error and its negative.
     coefficients: [[f32; 4]; 5],
+    /// The edges by axis, for starts in the tree's frame.
+    edges: [[f32; 4]; 3],
 }
 
 impl Edges {
-    const NONE: Edges = Edges { coefficients: [[0.0; 4]; 5] };
+    const NONE: Edges = Edges { coefficients: [[0.0; 4]; 5], edges: [[0.0; 4]; 3] };
 
-    /// The edges of a triangle as a pulse sees them whose rays deviate from its first by no more than `width`.
+    /// The edges of a triangle as a pulse sees them whose rays deviate from its first by no more than `width`. In a packet
+    /// they start no farther aside of it than `start`, and from it than `spread`, in the tree's frame of this `scale`.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn of<S: Simd>([k, i, j]: [usize; 3], eye: &Eye, width: f64, corners: &Corners) -> Edges {
+    pub unsafe fn of<S: Simd, const PACKED: bool>(
+        [k, i, j]: [usize; 3],
+        eye: &Eye,
+        width: f64,
+        (start, spread, scale): (f64, f64, f64),
+        corners: &Corners,
+    ) -> Edges {
         let mut edges = Edges::NONE;
-        let coefficients = &mut edges.coefficients;
+        let Edges { coefficients, edges: by_axis } = &mut edges;
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let z = S::qsub(S::qload(&corners[k]), S::qsplat(eye.origin[k]));
@@ -68,10 +79,21 @@ impl Edges {
             let c1 = S::qsub(S::qmul(y, zn), S::qmul(z, yn));
             let c2 = S::qsub(S::qmul(z, xn), S::qmul(x, zn));
             let c0 = S::qsub(S::qmul(x, yn), S::qmul(y, xn));
-            let reach = S::qadd(S::qabs(z), S::qadd(S::qabs(x), S::qabs(y)));
-            let reach = S::qadd(reach, S::qturn(reach));
+            let mut reach = S::qadd(S::qabs(z), S::qadd(S::qabs(x), S::qabs(y)));
             let tilt = S::qmul(S::qadd(S::qabs(c1), S::qabs(c2)), S::qsplat(width));
-            let most = S::qadd(S::qabs(c0), tilt);
+            let mut most = S::qadd(S::qabs(c0), tilt);
+            if PACKED {
+                let edge = [S::qsub(xn, x), S::qsub(yn, y), S::qsub(zn, z)];
+                let turned = S::qmul(S::qabs(edge[2]), S::qsplat(2.0 * width));
+                let moved = S::qadd(S::qadd(S::qabs(edge[0]), S::qabs(edge[1])), turned);
+                // Divisions by a power of two are exact.
+                most = S::qadd(most, S::qmul(moved, S::qsplat(start / scale)));
+                reach = S::qadd(reach, S::qsplat(4.0 * (spread / scale)));
+                for (to, edge) in by_axis.iter_mut().zip(edge) {
+                    S::qstore(to, S::qmul(edge, S::qsplat(1.0 / scale)));
+                }
+            }
+            let reach = S::qadd(reach, S::qturn(reach));
             let double = S::qmul(S::qmul(reach, reach), S::qsplat(DOUBLE));
             let error = S::qadd(S::qmul(most, S::qsplat(SINGLE)), double);
             let zero = S::qsplat(0.0);
@@ -84,19 +106,28 @@ impl Edges {
         edges
     }
 
-    /// Of sixteen rays: those surely inside, and those not surely outside.
+    /// Of sixteen rays: those surely inside, and those not surely outside. `asides` count in packets only.
     ///
     /// # Safety
     /// As for [`Simd`].
     #[inline(always)]
-    pub unsafe fn inside<S: Simd>(&self, deviations: &Deviations) -> (u32, u32) {
+    pub unsafe fn inside<S: Simd, const PACKED: bool>(
+        &self,
+        deviations: &Deviations,
+        asides: Option<&Asides>,
+    ) -> (u32, u32) {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             let (di, dj) = (S::load(&deviations[0]), S::load(&deviations[1]));
             let [a, b, c] = each_of!([0, 1, 2], n => {
                 let [c1, c2, c0, error, negated] =
                     each_of!([0, 1, 2, 3, 4], m => S::splat(self.coefficients[m][n]));
-                let e = S::add(S::add(S::mul(c1, di), S::mul(c2, dj)), c0);
+                let mut e = S::add(S::add(S::mul(c1, di), S::mul(c2, dj)), c0);
+                if let Some(asides) = asides.filter(|_| PACKED) {
+                    let [x, y, z] = each_of!([0, 1, 2], m => S::splat(self.edges[m][n]));
+                    let [ui, uj, turned] = each_of!([0, 1, 2], m => S::load(&asides[m]));
+                    e = S::add(e, S::add(S::sub(S::mul(x, uj), S::mul(y, ui)), S::mul(z, turned)));
+                }
                 (S::lt(error, e), S::lt(e, negated))
             });
             let strictly = S::or(S::and(S::and(a.0, b.0), c.0), S::and(S::and(a.1, b.1), c.1));

@@ -2,15 +2,13 @@
 
 use super::Kernel;
 use super::filter::{Seen, boxes_in_beam};
-use super::lanes::{BeamSide, GROUP, Lanes};
+use super::lanes::{BeamSide, GROUP};
 use super::placed::{HitPlaced, meet};
 use super::rows::{
-    Asked, Batch, ENOUGH, FindDistances, FindInside, FindPlanes, FindSides, LookClosely, PAIRS, Rows, SPAN,
-    TOGETHER,
+    Asked, Batch, ENOUGH, FindDistances, FindFromPackets, FindInside, FindPlanes, FindSides, LookClosely,
+    PAIRS, SPAN, TOGETHER,
 };
 use super::verdict::{Rays, ask, hit_cube};
-use crate::geom::DVec3;
-use crate::tree::Geometry;
 use crate::tree::block::{Block, LANES};
 use crate::tree::simd::Simd;
 
@@ -70,22 +68,29 @@ impl<'a, S: Simd> Kernel<'a, S> {
         if self.lists.count == 0 {
             return;
         }
-        let (lists, lanes, wide) = (&self.lists, &self.lanes, self.wide);
-        let (deviations, geometry) = (self.deviations, self.geometry);
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let touched = if self.asides.is_empty() { self.settle_pulses() } else { self.settle_packets() };
+            self.lower_limits(touched);
+        }
+        (self.lists.count, self.rows.batch_count) = (0, 0);
+    }
+
+    /// The same; returns the pulses that may have hit something.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn settle_pulses(&mut self) -> u32 {
+        let (lists, lanes, geometry) = (&self.lists, &self.lanes, self.geometry);
         let mut touched = 0;
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
-            S::apart(FindSides { rows: self.rows, lists, lanes, vertices: &geometry.vertices });
+            let vertices = &geometry.vertices;
+            S::apart(FindSides::<_, false> { rows: self.rows, lists, lanes, vertices });
             for span in 0..self.spans {
-                let rays = (self.rays.stride() - span * SPAN).min(SPAN);
-                let valid = if rays == SPAN { !0 } else { (1u32 << rays) - 1 };
-                let (rows, settled) = (&mut *self.rows, &mut self.settled);
-                let step = FindInside { rows, lists, lanes, deviations, settled, span, wide, valid };
-                let (count, unsure) = S::apart(step);
-                if unsure != 0 && self.standing.is_none() {
-                    let rows = &mut *self.rows;
-                    S::apart(LookClosely { rows, lists, lanes, deviations, geometry, span, wide, unsure });
-                }
+                let count = self.find_inside::<false>(span);
+                let (lists, lanes) = (&self.lists, &self.lanes);
                 if let Some(standing) = &self.standing {
                     let (rows, t, ids) = (&mut *self.rows, &mut *self.t, &mut *self.ids);
                     touched |= S::apart(HitPlaced { rows, lists, standing, t, ids, span, count });
@@ -101,12 +106,78 @@ impl<'a, S: Simd> Kernel<'a, S> {
                 let (t, ids) = (&mut *self.t, &mut *self.ids);
                 let unsure = S::apart(FindDistances { rows, directions, along, t, ids, count });
                 for n in 0..unsure {
-                    ask_again(self.rows, n, geometry, lanes, self.directions, self.t, self.ids);
+                    self.ask_again(n);
                 }
             }
-            self.lower_limits(touched);
         }
-        (self.lists.count, self.rows.batch_count) = (0, 0);
+        touched
+    }
+
+    /// The same of packets, which have one span.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn settle_packets(&mut self) -> u32 {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let (lists, lanes, vertices) = (&self.lists, &self.lanes, &self.geometry.vertices);
+            S::apart(FindSides::<_, true> { rows: self.rows, lists, lanes, vertices });
+            let count = self.find_inside::<true>(0);
+            let (lists, lanes, geometry) = (&self.lists, &self.lanes, self.geometry);
+            let (rows, t, ids) = (&mut *self.rows, &mut *self.t, &mut *self.ids);
+            let (directions, origins) = (self.directions, [0, 1, 2].map(|a| self.rays.origin_lanes(a)));
+            let first = self.first * self.registers;
+            let step =
+                FindFromPackets { rows, lists, lanes, geometry, directions, origins, t, ids, count, first };
+            let (unsure, touched) = S::apart(step);
+            for n in 0..unsure {
+                self.ask_again(n);
+            }
+            touched
+        }
+    }
+
+    /// Finds the rays of a span inside of triangles; returns of how many pairs there are any.
+    ///
+    /// # Safety
+    /// As for [`Simd`].
+    #[inline(always)]
+    unsafe fn find_inside<const PACKED: bool>(&mut self, span: usize) -> usize {
+        let (lists, lanes, wide) = (&self.lists, &self.lanes, self.wide);
+        let (deviations, asides, geometry) = (self.deviations, self.asides, self.geometry);
+        let rays = (self.rays.stride() - span * SPAN).min(SPAN);
+        let valid = if rays == SPAN { !0 } else { (1u32 << rays) - 1 };
+        let (rows, settled) = (&mut *self.rows, &mut self.settled);
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let (count, unsure) = S::apart(FindInside::<_, PACKED> {
+                rows,
+                lists,
+                lanes,
+                deviations,
+                asides,
+                settled,
+                span,
+                wide,
+                valid,
+            });
+            if unsure != 0 && self.standing.is_none() {
+                let rows = &mut *self.rows;
+                S::apart(LookClosely::<_, PACKED> {
+                    rows,
+                    lists,
+                    lanes,
+                    deviations,
+                    asides,
+                    geometry,
+                    span,
+                    wide,
+                    unsure,
+                });
+            }
+            count
+        }
     }
 
     /// # Safety
@@ -195,7 +266,8 @@ impl<'a, S: Simd> Kernel<'a, S> {
     fn hit_cube(&mut self, pulse: usize, id: u32) {
         let cube = self.geometry.cubes[id as usize - self.geometry.triangles.len()];
         for register in pulse * self.registers..(pulse + 1) * self.registers {
-            hit_cube(id, cube, self.rays.origin(pulse), &mut self.rays_of(register));
+            let (rays, first) = (self.rays, 8 * (register - pulse * self.registers));
+            hit_cube(id, cube, |r| rays.origin_of(pulse, first + r), &mut self.rays_of(register));
         }
     }
 
@@ -227,26 +299,18 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let depth = farthest * self.lanes.steepness[pulse] + f64::from(self.lanes.start.0[pulse]);
         self.limit.0[pulse] = (depth * 1.000_000_4) as f32;
     }
-}
-
-/// Asks for the full verdict on the rays of a register. Those that the quick distance was good for get the same again.
-#[cold]
-#[inline(never)]
-fn ask_again<S: Simd>(
-    rows: &Rows,
-    n: usize,
-    geometry: &Geometry,
-    lanes: &Lanes<S>,
-    directions: [&[[f64; 8]]; 3],
-    t: &mut [[f64; 8]],
-    ids: &mut [[u32; 8]],
-) {
-    let Asked(asked) = rows.asked[rows.unsure[n] as usize];
-    let plane = &rows.planes[(asked >> 32) as u16 as usize];
-    let corners = plane.vertex.map(|v| geometry.vertices[v as usize]);
-    let origin = DVec3::from(lanes.eyes[plane.pulse as usize].origin);
-    let register = asked as u32 as usize;
-    let directions = directions.map(|d| &d[register]);
-    let mut rays = Rays { directions, t: &mut t[register], id: &mut ids[register] };
-    ask((asked >> 56) as u32, plane.id, &mut rays, corners, origin);
+    /// Asks for the full verdict on the rays of the `n`-th register that is open. Those that the quick distance was good for
+    /// get the same again.
+    #[cold]
+    #[inline(never)]
+    fn ask_again(&mut self, n: usize) {
+        let Asked(asked) = self.rows.asked[self.rows.unsure[n] as usize];
+        let plane = &self.rows.planes[(asked >> 32) as u16 as usize];
+        let (id, pulse) = (plane.id, self.first + plane.pulse as usize);
+        let corners = plane.vertex.map(|v| self.geometry.vertices[v as usize]);
+        let register = asked as u32 as usize;
+        let (rays, first) = (self.rays, 8 * (register - pulse * self.registers));
+        let origin = |r| rays.origin_of(pulse, first + r);
+        ask((asked >> 56) as u32, id, &mut self.rays_of(register), corners, origin);
+    }
 }

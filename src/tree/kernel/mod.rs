@@ -3,11 +3,12 @@
 //! A pulse alone is a handful of nodes and triangles, so that most of its time goes into mispredicted branches and
 //! waiting for memory. A group shares every decision among some hundred rays: lanes are the children of a node, then the
 //! pulses, then the triangles of a block, then pairs of a pulse and a triangle, and at last the rays of one pulse for one
-//! triangle, where the verdicts fall.
+//! triangle, where the verdicts fall. Pulses of few rays share that last place with their neighbours: packets of sixteen
+//! rays, each with its own origin, stand in for pulses.
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `lanes` | sixteen pulses side by side |
+//! | `lanes`, `spread` | sixteen pulses side by side, and how their rays spread |
 //! | `walk`, `filter` | nodes and boxes against them |
 //! | `leaf` | which pulse may meet which triangle of a block: pairs |
 //! | `rows` | what becomes of the pairs, step by step |
@@ -22,6 +23,7 @@ mod leaf;
 mod placed;
 mod rows;
 mod sides;
+mod spread;
 mod verdict;
 mod walk;
 
@@ -29,13 +31,15 @@ use super::rays::{Hits, RayGroup};
 use super::simd::{Level, portable::Portable};
 use super::{Geometry, Hit, RayBundle, Tree};
 use crate::geom::DVec3;
-use lanes::{Deviations, GROUP, Lanes, PerPulse};
+use lanes::{Asides, Deviations, GROUP, Lanes, PerPulse};
 use std::cell::RefCell;
 use std::ops::Range;
 
 thread_local! {
     /// A group of one pulse, and its hits.
     static PULSE: RefCell<(RayGroup, Hits)> = RefCell::default();
+    /// Pulses of few rays as packets, the hits of these, and where those belong.
+    static PACKETS: RefCell<(RayGroup, Hits, Vec<u32>)> = RefCell::default();
     static SCRATCH: RefCell<Box<Scratch>> = RefCell::new(Box::new(Scratch::EMPTY));
 }
 
@@ -86,6 +90,14 @@ impl Tree {
         if rays.rays() == 0 {
             return;
         }
+        if rays.rays() <= RayGroup::FEW && !rays.is_packed() {
+            PACKETS.with_borrow_mut(|(packets, packed, places)| {
+                packets.pack(rays, places);
+                self.trace_group_on(level, geometry, packets, packed);
+                hits.unpack(packed, places);
+            });
+            return;
+        }
         SCRATCH.with_borrow_mut(|scratch| match level {
             // SAFETY: plain Rust needs no target feature.
             Level::Portable => unsafe { Kernel::<Portable>::trace(self, geometry, rays, hits, scratch) },
@@ -128,6 +140,8 @@ struct Kernel<'a, S: super::simd::Simd> {
     first: usize,
     lanes: Lanes<S>,
     deviations: &'a [Deviations],
+    /// Where the rays of packets start; nothing else has any.
+    asides: &'a [Asides],
     /// Depth beyond which nothing can be nearer than what each pulse has hit.
     limit: PerPulse,
     settled: rows::Settled,
@@ -144,13 +158,18 @@ struct Kernel<'a, S: super::simd::Simd> {
 /// What a walk needs room for; cleared by nobody.
 struct Scratch {
     deviations: Vec<Deviations>,
+    asides: Vec<Asides>,
     stacks: walk::Stacks,
     rows: rows::Rows,
 }
 
 impl Scratch {
-    const EMPTY: Scratch =
-        Scratch { deviations: Vec::new(), stacks: walk::Stacks::EMPTY, rows: rows::Rows::EMPTY };
+    const EMPTY: Scratch = Scratch {
+        deviations: Vec::new(),
+        asides: Vec::new(),
+        stacks: walk::Stacks::EMPTY,
+        rows: rows::Rows::EMPTY,
+    };
 }
 
 impl<S: super::simd::Simd> Kernel<'_, S> {
@@ -166,6 +185,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
     ) {
         let wide = rays.stride().div_ceil(16);
         scratch.deviations.resize(GROUP * wide, [[0.0; 16]; 2]);
+        scratch.asides.resize(if rays.is_packed() { GROUP * wide } else { 0 }, [[0.0; 16]; 3]);
         let mut first = 0;
         while first < rays.len() {
             let mut count = lanes::neighbours(rays, first);
@@ -210,6 +230,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
             first,
             lanes,
             deviations: &scratch.deviations,
+            asides: if rays.is_packed() { &scratch.asides } else { &[] },
             limit: PerPulse([f32::NEG_INFINITY; GROUP]),
             settled: rows::Settled { rays: [0; GROUP], depth: PerPulse([f32::NEG_INFINITY; GROUP]) },
             stacks: &mut scratch.stacks,
@@ -233,9 +254,10 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
         hits: &mut Hits,
         scratch: &mut Scratch,
     ) -> bool {
+        let (deviations, asides) = (&mut scratch.deviations, &mut scratch.asides);
         // SAFETY: the caller vouches for the instruction set.
         let Some(lanes) =
-            (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone(), &mut scratch.deviations, 0.0) })
+            (unsafe { Lanes::<S>::of(&tree.frame, rays, pulses.clone(), deviations, asides, 0.0) })
         else {
             return false;
         };
@@ -252,7 +274,7 @@ impl<S: super::simd::Simd> Kernel<'_, S> {
 fn trace_apart(tree: &Tree, geometry: &Geometry, rays: &RayGroup, pulse: usize, hits: &mut Hits) {
     for r in 0..rays.rays() {
         if let Some(hit) =
-            tree.nearest_where(geometry, rays.origin(pulse), rays.direction(pulse, r), |_| true)
+            tree.nearest_where(geometry, rays.origin_of(pulse, r), rays.direction(pulse, r), |_| true)
         {
             let at = pulse * rays.stride() + r;
             (hits.t[at], hits.primitive[at]) = (hit.t, hit.primitive);

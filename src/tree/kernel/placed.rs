@@ -157,9 +157,9 @@ unsafe fn trace_together<S: Simd>(
 ) -> bool {
     let Scratches { top, model, met, inward } = scratch;
     // SAFETY: the caller vouches for the instruction set.
-    let Some(lanes) =
-        (unsafe { Lanes::<S>::of(&placed.top.frame, rays, pulses.clone(), &mut top.deviations, 0.0) })
-    else {
+    let Some(lanes) = (unsafe {
+        Lanes::<S>::of(&placed.top.frame, rays, pulses.clone(), &mut top.deviations, &mut [], 0.0)
+    }) else {
         return false;
     };
     met.clear();
@@ -248,7 +248,14 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let Some(lanes) = (unsafe {
             let off =
                 S::apart(TurnInward { inward, rays: self.rays, pulses: first..first + count, way: &way });
-            Lanes::<S>::of(&tree.frame, inward, 0..count, &mut scratch.deviations, off * tree.frame.scale)
+            Lanes::<S>::of(
+                &tree.frame,
+                inward,
+                0..count,
+                &mut scratch.deviations,
+                &mut [],
+                off * tree.frame.scale,
+            )
         }) else {
             return false;
         };
@@ -352,7 +359,7 @@ impl<S: Simd> Step<S> for HitPlaced<'_> {
                 let sound = unsafe { plane.hit::<S>(sure, directions, directions[along], t, id) };
                 let open = any & !sound;
                 if open != 0 {
-                    ask(open, plane.id, &mut Rays { directions, t, id }, corners, origin);
+                    ask(open, plane.id, &mut Rays { directions, t, id }, corners, |_| origin);
                 }
             }
         }

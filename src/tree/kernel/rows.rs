@@ -3,14 +3,14 @@
 //! finds.
 
 use super::edges::{Edges, by_axis};
-use super::lanes::{Deviations, GROUP, Lanes, PerPulse};
+use super::lanes::{Asides, Deviations, GROUP, Lanes, PerPulse};
 use super::leaf::Lists;
 use super::sides::Sides;
-use super::verdict::Plane;
+use super::verdict::{Plane, hit_apart};
 use crate::geom::DVec3;
-use crate::tree::Geometry;
 use crate::tree::block::LANES;
 use crate::tree::simd::{Simd, Step, prefetch};
+use crate::tree::{Geometry, RayGroup};
 
 /// Rays that are looked at together.
 pub(super) const SPAN: usize = 32;
@@ -112,14 +112,14 @@ pub(super) fn lane_of(pair: u32) -> usize {
 
 /// Computes the edges of all pairs; keeps the pairs whose pulse does not pass beside the triangle, and asks for the corners
 /// of these.
-pub(super) struct FindSides<'k, S: Simd> {
+pub(super) struct FindSides<'k, S: Simd, const PACKED: bool> {
     pub rows: &'k mut Rows,
     pub lists: &'k Lists<'k>,
     pub lanes: &'k Lanes<S>,
     pub vertices: &'k [DVec3],
 }
 
-impl<S: Simd> Step<S> for FindSides<'_, S> {
+impl<S: Simd, const PACKED: bool> Step<S> for FindSides<'_, S, PACKED> {
     type Out = ();
 
     #[inline(always)]
@@ -131,7 +131,7 @@ impl<S: Simd> Step<S> for FindSides<'_, S> {
             let Some(block) = lists.blocks[batch.block as usize % TOGETHER] else { continue };
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
-                let [any, whole] = Sides::of::<S>(sides, lanes, block, pairs);
+                let [any, whole] = Sides::of::<S, PACKED>(sides, lanes, block, pairs);
                 let (kept, whole) = (batch.meant & any & !whole, batch.meant & whole);
                 if let Some(room) = rows.kept[kept_count..].first_chunk_mut() {
                     S::compress(kept, first, room);
@@ -189,11 +189,12 @@ fn all_if(condition: bool) -> u32 {
 
 /// Finds the rays of a span that pass within the triangles of the pairs; returns how many pairs have any, and how many of
 /// these single precision leaves open.
-pub(super) struct FindInside<'k, S: Simd> {
+pub(super) struct FindInside<'k, S: Simd, const PACKED: bool> {
     pub rows: &'k mut Rows,
     pub lists: &'k Lists<'k>,
     pub lanes: &'k Lanes<S>,
     pub deviations: &'k [Deviations],
+    pub asides: &'k [Asides],
     pub settled: &'k mut Settled,
     pub span: usize,
     /// Registers of sixteen rays per pulse.
@@ -202,12 +203,12 @@ pub(super) struct FindInside<'k, S: Simd> {
     pub valid: u32,
 }
 
-impl<S: Simd> Step<S> for FindInside<'_, S> {
+impl<S: Simd, const PACKED: bool> Step<S> for FindInside<'_, S, PACKED> {
     type Out = (usize, usize);
 
     #[inline(always)]
     unsafe fn run(self) -> (usize, usize) {
-        let FindInside { rows, lists, lanes, deviations, settled, span, wide, valid } = self;
+        let FindInside { rows, lists, lanes, deviations, asides, settled, span, wide, valid } = self;
         let (first, single) = (2 * span, wide <= 2);
         let (mut count, mut unsure) = (0, 0);
         let Rows { pairs, sides, whole, whole_count, kept, kept_count, inside, unsure: open, .. } = rows;
@@ -233,10 +234,13 @@ impl<S: Simd> Step<S> for FindInside<'_, S> {
             let pair = pairs[n % PAIR_ROOM];
             let (sides, row) = (&sides[n / LANES % SIDES], pulse_of(pair) * wide + first);
             // SAFETY: the caller vouches for the instruction set.
-            let (mut strictly, mut maybe) = unsafe { sides.inside::<S>(n % LANES, &deviations[row]) };
+            let (mut strictly, mut maybe) =
+                unsafe { sides.inside::<S, PACKED>(n % LANES, &deviations[row], asides.get(row)) };
             if first + 1 < wide {
                 // SAFETY: as above.
-                let (s, m) = unsafe { sides.inside::<S>(n % LANES, &deviations[row + 1]) };
+                let (s, m) = unsafe {
+                    sides.inside::<S, PACKED>(n % LANES, &deviations[row + 1], asides.get(row + 1))
+                };
                 (strictly, maybe) = (strictly | s << 16, maybe | m << 16);
             }
             let valid = valid & !settled.hidden(lists, pair);
@@ -254,23 +258,24 @@ impl<S: Simd> Step<S> for FindInside<'_, S> {
 }
 
 /// Decides from double precision about the first `unsure` pairs that single precision leaves open.
-pub(super) struct LookClosely<'k, S: Simd> {
+pub(super) struct LookClosely<'k, S: Simd, const PACKED: bool> {
     pub rows: &'k mut Rows,
     pub lists: &'k Lists<'k>,
     pub lanes: &'k Lanes<S>,
     pub deviations: &'k [Deviations],
+    pub asides: &'k [Asides],
     pub geometry: &'k Geometry,
     pub span: usize,
     pub wide: usize,
     pub unsure: usize,
 }
 
-impl<S: Simd> Step<S> for LookClosely<'_, S> {
+impl<S: Simd, const PACKED: bool> Step<S> for LookClosely<'_, S, PACKED> {
     type Out = ();
 
     #[inline(always)]
     unsafe fn run(self) {
-        let LookClosely { rows, lists, lanes, deviations, geometry, span, wide, unsure } = self;
+        let LookClosely { rows, lists, lanes, deviations, asides, geometry, span, wide, unsure } = self;
         for n in &rows.unsure[..unsure] {
             let inside = &mut rows.inside[*n as usize % PLANES];
             let (pair, pulse) = (inside.pair, pulse_of(inside.pair));
@@ -280,10 +285,12 @@ impl<S: Simd> Step<S> for LookClosely<'_, S> {
             let row = pulse * wide + 2 * span;
             // SAFETY: the caller vouches for the instruction set.
             unsafe {
-                let edges = Edges::of::<S>(lanes.axes, &lanes.eyes[pulse], width, &by_axis(corners));
-                let (mut strictly, mut maybe) = edges.inside::<S>(&deviations[row]);
+                let start = (f64::from(lanes.view.reach.0[pulse]), lanes.spread, lanes.scale);
+                let edges =
+                    Edges::of::<S, PACKED>(lanes.axes, &lanes.eyes[pulse], width, start, &by_axis(corners));
+                let (mut strictly, mut maybe) = edges.inside::<S, PACKED>(&deviations[row], asides.get(row));
                 if 2 * span + 1 < wide {
-                    let (s, m) = edges.inside::<S>(&deviations[row + 1]);
+                    let (s, m) = edges.inside::<S, PACKED>(&deviations[row + 1], asides.get(row + 1));
                     (strictly, maybe) = (strictly | s << 16, maybe | m << 16);
                 }
                 inside.strictly = (inside.strictly | strictly) & inside.maybe;
@@ -377,5 +384,62 @@ impl<S: Simd> Step<S> for FindDistances<'_> {
             unsure += usize::from(maybe & !sound != 0);
         }
         unsure
+    }
+}
+
+/// Finds the distances of packets, the first `count` pairs in `inside`; returns how many registers have rays for which that
+/// was too quick, and the pulses that were asked.
+pub(super) struct FindFromPackets<'k, S: Simd> {
+    pub rows: &'k mut Rows,
+    pub lists: &'k Lists<'k>,
+    pub lanes: &'k Lanes<S>,
+    pub geometry: &'k Geometry,
+    pub directions: [&'k [[f64; 8]]; 3],
+    pub origins: [&'k [[f64; 8]]; 3],
+    pub t: &'k mut [[f64; 8]],
+    pub ids: &'k mut [[u32; 8]],
+    pub count: usize,
+    /// The first register of eight rays of the first packet.
+    pub first: usize,
+}
+
+impl<S: Simd> Step<S> for FindFromPackets<'_, S> {
+    type Out = (usize, u32);
+
+    #[inline(always)]
+    unsafe fn run(self) -> (usize, u32) {
+        let FindFromPackets { rows, lists, lanes, geometry, directions, origins, t, ids, count, first } =
+            self;
+        let ([k, ..], forward) = (lanes.axes, f64::from(lanes.forward));
+        let (mut unsure, mut touched) = (0, 0);
+        let Rows { inside, planes, asked: list, unsure: open, .. } = rows;
+        for (n, Inside { pair, strictly, maybe }) in inside[..count].iter().enumerate() {
+            let (pulse, lane) = (pulse_of(*pair), lane_of(*pair));
+            let Some(block) = lists.blocks[block_of(*pair)] else { continue };
+            let vertex = [block.vertex[0][lane], block.vertex[1][lane], block.vertex[2][lane]];
+            let corners = vertex.map(|v| &geometry.vertices[v as usize]);
+            touched |= 1 << pulse;
+            let plane = &mut planes[n % PLANES];
+            (plane.id, plane.vertex, plane.pulse) = (block.id[lane], vertex, pulse as u32);
+            for part in 0..RayGroup::PACKET / RayGroup::LANES {
+                let register = first + pulse * (RayGroup::PACKET / RayGroup::LANES) + part;
+                let [sure, any] = [strictly, maybe].map(|m| m >> (8 * part) & 255);
+                if any == 0 || register >= t.len() {
+                    continue;
+                }
+                let (d, o) = (directions.map(|d| &d[register]), origins.map(|o| &o[register]));
+                // SAFETY: the caller vouches for the instruction set.
+                let sound = unsafe {
+                    let towards = (k, forward, lanes.steepest[pulse]);
+                    let (t, ids) = (&mut t[register], &mut ids[register]);
+                    hit_apart::<S>(sure, corners, (d, o), towards, (t, ids, plane.id))
+                };
+                let asked =
+                    (register as u64) | (n as u64) << 32 | u64::from(sure) << 48 | u64::from(any) << 56;
+                (list[unsure % ASKED], open[unsure % ASKED]) = (Asked(asked), unsure as u32);
+                unsure += usize::from(any & !sound != 0);
+            }
+        }
+        (unsure, touched)
     }
 }

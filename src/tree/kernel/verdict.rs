@@ -131,11 +131,75 @@ impl Plane {
     }
 }
 
-/// The full verdict on some of eight rays.
-pub(super) fn ask(mut rest: u32, id: u32, rays: &mut Rays, corners: [DVec3; 3], origin: DVec3) {
+/// Distances of eight rays of a packet, each with its own origin, that are `strictly` inside a triangle; returns those for
+/// which they count. `towards` are the dominant axis, its sign and the largest `|d_k|`.
+///
+/// # Safety
+/// As for [`Simd`].
+#[inline(always)]
+pub(super) unsafe fn hit_apart<S: Simd>(
+    strictly: u32,
+    corners: [&DVec3; 3],
+    (directions, origins): ([&[f64; 8]; 3], [&[f64; 8]; 3]),
+    (k, forward, steepest): (usize, f64, f64),
+    (t, ids, id): (&mut [f64; 8], &mut [u32; 8], u32),
+) -> u32 {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe {
+        let d = each_of!([0, 1, 2], a => S::dload(directions[a]));
+        let o = each_of!([0, 1, 2], a => S::dload(origins[a]));
+        let e1 = *corners[1] - *corners[0];
+        let e2 = *corners[2] - *corners[0];
+        let p = each_of!([0, 1, 2], a => S::dsub(S::dsplat(corners[0][a]), o[a]));
+        let [s1, s2] = [e1, e2].map(|e| e.to_array());
+        let e1 = each_of!([0, 1, 2], a => S::dsplat(s1[a]));
+        let e2 = each_of!([0, 1, 2], a => S::dsplat(s2[a]));
+        let q = each_of!([0, 1, 2], a => {
+            let (u, v) = ((a + 1) % 3, (a + 2) % 3);
+            // e1 × p is -p × e1, bit for bit.
+            S::dsub(S::dmul(e1[u], p[v]), S::dmul(e1[v], p[u]))
+        });
+        let h = each_of!([0, 1, 2], a => {
+            let (u, v) = ((a + 1) % 3, (a + 2) % 3);
+            S::dsub(S::dmul(d[u], e2[v]), S::dmul(d[v], e2[u]))
+        });
+        let numerator = S::dadd(S::dadd(S::dmul(e2[0], q[0]), S::dmul(e2[1], q[1])), S::dmul(e2[2], q[2]));
+        let det = S::dadd(S::dadd(S::dmul(h[0], e1[0]), S::dmul(h[1], e1[1])), S::dmul(h[2], e1[2]));
+        let distance = S::ddiv(numerator, det);
+        let sign = S::dsplat(forward);
+        let at = S::dmul(S::dmul(distance, d[k]), sign);
+        let depths = each_of!([0, 1, 2], c => S::dmul(S::dsub(S::dsplat(corners[c][k]), o[k]), sign));
+        let zero = S::dsplat(0.0);
+        let negated = each_of!([0, 1, 2], c => S::dsub(zero, depths[c]));
+        let farthest = S::dmax(S::dmax(depths[0], depths[1]), depths[2]);
+        let nearest = S::dsub(zero, S::dmax(S::dmax(negated[0], negated[1]), negated[2]));
+        // What is nearer than nothing is left to the full verdict.
+        let nearest = S::dmax(S::dmul(nearest, S::dsplat(1.0 - DEPTH_SLACK)), S::dsplat(f64::MIN_POSITIVE));
+        let farthest = S::dmul(farthest, S::dsplat(1.0 + DEPTH_SLACK));
+        let longest = |e: &[f64; 3]| {
+            let greatest = |a: f64, b: f64| if a > b { a } else { b };
+            greatest(greatest(e[0].abs(), e[1].abs()), e[2].abs())
+        };
+        let least = EDGE_ON * longest(&s1) * longest(&s2) * steepest;
+        let faces = S::dle(S::dsplat(least), S::dabs(det));
+        let within = S::dand(S::dle(nearest, at), S::dle(at, farthest));
+        let sound = S::dand(S::dand(S::dmask(strictly), faces), within);
+        S::offer(sound, t, distance, ids, id);
+        S::dbits(sound)
+    }
+}
+
+/// The full verdict on some of eight rays; `origin` tells whence each comes.
+pub(super) fn ask(
+    mut rest: u32,
+    id: u32,
+    rays: &mut Rays,
+    corners: [DVec3; 3],
+    origin: impl Fn(usize) -> DVec3,
+) {
     while rest != 0 {
         let ray = rest.trailing_zeros() as usize;
-        if let Some(t) = intersect::triangle(origin, rays.direction(ray), corners) {
+        if let Some(t) = intersect::triangle(origin(ray), rays.direction(ray), corners) {
             rays.offer(ray, t, id);
         }
         rest &= rest - 1;
@@ -143,9 +207,9 @@ pub(super) fn ask(mut rest: u32, id: u32, rays: &mut Rays, corners: [DVec3; 3], 
 }
 
 /// Asks eight rays about a cube.
-pub(super) fn hit_cube(id: u32, cube: Cube, origin: DVec3, rays: &mut Rays) {
+pub(super) fn hit_cube(id: u32, cube: Cube, origin: impl Fn(usize) -> DVec3, rays: &mut Rays) {
     for ray in 0..8 {
-        if let Some(t) = intersect::cube(origin, rays.direction(ray), cube) {
+        if let Some(t) = intersect::cube(origin(ray), rays.direction(ray), cube) {
             rays.offer(ray, t, id);
         }
     }
