@@ -7,7 +7,7 @@ const PROBABILITY_BITS: u32 = 15;
 const MOST_COUNTS: u32 = 1 << PROBABILITY_BITS;
 /// The same of models of one bit.
 const BIT_PROBABILITY_BITS: u32 = 13;
-/// Intervals are kept longer than this.
+/// Intervals are kept at least as long as this.
 const SHORTEST: u32 = 1 << 24;
 
 /// Writes symbols as one long fraction.
@@ -88,24 +88,18 @@ impl Coder {
         if carry {
             self.carry();
         }
-        self.base = base;
-        self.length = length;
-        if length < SHORTEST {
-            self.write_settled();
-        }
-    }
-
-    /// Writes the bytes that no later symbol changes, but for a carry.
-    #[inline(always)]
-    fn write_settled(&mut self) {
-        let bytes = self.length.leading_zeros() / 8;
+        // The bytes that no later symbol changes, but for a carry: often none. Whether there are any is hard to foresee, so
+        // that all are written and those that count are passed.
+        let bits = length.leading_zeros() & !7;
         if self.at + 4 > self.out.len() {
             self.make_room();
         }
-        self.out[self.at..self.at + 4].copy_from_slice(&self.base.to_be_bytes());
-        self.at += bytes as usize;
-        self.base <<= 8 * bytes;
-        self.length <<= 8 * bytes;
+        if let Some(room) = self.out.get_mut(self.at..self.at + 4) {
+            room.copy_from_slice(&base.to_be_bytes());
+        }
+        self.at += (bits / 8) as usize;
+        self.base = base << bits;
+        self.length = length << bits;
     }
 
     #[cold]
