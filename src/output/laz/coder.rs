@@ -11,11 +11,16 @@ const BIT_PROBABILITY_BITS: u32 = 13;
 const SHORTEST: u32 = 1 << 24;
 
 /// Writes symbols as one long fraction.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Coder {
     base: u32,
     length: u32,
-    /// Bytes so far, and room for more.
+    written: Written,
+}
+
+/// Bytes so far, and room for more: apart from the interval, so that it can stay in registers.
+#[derive(Debug, Default)]
+struct Written {
     out: Vec<u8>,
     at: usize,
 }
@@ -23,7 +28,7 @@ pub(super) struct Coder {
 impl Coder {
     /// Nothing written; `room` bytes will do for most.
     pub fn new(room: usize) -> Coder {
-        Coder { base: 0, length: u32::MAX, out: vec![0; room.max(16)], at: 0 }
+        Coder { base: 0, length: u32::MAX, written: Written { out: vec![0; room.max(16)], at: 0 } }
     }
 
     /// Writes `symbol` by what `model` expects, and lets the model learn.
@@ -86,27 +91,36 @@ impl Coder {
     fn narrow(&mut self, low: u32, length: u32) {
         let (base, carry) = self.base.overflowing_add(low);
         if carry {
-            self.carry();
+            self.written.carry();
         }
         // The bytes that no later symbol changes, but for a carry: often none. Whether there are any is hard to foresee, so
         // that all are written and those that count are passed.
         let bits = length.leading_zeros() & !7;
-        if self.at + 4 > self.out.len() {
-            self.make_room();
+        let Written { out, at } = &mut self.written;
+        if *at + 4 > out.len() {
+            make_room(out);
         }
-        if let Some(room) = self.out.get_mut(self.at..self.at + 4) {
+        if let Some(room) = out.get_mut(*at..*at + 4) {
             room.copy_from_slice(&base.to_be_bytes());
         }
-        self.at += (bits / 8) as usize;
+        *at += (bits / 8) as usize;
         self.base = base << bits;
         self.length = length << bits;
     }
 
-    #[cold]
-    fn make_room(&mut self) {
-        self.out.resize(self.out.len() * 2, 0);
+    /// Writes the rest and returns all bytes.
+    pub fn finish(mut self) -> Vec<u8> {
+        let is_long = self.length > 2 * SHORTEST;
+        let (low, length) = if is_long { (SHORTEST, SHORTEST >> 1) } else { (SHORTEST >> 1, SHORTEST >> 9) };
+        self.narrow(low, length);
+        let Written { mut out, at } = self.written;
+        out.truncate(at);
+        out.extend(&[0, 0, 0][..if is_long { 3 } else { 2 }]);
+        out
     }
+}
 
+impl Written {
     #[cold]
     fn carry(&mut self) {
         for byte in self.out[..self.at].iter_mut().rev() {
@@ -116,16 +130,11 @@ impl Coder {
             }
         }
     }
+}
 
-    /// Writes the rest and returns all bytes.
-    pub fn finish(mut self) -> Vec<u8> {
-        let is_long = self.length > 2 * SHORTEST;
-        let (low, length) = if is_long { (SHORTEST, SHORTEST >> 1) } else { (SHORTEST >> 1, SHORTEST >> 9) };
-        self.narrow(low, length);
-        self.out.truncate(self.at);
-        self.out.extend(&[0, 0, 0][..if is_long { 3 } else { 2 }]);
-        self.out
-    }
+#[cold]
+fn make_room(out: &mut Vec<u8>) {
+    out.resize(out.len() * 2, 0);
 }
 
 /// How often each of some symbols came.

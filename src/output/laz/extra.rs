@@ -9,24 +9,23 @@ const BLOCK: usize = 256;
 struct Column {
     coder: Coder,
     model: Model,
-    last: u8,
     /// Points before the first that differs; then the layer is written.
     unchanged: u32,
     changed: bool,
 }
 
 impl Column {
-    fn new(first: u8) -> Column {
-        Column { coder: Coder::new(16), model: Model::new(256), last: first, unchanged: 0, changed: false }
+    fn new() -> Column {
+        Column { coder: Coder::new(16), model: Model::new(256), unchanged: 0, changed: false }
     }
 
-    /// Writes the differences `off` from byte to byte.
+    /// Takes the differences from byte to byte of the next points; returns whether they are to be written.
     #[inline(always)]
-    fn write(&mut self, off: &[u8], room: usize) {
+    fn begin(&mut self, off: &[u8], room: usize) -> bool {
         if !self.changed {
             if off.iter().fold(0, |all, off| all | off) == 0 {
                 self.unchanged += off.len() as u32;
-                return;
+                return false;
             }
             self.changed = true;
             self.coder = Coder::new(room);
@@ -34,27 +33,81 @@ impl Column {
                 self.coder.symbol(&mut self.model, 0);
             }
         }
-        for off in off {
-            self.coder.symbol(&mut self.model, u32::from(*off));
+        true
+    }
+}
+
+/// Writes the differences of some columns side by side: a symbol waits for the one before it in its own layer only.
+#[inline(always)]
+fn write<const N: usize>(columns: [&mut Column; N], off: [&[u8]; N]) {
+    let count = off.iter().fold(BLOCK, |count, off| count.min(off.len()));
+    let off = off.map(|off| &off[..count]);
+    let mut models = columns.map(|column| (std::mem::take(&mut column.coder), column));
+    for i in 0..count {
+        for ((coder, column), off) in models.iter_mut().zip(off) {
+            coder.symbol(&mut column.model, u32::from(off[i]));
         }
+    }
+    for (coder, column) in models {
+        column.coder = coder;
     }
 }
 
 /// The layers of the bytes from `start` on in records of `length` bytes, each in full; empty where nothing changed.
 pub(super) fn layers(records: &[u8], start: usize, length: usize) -> Vec<Vec<u8>> {
     let points = records.len() / length;
-    let mut columns: Vec<Column> = records[start..length].iter().map(|byte| Column::new(*byte)).collect();
-    let mut off = [0; BLOCK];
-    for block in records[length..].chunks(BLOCK * length) {
-        for (i, column) in columns.iter_mut().enumerate() {
-            let count = block.len() / length;
-            for (off, record) in off.iter_mut().zip(block.chunks_exact(length)) {
-                let byte = record[start + i];
-                *off = byte.wrapping_sub(column.last);
-                column.last = byte;
+    let mut columns: Vec<Column> = (start..length).map(|_| Column::new()).collect();
+    let (mut off, mut changes) = (vec![[0; BLOCK]; columns.len()], vec![0; columns.len()]);
+    for first in (1..points).step_by(BLOCK) {
+        let count = BLOCK.min(points - first);
+        // With the point before them.
+        let block = &records[(first - 1) * length..(first + count) * length];
+        find_changes(block, start, length, &mut changes);
+        for (i, (off, changes)) in off.iter_mut().zip(&changes).enumerate() {
+            if *changes == 0 {
+                off.fill(0);
+            } else {
+                take_column(block, start + i, length, off);
             }
-            column.write(&off[..count], points);
         }
+        let begun = columns.iter_mut().zip(&off).filter_map(|(column, off)| {
+            let off = &off[..count];
+            column.begin(off, points).then_some((column, off))
+        });
+        write_all(begun);
     }
     columns.into_iter().map(|c| if c.changed { c.coder.finish() } else { Vec::new() }).collect()
+}
+
+/// The bits in which each byte from `start` on changes from point to point.
+#[inline(always)]
+fn find_changes(block: &[u8], start: usize, length: usize, changes: &mut [u8]) {
+    changes.fill(0);
+    let bytes = || block.chunks_exact(length).map(|record| &record[start..]);
+    for (last, next) in bytes().zip(bytes().skip(1)) {
+        for ((changes, last), next) in changes.iter_mut().zip(last).zip(next) {
+            *changes |= last ^ next;
+        }
+    }
+}
+
+/// The differences of byte `at` from point to point.
+#[inline(always)]
+fn take_column(block: &[u8], at: usize, length: usize, off: &mut [u8; BLOCK]) {
+    let mut last = block[at];
+    for (off, record) in off.iter_mut().zip(block.chunks_exact(length).skip(1)) {
+        let byte = record[at];
+        *off = byte.wrapping_sub(last);
+        last = byte;
+    }
+}
+
+/// Writes the differences of all columns, some of them side by side.
+fn write_all<'a>(mut columns: impl Iterator<Item = (&'a mut Column, &'a [u8])>) {
+    while let Some((a, of_a)) = columns.next() {
+        match columns.next() {
+            Some((b, of_b)) => write([a, b], [of_a, of_b]),
+            None => write([a], [of_a]),
+        }
+    }
 }
