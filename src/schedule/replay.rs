@@ -1,8 +1,9 @@
 //! How a schedule would do on a machine with more threads: measured task times, handed out in simulated time.
 //!
 //! The machine has as many cores as threads. Producer, workers and queues do what [`super::run()`] does; what costs time is
-//! in the [`Workload`]. The collector works beside them: its work is charged to the computing threads, which share their
-//! cores with it, and nothing ends before it has taken everything. Who is too far ahead of it waits.
+//! in the [`Workload`]. The collector is a thread more than there are cores: it sleeps until the next result in order is
+//! there, and takes one after the other. What it works is missing on a core where somebody computes, and so it lengthens the
+//! computing of the chunk that it takes. Who is too far ahead of it waits, and nothing ends before it has taken everything.
 
 use super::{Dropper, Policy, Series, Settings, SizeChange, Workload};
 use std::cmp::Reverse;
@@ -17,6 +18,8 @@ pub struct Replayed {
     pub utilisation: f64,
     /// Part of the time that the producer made or handed over chunks.
     pub producing: f64,
+    /// Processor time of all threads together, s.
+    pub cpu_s: f64,
     /// Times that the producer was refused.
     pub refusals: u64,
     /// Chunks handed to workers.
@@ -60,6 +63,14 @@ impl PartialEq for Moment {
 
 impl Eq for Moment {}
 
+/// A place in the order of the results.
+#[derive(Clone, Copy)]
+struct Receipt {
+    tasks: u64,
+    /// When the chunk is or was done, if that is known.
+    done: Option<f64>,
+}
+
 struct Site<'a> {
     load: &'a Workload,
     settings: &'a Settings,
@@ -70,12 +81,13 @@ struct Site<'a> {
     workers: BinaryHeap<Reverse<Moment>>,
     /// Chunks in the warehouse: when they came, what they cost and which they are.
     waiting: VecDeque<(f64, f64, u64)>,
-    /// When each chunk that the collector has not taken is or was done, if that is known, from chunk `taken` on.
-    receipts: VecDeque<Option<f64>>,
+    /// The chunks that the collector has not taken, from number `taken` on.
+    receipts: VecDeque<Receipt>,
     taken: u64,
+    /// When the collector has or had taken what it took.
+    collector: f64,
     computed: f64,
     produced: f64,
-    chunks: u64,
     /// Since when somebody has been idle, and the last idle time.
     idle_since: Option<f64>,
     measured: Option<u64>,
@@ -92,6 +104,7 @@ impl<'a> Site<'a> {
             seconds: 0.0,
             utilisation: 0.0,
             producing: 0.0,
+            cpu_s: 0.0,
             refusals: 0,
             handed_over: 0,
             sizes: Series::new(4096),
@@ -106,9 +119,9 @@ impl<'a> Site<'a> {
             waiting: VecDeque::new(),
             receipts: VecDeque::new(),
             taken: 0,
+            collector: 0.0,
             computed: 0.0,
             produced: 0.0,
-            chunks: 0,
             idle_since: None,
             measured: None,
             out,
@@ -180,16 +193,16 @@ impl<'a> Site<'a> {
     }
 
     fn store(&mut self, from: u64, to: u64) {
-        let chunk = self.announce();
         self.take_from_warehouse();
         if self.waiting.len() < self.settings.capacity() {
+            let chunk = self.announce(to - from);
             self.produce(self.load.hand_over_s);
             self.waiting.push_back((self.now, self.load.cost(from, to) + self.load.take_s, chunk));
             self.out.handed_over += 1;
             self.take_from_warehouse();
         } else {
             self.out.refusals += 1;
-            self.work_off(from, to, chunk);
+            self.compute(from, to);
         }
     }
 
@@ -209,7 +222,7 @@ impl<'a> Site<'a> {
     }
 
     fn send(&mut self, from: u64, to: u64) {
-        let chunk = self.announce();
+        let chunk = self.announce(to - from);
         self.produce(self.load.hand_over_s);
         let cost = self.load.cost(from, to) + self.load.take_s;
         if let Some(Reverse(Moment(free))) = self.workers.pop() {
@@ -225,33 +238,45 @@ impl<'a> Site<'a> {
     }
 
     /// Makes the next chunk known to the collector, once there is a place in the queue. Returns its number.
-    fn announce(&mut self) -> u64 {
+    fn announce(&mut self, tasks: u64) -> u64 {
         self.produce(self.load.chunk_s);
-        loop {
+        while let Some(first) = self.receipts.front() {
             // The collector holds one more in its hand.
             let is_full = self.receipts.len() > self.settings.receipts();
-            match self.receipts.front() {
-                Some(&Some(done)) if done <= self.now || is_full => {
-                    self.now = self.now.max(done);
-                    self.receipts.pop_front();
-                    self.taken += 1;
+            match first.done.map(|done| self.begins_to_take(done)) {
+                Some(begin) if begin <= self.now || is_full => {
+                    self.now = self.now.max(begin);
+                    self.take_result();
                 }
                 // It waits in the warehouse.
-                Some(None) if is_full && !self.waiting.is_empty() => {
+                None if is_full && !self.waiting.is_empty() => {
                     self.now = self.now.max(self.earliest());
                     self.take_from_warehouse();
                 }
                 _ => break,
             }
         }
-        self.receipts.push_back(None);
-        self.chunks += 1;
+        self.receipts.push_back(Receipt { tasks, done: None });
         self.taken + self.receipts.len() as u64 - 1
     }
 
+    /// When the collector turns to a result that is there at this moment, or after the one before.
+    fn begins_to_take(&self, done: f64) -> f64 {
+        self.collector.max(done)
+    }
+
+    /// The collector takes the first result, which is or will be there.
+    fn take_result(&mut self) {
+        if let Some(Receipt { tasks, done: Some(done) }) = self.receipts.pop_front() {
+            self.collector = self.begins_to_take(done) + self.load.collecting(tasks);
+            self.taken += 1;
+        }
+    }
+
+    /// A chunk is or was worked off at this moment. Its result is there earlier by what the collector takes of the core.
     fn done(&mut self, chunk: u64, at: f64) {
         if let Some(receipt) = self.receipts.get_mut((chunk - self.taken) as usize) {
-            *receipt = Some(at);
+            receipt.done = Some(at - self.load.collecting(receipt.tasks));
         }
     }
 
@@ -278,16 +303,14 @@ impl<'a> Site<'a> {
         }
     }
 
+    /// The producer computes a chunk, and announces it when that is done.
     fn compute(&mut self, from: u64, to: u64) {
-        let chunk = self.announce();
-        self.work_off(from, to, chunk);
-    }
-
-    fn work_off(&mut self, from: u64, to: u64, chunk: u64) {
         let cost = self.load.cost(from, to);
         self.now += cost;
         self.computed += cost;
-        self.done(chunk, self.now);
+        let done = self.now;
+        let chunk = self.announce(to - from);
+        self.done(chunk, done);
     }
 
     fn produce(&mut self, seconds: f64) {
@@ -316,14 +339,16 @@ impl<'a> Site<'a> {
 
     fn finish(mut self) -> Replayed {
         self.drain();
-        let load = self.load;
-        let collected = load.collect_s * load.tasks() as f64 + load.collect_chunk_s * self.chunks as f64;
-        let seconds = self.now.max(self.last_done()).max(collected) + load.fixed_s;
+        while !self.receipts.is_empty() {
+            self.take_result();
+        }
+        let seconds = self.now.max(self.last_done()).max(self.collector) + self.load.fixed_s;
         let all = (seconds * self.settings.threads.max(1) as f64).max(f64::MIN_POSITIVE);
         Replayed {
             seconds,
             utilisation: self.computed / all,
             producing: self.produced / seconds.max(f64::MIN_POSITIVE),
+            cpu_s: self.computed + self.produced,
             ..self.out
         }
     }
@@ -430,15 +455,15 @@ mod tests {
         assert_eq!(seconds(&load, 2, Policy::Static { size: 2 }, false), 3.875);
     }
 
-    /// The worker has 0 until 100 s and 1 waits. The producer computes 2 to 6; with 0 in the collector's hand the queue of
-    /// six receipts is full then, and it waits until 100 s. The worker has 1 until 101 s, for which the producer waits, too;
-    /// from then on both work: 7 and 9 until 102 s, and so on until 18 at 108 s.
+    /// The worker has 0 until 100 s and 1 waits. The producer computes 2 to 7; with 0 in the collector's hand the queue of
+    /// six receipts is full before 7, which waits until 100 s. The worker has 1 until 101 s, for which the producer waits,
+    /// too; from then on both work: 8 and 10 until 102 s, and so on until 18 at 107 s.
     #[test]
     fn who_is_too_far_ahead_of_the_collector_waits() {
         let mut costs = [1.0; 20];
         costs[0] = 100.0;
         let load = load(&costs, &[20]);
-        assert_eq!(seconds(&load, 2, Policy::Warehouse { size: 1, factor: 1 }, false), 108.0);
+        assert_eq!(seconds(&load, 2, Policy::Warehouse { size: 1, factor: 1 }, false), 107.0);
         // In chunks that lose single tasks there is a place for all of these.
         let chunks = Policy::Static { size: 10 };
         let mut costs = [1.0; 20];

@@ -7,7 +7,7 @@ use super::policy::{Policy, Settings};
 use super::record::{Account, Ledger, Recorder};
 use crate::error::{Error, Result};
 use crossbeam::sync::WaitGroup;
-use crossbeam_channel::{Receiver, Sender, TrySendError, bounded, select};
+use crossbeam_channel::{Receiver, Select, Sender, TrySendError, bounded, select};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -47,6 +47,14 @@ struct Crate<C, R> {
     pending: Option<WaitGroup>,
 }
 
+/// The place of a result among all others.
+enum Promise<R> {
+    /// The producer has computed it itself.
+    Kept(Result<R>),
+    /// A worker will send it.
+    Given(flume::Receiver<Result<R>>),
+}
+
 /// When the first worker became idle, for dynamic chunks; 0 while no measurement is running.
 struct IdleClock {
     origin: Instant,
@@ -84,7 +92,7 @@ pub struct Feed<'a, C, R, W> {
     shelves: Receiver<Crate<C, R>>,
     /// One for each worker that has nothing to do; not used by the warehouse.
     free: Receiver<()>,
-    receipts: Sender<flume::Receiver<Result<R>>>,
+    receipts: Sender<Promise<R>>,
     jobs: &'a JobQueue,
     dropper: Option<Dropper>,
     idle: &'a IdleClock,
@@ -152,10 +160,18 @@ impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     /// Computes a chunk on this thread.
     pub fn compute(&mut self, chunk: C) -> Result<()> {
-        let (item, promise) = self.packed(chunk);
-        self.announce(promise)?;
-        self.work_off(item, false);
-        Ok(())
+        self.work_here(chunk, self.settings.workers() == 0)
+    }
+
+    /// Computes a chunk and announces it afterwards: no other chunk comes between, and the collector, which may sleep, need
+    /// not wake up to wait for the result.
+    fn work_here(&mut self, chunk: C, may_help: bool) -> Result<()> {
+        self.ledger.came_in(chunk.tasks());
+        if may_help {
+            self.help();
+        }
+        let result = self.work_on(chunk);
+        self.announce(Promise::Kept(result))
     }
 
     /// A leg has ended and all its chunks have come in. Where legs are kept apart this waits until they are done.
@@ -182,95 +198,112 @@ impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         while matches!(self.settings.policy, Policy::Warehouse { .. })
             && let Ok(item) = self.shelves.try_recv()
         {
-            self.ledger.took_back();
-            self.work_off(item, false);
+            self.take_back(item);
         }
     }
 
     /// Stores the chunk in the warehouse, or works it off here when that is full.
     fn store(&mut self, chunk: C) -> Result<()> {
-        let (item, promise) = self.packed(chunk);
-        self.announce(promise)?;
-        match self.warehouse.try_send(item) {
-            Ok(()) => self.ledger.handed_over(self.warehouse.len()),
-            Err(TrySendError::Full(item) | TrySendError::Disconnected(item)) => {
-                self.ledger.refused();
-                self.work_off(item, true);
-            }
+        if self.warehouse.is_full() {
+            self.ledger.refused();
+            return self.work_here(chunk, true);
         }
+        // Nobody else puts anything in, so that the place stays.
+        let item = self.announced(chunk)?;
+        self.warehouse.send(item).map_err(|_| failed("every worker"))?;
+        self.ledger.handed_over(self.warehouse.len());
         Ok(())
     }
 
     /// Sends the chunk to a worker that is known to be free.
     fn send(&mut self, chunk: C) -> Result<()> {
-        let (item, promise) = self.packed(chunk);
-        self.announce(promise)?;
+        let item = self.announced(chunk)?;
         self.warehouse.send(item).map_err(|_| failed("every worker"))?;
         self.ledger.handed_over(self.settings.workers().saturating_sub(self.free.len()));
         Ok(())
     }
 
-    fn packed(&mut self, chunk: C) -> (Crate<C, R>, flume::Receiver<Result<R>>) {
+    /// The chunk for a worker; its place among the results is taken.
+    fn announced(&mut self, chunk: C) -> Result<Crate<C, R>> {
         self.ledger.came_in(chunk.tasks());
         let (receipt, promise) = flume::bounded(1);
-        (Crate { chunk, receipt, pending: self.pending.clone() }, promise)
+        self.announce(Promise::Given(promise))?;
+        Ok(Crate { chunk, receipt, pending: self.pending.clone() })
     }
 
-    fn work_off(&mut self, item: Crate<C, R>, may_help: bool) {
+    /// Runs what the collector wants done.
+    fn help(&mut self) {
         self.ledger.account.skip();
-        let workers = self.settings.workers();
-        if may_help || workers == 0 {
-            // Nothing comes in while this thread is at a job, and jobs can take longer than what is in store; so it leaves
-            // one for every worker to be busy with.
-            while self.jobs.exit().len() > workers
-                && let Ok(job) = self.jobs.exit().try_recv()
-            {
-                job();
-                self.ledger.account.did_job();
-            }
+        // Nothing comes in while this thread is at a job, and jobs can take longer than what is in store; so it leaves one for
+        // every worker to be busy with.
+        while self.jobs.exit().len() > self.settings.workers()
+            && let Ok(job) = self.jobs.exit().try_recv()
+        {
+            job();
+            self.ledger.account.did_job();
         }
-        let tasks = item.chunk.tasks();
-        let result = (self.work)(item.chunk);
-        self.ledger.computed(tasks, workers == 0);
+    }
+
+    fn work_on(&mut self, chunk: C) -> Result<R> {
+        self.ledger.account.skip();
+        let tasks = chunk.tasks();
+        let result = (self.work)(chunk);
+        self.ledger.computed(tasks, self.settings.workers() == 0);
+        result
+    }
+
+    /// Works off a chunk that has waited in the warehouse.
+    fn take_back(&mut self, item: Crate<C, R>) {
+        self.ledger.took_back();
+        let result = self.work_on(item.chunk);
         // A collector that has gone is noticed at the next announcement.
         let _ = item.receipt.send(result);
     }
 
-    /// Tells the collector of a result to come. While it is behind, this thread does what there is to do: it computes what
-    /// waits in the warehouse, which is older than what the collector is to be told of, and runs the collector's jobs.
-    fn announce(&mut self, mut promise: flume::Receiver<Result<R>>) -> Result<()> {
-        let gone = |_| Error::Internal("the collector has ended early".to_owned());
+    /// Tells the collector of a result. While it is behind, this thread does what there is to do: it computes what waits in
+    /// the warehouse, which is older than what the collector is to be told of, and runs the collector's jobs.
+    fn announce(&mut self, promise: Promise<R>) -> Result<()> {
+        let gone = || Error::Internal("the collector has ended early".to_owned());
+        let mut promise = match self.receipts.try_send(promise) {
+            Ok(()) => return Ok(()),
+            Err(TrySendError::Disconnected(_)) => return Err(gone()),
+            Err(TrySendError::Full(promise)) => promise,
+        };
+        // Under other schedules a chunk that was sent is on its way to a free worker.
         let stores = matches!(self.settings.policy, Policy::Warehouse { .. });
-        // A shelf that nobody ever puts anything on.
-        let shelves = if stores { self.shelves.clone() } else { crossbeam_channel::never() };
+        let (receipts, shelves, jobs) = (self.receipts.clone(), self.shelves.clone(), self.jobs);
+        self.ledger.account.skip();
         loop {
-            match self.receipts.try_send(promise) {
-                Ok(()) => return Ok(()),
-                Err(TrySendError::Disconnected(_)) => return Err(gone(())),
-                Err(TrySendError::Full(p)) => promise = p,
+            let mut any = Select::new();
+            let sending = any.send(&receipts);
+            let job = any.recv(jobs.exit());
+            if stores {
+                any.recv(&shelves);
             }
-            self.ledger.account.skip();
-            let waiting = promise.clone();
-            select! {
-                send(self.receipts, waiting) -> sent => {
-                    self.ledger.account.was_idle();
-                    return sent.map_err(|_| gone(()));
+            let ready = any.select();
+            if ready.index() == sending {
+                self.ledger.account.was_idle();
+                return ready.send(&receipts, promise).map_err(|_| gone());
+            }
+            if ready.index() == job {
+                let Ok(job) = ready.recv(jobs.exit()) else {
+                    return receipts.send(promise).map_err(|_| gone());
+                };
+                job();
+                self.ledger.account.did_job();
+            } else {
+                match ready.recv(&shelves) {
+                    Ok(item) => self.take_back(item),
+                    Err(_) => return receipts.send(promise).map_err(|_| gone()),
                 }
-                recv(shelves) -> item => match item {
-                    Ok(item) => {
-                        self.ledger.took_back();
-                        self.work_off(item, false);
-                    }
-                    Err(_) => return self.receipts.send(promise).map_err(|_| gone(())),
-                },
-                recv(self.jobs.exit()) -> job => match job {
-                    Ok(job) => {
-                        job();
-                        self.ledger.account.did_job();
-                    }
-                    Err(_) => return self.receipts.send(promise).map_err(|_| gone(())),
-                },
+                self.ledger.account.skip();
             }
+            // The collector comes first.
+            promise = match receipts.try_send(promise) {
+                Ok(()) => return Ok(()),
+                Err(TrySendError::Disconnected(_)) => return Err(gone()),
+                Err(TrySendError::Full(promise)) => promise,
+            };
         }
     }
 }
@@ -463,14 +496,17 @@ impl<C: Tasks, R> Site<'_, C, R> {
 }
 
 fn collect<R, K: Collect<R>>(
-    promises: &Receiver<flume::Receiver<Result<R>>>,
+    promises: &Receiver<Promise<R>>,
     stop: &Stop,
     recorder: Option<&Recorder>,
     mut collector: K,
 ) -> Result<K::Summary> {
     let mut account = Account::open(recorder);
     for promise in promises {
-        let result = promise.recv().unwrap_or_else(|_| Err(failed("a worker")));
+        let result = match promise {
+            Promise::Kept(result) => result,
+            Promise::Given(promise) => promise.recv().unwrap_or_else(|_| Err(failed("a worker"))),
+        };
         account.was_idle();
         let taken = result.and_then(|result| collector.take(result, !promises.is_empty()));
         account.computed(0);

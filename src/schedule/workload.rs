@@ -72,16 +72,17 @@ impl Workload {
     /// What logs of runs on one thread tell, the same run again and again in chunks of each size; what it costs to hand
     /// over and to wake they do not.
     ///
-    /// How the time goes on over the tasks is the least of each chunk; how much it is in all is the least that the
-    /// thread's processor clock told of any run, so that other programs do not count. What making and collecting cost per
-    /// chunk and per task follows from the smallest and the largest chunks.
+    /// How the time goes on over the tasks is the least of each chunk. How much everything is in all is what the threads'
+    /// processor clocks told of the run where they told least, so that other programs do not count: of one run, since the
+    /// least computing of one and the least making of another would be less than any run took. What making and collecting
+    /// cost per chunk and per task follows from the smallest and the largest chunks.
     pub fn of_logs(logs: &[(u32, Vec<Log>)]) -> Workload {
         let mut profiles = Vec::new();
         let mut sizes: Vec<(u32, Costs)> = Vec::new();
         for (size, logs) in logs.iter().filter(|(_, logs)| !logs.is_empty()) {
-            let costs = logs.iter().map(Costs::of).reduce(Costs::least).unwrap_or_default();
             let mut entries = least(logs);
             let sum = entries.last().map_or(0.0, |e| e.1);
+            let costs = Costs::of(logs, sum);
             if sum > 0.0 {
                 entries.iter_mut().for_each(|e| e.1 *= costs.computing_s / sum);
             }
@@ -115,7 +116,12 @@ impl Workload {
             (Some(p), None) | (None, Some(p)) => of(p),
             (None, None) => 0.0,
         };
-        computing.max(0.0) + self.collect_chunk_s + self.collect_s * count as f64
+        computing.max(0.0) + self.collecting(count)
+    }
+
+    /// Seconds to take the result of a chunk of so many tasks.
+    pub(super) fn collecting(&self, tasks: u64) -> f64 {
+        self.collect_chunk_s + self.collect_s * tasks as f64
     }
 }
 
@@ -131,31 +137,26 @@ struct Costs {
 }
 
 impl Costs {
-    fn of(log: &Log) -> Costs {
+    /// Of runs of which the least computing of every chunk is `computing_s` together.
+    fn of(logs: &[Log], computing_s: f64) -> Costs {
+        let Some(log) = logs.iter().min_by(|a, b| a.cpu_s().total_cmp(&b.cpu_s())) else {
+            return Costs::default();
+        };
         let p = &log.producer;
         // Others who want the core are in the way of everything alike, and waiting takes some processor time, too: each of
         // the two clocks is too slow at most.
         let awake = (p.wall_s - p.idle_s).max(f64::MIN_POSITIVE);
         let part = |seconds: f64| (p.cpu_s * (seconds / awake)).min(seconds);
-        let (computing_s, jobs_s) = (part(p.busy_s), part(p.jobs_s));
+        let (computing_s, jobs_s) = (part(p.busy_s).min(computing_s), part(p.jobs_s));
+        let fixed = |log: &Log| (log.seconds - log.producer.wall_s).max(0.0);
         Costs {
             chunks: p.chunks,
             tasks: p.tasks,
             computing_s,
-            making_s: part((awake - p.busy_s - p.jobs_s).max(0.0)),
+            making_s: (p.cpu_s.min(awake) - computing_s - jobs_s).max(0.0),
             // Jobs of the collector are done by whoever computes.
             collecting_s: log.collector.cpu_s + jobs_s,
-            fixed_s: (log.seconds - p.wall_s).max(0.0),
-        }
-    }
-
-    fn least(self, other: Costs) -> Costs {
-        Costs {
-            computing_s: self.computing_s.min(other.computing_s),
-            making_s: self.making_s.min(other.making_s),
-            collecting_s: self.collecting_s.min(other.collecting_s),
-            fixed_s: self.fixed_s.min(other.fixed_s),
-            ..self
+            fixed_s: logs.iter().map(fixed).fold(f64::INFINITY, f64::min),
         }
     }
 }
@@ -284,7 +285,6 @@ mod tests {
 
     #[test]
     fn logs_tell_what_everything_costs() {
-        // Another program had half of the core in every run, and more in one of them.
         // Other programs had half of the core in every run, or none in one of them.
         for slower in [1.0, 2.0] {
             let logs =
