@@ -25,6 +25,7 @@ pub(crate) fn build_kd(
     let build = Build {
         search: Search { geometry, frame, options },
         max_depth: depth_cap(options, count),
+        shared_depth: shared_depth(options),
         ledger: match options.accounting {
             // A flat root has no cost to book.
             Accounting::Global if root.area > 0.0 && options.builder != Builder::Median => {
@@ -48,6 +49,16 @@ pub(crate) const DEEPEST: u32 = 64;
 fn depth_cap(options: &BuildOptions, count: usize) -> u32 {
     let auto = 8 + (1.3 * libm::log2(count.max(1) as f64)) as u32;
     options.max_depth.unwrap_or(auto).min(DEEPEST)
+}
+
+/// Levels whose nodes several threads take from one another: so many that each thread has some hundred parts to choose from.
+/// Further down every hand-over would only copy the part once more.
+fn shared_depth(options: &BuildOptions) -> u32 {
+    match options.jobs {
+        0 => rayon::current_num_threads().ilog2() + 8,
+        1 => 0,
+        n => n.ilog2() + 8,
+    }
 }
 
 /// Where a node is: its depth, and its number from the left among the 2^depth nodes that may be there.
@@ -83,6 +94,8 @@ fn crew(count: usize, place: Place, threads: usize) -> usize {
 struct Build<'a> {
     search: Search<'a>,
     max_depth: u32,
+    /// Nodes below this depth are built by the thread that comes to them.
+    shared_depth: u32,
     ledger: Ledger,
     geometry_jobs: usize,
 }
@@ -98,14 +111,12 @@ impl Build<'_> {
         arena.nodes[slot] = KdNode::interior(split.axis, split.position as f32, child);
         arena.nodes.extend([KdNode::leaf(0, 0); 2]);
         let ([l, r], [to_left, to_right]) = (cell.cut(&split), place.below());
-        let (a, b) = if left.len().min(right.len()) >= self.grain() {
-            // Parts of their own also where one thread builds them one after the other, so that nodes are numbered alike.
-            let left = || self.apart(left, l, to_left);
-            let right = || self.apart(right, r, to_right);
-            let ((one, a), (two, b)) =
-                if self.search.options.jobs == 1 { (left(), right()) } else { rayon::join(left, right) };
-            attach(arena, child, one);
-            attach(arena, child + 1, two);
+        let is_shared = place.depth < self.shared_depth && left.len().min(right.len()) >= self.grain();
+        let (a, b) = if is_shared {
+            let lower = || self.node(left, l, to_left, arena, child);
+            let upper = || self.apart(right, r, to_right);
+            let (a, (part, b)) = rayon::join(lower, upper);
+            attach(arena, child + 1, part);
             (a, b)
         } else {
             let a = self.node(left, l, to_left, arena, child);
@@ -114,12 +125,12 @@ impl Build<'_> {
         Sums::interior(cell.area, a, b)
     }
 
-    /// Smallest part worth an own arena.
+    /// Smallest part worth an own arena, which another thread may fill.
     fn grain(&self) -> usize {
         self.search.options.delegate.max(32)
     }
 
-    /// The same in an arena of its own.
+    /// The same in an arena of its own; put back with [`attach`] its nodes have the numbers that they would have had.
     fn apart(&self, prims: Vec<Prim>, cell: Cell, place: Place) -> (KdArena, Sums) {
         let mut arena = Arena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
         let sums = self.node(prims, cell, place, &mut arena, 0);
