@@ -81,6 +81,7 @@ fn every_cell_is_measured_and_told() {
         let of = |key: &str| number(cell, key);
         assert!((of("build_s") + of("simulation_s") - of("total_s")).abs() < 1e-9);
         assert!(of("cpu_s") > 0.0);
+        assert!(of("tree_leaves") > 0.0 && of("tree_references") >= number(&json, "primitives"));
         assert!(of("build_s") > 0.0 && of("simulation_s") > 0.0 && of("rays_per_s") >= of("pulses_per_s"));
         assert_eq!((&cell["pulses"], &cell["echoes"]), (&first["pulses"], &first["echoes"]), "{cell}");
         assert!((of("efficiency") * of("threads") - of("speedup")).abs() < 1e-9);
@@ -106,6 +107,7 @@ fn every_cell_is_measured_and_told() {
         assert!(number(forecast, "simulation_s") > 0.0 && number(forecast, "utilisation") <= 1.0 + 1e-9);
         assert!(number(forecast, "speedup") <= number(forecast, "threads") * 1.0001, "{forecast}");
         assert_eq!(forecast["measured_s"].is_number(), forecast["threads"] == 2, "{forecast}");
+        assert!(number(forecast, "cpu_s") > 0.0);
     }
     assert_eq!(json["paper"]["table_3"].as_array().unwrap().len(), 7);
 

@@ -62,10 +62,11 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     let mut report = Report::begin(&bench);
     let simulated = threads(&args.simulate_threads)?;
     for (kind, options) in &matrix.trees {
-        let cells = bench.tree(*kind, options, &matrix, console)?;
+        let built = bench.build(options, &matrix)?;
+        let cells = bench.cells(*kind, options, &built, &matrix, console)?;
         if !simulated.is_empty() {
             console.detail(format!("task times: {}", name(*kind)));
-            let load = bench.workload(options, &matrix)?;
+            let load = bench.workload(options, &built.tree, &matrix)?;
             report.forecasts.extend(forecast::of(name(*kind), &load, &matrix, &simulated, &cells));
         }
         report.cells.extend(cells);

@@ -30,6 +30,10 @@ pub struct Forecast {
     pub producing: f64,
     /// What was measured here for the same combination, s.
     pub measured_s: Option<f64>,
+    /// Processor time of all threads together, s.
+    pub cpu_s: f64,
+    /// What was measured of that here.
+    pub measured_cpu_s: Option<f64>,
     /// Chunk sizes in the course of the simulation, of dynamic chunks.
     pub sizes: Vec<SizeChange>,
 }
@@ -60,6 +64,7 @@ pub fn of(
                 (c.schedule, c.chunk_size, c.warehouse_factor) == (schedule, chunk_size, warehouse_factor)
                     && (c.threads, c.leg_barrier) == (threads, settings.leg_barrier)
             };
+            let cell = measured.iter().find(is_same);
             all.push(Forecast {
                 tree,
                 schedule,
@@ -71,7 +76,9 @@ pub fn of(
                 speedup: alone / replayed.seconds.max(f64::MIN_POSITIVE),
                 utilisation: replayed.utilisation,
                 producing: replayed.producing,
-                measured_s: measured.iter().find(is_same).map(|c| c.simulation_s),
+                measured_s: cell.map(|c| c.simulation_s),
+                cpu_s: replayed.cpu_s,
+                measured_cpu_s: cell.map(|c| c.cpu_s),
                 sizes: replayed.sizes.entries().to_vec(),
             });
         }

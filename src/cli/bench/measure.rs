@@ -75,6 +75,16 @@ pub struct Cell {
     pub echoes_per_s: f64,
     /// Bytes of the tree.
     pub tree_bytes: usize,
+    /// Interior nodes of the tree, that of instances not counted; so with the following.
+    pub tree_nodes: usize,
+    /// Leaves.
+    pub tree_leaves: usize,
+    /// References to primitives in all leaves.
+    pub tree_references: usize,
+    /// Depth of the deepest leaf.
+    pub tree_depth: u32,
+    /// Expected cost of a ray, C_T of the paper with the costs of the build.
+    pub tree_cost: f64,
     /// Most memory that the process has held so far, bytes; 0 where the system does not tell.
     pub peak_bytes: u64,
     /// Part of the workers' time in which they had nothing to do.
@@ -115,15 +125,16 @@ impl Bench {
     }
 
     /// All cells of a tree. Repetitions take turns, so that what else the machine does falls on all of them.
-    pub fn tree(
+    pub fn cells(
         &self,
         kind: TreeKind,
         options: &BuildOptions,
+        built: &Built,
         matrix: &Matrix,
         console: &Console,
     ) -> Result<Vec<Cell>> {
-        let (tree, builds) = self.builds(options, matrix)?;
-        let physics = Physics::new(&self.scene, &tree, &self.job.survey, self.job.physics)?;
+        let Built { tree, seconds: builds } = built;
+        let physics = Physics::new(&self.scene, tree, &self.job.survey, self.job.physics)?;
         let mut best: Vec<Option<(f64, Flown)>> = vec![None; matrix.flights.len()];
         let mut all = vec![(Vec::new(), f64::INFINITY); matrix.flights.len()];
         for turn in 0..matrix.warm_up + matrix.repetitions {
@@ -148,31 +159,35 @@ impl Bench {
         let build_of = |threads: usize| builds.iter().find(|b| b.0 == threads).map_or(f64::NAN, |b| b.1);
         let cells = matrix.flights.iter().zip(best).zip(all).filter_map(|((flight, best), seconds)| {
             let (_, flown) = best?;
-            Some(self.cell(kind, flight, build_of(flight.settings.threads), flown, seconds, tree.memory()))
+            Some(self.cell(kind, flight, build_of(flight.settings.threads), flown, seconds, tree))
         });
         Ok(cells.collect())
     }
 
-    /// The tree, and the least time that building it took with each number of threads.
-    fn builds(&self, options: &BuildOptions, matrix: &Matrix) -> Result<(Tree, Vec<(usize, f64)>)> {
-        let mut builds: Vec<(usize, f64)> = Vec::new();
+    /// Builds the tree with each number of threads.
+    pub fn build(&self, options: &BuildOptions, matrix: &Matrix) -> Result<Built> {
+        let mut seconds: Vec<(usize, f64)> = Vec::new();
+        let mut tree = None;
         for flight in &matrix.flights {
             let threads = flight.settings.threads;
-            if builds.iter().any(|b| b.0 == threads) {
+            if seconds.iter().any(|b| b.0 == threads) {
                 continue;
             }
             let mut least = f64::INFINITY;
             for _ in 0..matrix.repetitions {
+                // Strict trees can fill half of the memory.
+                drop(tree.take());
                 let started = Instant::now();
-                drop(self.scene.tree(&with_jobs(options, threads)));
+                tree = Some(self.scene.tree(&with_jobs(options, threads)));
                 least = least.min(started.elapsed().as_secs_f64());
                 if interrupt::STOP.asked() {
                     return Err(Error::Interrupted);
                 }
             }
-            builds.push((threads, least));
+            seconds.push((threads, least));
         }
-        Ok((self.scene.tree(&with_jobs(options, 0)), builds))
+        let tree = tree.unwrap_or_else(|| self.scene.tree(&with_jobs(options, 0)));
+        Ok(Built { tree, seconds })
     }
 
     fn cell(
@@ -182,8 +197,9 @@ impl Bench {
         build_s: f64,
         flown: Flown,
         (simulations_s, cpu_s): (Vec<f64>, f64),
-        tree_bytes: usize,
+        tree: &Tree,
     ) -> Cell {
+        let known = tree.statistics();
         let (schedule, chunk_size, warehouse_factor) = flight.label();
         let per_second = |n: f64| n / flown.seconds.max(1e-9);
         let (busy, idle) = flown
@@ -214,7 +230,12 @@ impl Bench {
             pulses_per_s: per_second(flown.pulses as f64),
             rays_per_s: per_second(flown.pulses as f64 * flown.rays as f64),
             echoes_per_s: per_second(flown.echoes as f64),
-            tree_bytes,
+            tree_bytes: tree.memory(),
+            tree_nodes: known.interior,
+            tree_leaves: known.leaves,
+            tree_references: known.references,
+            tree_depth: known.max_depth,
+            tree_cost: known.cost,
             peak_bytes: peak(),
             idle: if busy + idle > 0.0 { idle / (busy + idle) } else { 0.0 },
             refusals: flown.log.refusals,
@@ -274,13 +295,16 @@ impl Bench {
     }
 
     /// Task times in chunks of all sizes that may occur, measured on one thread, with what else costs time.
-    pub fn workload(&self, options: &BuildOptions, matrix: &Matrix) -> Result<Workload> {
-        let tree = self.scene.tree(&with_jobs(options, 0));
-        let physics = Physics::new(&self.scene, &tree, &self.job.survey, self.job.physics)?;
+    pub fn workload(&self, options: &BuildOptions, tree: &Tree, matrix: &Matrix) -> Result<Workload> {
+        let physics = Physics::new(&self.scene, tree, &self.job.survey, self.job.physics)?;
         let mut sizes: Vec<u32> = matrix.flights.iter().flat_map(|f| [1, f.settings.policy.size()]).collect();
-        // Dynamic chunks go anywhere.
+        // Dynamic chunks go anywhere; what they cost near a measured size is known well enough.
         if matrix.flights.iter().any(|f| matches!(f.settings.policy, Policy::Dynamic { .. })) {
-            sizes.extend([8, 64, 512]);
+            for more in [8, 64, 512] {
+                if !sizes.iter().any(|&size| (size / 4..=size.saturating_mul(4)).contains(&more)) {
+                    sizes.push(more);
+                }
+            }
         }
         sizes.sort_unstable();
         sizes.dedup();
@@ -296,6 +320,12 @@ impl Bench {
         (load.hand_over_s, load.take_s, load.wake_s) = schedule::overheads()?;
         Ok(load)
     }
+}
+
+/// A tree, and the least time that building it took with each number of threads, s.
+pub struct Built {
+    pub tree: Tree,
+    seconds: Vec<(usize, f64)>,
 }
 
 /// What a flight was.

@@ -8,9 +8,9 @@ use std::fmt::Write as _;
 const COLOURS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#5d5d5d", "#8a2be2"];
 
-const WIDTH: f64 = 560.0;
+const WIDTH: f64 = 680.0;
 const HEIGHT: f64 = 380.0;
-/// Room for axes and title within a chart: left, right, top, bottom.
+/// Room for axes and title within a chart, the legend at its right not counted: left, right, top, bottom.
 const MARGINS: [f64; 4] = [70.0, 20.0, 44.0, 48.0];
 
 /// What a chart shows.
@@ -85,17 +85,20 @@ fn charts(report: &Report) -> Vec<Chart> {
         ),
     ];
     charts.push(schedules(report));
+    // More lines than colours could not be told apart: those with the most threads are the ones to look at.
+    let most = report.cells.iter().map(|c| c.threads).max().unwrap_or(1);
     let sizes: Vec<(String, Vec<(f64, f64)>)> = report
         .cells
         .iter()
-        .filter(|c| !c.sizes.is_empty())
+        .filter(|c| !c.sizes.is_empty() && c.threads == most)
+        .take(COLOURS.len())
         .map(|c| {
             let points = c.sizes.iter().map(|s| (s.tasks as f64 / 1e3, f64::from(s.size))).collect();
-            (format!("{} from {}, {} threads", c.tree, c.chunk_size, c.threads), points)
+            (format!("{} from {}{}", c.tree, c.chunk_size, barrier(c.leg_barrier)), points)
         })
         .collect();
     charts.push(chart(
-        "Size of dynamic chunks",
+        &format!("Size of dynamic chunks, {most} threads"),
         "thousand pulses",
         "pulses per chunk",
         [false, false],
@@ -106,8 +109,7 @@ fn charts(report: &Report) -> Vec<Chart> {
         for f in report.forecasts.iter().filter(|f| f.tree == tree) {
             let size = if f.schedule == "single" { String::new() } else { format!(" {}", f.chunk_size) };
             let factor = f.warehouse_factor.map_or_else(String::new, |n| format!("×{n}"));
-            let barrier = if f.leg_barrier { " + barrier" } else { "" };
-            let name = format!("{}{size}{factor}{barrier}", f.schedule);
+            let name = format!("{}{size}{factor}{}", f.schedule, barrier(f.leg_barrier));
             let point = (f.threads as f64, f.speedup);
             match lines.iter_mut().find(|l| l.0 == name) {
                 Some(line) => line.1.push(point),
@@ -120,14 +122,17 @@ fn charts(report: &Report) -> Vec<Chart> {
     charts
 }
 
+fn barrier(is_kept: bool) -> &'static str {
+    if is_kept { " + barrier" } else { "" }
+}
+
 /// Bars of the best simulation of every schedule with the most threads, by tree.
 fn schedules(report: &Report) -> Chart {
     let most = report.cells.iter().map(|c| c.threads).max().unwrap_or(1);
     let trees = report.trees();
     let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
     for cell in report.cells.iter().filter(|c| c.threads == most || c.threads == 1) {
-        let name =
-            if cell.leg_barrier { format!("{} + barrier", cell.schedule) } else { cell.schedule.to_owned() };
+        let name = format!("{}{}", cell.schedule, barrier(cell.leg_barrier));
         let place = trees.iter().position(|t| *t == cell.tree).unwrap_or(0) as f64;
         let line = match lines.iter().position(|l| l.0 == name) {
             Some(at) => at,
@@ -154,7 +159,7 @@ fn schedules(report: &Report) -> Chart {
 impl Chart {
     fn draw(&self, svg: &mut String) {
         let [left, right, top, bottom] = MARGINS;
-        let (w, h) = (WIDTH - left - right, HEIGHT - top - bottom);
+        let (w, h) = (WIDTH - left - right - self.legend_width(), HEIGHT - top - bottom);
         let points = || {
             self.lines.iter().flat_map(|l| l.1.iter().copied()).filter(|p| p.0.is_finite() && p.1.is_finite())
         };
@@ -162,7 +167,7 @@ impl Chart {
             Some(places) => Axis { lo: -0.5, hi: places.len() as f64 - 0.5, log: false },
             None => Axis::around(points().map(|p| p.0), self.log[0], false),
         };
-        let y = Axis::around(points().map(|p| p.1), self.log[1], true).below(self.headroom(h));
+        let y = Axis::around(points().map(|p| p.1), self.log[1], true);
         let at = |p: (f64, f64)| (left + w * x.place(p.0), top + h * (1.0 - y.place(p.1)));
         let _ = writeln!(
             svg,
@@ -233,8 +238,9 @@ impl Chart {
                 points.iter().map(|p| at(**p)).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
             let _ = writeln!(
                 svg,
-                "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>",
-                path.join(" ")
+                "<polyline points=\"{}\" fill=\"none\" {} stroke-width=\"2\"/>",
+                path.join(" "),
+                self.stroke(i)
             );
             for (px, py) in points.iter().take(if points.len() > 40 { 0 } else { 40 }).map(|p| at(**p)) {
                 let _ = writeln!(svg, "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3\" fill=\"{colour}\"/>");
@@ -243,39 +249,34 @@ impl Chart {
         self.legend(svg);
     }
 
-    /// The part of the height that the legend takes above the lines; rising lines have it in the lower right corner.
-    fn headroom(&self, height: f64) -> f64 {
-        if self.log[1] { 0.0 } else { ((14.0 + 16.0 * self.lines.len() as f64) / height).min(0.7) }
+    fn legend_width(&self) -> f64 {
+        let longest = self.lines.iter().map(|l| l.0.chars().count()).max().unwrap_or(0);
+        36.0 + 6.8 * longest as f64
     }
 
-    /// Names of the lines, on a translucent ground.
+    /// Names of the lines, beside the chart.
     fn legend(&self, svg: &mut String) {
-        let [mut left, right, mut top, bottom] = MARGINS;
-        let longest = self.lines.iter().map(|l| l.0.chars().count()).max().unwrap_or(0);
-        let (wide, high) = (30.0 + 6.8 * longest as f64, 6.0 + 16.0 * self.lines.len() as f64);
-        if self.log[1] {
-            (left, top) = (WIDTH - right - wide - 12.0, HEIGHT - bottom - high - 10.0);
-        }
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"white\" fill-opacity=\"0.8\"/>",
-            left + 6.0,
-            top + 5.0,
-            wide,
-            high
-        );
+        let [_, right, top, _] = MARGINS;
+        let left = WIDTH - right - self.legend_width() + 10.0;
         for (i, (name, _)) in self.lines.iter().enumerate() {
-            let y = top + 18.0 + 16.0 * i as f64;
+            let y = top + 13.0 + 16.0 * i as f64;
+            let middle = y - 4.0;
             let _ = writeln!(
                 svg,
-                "<rect x=\"{}\" y=\"{}\" width=\"14\" height=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"{y}\">{}</text>",
-                left + 11.0,
-                y - 6.0,
-                COLOURS[i % COLOURS.len()],
-                left + 30.0,
+                "<line x1=\"{left}\" x2=\"{}\" y1=\"{middle}\" y2=\"{middle}\" {} stroke-width=\"4\"/>\
+                 <text x=\"{}\" y=\"{y}\">{}</text>",
+                left + 18.0,
+                self.stroke(i),
+                left + 24.0,
                 escaped(name)
             );
         }
+    }
+
+    /// How a line is drawn: every other one dashed, so that one below the other is seen.
+    fn stroke(&self, line: usize) -> String {
+        let dashes = if self.bars.is_none() && line % 2 == 1 { " stroke-dasharray=\"7 4\"" } else { "" };
+        format!("stroke=\"{}\"{dashes}", COLOURS[line % COLOURS.len()])
     }
 }
 
@@ -306,12 +307,6 @@ impl Axis {
         Axis { lo, hi, log }
     }
 
-    /// With this part of its length left free at the upper end.
-    fn below(self, free: f64) -> Axis {
-        let hi = if self.log { self.hi } else { self.lo + (self.hi - self.lo) / (1.0 - free) };
-        Axis { hi, ..self }
-    }
-
     /// Where a value lies, 0 at the lower end and 1 at the upper.
     fn place(&self, value: f64) -> f64 {
         let scale = |v: f64| if self.log { libm::log(v.max(1e-300)) } else { v };
@@ -329,8 +324,10 @@ impl Axis {
                 .map(|e| libm::ldexp(1.0, e))
                 .filter(|t| *t >= self.lo)
                 .collect();
-            // Between two powers of two there is no round value; the middle will do.
-            return if ticks.is_empty() { vec![(self.lo * self.hi).sqrt()] } else { ticks };
+            // Within two doublings there are too few.
+            if ticks.len() > 2 {
+                return ticks;
+            }
         }
         let raw = (self.hi - self.lo) / 5.0;
         let power = libm::pow(10.0, libm::floor(libm::log10(raw)));
