@@ -1,5 +1,8 @@
 //! The size of dynamic chunks (spec kdtree-and-scheduling §3.4, eqs 13–15).
 
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
 /// First step of a series in one direction, Δ0, in tasks.
 const FIRST_STEP: u32 = 8;
 
@@ -109,6 +112,39 @@ impl Dropper {
             Direction::Down => self.size.saturating_sub(step).max(1),
         };
         (self.step, self.direction) = (step, direction);
+    }
+}
+
+/// When the first worker became idle, for dynamic chunks; 0 while no measurement is running.
+pub(super) struct IdleClock {
+    origin: Instant,
+    since: AtomicU64,
+}
+
+impl IdleClock {
+    /// Nothing measured yet.
+    pub fn new() -> IdleClock {
+        IdleClock { origin: Instant::now(), since: AtomicU64::new(0) }
+    }
+
+    fn now(&self) -> u64 {
+        // Zero is taken; a nanosecond does no harm.
+        self.origin.elapsed().as_nanos().max(1) as u64
+    }
+
+    /// A worker has become idle.
+    pub fn worker_ends(&self) {
+        if self.since.load(Ordering::Relaxed) == 0 {
+            let _ = self.since.compare_exchange(0, self.now(), Ordering::Relaxed, Ordering::Relaxed);
+        }
+    }
+
+    /// Ends the measurement: the time since the first worker became idle, if one did.
+    pub fn saturated(&self) -> Option<u64> {
+        match self.since.swap(0, Ordering::Relaxed) {
+            0 => None,
+            since => Some(self.now().saturating_sub(since)),
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The threads: one producer, workers, one collector; and the producer's end, which is where schedules differ.
 
 use super::Stop;
-use super::dropper::Dropper;
+use super::dropper::{Dropper, IdleClock};
 use super::jobs::JobQueue;
 use super::policy::{Policy, Settings};
 use super::record::{Account, Ledger, Recorder};
@@ -9,7 +9,6 @@ use crate::error::{Error, Result};
 use crossbeam::sync::WaitGroup;
 use crossbeam_channel::{Receiver, Select, Sender, TrySendError, bounded, select};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// Work that is handed out: a number of tasks.
@@ -53,33 +52,6 @@ enum Promise<R> {
     Kept(Result<R>),
     /// A worker will send it.
     Given(flume::Receiver<Result<R>>),
-}
-
-/// When the first worker became idle, for dynamic chunks; 0 while no measurement is running.
-struct IdleClock {
-    origin: Instant,
-    since: AtomicU64,
-}
-
-impl IdleClock {
-    fn now(&self) -> u64 {
-        // Zero is taken; a nanosecond does no harm.
-        self.origin.elapsed().as_nanos().max(1) as u64
-    }
-
-    fn worker_ends(&self) {
-        if self.since.load(Ordering::Relaxed) == 0 {
-            let _ = self.since.compare_exchange(0, self.now(), Ordering::Relaxed, Ordering::Relaxed);
-        }
-    }
-
-    /// Ends the measurement: the time since the first worker became idle, if one did.
-    fn saturated(&self) -> Option<u64> {
-        match self.since.swap(0, Ordering::Relaxed) {
-            0 => None,
-            since => Some(self.now().saturating_sub(since)),
-        }
-    }
 }
 
 /// The producer's end: takes chunks and sees to it that they are computed, here or by a worker, as the schedule has it.
@@ -331,7 +303,7 @@ where
     let (warehouse, shelves) = bounded::<Crate<C, R>>(settings.capacity());
     let (receipts, promises) = bounded(settings.receipts());
     let (released, free) = bounded(settings.workers().max(1));
-    let idle = IdleClock { origin: Instant::now(), since: AtomicU64::new(0) };
+    let idle = IdleClock::new();
     let dropper = match settings.policy {
         Policy::Dynamic { size, significant_ns } => Some(Dropper::new(size, significant_ns)),
         _ => None,

@@ -1,7 +1,7 @@
 //! Order, endings and records of all schedules.
 
 use super::*;
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 struct Gather {
     seen: Vec<u64>,
