@@ -58,6 +58,7 @@ impl Aabb {
 
     /// Slab interval `[t_in, t_out]` of the line `origin + t·direction` within the box, in units of `direction`.
     /// Axes are evaluated in the order x, y, z; `None` when the slabs are disjoint. Either end may be negative.
+    #[inline]
     pub fn slabs(&self, origin: DVec3, direction: DVec3) -> Option<(f64, f64)> {
         let (mut t_in, mut t_out) = (f64::NEG_INFINITY, f64::INFINITY);
         for axis in 0..3 {

@@ -154,6 +154,7 @@ impl Fleet {
     }
 
     /// The instrument that fires as `device` in `leg` (position among the survey's legs).
+    #[inline]
     pub fn instrument(&self, leg: u32, device: u32) -> Result<&Instrument> {
         let known = (device as usize) < self.devices;
         let at = (leg as usize).checked_mul(self.devices).and_then(|l| l.checked_add(device as usize));

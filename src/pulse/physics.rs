@@ -244,19 +244,47 @@ impl Shooter<'_> {
 
     /// Expands pulses into subrays.
     fn aim(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
+        match self.level {
+            Level::Portable => self.aim_here(leg, pulses),
+            // SAFETY: the level is available only where the features are.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { self.aim_avx2(leg, pulses) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { self.aim_avx512(leg, pulses) },
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn aim_avx2(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
+        self.aim_here(leg, pulses)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+    fn aim_avx512(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
+        self.aim_here(leg, pulses)
+    }
+
+    /// As [`Shooter::receive_here`]: the same bits on all sets.
+    #[inline(always)]
+    fn aim_here(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
         let Shooter { physics, fleet, volleys, places, .. } = self;
         volleys.iter_mut().for_each(|v| v.rays.clear(0));
         places.clear();
         for pulse in pulses {
             let subrays = &fleet.instrument(leg, pulse.device)?.subrays;
-            places.push(meets(physics.gate, pulse.origin, axis(pulse)).then(|| {
-                let rays = &mut volleys[pulse.device as usize].rays;
-                if rays.is_empty() {
-                    rays.clear(subrays.len());
-                }
-                rays.push(pulse.origin, |x, y, z| subrays.expand(&pulse.attitude, x, y, z));
-                rays.len() - 1
-            }));
+            if !meets(physics.gate, pulse.origin, axis(pulse)) {
+                places.push(None);
+                continue;
+            }
+            let rays = &mut volleys[pulse.device as usize].rays;
+            if rays.is_empty() {
+                rays.clear(subrays.len());
+            }
+            subrays.expand(&pulse.attitude, rays.add(pulse.origin));
+            places.push(Some(rays.len() - 1));
         }
         Ok(())
     }

@@ -1,15 +1,15 @@
 //! The beam as rings of subrays (spec pulse-physics §1).
 
+use super::energy::{Block, LANES};
 use crate::geom::Rotation;
+use std::array::from_fn;
 use std::f64::consts::TAU;
 
 /// The subrays of a device relative to its beam axis, ring by ring from the axis outwards.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Subrays {
-    w: Vec<f64>,
-    x: Vec<f64>,
-    y: Vec<f64>,
-    z: Vec<f64>,
+    /// Quaternions, w, x, y and z apart; the last one fills the last block.
+    turns: Vec<[Block; 4]>,
     /// Ring of each subray.
     pub ring: Vec<u32>,
 }
@@ -27,20 +27,21 @@ pub(super) fn ring_angle(half_angle: f64, rings: u32, i: u32) -> f64 {
 impl Subrays {
     /// `rings` rings within a cone of that half angle (rad).
     pub fn new(half_angle: f64, rings: u32) -> Subrays {
-        let mut s = Subrays::default();
-        for ring in 0..rings {
-            let tilt = Rotation::about_x(ring_angle(half_angle, rings, ring));
-            let n = rays_in_ring(ring);
+        let (mut ring, mut turns) = (Vec::new(), Vec::new());
+        for i in 0..rings {
+            let tilt = Rotation::about_x(ring_angle(half_angle, rings, i));
+            let n = rays_in_ring(i);
             for k in 0..n {
-                let r = Rotation::about_y((TAU / f64::from(n)) * f64::from(k)).after(tilt);
-                s.w.push(r.w);
-                s.x.push(r.u.x);
-                s.y.push(r.u.y);
-                s.z.push(r.u.z);
-                s.ring.push(ring);
+                turns.push(Rotation::about_y((TAU / f64::from(n)) * f64::from(k)).after(tilt));
+                ring.push(i);
             }
         }
-        s
+        let block = |some: &[Rotation]| {
+            let lane = |i: usize| some[i.min(some.len() - 1)];
+            let (w, u) = (from_fn(|i| lane(i).w), |axis: usize| from_fn(|i| lane(i).u[axis]));
+            [w, u(0), u(1), u(2)]
+        };
+        Subrays { turns: turns.chunks(LANES).map(block).collect(), ring }
     }
 
     /// Number of subrays.
@@ -48,24 +49,27 @@ impl Subrays {
         self.ring.len()
     }
 
-    /// Writes x, y and z of the directions of all subrays under `attitude`.
+    /// Writes x, y and z of the directions of all subrays under `attitude`, the last of which fills the last block.
     ///
     /// The direction is the image of +Y under the product of the quaternions, rounded in the order of
     /// [`Rotation::after`] and [`Rotation::apply`]: which subrays of a symmetric surface tie in range depends on the
     /// last digits (§4.2). A zero component is always +0, so that no slab test takes the sign of a zero for a side.
-    pub fn expand(&self, attitude: &Rotation, dx: &mut [f64], dy: &mut [f64], dz: &mut [f64]) {
-        let n = self.len();
-        let (w, x, y, z) = (&self.w[..n], &self.x[..n], &self.y[..n], &self.z[..n]);
-        let (dx, dy, dz) = (&mut dx[..n], &mut dy[..n], &mut dz[..n]);
+    #[inline(always)]
+    pub fn expand(&self, attitude: &Rotation, [dx, dy, dz]: [&mut [Block]; 3]) {
         let (aw, a) = (attitude.w, attitude.u);
-        for i in 0..n {
-            let qw = aw * w[i] - (a.x * x[i] + a.y * y[i] + a.z * z[i]);
-            let qx = a.x * w[i] + aw * x[i] + (a.y * z[i] - a.z * y[i]);
-            let qy = a.y * w[i] + aw * y[i] + (a.z * x[i] - a.x * z[i]);
-            let qz = a.z * w[i] + aw * z[i] + (a.x * y[i] - a.y * x[i]);
-            dx[i] = 2.0 * (qy * qx - qw * qz) + 0.0;
-            dy[i] = 2.0 * (qw * qw + qy * qy) - 1.0;
-            dz[i] = 2.0 * (qw * qx + qy * qz) + 0.0;
+        for (((turns, dx), dy), dz) in self.turns.iter().zip(dx).zip(dy).zip(dz) {
+            // Blocks of its own, that no store could be meant for what is still to be read.
+            let ([w, x, y, z], mut d) = (*turns, [[0.0; LANES]; 3]);
+            for i in 0..LANES {
+                let qw = aw * w[i] - (a.x * x[i] + a.y * y[i] + a.z * z[i]);
+                let qx = a.x * w[i] + aw * x[i] + (a.y * z[i] - a.z * y[i]);
+                let qy = a.y * w[i] + aw * y[i] + (a.z * x[i] - a.x * z[i]);
+                let qz = a.z * w[i] + aw * z[i] + (a.x * y[i] - a.y * x[i]);
+                d[0][i] = 2.0 * (qy * qx - qw * qz) + 0.0;
+                d[1][i] = 2.0 * (qw * qw + qy * qy) - 1.0;
+                d[2][i] = 2.0 * (qw * qx + qy * qz) + 0.0;
+            }
+            [*dx, *dy, *dz] = d;
         }
     }
 }
@@ -79,8 +83,9 @@ mod tests {
     fn fan(divergence: f64, rings: u32, attitude: Rotation) -> Vec<DVec3> {
         let subrays = Subrays::new(divergence, rings);
         let n = subrays.len();
-        let (mut x, mut y, mut z) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        subrays.expand(&attitude, &mut x, &mut y, &mut z);
+        let mut rows = [(); 3].map(|()| vec![[0.0; LANES]; n.div_ceil(LANES)]);
+        subrays.expand(&attitude, rows.each_mut().map(Vec::as_mut_slice));
+        let [x, y, z] = rows.each_ref().map(|row| row.as_flattened());
         (0..n).map(|i| DVec3::new(x[i], y[i], z[i])).collect()
     }
 

@@ -87,6 +87,20 @@ impl RayGroup {
         }
     }
 
+    /// Appends a pulse from `origin` and returns x, y and z of its directions by whole registers, for the caller to write
+    /// all of them; lanes beyond the last ray shall repeat it.
+    #[inline(always)]
+    pub fn add(&mut self, origin: DVec3) -> [&mut [[f64; RayGroup::LANES]]; 3] {
+        let start = self.x.len();
+        let end = start + self.stride();
+        self.origins.push(origin);
+        let [x, y, z] = [&mut self.x, &mut self.y, &mut self.z];
+        x.resize(end, 0.0);
+        y.resize(end, 0.0);
+        z.resize(end, 0.0);
+        [x[start..].as_chunks_mut().0, y[start..].as_chunks_mut().0, z[start..].as_chunks_mut().0]
+    }
+
     /// Replaces the pulses by the `pulses` of another group.
     pub fn copy_from(&mut self, other: &RayGroup, pulses: Range<usize>) {
         self.clear(other.rays);
