@@ -10,7 +10,7 @@ use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
 use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3};
 use crate::pulse::Batch;
-use crate::rng::{Purpose, Stream};
+use crate::rng::{self, Purpose, Stream};
 use crate::scene::{Actor, Change, Scene, Stage};
 use crate::survey::Survey;
 use crate::tree::{Hits, Level, RayGroup, Tree};
@@ -357,6 +357,7 @@ impl Shooter<'_> {
         let physics = self.physics;
         let view = View { moving: volley.moving, ..physics.view };
         let places = &self.places[volley.places.clone()];
+        let first_echo = batch.echoes.len();
         for (pulses, places) in volley.pulses.chunks(SIGHTED).zip(places.chunks(SIGHTED)) {
             self.receiver.sights.clear();
             for (pulse, place) in pulses.iter().zip(places) {
@@ -381,6 +382,9 @@ impl Shooter<'_> {
                     first += shot.blocks();
                 }
             }
+        }
+        for echoes in batch.echoes[first_echo..].chunks_mut(rng::LANES) {
+            disturb(echoes, &physics.range_noise, &self.fleet, volley.leg)?;
         }
         Ok(())
     }
@@ -462,7 +466,7 @@ impl Receiver {
         Ok(())
     }
 
-    /// Errors, noise, position and attribution of each return (spec pulse-physics §4.7–4.9).
+    /// Errors and attribution of each return (spec pulse-physics §4.7–4.9).
     #[inline(always)]
     fn emit_echoes(
         &mut self,
@@ -476,11 +480,10 @@ impl Receiver {
         for (number, r) in (1..).zip(&self.returns) {
             let source = attribute(&self.reflections, r.range);
             let primitive = self.reflections.primitives()[source];
-            let mut range = r.range + pulse.range_error;
+            let range = r.range + pulse.range_error;
             if too_near(range, instrument) {
                 continue;
             }
-            range += range_noise(&physics.range_noise, instrument, pulse, number, range);
             let (part, classification) = match self.probe.facets.look_up(view, primitive) {
                 Some(facet) => (facet.part, facet.classification),
                 None => {
@@ -489,7 +492,8 @@ impl Receiver {
                 }
             };
             batch.echoes.push(Echo {
-                position: pulse.origin + direction * range,
+                // Comes with the noise.
+                position: pulse.origin,
                 origin: pulse.origin,
                 direction,
                 range,
@@ -554,14 +558,30 @@ fn too_near(range: f64, instrument: &Instrument) -> bool {
     range < instrument.range_min
 }
 
-/// Range noise of a return: a function of device, pulse and return number alone.
-fn range_noise(stream: &Stream, instrument: &Instrument, pulse: &Pulse, number: u32, range: f64) -> f64 {
-    if instrument.range_accuracy == 0.0 {
-        return 0.0;
+/// Adds noise to the ranges of some echoes, as many as are drawn together or less, and puts them where they are measured.
+/// The noise is a function of device, pulse and return number alone.
+#[inline(always)]
+fn disturb(echoes: &mut [Echo], stream: &Stream, fleet: &Fleet, leg: u32) -> Result<()> {
+    let (mut device, mut number, mut counter) = ([0; rng::LANES], [0; rng::LANES], [0; rng::LANES]);
+    let mut accuracy = [0.0; rng::LANES];
+    for (i, echo) in echoes.iter().enumerate() {
+        (device[i], number[i], counter[i]) = (echo.device, echo.pulse_number, echo.return_number - 1);
+        accuracy[i] = fleet.instrument(leg, echo.device)?.range_accuracy;
     }
-    let noise = instrument.range_accuracy * stream.normal(pulse.device, pulse.number, number - 1);
-    match &instrument.distance_error {
-        Some(factor) => noise * factor.eval(range),
-        None => noise,
+    if accuracy != [0.0; rng::LANES] {
+        let drawn = stream.normals(&device, &number, &counter);
+        for (i, echo) in echoes.iter_mut().enumerate() {
+            let mut noise = accuracy[i] * drawn[i];
+            if let Some(factor) = &fleet.instrument(leg, echo.device)?.distance_error {
+                noise *= factor.eval(echo.range);
+            }
+            if accuracy[i] != 0.0 {
+                echo.range += noise;
+            }
+        }
     }
+    for echo in echoes {
+        echo.position = echo.origin + echo.direction * echo.range;
+    }
+    Ok(())
 }

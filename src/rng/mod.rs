@@ -4,6 +4,10 @@
 //! seed and the [`Purpose`], with the emitting device, the pulse number and a counter as the plain text. No generator has
 //! state, so no draw depends on threads, chunks or on what was drawn before it.
 
+mod normals;
+
+pub use normals::LANES;
+
 use libm::{cos, log, sin};
 
 /// What a draw is for. Streams of different purposes are independent.
@@ -75,6 +79,7 @@ impl Stream {
     }
 }
 
+#[inline(always)]
 fn unit_interval(high: u32, low: u32) -> f64 {
     let bits = (u64::from(high) << 21) | u64::from(low >> 11);
     bits as f64 * (1.0 / (1u64 << 53) as f64)
