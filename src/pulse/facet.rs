@@ -1,8 +1,9 @@
 //! What the physics needs to know of a triangle, remembered: neighbouring pulses meet the same ones.
 
+use super::energy::{Block, LANES};
 use super::reflect::View;
 use crate::geom::{DVec3, unit};
-use crate::scene::Reflection;
+use crate::scene::{Material, Reflection};
 use crate::tree::Hits;
 
 /// A triangle as the physics sees it.
@@ -64,19 +65,40 @@ impl Facet {
         })
     }
 
-    /// Cosine of the incidence angle (spec pulse-physics §2.4).
+    /// Cosines of the incidence angles (spec pulse-physics §2.4) of those directions where `same` is 1.
     #[inline(always)]
-    pub fn cosine(&self, direction: DVec3) -> f64 {
-        self.normal.dot(direction).abs().min(1.0)
+    pub fn cosines(&self, [x, y, z]: [&Block; 3], same: &[u8; LANES], out: &mut Block) {
+        let n = self.normal;
+        for i in 0..LANES {
+            let cosine = (n.x * x[i] + n.y * y[i] + n.z * z[i]).abs();
+            let cosine = if cosine < 1.0 { cosine } else { 1.0 };
+            out[i] = if same[i] == 1 { cosine } else { out[i] };
+        }
     }
 
-    /// Reflectance factor, as [`crate::scene::Material::factor`] has it.
+    /// Reflectance factors, as [`crate::scene::Material::factor`] has them, times the gains where `same` is 1.
     #[inline(always)]
-    pub fn factor(&self, view: &View, cosine: f64) -> f64 {
+    pub fn intensities(&self, view: &View, cosine: &Block, gain: &Block, same: &[u8; LANES], out: &mut Block) {
+        // A factor of 1 changes no digit.
+        let mut slope = *cosine;
         match self.law {
-            Law::Uniform => self.reflectance,
-            Law::Lambert => self.reflectance * cosine,
-            Law::Phong(material) => view.scene.materials[material as usize].factor(cosine),
+            Law::Lambert => {}
+            Law::Uniform => slope = [1.0; LANES],
+            Law::Phong(material) => return Facet::shine(&view.scene.materials[material as usize], cosine, gain, same, out),
+        }
+        for i in 0..LANES {
+            let intensity = self.reflectance * slope[i] * gain[i];
+            out[i] = if same[i] == 1 { intensity } else { out[i] };
+        }
+    }
+
+    /// [`Facet::intensities`] of what shines.
+    #[inline(never)]
+    fn shine(material: &Material, cosine: &Block, gain: &Block, same: &[u8; LANES], out: &mut Block) {
+        for i in 0..LANES {
+            if same[i] == 1 {
+                out[i] = material.factor(cosine[i]) * gain[i];
+            }
         }
     }
 }

@@ -29,8 +29,9 @@ pub(super) struct Reflections {
 }
 
 impl Reflections {
-    /// Forgets all of them and makes room for `most`.
+    /// Forgets all of them and makes room for `most` in whole blocks.
     pub fn clear(&mut self, most: usize) {
+        let most = most.next_multiple_of(LANES);
         self.count = 0;
         self.is_plain = false;
         if self.range.len() < most {
@@ -52,6 +53,28 @@ impl Reflections {
         self.primitive[i] = primitive;
         self.ring[i] = ring;
         self.count += 1;
+    }
+
+    /// Adds those of a block's subrays that `which` names; their entries and rings are not filled in.
+    #[inline(always)]
+    fn add_plain(&mut self, which: Lanes, range: &Block, intensity: &Block, cosine: &Block, primitive: &[u32; LANES]) {
+        let first = self.count;
+        self.count += which.count();
+        if which.are_first() {
+            // The others are overwritten by what follows, or lie behind the last.
+            let row = first..first + LANES;
+            self.range[row.clone()].copy_from_slice(range);
+            self.intensity[row.clone()].copy_from_slice(intensity);
+            self.cosine[row.clone()].copy_from_slice(cosine);
+            self.primitive[row].copy_from_slice(primitive);
+            return;
+        }
+        for (to, from) in (first..).zip(which) {
+            self.range[to] = range[from];
+            self.intensity[to] = intensity[from];
+            self.cosine[to] = cosine[from];
+            self.primitive[to] = primitive[from];
+        }
     }
 
     /// Turns factors into intensities, and gives those in `foliage` (position, cross-section) theirs.
@@ -94,6 +117,49 @@ impl Reflections {
     }
 }
 
+/// Some subrays of a block: a byte of each is 1 or 0.
+#[derive(Clone, Copy, Debug)]
+struct Lanes(u64);
+
+impl Lanes {
+    #[inline(always)]
+    fn of(which: [u8; LANES]) -> Lanes {
+        Lanes(u64::from_le_bytes(which))
+    }
+
+    #[inline(always)]
+    fn first(self) -> Option<usize> {
+        (self.0 != 0).then(|| self.0.trailing_zeros() as usize / 8)
+    }
+
+    #[inline(always)]
+    fn without(self, others: Lanes) -> Lanes {
+        Lanes(self.0 & !others.0)
+    }
+
+    #[inline(always)]
+    fn count(self) -> usize {
+        self.0.count_ones() as usize
+    }
+
+    /// Whether none is missing before the last of them.
+    #[inline(always)]
+    fn are_first(self) -> bool {
+        self.0 & ((self.0 << 8) | 1) == self.0
+    }
+}
+
+impl Iterator for Lanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let first = self.first()?;
+        self.0 &= self.0 - 1;
+        Some(first)
+    }
+}
+
 /// The scene as rays see it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View<'a> {
@@ -120,6 +186,8 @@ pub(super) struct Shot<'a> {
     t: &'a [Block],
     /// As many as there are subrays; the others are filled up to whole blocks.
     primitive: &'a [u32],
+    /// The same in whole blocks.
+    met: &'a [[u32; LANES]],
 }
 
 impl<'a> Shot<'a> {
@@ -132,6 +200,7 @@ impl<'a> Shot<'a> {
             directions: group.blocks(pulse),
             t: hits.t[row..row + group.stride()].as_chunks().0,
             primitive: &hits.primitive[row..row + group.rays()],
+            met: hits.primitive[row..row + group.stride()].as_chunks().0,
         }
     }
 
@@ -251,27 +320,39 @@ impl<'a> View<'a> {
         facets: &mut Facets,
         out: &mut Reflections,
     ) -> bool {
-        let mut count = 0;
-        for (i, &primitive) in shot.primitive.iter().enumerate() {
-            if primitive == Hits::MISS {
-                continue;
+        let mut left = shot.primitive.len();
+        let [x, y, z] = shot.directions;
+        let gains = sight.gains.as_chunks::<LANES>().0;
+        let blocks = shot.met.iter().zip(sight.ranges.as_chunks::<LANES>().0).zip(gains);
+        for (((met, range), gain), ((x, y), z)) in blocks.zip(x.iter().zip(y).zip(z)) {
+            let (mut hits, mut seen) = ([0; LANES], [0; LANES]);
+            for i in 0..LANES {
+                hits[i] = u8::from((met[i] != Hits::MISS) & (i < left));
+                let in_range = (range[i] >= instrument.range_min) & (range[i] <= instrument.range_max);
+                seen[i] = hits[i] & u8::from(in_range);
             }
-            let range = sight.ranges[i];
-            if !(range >= instrument.range_min && range <= instrument.range_max) {
-                if instrument.corrections.see_through_near {
-                    return false;
+            left = left.saturating_sub(LANES);
+            if instrument.corrections.see_through_near && hits != seen {
+                return false;
+            }
+            let (mut cosine, mut intensity) = ([1.0; LANES], [0.0; LANES]);
+            let mut others = Lanes::of(seen);
+            // Neighbours mostly meet the same triangle: there are few rounds.
+            while let Some(first) = others.first() {
+                let Some(facet) = facets.look_up(self, met[first]) else { return false };
+                let mut same = [0; LANES];
+                for i in 0..LANES {
+                    same[i] = u8::from(met[i] == met[first]);
                 }
-                continue;
+                if !self.fixed_incidence {
+                    facet.cosines([x, y, z], &same, &mut cosine);
+                }
+                facet.intensities(self, &cosine, gain, &same, &mut intensity);
+                others = others.without(Lanes::of(same));
             }
-            let Some(facet) = facets.look_up(self, primitive) else { return false };
-            let cosine = if self.fixed_incidence { 1.0 } else { facet.cosine(shot.direction(i)) };
-            out.range[count] = range;
-            out.intensity[count] = facet.factor(self, cosine) * sight.gains[i];
-            out.cosine[count] = cosine;
-            out.primitive[count] = primitive;
-            count += 1;
+            out.add_plain(Lanes::of(seen), range, &intensity, &cosine, met);
         }
-        (out.count, out.is_plain) = (count, true);
+        out.is_plain = true;
         true
     }
 
