@@ -3,7 +3,7 @@
 use super::fit;
 use super::instrument::Instrument;
 use super::peaks::Peaks;
-use super::reflect::Reflections;
+use super::reflections::Reflections;
 use super::waveform::Waveform;
 
 /// Echoes with a narrower fit are dropped, ns.

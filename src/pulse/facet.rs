@@ -78,13 +78,22 @@ impl Facet {
 
     /// Reflectance factors, as [`crate::scene::Material::factor`] has them, times the gains where `same` is 1.
     #[inline(always)]
-    pub fn intensities(&self, view: &View, cosine: &Block, gain: &Block, same: &[u8; LANES], out: &mut Block) {
+    pub fn intensities(
+        &self,
+        view: &View,
+        cosine: &Block,
+        gain: &Block,
+        same: &[u8; LANES],
+        out: &mut Block,
+    ) {
         // A factor of 1 changes no digit.
         let mut slope = *cosine;
         match self.law {
             Law::Lambert => {}
             Law::Uniform => slope = [1.0; LANES],
-            Law::Phong(material) => return Facet::shine(&view.scene.materials[material as usize], cosine, gain, same, out),
+            Law::Phong(material) => {
+                return Facet::shine(&view.scene.materials[material as usize], cosine, gain, same, out);
+            }
         }
         for i in 0..LANES {
             let intensity = self.reflectance * slope[i] * gain[i];

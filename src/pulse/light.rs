@@ -1,7 +1,7 @@
 //! Reflections in the order in which their light arrives (spec pulse-physics §4.2).
 
 use super::energy::{Block, LANES};
-use super::reflect::Reflections;
+use super::reflections::Reflections;
 
 /// Reflections of a pulse by ascending range: the map of distances and intensities.
 #[derive(Clone, Debug, Default)]

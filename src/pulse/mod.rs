@@ -21,9 +21,12 @@ mod medium;
 mod options;
 mod peaks;
 mod physics;
+mod range_noise;
 mod recorded;
 mod reflect;
+mod reflections;
 mod shape;
+mod sight;
 mod subray;
 #[cfg(test)]
 mod testkit;

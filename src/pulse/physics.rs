@@ -4,7 +4,10 @@ use super::detect::{Return, attribute, detect};
 use super::foliage::FreePaths;
 use super::instrument::{Fleet, Instrument};
 use super::light::Light;
-use super::reflect::{Probe, Reflections, Shot, Sights, View};
+use super::range_noise;
+use super::reflect::{Probe, View};
+use super::reflections::Reflections;
+use super::sight::{Shot, Sights};
 use super::waveform::Waveform;
 use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
 use crate::flight::Pulse;
@@ -384,7 +387,7 @@ impl Shooter<'_> {
             }
         }
         for echoes in batch.echoes[first_echo..].chunks_mut(rng::LANES) {
-            disturb(echoes, &physics.range_noise, &self.fleet, volley.leg)?;
+            range_noise::disturb(echoes, &physics.range_noise, &self.fleet, volley.leg)?;
         }
         Ok(())
     }
@@ -459,7 +462,7 @@ impl Receiver {
         if self.returns.is_empty() {
             return Ok(());
         }
-        self.emit_echoes(physics, view, instrument, pulse, batch);
+        self.emit_echoes(view, instrument, pulse, batch);
         if physics.options.record_waveforms {
             self.emit_waveform(physics, instrument, pulse, batch)?;
         }
@@ -468,14 +471,7 @@ impl Receiver {
 
     /// Errors and attribution of each return (spec pulse-physics §4.7–4.9).
     #[inline(always)]
-    fn emit_echoes(
-        &mut self,
-        physics: &Physics,
-        view: &View,
-        instrument: &Instrument,
-        pulse: &Pulse,
-        batch: &mut Batch,
-    ) {
+    fn emit_echoes(&mut self, view: &View, instrument: &Instrument, pulse: &Pulse, batch: &mut Batch) {
         let direction = pulse.exact_attitude.forward();
         for (number, r) in (1..).zip(&self.returns) {
             let source = attribute(&self.reflections, r.range);
@@ -556,32 +552,4 @@ impl Receiver {
 /// The near-range filter. A range that is no number passes.
 fn too_near(range: f64, instrument: &Instrument) -> bool {
     range < instrument.range_min
-}
-
-/// Adds noise to the ranges of some echoes, as many as are drawn together or less, and puts them where they are measured.
-/// The noise is a function of device, pulse and return number alone.
-#[inline(always)]
-fn disturb(echoes: &mut [Echo], stream: &Stream, fleet: &Fleet, leg: u32) -> Result<()> {
-    let (mut device, mut number, mut counter) = ([0; rng::LANES], [0; rng::LANES], [0; rng::LANES]);
-    let mut accuracy = [0.0; rng::LANES];
-    for (i, echo) in echoes.iter().enumerate() {
-        (device[i], number[i], counter[i]) = (echo.device, echo.pulse_number, echo.return_number - 1);
-        accuracy[i] = fleet.instrument(leg, echo.device)?.range_accuracy;
-    }
-    if accuracy != [0.0; rng::LANES] {
-        let drawn = stream.normals(&device, &number, &counter);
-        for (i, echo) in echoes.iter_mut().enumerate() {
-            let mut noise = accuracy[i] * drawn[i];
-            if let Some(factor) = &fleet.instrument(leg, echo.device)?.distance_error {
-                noise *= factor.eval(echo.range);
-            }
-            if accuracy[i] != 0.0 {
-                echo.range += noise;
-            }
-        }
-    }
-    for echo in echoes {
-        echo.position = echo.origin + echo.direction * echo.range;
-    }
-    Ok(())
 }

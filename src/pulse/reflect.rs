@@ -1,164 +1,19 @@
 //! From what the subrays hit to reflections (spec pulse-physics §2).
 
-use super::energy::{Block, LANES};
+use super::energy::LANES;
 use super::facet::Facets;
 use super::foliage::{self, FreePaths, Passage};
 use super::instrument::Instrument;
+use super::reflections::{Lanes, Reflections};
+use super::sight::{Shot, Sight};
 use crate::geom::{Aabb, DVec3, unit};
 use crate::scene::{Actor, Material, Scene, Voxel};
-use crate::tree::{Hit, Hits, RayGroup, Tree, prefetch};
+use crate::tree::{Hit, Hits, Tree};
 
 /// How far behind a surface a ray goes on, m.
 pub(super) const STEP_BEHIND: f64 = 1e-5;
 /// Tolerance of the scene's box, m.
 const BOX_SLACK: f64 = 1e-4;
-
-/// The reflections of a pulse in the order of its subrays, field by field.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Reflections {
-    /// How many there are; the fields are longer.
-    count: usize,
-    /// All of them where the rays entered, so that `entry` and `ring` are not filled in.
-    is_plain: bool,
-    range: Vec<f64>,
-    entry: Vec<f64>,
-    intensity: Vec<f64>,
-    cosine: Vec<f64>,
-    primitive: Vec<u32>,
-    ring: Vec<u32>,
-}
-
-impl Reflections {
-    /// Forgets all of them and makes room for `most` in whole blocks.
-    pub fn clear(&mut self, most: usize) {
-        let most = most.next_multiple_of(LANES);
-        self.count = 0;
-        self.is_plain = false;
-        if self.range.len() < most {
-            for field in [&mut self.range, &mut self.entry, &mut self.intensity, &mut self.cosine] {
-                field.resize(most, 0.0);
-            }
-            self.primitive.resize(most, Hits::MISS);
-            self.ring.resize(most, 0);
-        }
-    }
-
-    /// Adds one; its reflectance factor becomes an intensity later.
-    pub fn add(&mut self, ring: u32, (range, entry): (f64, f64), primitive: u32, cosine: f64, factor: f64) {
-        let i = self.count;
-        self.range[i] = range;
-        self.entry[i] = entry;
-        self.intensity[i] = factor;
-        self.cosine[i] = cosine;
-        self.primitive[i] = primitive;
-        self.ring[i] = ring;
-        self.count += 1;
-    }
-
-    /// Adds those of a block's subrays that `which` names; their entries and rings are not filled in.
-    #[inline(always)]
-    fn add_plain(&mut self, which: Lanes, range: &Block, intensity: &Block, cosine: &Block, primitive: &[u32; LANES]) {
-        let first = self.count;
-        self.count += which.count();
-        if which.are_first() {
-            // The others are overwritten by what follows, or lie behind the last.
-            let row = first..first + LANES;
-            self.range[row.clone()].copy_from_slice(range);
-            self.intensity[row.clone()].copy_from_slice(intensity);
-            self.cosine[row.clone()].copy_from_slice(cosine);
-            self.primitive[row].copy_from_slice(primitive);
-            return;
-        }
-        for (to, from) in (first..).zip(which) {
-            self.range[to] = range[from];
-            self.intensity[to] = intensity[from];
-            self.cosine[to] = cosine[from];
-            self.primitive[to] = primitive[from];
-        }
-    }
-
-    /// Turns factors into intensities, and gives those in `foliage` (position, cross-section) theirs.
-    fn illuminate(&mut self, instrument: &Instrument, foliage: &[(usize, f64)]) {
-        let n = self.count;
-        instrument.energy.apply(&self.ring[..n], &self.entry[..n], &mut self.intensity[..n]);
-        for (i, sigma) in foliage {
-            self.intensity[*i] = instrument.energy.of_cross_section(self.ring[*i], self.entry[*i], *sigma);
-        }
-    }
-
-    /// Whether nothing was reflected.
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
-    }
-
-    /// Ranges of what sends light back, m.
-    pub fn ranges(&self) -> &[f64] {
-        &self.range[..self.count]
-    }
-
-    /// Ranges at which the rays entered the primitives, m: what attribution goes by.
-    pub fn entries(&self) -> &[f64] {
-        if self.is_plain { self.ranges() } else { &self.entry[..self.count] }
-    }
-
-    /// Received intensities.
-    pub fn intensities(&self) -> &[f64] {
-        &self.intensity[..self.count]
-    }
-
-    /// Cosines of the incidence angles.
-    pub fn cosines(&self) -> &[f64] {
-        &self.cosine[..self.count]
-    }
-
-    /// Numbers of the primitives.
-    pub fn primitives(&self) -> &[u32] {
-        &self.primitive[..self.count]
-    }
-}
-
-/// Some subrays of a block: a byte of each is 1 or 0.
-#[derive(Clone, Copy, Debug)]
-struct Lanes(u64);
-
-impl Lanes {
-    #[inline(always)]
-    fn of(which: [u8; LANES]) -> Lanes {
-        Lanes(u64::from_le_bytes(which))
-    }
-
-    #[inline(always)]
-    fn first(self) -> Option<usize> {
-        (self.0 != 0).then(|| self.0.trailing_zeros() as usize / 8)
-    }
-
-    #[inline(always)]
-    fn without(self, others: Lanes) -> Lanes {
-        Lanes(self.0 & !others.0)
-    }
-
-    #[inline(always)]
-    fn count(self) -> usize {
-        self.0.count_ones() as usize
-    }
-
-    /// Whether none is missing before the last of them.
-    #[inline(always)]
-    fn are_first(self) -> bool {
-        self.0 & ((self.0 << 8) | 1) == self.0
-    }
-}
-
-impl Iterator for Lanes {
-    type Item = usize;
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<usize> {
-        let first = self.first()?;
-        self.0 &= self.0 - 1;
-        Some(first)
-    }
-}
 
 /// The scene as rays see it.
 #[derive(Clone, Copy, Debug)]
@@ -175,111 +30,6 @@ pub(super) struct View<'a> {
     pub fixed_incidence: bool,
     /// Edge of the largest cube, m.
     pub largest_cube: f64,
-}
-
-/// The traced subrays of a pulse.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shot<'a> {
-    /// Where all of them began, m.
-    pub origin: DVec3,
-    directions: [&'a [Block]; 3],
-    t: &'a [Block],
-    /// As many as there are subrays; the others are filled up to whole blocks.
-    primitive: &'a [u32],
-    /// The same in whole blocks.
-    met: &'a [[u32; LANES]],
-}
-
-impl<'a> Shot<'a> {
-    /// Pulse `pulse` of a group and what it hit.
-    #[inline(always)]
-    pub fn of(group: &'a RayGroup, hits: &'a Hits, pulse: usize) -> Shot<'a> {
-        let row = pulse * group.stride();
-        Shot {
-            origin: group.origin(pulse),
-            directions: group.blocks(pulse),
-            t: hits.t[row..row + group.stride()].as_chunks().0,
-            primitive: &hits.primitive[row..row + group.rays()],
-            met: hits.primitive[row..row + group.stride()].as_chunks().0,
-        }
-    }
-
-    /// Asks for what the hits will be looked up by, ahead of their turn: some of them stand for their neighbours.
-    #[inline(always)]
-    pub fn foresee(&self, scene: &Scene) {
-        for primitive in self.primitive.iter().step_by(4) {
-            let primitive = *primitive as usize;
-            if let Some(triangle) = scene.geometry.triangles.get(primitive) {
-                prefetch(triangle);
-                scene.surface_of.prefetch(primitive);
-            }
-        }
-    }
-
-    /// Blocks that the subrays fill.
-    #[inline(always)]
-    pub fn blocks(&self) -> usize {
-        self.t.len()
-    }
-
-    #[inline(always)]
-    fn direction(&self, i: usize) -> DVec3 {
-        let [x, y, z] = self.directions.map(|d| d.as_flattened());
-        DVec3::new(x[i], y[i], z[i])
-    }
-
-    /// Distance of every hit from the origin, of the point that it has in the scene's frame: that rounding decides which
-    /// ranges are equal (§4.2).
-    #[inline(always)]
-    fn measure(&self, ranges: &mut [Block]) {
-        let (o, [x, y, z]) = (self.origin, self.directions);
-        for ((((range, x), y), z), t) in ranges.iter_mut().zip(x).zip(y).zip(z).zip(self.t) {
-            for i in 0..LANES {
-                let (dx, dy, dz) =
-                    ((o.x + x[i] * t[i]) - o.x, (o.y + y[i] * t[i]) - o.y, (o.z + z[i] * t[i]) - o.z);
-                range[i] = (dx * dx + dy * dy + dz * dz).sqrt();
-            }
-        }
-    }
-}
-
-/// Ranges and gains of the subrays of some pulses, one pulse after the other.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Sights {
-    ranges: Vec<Block>,
-    gains: Vec<Block>,
-}
-
-impl Sights {
-    /// Forgets all pulses.
-    pub fn clear(&mut self) {
-        self.ranges.clear();
-        self.gains.clear();
-    }
-
-    /// Appends the ranges of a pulse, and what an instrument gains of a perfect reflector there (§3).
-    #[inline(always)]
-    pub fn push(&mut self, instrument: &Instrument, shot: &Shot) {
-        let (first, end) = (self.ranges.len(), self.ranges.len() + shot.t.len());
-        self.ranges.resize(end, [0.0; LANES]);
-        self.gains.resize(end, [0.0; LANES]);
-        shot.measure(&mut self.ranges[first..]);
-        instrument.energy.gains(&self.ranges[first..], &mut self.gains[first..]);
-    }
-
-    /// The pulse whose first block is number `first`.
-    #[inline(always)]
-    pub fn of(&self, first: usize, shot: &Shot) -> Sight<'_> {
-        let row = first..first + shot.t.len();
-        Sight { ranges: self.ranges[row.clone()].as_flattened(), gains: self.gains[row].as_flattened() }
-    }
-}
-
-/// The same of one pulse, by subray.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sight<'a> {
-    ranges: &'a [f64],
-    gains: &'a [f64],
 }
 
 /// Memory for the way of single rays.
@@ -352,7 +102,7 @@ impl<'a> View<'a> {
             }
             out.add_plain(Lanes::of(seen), range, &intensity, &cosine, met);
         }
-        out.is_plain = true;
+        out.are_plain();
         true
     }
 
@@ -396,7 +146,7 @@ impl<'a> View<'a> {
                     _ => face.cosine(&at, direction),
                 };
                 if let Some(sigma) = foliage::cross_section(face.scene, face.local, direction) {
-                    probe.foliage.push((out.count, sigma));
+                    probe.foliage.push((out.count(), sigma));
                 }
                 let entry = if instrument.corrections.voxel_stop_point { at.stop } else { at.range };
                 out.add(*ring, (at.stop, entry), at.primitive, cosine, face.factor(cosine));
@@ -636,9 +386,13 @@ fn face_of_cube(p: DVec3, half: f64) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pulse::testkit::{foliage, tls_instrument, tree};
+    use crate::geom::Rotation;
+    use crate::pulse::sight::Sights;
+    use crate::pulse::subray::Subrays;
+    use crate::pulse::testkit::{foliage, half_white, rectangles, tls_instrument, tree, wall};
     use crate::rng::{Purpose, Stream};
-    use crate::scene::VoxelKind;
+    use crate::scene::{Reflection, VoxelKind};
+    use crate::tree::RayGroup;
 
     #[test]
     fn the_nearest_face_of_a_cube_gives_its_normal() {
@@ -646,6 +400,70 @@ mod tests {
             assert_eq!(face_of_cube(n * 0.5 + DVec3::splat(0.1), 0.5), n);
         }
         assert_eq!(face_of_cube(DVec3::new(0.5, 0.5, 0.5), 0.5), DVec3::X, "the first of equals");
+    }
+
+    #[test]
+    fn triangles_reflect_together_as_one_by_one() {
+        // Boards with gaps between them, the farthest of them out of range.
+        let boards: Vec<_> =
+            (0..12).map(|i| wall(f64::from(i) - 6.3, f64::from(i) - 5.7, f64::from(9 + i))).collect();
+        let shiny = |i: usize| match i % 3 {
+            0 => Reflection::Uniform,
+            1 => Reflection::Lambert,
+            _ => Reflection::Phong { specularity: 0.3, exponent: 7.0 },
+        };
+        let (mut some, mut none) = (0, 0);
+        for round in 0..60 {
+            let material = Material { reflection: shiny(round), ..half_white() };
+            let scene = rectangles(material, &boards);
+            let tree = tree(&scene);
+            let view = View {
+                scene: &scene,
+                tree: &tree,
+                moving: &[],
+                limits: None,
+                fixed_incidence: round % 7 == 0,
+                largest_cube: 0.0,
+            };
+            let mut instrument = tls_instrument(5.0);
+            (instrument.range_min, instrument.range_max) = (9.5, 18.5);
+            instrument.subrays = Subrays::new(0.02 * f64::from(round as u32 % 9), 3);
+            let mut rays = RayGroup::new(instrument.subrays.len());
+            let turn = Rotation::about_z(f64::from(round as u32) * 0.02 - 0.6);
+            instrument.subrays.expand(&turn, rays.add(-scene.shift));
+            let mut hits = Hits::default();
+            tree.trace_group(&scene.geometry, &rays, &mut hits);
+            let (shot, mut sights) = (Shot::of(&rays, &hits, 0), Sights::default());
+            sights.push(&instrument, &shot);
+            let (mut plain, mut each) = (Reflections::default(), Reflections::default());
+            plain.clear(rays.rays());
+            each.clear(rays.rays());
+            let mut probe = Probe::default();
+            assert!(view.reflect_plainly(
+                &instrument,
+                (shot, sights.of(0, &shot)),
+                &mut probe.facets,
+                &mut plain
+            ));
+            let mut paths =
+                FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
+            view.reflect_each(
+                &instrument,
+                (shot, sights.of(0, &shot)),
+                &[],
+                &mut paths,
+                &mut probe,
+                &mut each,
+            );
+            assert_eq!(plain.primitives(), each.primitives());
+            assert_eq!(plain.ranges(), each.ranges());
+            assert_eq!(plain.entries(), each.entries());
+            assert_eq!(plain.cosines(), each.cosines());
+            assert_eq!(plain.intensities(), each.intensities());
+            some += plain.primitives().len();
+            none += rays.rays() - plain.primitives().len();
+        }
+        assert!(some > 200 && none > 200, "{some} {none}");
     }
 
     #[test]
@@ -661,7 +479,7 @@ mod tests {
             largest_cube: 1.0,
         };
         let mut instrument = tls_instrument(5.0);
-        instrument.subrays = crate::pulse::subray::Subrays::new(0.0, 1);
+        instrument.subrays = Subrays::new(0.0, 1);
         let d = unit(DVec3::new(0.0, 10.0, 0.1));
         let mut rays = RayGroup::new(1);
         rays.push(DVec3::ZERO, |x, y, z| (x[0], y[0], z[0]) = (d.x, d.y, d.z));

@@ -3,6 +3,9 @@
 //! Logarithm, sine and cosine take the steps of libm's for the arguments that occur here, lane by lane without a branch, so
 //! that the compiler may take them eight at a time for whatever instruction set this is inlined into.
 
+#![expect(clippy::excessive_precision, reason = "coefficients stand as they were published")]
+#![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
+
 use super::{Stream, unit_interval};
 use std::f64::consts::TAU;
 
@@ -193,7 +196,8 @@ mod tests {
             let s = Stream::new(seed, Purpose::Range);
             for block in 0..50_000u64 {
                 let group = from_fn(|i| i as u32 % 3);
-                let number = from_fn(|i| (block * 8 + i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> (block % 50));
+                let number =
+                    from_fn(|i| (block * 8 + i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> (block % 50));
                 let counter = from_fn(|i| (i as u32).wrapping_mul(block as u32) % 5);
                 let found = s.normals(&group, &number, &counter);
                 let expected: Block = from_fn(|i| s.normal(group[i], number[i], counter[i]));
