@@ -57,6 +57,8 @@ impl<'a> View<'a> {
             && self.limits.is_none()
             && self.reflect_plainly(instrument, (shot, sight), &mut probe.facets, out);
         if !is_plain {
+            // What was found until then is found again.
+            out.clear(instrument.subrays.len());
             self.reflect_each(instrument, (shot, sight), &around, paths, probe, out);
         }
     }
