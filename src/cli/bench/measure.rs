@@ -15,6 +15,8 @@ use crate::survey::PlatformKind;
 use crate::tree::{BuildOptions, Tree};
 use serde::Serialize;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::available_parallelism;
 use std::time::Instant;
 
 /// The survey, ready to be flown again and again.
@@ -294,7 +296,8 @@ impl Bench {
         })
     }
 
-    /// Task times in chunks of all sizes that may occur, measured on one thread, with what else costs time.
+    /// Task times in chunks of all sizes that may occur, measured on one thread while the other cores are busy, with what
+    /// else costs time.
     pub fn workload(&self, options: &BuildOptions, tree: &Tree, matrix: &Matrix) -> Result<Workload> {
         let physics = Physics::new(&self.scene, tree, &self.job.survey, self.job.physics)?;
         let mut sizes: Vec<u32> = matrix.flights.iter().flat_map(|f| [1, f.settings.policy.size()]).collect();
@@ -309,13 +312,16 @@ impl Bench {
         sizes.sort_unstable();
         sizes.dedup();
         let mut logs: Vec<(u32, Vec<Log>)> = sizes.iter().map(|&size| (size, Vec::new())).collect();
-        for _ in 0..matrix.repetitions.max(2) {
-            for (size, logs) in &mut logs {
-                let policy = Policy::Static { size: *size };
-                let settings = Settings { threads: 1, policy, leg_barrier: false };
-                logs.push(self.fly(&physics, options, settings)?.log);
+        among_busy_cores(|| -> Result<()> {
+            for _ in 0..matrix.repetitions.max(2) {
+                for (size, logs) in &mut logs {
+                    let policy = Policy::Static { size: *size };
+                    let settings = Settings { threads: 1, policy, leg_barrier: false };
+                    logs.push(self.fly(&physics, options, settings)?.log);
+                }
             }
-        }
+            Ok(())
+        })?;
         let mut load = Workload::of_logs(&logs);
         (load.hand_over_s, load.take_s, load.wake_s) = schedule::overheads()?;
         Ok(load)
@@ -326,6 +332,29 @@ impl Bench {
 pub struct Built {
     pub tree: Tree,
     seconds: Vec<(usize, f64)>,
+}
+
+/// Measures while all other cores are busy, as they are in the flights that are foretold: whoever wakes a thread on a core
+/// that sleeps pays several times as much.
+fn among_busy_cores<T>(measure: impl FnOnce() -> T) -> T {
+    struct Done<'a>(&'a AtomicBool);
+    impl Drop for Done<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+    let (is_done, others) = (AtomicBool::new(false), available_parallelism().map_or(0, |n| n.get() - 1));
+    std::thread::scope(|scope| {
+        let _done = Done(&is_done);
+        for _ in 0..others {
+            scope.spawn(|| {
+                while !is_done.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        measure()
+    })
 }
 
 /// What a flight was.
