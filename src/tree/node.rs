@@ -52,8 +52,12 @@ impl KdNode {
         first..first + self.payload as usize
     }
 
-    /// The same node in an array where nodes and blocks are numbered from these offsets on.
+    /// The same node in an array where nodes and blocks are numbered from these offsets on. A leaf without blocks is the same
+    /// everywhere.
     pub fn moved(self, nodes: usize, blocks: usize) -> KdNode {
+        if self.axis().is_none() && self.payload == 0 {
+            return self;
+        }
         let by = if self.axis().is_some() { nodes } else { blocks };
         KdNode { payload: self.payload, link: pack((self.link >> 2) as usize + by, self.link & 3) }
     }
@@ -146,6 +150,7 @@ mod tests {
         let l = KdNode::leaf(77, 3);
         assert_eq!((l.axis(), l.blocks()), (None, 77..80));
         assert_eq!(l.moved(5, 1000).blocks(), 1077..1080);
+        assert_eq!(KdNode::leaf(0, 0).moved(5, 1000), KdNode::leaf(0, 0));
         assert_eq!(size_of::<KdNode>(), 8);
         assert_eq!(size_of::<WideNode>(), 448);
         assert_eq!(WideChild::node(4).moved(5, 1000).number(), Ok(9));
