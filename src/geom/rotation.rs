@@ -20,35 +20,30 @@ impl Rotation {
     pub const IDENTITY: Rotation = Rotation { w: 1.0, u: DVec3::ZERO };
 
     /// Right-handed rotation by `angle` (radians) about `axis`, which need not be of unit length.
-    #[inline]
     pub fn about(axis: DVec3, angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: unit(axis) * sin }
     }
 
     /// Rotation about x.
-    #[inline]
     pub fn about_x(angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: DVec3::new(sin, 0.0, 0.0) }
     }
 
     /// Rotation about y.
-    #[inline]
     pub fn about_y(angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: DVec3::new(0.0, sin, 0.0) }
     }
 
     /// Rotation about z.
-    #[inline]
     pub fn about_z(angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: DVec3::new(0.0, 0.0, sin) }
     }
 
     /// `self ∘ first`: the rotation that applies `first` and then `self` (Hamilton product).
-    #[inline]
     pub fn after(&self, first: Rotation) -> Rotation {
         let (a, b) = (self, first);
         Rotation {

@@ -404,96 +404,103 @@ mod tests {
         assert_eq!(face_of_cube(DVec3::new(0.5, 0.5, 0.5), 0.5), DVec3::X, "the first of equals");
     }
 
+    /// What becomes of a pulse from the world's origin whose axis is turned off +y, as `ask` has it.
+    fn shoot<R>(
+        scene: &Scene,
+        instrument: &Instrument,
+        turn: &Rotation,
+        ask: impl FnOnce(&View, (Shot, Sight), &mut FreePaths) -> R,
+    ) -> R {
+        let tree = tree(scene);
+        let view =
+            View { scene, tree: &tree, moving: &[], limits: None, fixed_incidence: false, largest_cube: 1.0 };
+        let mut rays = RayGroup::new(instrument.subrays.len());
+        instrument.subrays.expand(turn, rays.add(-scene.shift));
+        let mut hits = Hits::default();
+        tree.trace_group(&scene.geometry, &rays, &mut hits);
+        let (shot, mut sights) = (Shot::of(&rays, &hits, 0), Sights::default());
+        sights.push(instrument, &shot);
+        let mut paths =
+            FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
+        ask(&view, (shot, sights.of(0, &shot)), &mut paths)
+    }
+
+    /// Room for the reflections of a pulse.
+    fn room(instrument: &Instrument) -> Reflections {
+        let mut out = Reflections::default();
+        out.clear(instrument.subrays.len());
+        out
+    }
+
+    fn assert_same(one: &Reflections, other: &Reflections) {
+        assert_eq!(one.primitives(), other.primitives());
+        assert_eq!(one.ranges(), other.ranges());
+        assert_eq!(one.entries(), other.entries());
+        assert_eq!(one.cosines(), other.cosines());
+        assert_eq!(one.intensities(), other.intensities());
+    }
+
     #[test]
     fn triangles_reflect_together_as_one_by_one() {
         // Boards with gaps between them, the farthest of them out of range.
         let boards: Vec<_> =
             (0..12).map(|i| wall(f64::from(i) - 6.3, f64::from(i) - 5.7, f64::from(9 + i))).collect();
-        let shiny = |i: usize| match i % 3 {
+        let shiny = |i: u32| match i % 3 {
             0 => Reflection::Uniform,
             1 => Reflection::Lambert,
             _ => Reflection::Phong { specularity: 0.3, exponent: 7.0 },
         };
         let (mut some, mut none) = (0, 0);
-        for round in 0..60 {
-            let material = Material { reflection: shiny(round), ..half_white() };
-            let scene = rectangles(material, &boards);
-            let tree = tree(&scene);
-            let view = View {
-                scene: &scene,
-                tree: &tree,
-                moving: &[],
-                limits: None,
-                fixed_incidence: round % 7 == 0,
-                largest_cube: 0.0,
-            };
+        for round in 0..60u32 {
+            let scene = rectangles(Material { reflection: shiny(round), ..half_white() }, &boards);
             let mut instrument = tls_instrument(5.0);
             (instrument.range_min, instrument.range_max) = (9.5, 18.5);
-            instrument.subrays = Subrays::new(0.02 * f64::from(round as u32 % 9), 3);
-            let mut rays = RayGroup::new(instrument.subrays.len());
-            let turn = Rotation::about_z(f64::from(round as u32) * 0.02 - 0.6);
-            instrument.subrays.expand(&turn, rays.add(-scene.shift));
-            let mut hits = Hits::default();
-            tree.trace_group(&scene.geometry, &rays, &mut hits);
-            let (shot, mut sights) = (Shot::of(&rays, &hits, 0), Sights::default());
-            sights.push(&instrument, &shot);
-            let (mut plain, mut each) = (Reflections::default(), Reflections::default());
-            plain.clear(rays.rays());
-            each.clear(rays.rays());
-            let mut probe = Probe::default();
-            assert!(view.reflect_plainly(
-                &instrument,
-                (shot, sights.of(0, &shot)),
-                &mut probe.facets,
-                &mut plain
-            ));
-            let mut paths =
-                FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
-            view.reflect_each(
-                &instrument,
-                (shot, sights.of(0, &shot)),
-                &[],
-                &mut paths,
-                &mut probe,
-                &mut each,
-            );
-            assert_eq!(plain.primitives(), each.primitives());
-            assert_eq!(plain.ranges(), each.ranges());
-            assert_eq!(plain.entries(), each.entries());
-            assert_eq!(plain.cosines(), each.cosines());
-            assert_eq!(plain.intensities(), each.intensities());
-            some += plain.primitives().len();
-            none += rays.rays() - plain.primitives().len();
+            instrument.subrays = Subrays::new(0.02 * f64::from(round % 9), 3);
+            let turn = Rotation::about_z(f64::from(round) * 0.02 - 0.6);
+            shoot(&scene, &instrument, &turn, |view, seen, paths| {
+                let view = View { fixed_incidence: round % 7 == 0, ..*view };
+                let (mut plain, mut each) = (room(&instrument), room(&instrument));
+                let mut probe = Probe::default();
+                assert!(view.reflect_plainly(&instrument, seen, &mut probe.facets, &mut plain));
+                view.reflect_each(&instrument, seen, &[], paths, &mut probe, &mut each);
+                assert_same(&plain, &each);
+                some += plain.primitives().len();
+                none += instrument.subrays.len() - plain.primitives().len();
+            });
         }
         assert!(some > 200 && none > 200, "{some} {none}");
+    }
+
+    /// The first eight subrays pass beside the cubes to the wall behind them, some of the others do not.
+    #[test]
+    fn what_the_plain_way_found_before_a_voxel_counts_once() {
+        let cubes: Vec<_> = (0..5).map(|i| (f64::from(100 + i), 0.0, VoxelKind::Opaque)).collect();
+        let scene = foliage(&cubes, None);
+        let mut instrument = tls_instrument(5.0);
+        instrument.subrays = Subrays::new(0.01, 3);
+        shoot(&scene, &instrument, &Rotation::about_z(-0.01), |view, seen, paths| {
+            let (mut plain, mut each, mut out) = (room(&instrument), room(&instrument), room(&instrument));
+            let mut probe = Probe::default();
+            assert!(!view.reflect_plainly(&instrument, seen, &mut probe.facets, &mut plain));
+            assert_eq!(plain.count(), 8);
+            view.reflect_each(&instrument, seen, &[], paths, &mut probe, &mut each);
+            view.reflect(&instrument, seen, paths, &mut probe, &mut out);
+            assert_eq!(out.count(), instrument.subrays.len());
+            assert_same(&out, &each);
+        });
     }
 
     #[test]
     fn opaque_cubes_reflect_like_their_nearest_face() {
         let scene = foliage(&[(10.0, 0.0, VoxelKind::Opaque)], None);
-        let tree = tree(&scene);
-        let view = View {
-            scene: &scene,
-            tree: &tree,
-            moving: &[],
-            limits: None,
-            fixed_incidence: false,
-            largest_cube: 1.0,
-        };
         let mut instrument = tls_instrument(5.0);
         instrument.subrays = Subrays::new(0.0, 1);
-        let d = unit(DVec3::new(0.0, 10.0, 0.1));
-        let mut rays = RayGroup::new(1);
-        rays.push(DVec3::ZERO, |x, y, z| (x[0], y[0], z[0]) = (d.x, d.y, d.z));
-        let mut hits = Hits::default();
-        tree.trace_group(&scene.geometry, &rays, &mut hits);
-        let mut paths =
-            FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
+        let turn = Rotation::about_x(0.01);
         let mut out = Reflections::default();
-        let (shot, mut sights) = (Shot::of(&rays, &hits, 0), Sights::default());
-        sights.push(&instrument, &shot);
-        let seen = (shot, sights.of(0, &shot));
-        view.reflect(&instrument, seen, &mut paths, &mut Probe::default(), &mut out);
+        shoot(&scene, &instrument, &turn, |view, seen, paths| {
+            view.reflect(&instrument, seen, paths, &mut Probe::default(), &mut out);
+        });
+        let d = turn.forward();
         assert_eq!(out.primitives(), [0]);
         assert!((out.ranges()[0] - 10.0 / d.y).abs() < 1e-12);
         assert!((out.cosines()[0] - d.y).abs() < 1e-15);

@@ -1,4 +1,4 @@
-//! Eight normal draws at a time: the same bits as [`Stream::normal`], in a fifth of the time.
+//! Eight normal draws at a time: the same bits as [`Stream::normal`].
 //!
 //! Logarithm, sine and cosine take the steps of libm's for the arguments that occur here, lane by lane without a branch, so
 //! that the compiler may take them eight at a time for whatever instruction set this is inlined into.

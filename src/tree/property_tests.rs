@@ -75,7 +75,7 @@ fn assert_groups_agree(
     expected: &[Vec<Option<Hit>>],
 ) {
     let mut hits = Hits::default();
-    for rays in [1, 2, 3, 7, 8, 19, 62] {
+    for rays in [1, 2, 3, 4, 7, 19, 62] {
         let mut group = RayGroup::new(rays);
         let members = || pulses.iter().zip(expected).filter(|(p, _)| p.len() == rays);
         for (p, _) in members() {
@@ -342,7 +342,7 @@ proptest! {
     /// that is no number: what packets are made of.
     #[test]
     fn packets_of_pulses_agree(
-        seed in 0u64..1000, rays in prop::sample::select(vec![1usize, 2, 3, 7, 8]), away in 0.0..5.0f64,
+        seed in 0u64..1000, rays in prop::sample::select(vec![1usize, 2, 3, 4, 7]), away in 0.0..5.0f64,
         step in prop_oneof![Just(0.0), Just(1e-4), Just(0.05), Just(0.3)],
         turn in prop_oneof![Just(0.0), Just(1e-5), Just(1e-3), Just(0.015)],
         offset in prop_oneof![Just(0.0), Just(5.4e6)], odd in prop::option::of(0usize..40),

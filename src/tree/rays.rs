@@ -34,6 +34,10 @@ impl RayBundle {
     }
 }
 
+/// How far pulses of a packet may be apart: each component of the direction, and the origin in metres. A packet is as wide
+/// as all of them together, and meets as many triangles.
+const NEAR: (f64, f64) = (0.02, 1.0);
+
 /// The rays of many pulses, emitted one after the other, each with its own origin and the same number of rays.
 ///
 /// The kernel traces neighbouring pulses together; their order decides nothing but the speed, which is best when the
@@ -182,7 +186,7 @@ impl RayGroup {
     fn are_near(&self, a: usize, b: usize) -> bool {
         let apart = (self.direction(a, 0) - self.direction(b, 0)).abs();
         let away = (self.origins[a] - self.origins[b]).abs();
-        apart.cmple(DVec3::splat(0.02)).all() && away.cmple(DVec3::splat(1.0)).all()
+        apart.cmple(DVec3::splat(NEAR.0)).all() && away.cmple(DVec3::splat(NEAR.1)).all()
     }
 
     /// Whether [`RayGroup::pack`] made this.
