@@ -29,11 +29,19 @@ pub(super) struct Piece {
     pub tally: Tally,
     /// Waveform packets of LAS points, whose offsets in `bytes` count from here.
     pub packets: Vec<u8>,
+    /// Whether `bytes` are a block of their own, to which nothing can be appended.
+    pub is_block: bool,
 }
 
 impl Piece {
     pub fn new(slot: u32, capacity: usize) -> Piece {
-        Piece { slot, bytes: Vec::with_capacity(capacity), tally: Tally::EMPTY, packets: Vec::new() }
+        Piece {
+            slot,
+            bytes: Vec::with_capacity(capacity),
+            tally: Tally::EMPTY,
+            packets: Vec::new(),
+            is_block: false,
+        }
     }
 
     /// Records without coordinates, one after the other.
@@ -49,6 +57,22 @@ impl Encoded {
     /// Index of the leg that was encoded.
     pub fn leg(&self) -> u32 {
         self.leg
+    }
+
+    /// Appends what comes next, or gives it back where pieces stand for themselves.
+    pub fn join(&mut self, next: Encoded) -> Option<Encoded> {
+        let goes_on = |(mine, next): (&Piece, &Piece)| {
+            mine.slot == next.slot && !next.is_block && mine.packets.is_empty() && next.packets.is_empty()
+        };
+        let alike = self.leg == next.leg && self.pieces.len() == next.pieces.len();
+        if !alike || !self.pieces.iter().zip(&next.pieces).all(goes_on) {
+            return Some(next);
+        }
+        for (mine, next) in self.pieces.iter_mut().zip(&next.pieces) {
+            mine.bytes.extend_from_slice(&next.bytes);
+            mine.tally.add(&next.tally);
+        }
+        None
     }
 
     /// Bytes in all pieces.
@@ -122,7 +146,9 @@ impl OutputPlan {
                 table::push_rows(out, &self.columns, rows, &block, b',');
             }),
             PointFormat::Arrow | PointFormat::Parquet => {
+                let before = pieces.len();
                 self.tables(leg, slots, echoes, pieces, |out, _, block| *out = block);
+                pieces[before..].iter_mut().for_each(|piece| piece.is_block = true);
             }
             PointFormat::Xyz | PointFormat::Bin => {
                 let codec = XyzCodec { shift: self.shift, labels: &self.labels };

@@ -77,6 +77,41 @@ fn the_layout_of_the_reference() {
 }
 
 #[test]
+fn what_was_joined_is_written_like_one_after_the_other() {
+    let survey = survey(2, &[None, Some("!")]);
+    let batches = [batch(0, 0, 30), batch(0, 30, 1), batch(0, 31, 9), batch(1, 0, 5)];
+    let formats =
+        [PointFormat::Xyz, PointFormat::Las, PointFormat::Laz, PointFormat::PlyBinary, PointFormat::Csv];
+    for format in formats.into_iter().chain([PointFormat::Arrow, PointFormat::Parquet]) {
+        let file = |dir: &tempfile::TempDir| dir.path().join(format!("all.{}", format.extension()));
+        let dirs = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+        let [apart, joined] = dirs.each_ref().map(|dir| OutputRequest {
+            sinks: vec![(Target::File(file(dir)), format)],
+            ..points(Target::File(file(dir)))
+        });
+        write(apart, &survey, &batches).unwrap();
+        let plan = plan(joined, &survey);
+        let mut all: Vec<Encoded> = Vec::new();
+        for batch in &batches {
+            let next = plan.encode(batch);
+            let rest = match all.last_mut() {
+                Some(last) => last.join(next),
+                None => Some(next),
+            };
+            all.extend(rest);
+        }
+        // Blocks of columns stand for themselves, and so do legs.
+        let is_block = matches!(format, PointFormat::Arrow | PointFormat::Parquet);
+        assert_eq!(all.len(), if is_block { 4 } else { 2 }, "{format:?}");
+        let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
+        all.into_iter().try_for_each(|encoded| writer.append(encoded)).unwrap();
+        writer.finish().unwrap();
+        let [apart, joined] = dirs.each_ref().map(|dir| fs::read(file(dir)).unwrap());
+        assert!(apart == joined && apart.len() > 1000, "{format:?}");
+    }
+}
+
+#[test]
 fn formats_share_a_run_directory() {
     let dir = tempfile::tempdir().unwrap();
     let mut request = points(Target::Helios(dir.path().into()));

@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
 use crate::platform::{PoseReader, Waited};
 use crate::scene::{MoverState, Movers};
-use crate::schedule::{Feed, Stop, Tasks};
+use crate::schedule::{Feed, Outcome, Stop, Tasks};
 use std::time::{Duration, Instant};
 
 /// Steps after which a chunk ends although few of them fired: the wish to stop is looked at between chunks.
@@ -103,11 +103,13 @@ pub trait Outlet {
     fn put(&mut self, chunk: Chunk) -> Result<()>;
     /// Computes a chunk now.
     fn compute(&mut self, chunk: Chunk) -> Result<()>;
+    /// It may be long before anything else comes.
+    fn settle(&mut self) -> Result<()>;
     /// All chunks of a leg have come.
-    fn leg_ended(&mut self);
+    fn leg_ended(&mut self) -> Result<()>;
 }
 
-impl<R, W: FnMut(Chunk) -> Result<R>> Outlet for Feed<'_, Chunk, R, W> {
+impl<R: Outcome, W: FnMut(Chunk) -> Result<R>> Outlet for Feed<'_, Chunk, R, W> {
     fn size(&self) -> u32 {
         Feed::size(self)
     }
@@ -124,8 +126,12 @@ impl<R, W: FnMut(Chunk) -> Result<R>> Outlet for Feed<'_, Chunk, R, W> {
         Feed::compute(self, chunk)
     }
 
-    fn leg_ended(&mut self) {
-        Feed::leg_ended(self);
+    fn settle(&mut self) -> Result<()> {
+        Feed::settle(self)
+    }
+
+    fn leg_ended(&mut self) -> Result<()> {
+        Feed::leg_ended(self)
     }
 }
 
@@ -151,6 +157,7 @@ pub fn produce(
             if step != Step::Went {
                 let waiting = count.pulses > 0 || count.poses > 0;
                 if step == Step::NeedsPoses && waiting && !stop.asked() {
+                    outlet.settle()?;
                     let since = *first.get_or_insert_with(Instant::now);
                     let latency = poses.as_ref().map_or(Duration::ZERO, PoseReader::latency);
                     let patience = latency.saturating_sub(since.elapsed());
@@ -181,13 +188,16 @@ pub fn produce(
         };
         match step {
             Step::Ended => {
-                outlet.leg_ended();
+                outlet.leg_ended()?;
                 return Ok(());
             }
             _ if stop.asked() => return Ok(()),
             Step::Went => {}
-            Step::LegChanged => outlet.leg_ended(),
-            Step::NeedsPoses => wait_for_poses(plan, &mut poses, state, stop)?,
+            Step::LegChanged => outlet.leg_ended()?,
+            Step::NeedsPoses => {
+                outlet.settle()?;
+                wait_for_poses(plan, &mut poses, state, stop)?;
+            }
         }
         chunk = match rest {
             Some(mut rest) => {

@@ -5,7 +5,7 @@ use super::progress::Progress;
 use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse};
 use crate::platform::PoseReader;
-use crate::schedule::{self, Collect, JobQueue, Stop};
+use crate::schedule::{self, Collect, JobQueue, Outcome, Stop};
 use std::io::Write;
 use std::sync::Arc;
 
@@ -55,6 +55,14 @@ struct Written {
     pulses: u64,
     leg: u32,
     done: f64,
+}
+
+impl Outcome for Written {
+    fn join(&mut self, next: Written) -> Option<Written> {
+        self.bytes.extend_from_slice(&next.bytes);
+        (self.pulses, self.leg, self.done) = (self.pulses + next.pulses, next.leg, next.done);
+        None
+    }
 }
 
 /// Flies the survey and writes what `encode` makes of each chunk to `out`, in order. Returns what is behind `out` when

@@ -10,7 +10,7 @@ use crate::geom::DVec3;
 use crate::output::{OutputPlan, Writer};
 use crate::pulse::{Batch, Equipment, Physics, PhysicsOptions, Shooter};
 use crate::scene::{Change, MoverState, Movers, Stage};
-use crate::schedule::{self, Collect, JobQueue, Stop, Tasks};
+use crate::schedule::{self, Collect, JobQueue, Outcome, Stop, Tasks};
 use crate::streams::{Block, Column, PulseReader, PulseRow};
 use crate::survey::Survey;
 use crate::tree::BuildOptions;
@@ -325,6 +325,8 @@ struct Ordered<'a> {
     inner: Collector<'a>,
     leg: u32,
 }
+
+impl Outcome for Vec<Measured> {}
 
 impl Collect<Vec<Measured>> for Ordered<'_> {
     type Summary = Closed;

@@ -6,6 +6,7 @@ use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
 use crate::output::{Encoded, OutputPlan};
 use crate::pulse::{Batch, Physics, Shooter};
 use crate::scene::{Change, Movers, Stage};
+use crate::schedule::Outcome;
 use crate::tree::BuildOptions;
 
 /// What a chunk became.
@@ -20,6 +21,22 @@ pub struct Measured {
     pub leg: u32,
     /// Done part of the survey, see [`Chunk::done`].
     pub done: f64,
+}
+
+impl Outcome for Measured {
+    fn join(&mut self, next: Measured) -> Option<Measured> {
+        let Measured { encoded, pulses, echoes, leg, done } = next;
+        if leg != self.leg {
+            return Some(Measured { encoded, pulses, echoes, leg, done });
+        }
+        match self.encoded.join(encoded) {
+            None => {
+                (self.pulses, self.echoes, self.done) = (self.pulses + pulses, self.echoes + echoes, done);
+                None
+            }
+            Some(encoded) => Some(Measured { encoded, pulses, echoes, leg, done }),
+        }
+    }
 }
 
 /// One thread's computing stage with its scratch memory.

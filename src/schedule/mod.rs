@@ -23,9 +23,11 @@
 //! | `workload` | what there is to do and what it costs, from records |
 //! | `replay` | the same in simulated time, for machines that are not here |
 //! | `jobs` | side jobs of the collector |
+//! | `patience` | waiting awake for a moment |
 
 mod dropper;
 mod jobs;
+mod patience;
 mod policy;
 mod record;
 mod replay;
@@ -37,8 +39,8 @@ pub use jobs::{Job, JobQueue};
 pub use policy::{Policy, Settings};
 pub use record::{Depth, LegEnd, Log, Recorder, Series, SizeChange, ThreadLog};
 pub use replay::{Replayed, replay};
-pub use run::{Collect, Feed, Tasks, run};
-pub use workload::{Profile, Workload, overheads};
+pub use run::{Collect, Feed, Outcome, Tasks, run};
+pub use workload::{Overheads, PerSize, Profile, Workload, overheads};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

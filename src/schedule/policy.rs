@@ -1,5 +1,7 @@
 //! How chunks are handed out.
 
+use super::run::HELD;
+
 /// The four schedules of spec kdtree-and-scheduling §3. With one thread they are all the same: chunk after chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Policy {
@@ -76,18 +78,22 @@ impl Settings {
         }
     }
 
-    /// Chunks that may have been made and not been collected, beyond the one that the collector waits for: every chunk
-    /// that waits or is being worked on, and as many finished ones. Where a producer computes single tasks while a worker
-    /// has a whole chunk, each of those tasks is a chunk.
+    /// Results that may have been announced and not been collected, beyond the one that the collector waits for: those of
+    /// every chunk that waits or is being worked on, and as many finished ones. Where a producer computes single tasks while
+    /// a worker has a whole chunk, there is a place for those, too; and where chunks are small, for so many of them that
+    /// nobody waits for a collector that is off its core for a moment.
     pub(super) fn receipts(&self) -> usize {
+        let size = self.policy.size();
         let singles = match self.policy {
-            Policy::Static { size } => size.min(MOST_SINGLES),
-            Policy::Dynamic { .. } => MOST_SINGLES,
+            Policy::Static { .. } => size.min(AHEAD),
+            Policy::Dynamic { .. } => AHEAD,
             Policy::Single | Policy::Warehouse { .. } => 0,
         };
-        2 * (self.capacity() + self.threads.max(1)) + singles as usize
+        let chunks = 2 * (self.capacity() + self.threads.max(1));
+        (chunks + (singles as usize).div_ceil(HELD)).max((AHEAD / size) as usize)
     }
 }
 
-/// Single tasks by which a producer may be ahead of a worker with a chunk.
-const MOST_SINGLES: u32 = 4096;
+/// Tasks of small chunks by which a producer may be ahead of the collector, and single ones by which it may be ahead of a
+/// worker with a chunk.
+const AHEAD: u32 = 4096;

@@ -5,6 +5,7 @@
 //! there, and takes one after the other. What it works is missing on a core where somebody computes, and so it lengthens the
 //! computing of the chunk that it takes. Who is too far ahead of it waits, and nothing ends before it has taken everything.
 
+use super::run::HELD;
 use super::{Dropper, Policy, Series, Settings, SizeChange, Workload};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -66,7 +67,8 @@ impl Eq for Moment {}
 /// A place in the order of the results.
 #[derive(Clone, Copy)]
 struct Receipt {
-    tasks: u64,
+    /// What it takes to take the result, s.
+    taking: f64,
     /// When the chunk is or was done, if that is known.
     done: Option<f64>,
 }
@@ -84,6 +86,8 @@ struct Site<'a> {
     /// The chunks that the collector has not taken, from number `taken` on.
     receipts: VecDeque<Receipt>,
     taken: u64,
+    /// Single tasks whose results the producer has, which the collector does not know of.
+    held: u64,
     /// When the collector has or had taken what it took.
     collector: f64,
     computed: f64,
@@ -119,6 +123,7 @@ impl<'a> Site<'a> {
             waiting: VecDeque::new(),
             receipts: VecDeque::new(),
             taken: 0,
+            held: 0,
             collector: 0.0,
             computed: 0.0,
             produced: 0.0,
@@ -133,7 +138,7 @@ impl<'a> Site<'a> {
         loop {
             let size = u64::from(self.dropper.map_or(self.settings.policy.size(), |d| d.size()));
             let to = (from + size).min(end).max(made);
-            self.produce((to - made) as f64 * self.load.produce_s);
+            self.produce((to - made) as f64 * self.load.making.least());
             made = to;
             if to - from < size {
                 break;
@@ -144,6 +149,7 @@ impl<'a> Site<'a> {
         if end > from {
             self.put(from, end);
         }
+        self.settle();
         if self.settings.leg_barrier {
             self.drain();
             self.now = self.now.max(self.last_done());
@@ -162,7 +168,7 @@ impl<'a> Site<'a> {
             Policy::Single => {
                 let free = self.earliest();
                 if free > self.now {
-                    self.now = free + self.load.wake_s;
+                    self.now = free + self.load.overheads.wake_s;
                 }
                 self.send(from, to);
             }
@@ -170,7 +176,7 @@ impl<'a> Site<'a> {
                 if self.earliest() > self.now {
                     self.refused();
                     // Its first task is stepped through once more to be taken off.
-                    self.produce(self.load.produce_s);
+                    self.produce(self.load.making.least());
                     self.compute(from, from + 1);
                     return false;
                 }
@@ -195,14 +201,12 @@ impl<'a> Site<'a> {
     fn store(&mut self, from: u64, to: u64) {
         self.take_from_warehouse();
         if self.waiting.len() < self.settings.capacity() {
-            let chunk = self.announce(to - from);
-            self.produce(self.load.hand_over_s);
-            self.waiting.push_back((self.now, self.load.cost(from, to) + self.load.take_s, chunk));
-            self.out.handed_over += 1;
+            let (came, cost, chunk) = self.give(from, to);
+            self.waiting.push_back((came, cost, chunk));
             self.take_from_warehouse();
         } else {
             self.out.refusals += 1;
-            self.compute(from, to);
+            self.work_here(from, to);
         }
     }
 
@@ -214,7 +218,7 @@ impl<'a> Site<'a> {
                 return;
             };
             // Who was idle when it came had to wake up.
-            let start = if free < came { came + self.load.wake_s } else { free };
+            let start = if free < came { came + self.load.overheads.wake_s } else { free };
             self.workers.push(Reverse(Moment(start + cost)));
             self.done(chunk, start + cost);
             self.computed += cost;
@@ -222,41 +226,65 @@ impl<'a> Site<'a> {
     }
 
     fn send(&mut self, from: u64, to: u64) {
-        let chunk = self.announce(to - from);
-        self.produce(self.load.hand_over_s);
-        let cost = self.load.cost(from, to) + self.load.take_s;
+        let (came, cost, chunk) = self.give(from, to);
         if let Some(Reverse(Moment(free))) = self.workers.pop() {
             if free >= 0.0 && self.idle_since.is_none_or(|since| free < since) {
                 self.idle_since = Some(free);
             }
-            let done = self.now + self.load.wake_s + cost;
+            let done = came + self.load.overheads.wake_s + cost;
             self.workers.push(Reverse(Moment(done)));
             self.done(chunk, done);
             self.computed += cost;
-            self.out.handed_over += 1;
         }
     }
 
-    /// Makes the next chunk known to the collector, once there is a place in the queue. Returns its number.
+    /// Makes a chunk and gives it away. Returns when it can be begun, what it costs and which it is.
+    fn give(&mut self, from: u64, to: u64) -> (f64, f64, u64) {
+        self.made(to - from);
+        self.produce(self.load.overheads.give_s);
+        self.out.handed_over += 1;
+        let came = self.now;
+        (came, self.load.cost(from, to) + self.load.overheads.take_s, self.announce(to - from))
+    }
+
+    /// What making the chunk takes beyond making its tasks.
+    fn made(&mut self, tasks: u64) {
+        let beyond = self.load.making.of(tasks) - self.load.making.least() * tasks as f64;
+        self.produce(beyond.max(0.0));
+    }
+
+    /// Makes the next chunk known to the collector. Returns its number.
     fn announce(&mut self, tasks: u64) -> u64 {
-        self.produce(self.load.chunk_s);
+        self.settle();
+        self.tell(self.load.collecting.of(tasks))
+    }
+
+    /// Makes the single tasks that were computed here known to the collector.
+    fn settle(&mut self) {
+        let held = std::mem::take(&mut self.held);
+        if held > 0 {
+            let done = self.now;
+            let number = self.tell(held as f64 * self.load.collecting.of(1));
+            self.done(number, done);
+        }
+    }
+
+    /// Makes a result known to the collector, once there is a place in the queue. Returns its number.
+    fn tell(&mut self, taking: f64) -> u64 {
+        self.produce(self.load.overheads.tell_s);
         while let Some(first) = self.receipts.front() {
+            let begin = first.done.map(|done| self.begins_to_take(done));
             // The collector holds one more in its hand.
             let is_full = self.receipts.len() > self.settings.receipts();
-            match first.done.map(|done| self.begins_to_take(done)) {
-                Some(begin) if begin <= self.now || is_full => {
-                    self.now = self.now.max(begin);
-                    self.take_result();
-                }
-                // It waits in the warehouse.
-                None if is_full && !self.waiting.is_empty() => {
-                    self.now = self.now.max(self.earliest());
-                    self.take_from_warehouse();
-                }
-                _ => break,
+            match begin {
+                Some(begin) if begin <= self.now => self.take_result(),
+                _ if !is_full => break,
+                _ if self.take_back() => {}
+                Some(begin) => self.now = begin,
+                None => break,
             }
         }
-        self.receipts.push_back(Receipt { tasks, done: None });
+        self.receipts.push_back(Receipt { taking, done: None });
         self.taken + self.receipts.len() as u64 - 1
     }
 
@@ -267,8 +295,8 @@ impl<'a> Site<'a> {
 
     /// The collector takes the first result, which is or will be there.
     fn take_result(&mut self) {
-        if let Some(Receipt { tasks, done: Some(done) }) = self.receipts.pop_front() {
-            self.collector = self.begins_to_take(done) + self.load.collecting(tasks);
+        if let Some(Receipt { taking, done: Some(done) }) = self.receipts.pop_front() {
+            self.collector = self.begins_to_take(done) + taking;
             self.taken += 1;
         }
     }
@@ -276,7 +304,7 @@ impl<'a> Site<'a> {
     /// A chunk is or was worked off at this moment. Its result is there earlier by what the collector takes of the core.
     fn done(&mut self, chunk: u64, at: f64) {
         if let Some(receipt) = self.receipts.get_mut((chunk - self.taken) as usize) {
-            receipt.done = Some(at - self.load.collecting(receipt.tasks));
+            receipt.done = Some(at - receipt.taking);
         }
     }
 
@@ -303,14 +331,31 @@ impl<'a> Site<'a> {
         }
     }
 
-    /// The producer computes a chunk, and announces it when that is done.
+    /// The producer computes a chunk. If it is a single task, nobody is told yet.
     fn compute(&mut self, from: u64, to: u64) {
-        let cost = self.load.cost(from, to);
-        self.now += cost;
-        self.computed += cost;
+        if to - from > 1 {
+            return self.work_here(from, to);
+        }
+        self.work_on(self.load.cost(from, to));
+        self.made(1);
+        self.held += 1;
+        if self.held >= HELD as u64 {
+            self.settle();
+        }
+    }
+
+    /// The producer computes a chunk, and announces it when that is done.
+    fn work_here(&mut self, from: u64, to: u64) {
+        self.work_on(self.load.cost(from, to));
         let done = self.now;
+        self.made(to - from);
         let chunk = self.announce(to - from);
         self.done(chunk, done);
+    }
+
+    fn work_on(&mut self, cost: f64) {
+        self.now += cost;
+        self.computed += cost;
     }
 
     fn produce(&mut self, seconds: f64) {
@@ -320,13 +365,16 @@ impl<'a> Site<'a> {
 
     /// The producer works off what waits, beside the workers.
     fn drain(&mut self) {
+        while self.take_back() {}
+    }
+
+    /// The producer works off the next chunk that waits in the warehouse, if one does.
+    fn take_back(&mut self) -> bool {
         self.take_from_warehouse();
-        while let Some((_, cost, chunk)) = self.waiting.pop_front() {
-            self.now += cost;
-            self.computed += cost;
-            self.done(chunk, self.now);
-            self.take_from_warehouse();
-        }
+        let Some((_, cost, chunk)) = self.waiting.pop_front() else { return false };
+        self.work_on(cost);
+        self.done(chunk, self.now);
+        true
     }
 
     fn earliest(&self) -> f64 {
@@ -356,7 +404,7 @@ impl<'a> Site<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Profile;
+    use super::super::{Overheads, PerSize, Profile};
     use super::*;
 
     fn load(costs: &[f64], legs: &[u64]) -> Workload {
@@ -422,22 +470,24 @@ mod tests {
 
     #[test]
     fn making_handing_over_and_waking_cost_time() {
-        let load = Workload { produce_s: 0.5, hand_over_s: 0.25, wake_s: 0.125, ..load(&[1.0; 2], &[2]) };
-        // Made and handed over at 0.75 s, awake at 0.875 s, done at 1.875 s; made at 1.25 s, a worker free at 1.875 s, the
-        // producer awake at 2 s, handed over at 2.25 s, awake at 2.375 s.
-        assert_eq!(seconds(&load, 2, Policy::Single, false), 3.375);
+        let making = PerSize::new(vec![(1, 0.5)]);
+        let overheads = Overheads { tell_s: 0.0625, give_s: 0.25, take_s: 0.5, wake_s: 0.125 };
+        let load = Workload { making, overheads, ..load(&[1.0; 2], &[2]) };
+        // Made and given at 0.75 s, told of at 0.8125 s, awake at 0.875 s, done at 2.375 s; made at 1.3125 s, a worker free
+        // at 2.375 s, the producer awake at 2.5 s, given at 2.75 s, awake at 2.875 s.
+        assert_eq!(seconds(&load, 2, Policy::Single, false), 4.375);
     }
 
     #[test]
     fn nothing_ends_before_everything_is_collected() {
-        let load = Workload { collect_s: 2.0, ..load(&[0.0; 10], &[10]) };
+        let load = Workload { collecting: PerSize::new(vec![(1, 2.0)]), ..load(&[0.0; 10], &[10]) };
         assert_eq!(seconds(&load, 64, Policy::Warehouse { size: 1, factor: 1 }, false), 20.0);
     }
 
     /// Two workers in chunks of two: they are idle while the producer computes a task of its own.
     #[test]
     fn dynamic_chunks_grow_when_a_worker_was_idle() {
-        let load = Workload { produce_s: 1e-4, ..load(&[1e-3; 4000], &[4000]) };
+        let load = Workload { making: PerSize::new(vec![(1, 1e-4)]), ..load(&[1e-3; 4000], &[4000]) };
         let policy = Policy::Dynamic { size: 2, significant_ns: 100 };
         let replayed = replay(&load, &Settings { threads: 3, policy, leg_barrier: false });
         let sizes = replayed.sizes.entries();
@@ -446,29 +496,42 @@ mod tests {
     }
 
     /// A chunk of 1 s for the worker from 0.5 s; meanwhile the producer takes off single tasks: each is stepped through
-    /// twice (0.125 s), a chunk of its own (0.25 s) and a second of computing.
+    /// twice (0.25 s), takes 0.125 s more to make by itself and a second of computing.
     #[test]
     fn a_task_that_is_taken_off_costs_a_chunk_and_a_second_step() {
-        let load = Workload { produce_s: 0.125, chunk_s: 0.25, fixed_s: 0.5, ..load(&[1.0; 4], &[4]) };
-        // 0 and 1 sent at 0.5 s, done at 2.5 s. 2 and 3 made at 0.75 s, refused; 2 done at 2.125 s. 3 is all that is left,
-        // the worker is busy: done at 3.375 s.
-        assert_eq!(seconds(&load, 2, Policy::Static { size: 2 }, false), 3.875);
+        let making = PerSize::new(vec![(1, 0.375), (2, 0.25)]);
+        let load = Workload { making, fixed_s: 0.5, ..load(&[1.0; 4], &[4]) };
+        // 0 and 1 sent at 0.5 s, done at 2.5 s. 2 and 3 made at 1 s, refused; 2 done at 2.375 s. 3 is all that is left, the
+        // worker is busy: done at 3.5 s.
+        assert_eq!(seconds(&load, 2, Policy::Static { size: 2 }, false), 4.0);
     }
 
-    /// The worker has 0 until 100 s and 1 waits. The producer computes 2 to 7; with 0 in the collector's hand the queue of
-    /// six receipts is full before 7, which waits until 100 s. The worker has 1 until 101 s, for which the producer waits,
-    /// too; from then on both work: 8 and 10 until 102 s, and so on until 18 at 107 s.
+    /// In chunks of 4096, of which one takes a second, but the first 100: the worker has 0 until 100 s and 1 waits. The
+    /// producer computes 2 to 7; with 0 in the collector's hand the queue of six receipts is full before 7, so that it
+    /// computes 1, and then waits until 100 s. From then on both work: 8 and 10 until 101 s, and so on until 19 at 106 s.
     #[test]
     fn who_is_too_far_ahead_of_the_collector_waits() {
+        const SIZE: u64 = 4096;
+        let chunks = |costs: &[f64]| {
+            let mut sum = 0.0;
+            let until = |(i, cost): (u64, &f64)| {
+                sum += cost;
+                (i * SIZE, sum)
+            };
+            let entries: Vec<(u64, f64)> = (1..).zip(costs).map(until).collect();
+            Workload::new(vec![Profile::new(SIZE as u32, &entries)], vec![costs.len() as u64 * SIZE])
+        };
         let mut costs = [1.0; 20];
         costs[0] = 100.0;
-        let load = load(&costs, &[20]);
-        assert_eq!(seconds(&load, 2, Policy::Warehouse { size: 1, factor: 1 }, false), 107.0);
-        // In chunks that lose single tasks there is a place for all of these.
-        let chunks = Policy::Static { size: 10 };
+        let size = SIZE as u32;
+        assert_eq!(seconds(&chunks(&costs), 2, Policy::Warehouse { size, factor: 1 }, false), 106.0);
+        // Small chunks find a place.
+        let small = load(&costs, &[20]);
+        assert_eq!(seconds(&small, 2, Policy::Warehouse { size: 1, factor: 1 }, false), 100.0);
+        // There is one for all the single tasks that the producer computes beside a large one.
         let mut costs = [1.0; 20];
         costs[..10].fill(1.2);
-        assert_eq!(seconds(&super::tests::load(&costs, &[20]), 2, chunks, false), 12.0);
+        assert_eq!(seconds(&load(&costs, &[20]), 2, Policy::Static { size: 10 }, false), 12.0);
     }
 
     #[test]

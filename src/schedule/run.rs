@@ -3,6 +3,7 @@
 use super::Stop;
 use super::dropper::{Dropper, IdleClock};
 use super::jobs::JobQueue;
+use super::patience::await_briefly;
 use super::policy::{Policy, Settings};
 use super::record::{Account, Ledger, Recorder};
 use crate::error::{Error, Result};
@@ -15,6 +16,14 @@ use std::time::{Duration, Instant};
 pub trait Tasks {
     /// How many.
     fn tasks(&self) -> u32;
+}
+
+/// What a chunk became.
+pub trait Outcome: Sized {
+    /// Takes in what the next chunk became, so that both are one result; gives it back if they cannot be.
+    fn join(&mut self, next: Self) -> Option<Self> {
+        Some(next)
+    }
 }
 
 /// Takes results in chunk order.
@@ -46,10 +55,13 @@ struct Crate<C, R> {
     pending: Option<WaitGroup>,
 }
 
+/// So many single tasks the producer computes at most before it tells the collector, which may sleep, of them.
+pub(super) const HELD: usize = 64;
+
 /// The place of a result among all others.
 enum Promise<R> {
-    /// The producer has computed it itself.
-    Kept(Result<R>),
+    /// The producer has computed it itself, or some in a row.
+    Kept(Vec<Result<R>>),
     /// A worker will send it.
     Given(flume::Receiver<Result<R>>),
 }
@@ -70,11 +82,13 @@ pub struct Feed<'a, C, R, W> {
     idle: &'a IdleClock,
     measured: Option<u64>,
     pending: Option<WaitGroup>,
+    /// Results that the collector has not been told of, and of how many chunks.
+    held: (Vec<Result<R>>, usize),
     ledger: Ledger<'a>,
     work: W,
 }
 
-impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
+impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
     /// Tasks that the chunk in the making shall hold.
     pub fn size(&self) -> u32 {
         self.dropper.map_or(self.settings.policy.size(), |d| d.size())
@@ -90,6 +104,7 @@ impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
             Policy::Warehouse { .. } => self.store(chunk).map(|()| None),
             Policy::Single => {
                 self.ledger.account.skip();
+                await_briefly(|| !self.free.is_empty());
                 let free = self.free.recv();
                 self.ledger.account.was_idle();
                 free.map_err(|_| failed("every worker"))?;
@@ -117,22 +132,52 @@ impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     /// Takes a chunk that ends before it has reached its size. Where legs are kept apart it is computed here.
     pub fn put(&mut self, chunk: C) -> Result<()> {
-        if self.settings.workers() == 0 || self.pending.is_some() {
-            return self.compute(chunk);
-        }
         match self.settings.policy {
-            Policy::Warehouse { .. } => self.store(chunk),
-            Policy::Single => self.offer(chunk).map(drop),
+            _ if self.settings.workers() == 0 || self.pending.is_some() => self.compute(chunk)?,
+            Policy::Warehouse { .. } => self.store(chunk)?,
+            Policy::Single => drop(self.offer(chunk)?),
             Policy::Static { .. } | Policy::Dynamic { .. } => match self.free.try_recv() {
-                Ok(()) => self.send(chunk),
-                Err(_) => self.compute(chunk),
+                Ok(()) => self.send(chunk)?,
+                Err(_) => self.compute(chunk)?,
             },
         }
+        self.settle()
     }
 
-    /// Computes a chunk on this thread.
+    /// Computes a chunk on this thread. If it is a single task, nobody is told yet: see [`Feed::settle`].
     pub fn compute(&mut self, chunk: C) -> Result<()> {
-        self.work_here(chunk, self.settings.workers() == 0)
+        if chunk.tasks() > 1 {
+            return self.work_here(chunk, self.settings.workers() == 0);
+        }
+        self.ledger.came_in(chunk.tasks());
+        let result = self.work_on(chunk);
+        let is_bad = result.is_err();
+        self.hold(result);
+        if is_bad || self.held.1 >= HELD { self.settle() } else { Ok(()) }
+    }
+
+    fn hold(&mut self, result: Result<R>) {
+        let (results, count) = &mut self.held;
+        *count += 1;
+        // Few large results instead of many small ones, whose memory another thread would have to give back.
+        let rest = match (results.last_mut(), result) {
+            (Some(Ok(last)), Ok(next)) => last.join(next).map(Ok),
+            (_, result) => Some(result),
+        };
+        results.extend(rest);
+    }
+
+    /// Tells the collector of everything that was computed here. Whoever calls [`Feed::compute`] does this before
+    /// waiting for something; all other methods do it themselves.
+    pub fn settle(&mut self) -> Result<()> {
+        if self.held.1 == 0 {
+            return Ok(());
+        }
+        if self.settings.workers() == 0 {
+            self.help();
+        }
+        let (results, _) = std::mem::take(&mut self.held);
+        self.tell(Promise::Kept(results))
     }
 
     /// Computes a chunk and announces it afterwards: no other chunk comes between, and the collector, which may sleep, need
@@ -143,11 +188,13 @@ impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
             self.help();
         }
         let result = self.work_on(chunk);
-        self.announce(Promise::Kept(result))
+        self.hold(result);
+        self.settle()
     }
 
     /// A leg has ended and all its chunks have come in. Where legs are kept apart this waits until they are done.
-    pub fn leg_ended(&mut self) {
+    pub fn leg_ended(&mut self) -> Result<()> {
+        self.settle()?;
         let mut waited = Duration::ZERO;
         if self.pending.is_some() {
             self.drain();
@@ -162,6 +209,7 @@ impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
             (self.measured, _) = (None, self.idle.saturated());
         }
         self.ledger.leg_ended(waited);
+        Ok(())
     }
 
     /// Works off what waits in the warehouse, beside the workers.
@@ -181,26 +229,31 @@ impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
             return self.work_here(chunk, true);
         }
         // Nobody else puts anything in, so that the place stays.
-        let item = self.announced(chunk)?;
-        self.warehouse.send(item).map_err(|_| failed("every worker"))?;
+        let result = self.give(chunk)?;
         self.ledger.handed_over(self.warehouse.len());
-        Ok(())
+        self.promise(result)
     }
 
     /// Sends the chunk to a worker that is known to be free.
     fn send(&mut self, chunk: C) -> Result<()> {
-        let item = self.announced(chunk)?;
-        self.warehouse.send(item).map_err(|_| failed("every worker"))?;
+        let result = self.give(chunk)?;
         self.ledger.handed_over(self.settings.workers().saturating_sub(self.free.len()));
-        Ok(())
+        self.promise(result)
     }
 
-    /// The chunk for a worker; its place among the results is taken.
-    fn announced(&mut self, chunk: C) -> Result<Crate<C, R>> {
+    /// Gives the chunk away. Returns where its result will come, for the collector.
+    fn give(&mut self, chunk: C) -> Result<flume::Receiver<Result<R>>> {
         self.ledger.came_in(chunk.tasks());
-        let (receipt, promise) = flume::bounded(1);
-        self.announce(Promise::Given(promise))?;
-        Ok(Crate { chunk, receipt, pending: self.pending.clone() })
+        let (receipt, result) = flume::bounded(1);
+        let item = Crate { chunk, receipt, pending: self.pending.clone() };
+        self.warehouse.send(item).map_err(|_| failed("every worker"))?;
+        Ok(result)
+    }
+
+    /// Tells the collector of a result to come, while a worker has begun with it.
+    fn promise(&mut self, result: flume::Receiver<Result<R>>) -> Result<()> {
+        self.settle()?;
+        self.tell(Promise::Given(result))
     }
 
     /// Runs what the collector wants done.
@@ -234,7 +287,7 @@ impl<C: Tasks, R, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     /// Tells the collector of a result. While it is behind, this thread does what there is to do: it computes what waits in
     /// the warehouse, which is older than what the collector is to be told of, and runs the collector's jobs.
-    fn announce(&mut self, promise: Promise<R>) -> Result<()> {
+    fn tell(&mut self, promise: Promise<R>) -> Result<()> {
         let gone = || Error::Internal("the collector has ended early".to_owned());
         let mut promise = match self.receipts.try_send(promise) {
             Ok(()) => return Ok(()),
@@ -296,7 +349,7 @@ pub fn run<C, R, W, K>(
 ) -> Result<K::Summary>
 where
     C: Tasks + Send,
-    R: Send,
+    R: Outcome + Send,
     W: FnMut(C) -> Result<R>,
     K: Collect<R>,
 {
@@ -349,10 +402,14 @@ where
             idle: &idle,
             measured: None,
             pending: settings.leg_barrier.then(WaitGroup::new),
+            held: (Vec::new(), 0),
             ledger: Ledger::open(recorder),
             work: make_worker(),
         };
         let produced = produce(&mut feed);
+        // What came before a failure or a wish to end is a part of the results, too.
+        let settled = feed.settle();
+        let produced = produced.and(settled);
         match produced {
             Ok(()) => feed.drain(),
             Err(_) => stop.ask(),
@@ -415,6 +472,9 @@ impl<C: Tasks, R> Site<'_, C, R> {
                 run_job(&mut account, job);
                 continue;
             }
+            if self.by_turns {
+                await_briefly(|| !self.shelves.is_empty() || !self.jobs.exit().is_empty());
+            }
             select! {
                 recv(self.jobs.exit()) -> job => match job {
                     Ok(job) => run_job(&mut account, job),
@@ -475,16 +535,20 @@ fn collect<R, K: Collect<R>>(
 ) -> Result<K::Summary> {
     let mut account = Account::open(recorder);
     for promise in promises {
-        let result = match promise {
-            Promise::Kept(result) => result,
-            Promise::Given(promise) => promise.recv().unwrap_or_else(|_| Err(failed("a worker"))),
-        };
+        let mut results = match promise {
+            Promise::Kept(results) => results,
+            Promise::Given(promise) => vec![promise.recv().unwrap_or_else(|_| Err(failed("a worker")))],
+        }
+        .into_iter();
         account.was_idle();
-        let taken = result.and_then(|result| collector.take(result, !promises.is_empty()));
-        account.computed(0);
-        if let Err(e) = taken {
-            collector.abort();
-            return Err(e);
+        while let Some(result) = results.next() {
+            let more_waiting = results.len() > 0 || !promises.is_empty();
+            let taken = result.and_then(|result| collector.take(result, more_waiting));
+            account.computed(0);
+            if let Err(e) = taken {
+                collector.abort();
+                return Err(e);
+            }
         }
     }
     if stop.asked() {

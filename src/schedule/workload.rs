@@ -1,6 +1,7 @@
 //! What there is to do and what it costs, as runs on one thread tell it.
 
-use super::{Collect, JobQueue, Log, Policy, Recorder, Settings, Stop, Tasks, ThreadLog, run};
+use super::run::HELD;
+use super::{Collect, JobQueue, Log, Outcome, Policy, Recorder, Settings, Stop, Tasks, ThreadLog, run};
 use crate::error::Result;
 use std::sync::Arc;
 
@@ -32,6 +33,44 @@ impl Profile {
     }
 }
 
+/// What a chunk costs, measured for some sizes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PerSize(Vec<(u32, f64)>);
+
+impl PerSize {
+    /// From sizes and the seconds for each of their tasks.
+    pub fn new(mut seconds_per_task: Vec<(u32, f64)>) -> PerSize {
+        seconds_per_task.sort_by_key(|p| p.0);
+        PerSize(seconds_per_task)
+    }
+
+    /// Seconds for a chunk of so many tasks. What a task costs goes between two measured sizes with the logarithm.
+    pub fn of(&self, tasks: u64) -> f64 {
+        between(&self.0, |p| p.0, tasks, |p| p.1) * tasks as f64
+    }
+
+    /// Seconds for a task in the largest chunks.
+    pub fn least(&self) -> f64 {
+        self.0.last().map_or(0.0, |p| p.1)
+    }
+}
+
+/// What the measured ones of rising `size` have for so many tasks: between two of them it goes with the logarithm, beyond
+/// them it is that of the next one.
+fn between<T>(measured: &[T], size: impl Fn(&T) -> u32, tasks: u64, value: impl Fn(&T) -> f64) -> f64 {
+    let at = measured.partition_point(|m| u64::from(size(m)) <= tasks);
+    match (at.checked_sub(1).and_then(|i| measured.get(i)), measured.get(at)) {
+        (Some(a), Some(b)) => {
+            let place = |n: f64| libm::log2(n.max(1.0));
+            let (least, most) = (place(f64::from(size(a))), place(f64::from(size(b))));
+            let share = (place(tasks as f64) - least) / (most - least);
+            value(a) * (1.0 - share) + value(b) * share
+        }
+        (Some(m), None) | (None, Some(m)) => value(m),
+        (None, None) => 0.0,
+    }
+}
+
 /// What there is to do and what it costs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Workload {
@@ -39,20 +78,25 @@ pub struct Workload {
     pub(super) profiles: Vec<Profile>,
     /// Tasks up to the end of each leg, rising; the last is the number of tasks.
     pub legs: Vec<u64>,
-    /// Making a task, s.
-    pub produce_s: f64,
-    /// Making a chunk, however many tasks it has, s.
-    pub chunk_s: f64,
-    /// Taking the result of a task, s.
-    pub collect_s: f64,
-    /// Taking the result of a chunk, however many tasks it has, s.
-    pub collect_chunk_s: f64,
+    /// Making a chunk.
+    pub making: PerSize,
+    /// Taking the result of a chunk.
+    pub collecting: PerSize,
     /// Beginning and ending: threads, files, the last results, s.
     pub fixed_s: f64,
+    /// What handing out chunks takes.
+    pub overheads: Overheads,
+}
+
+/// What handing out chunks takes, whatever is in them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Overheads {
+    /// Telling the collector of a result, s.
+    pub tell_s: f64,
+    /// Giving a chunk to a worker, s.
+    pub give_s: f64,
     /// What a worker does to take a chunk and to hand in its result, s.
     pub take_s: f64,
-    /// Handing a chunk over, s.
-    pub hand_over_s: f64,
     /// Waking a thread that waits, s.
     pub wake_s: f64,
 }
@@ -69,17 +113,16 @@ impl Workload {
         self.legs.last().copied().unwrap_or(0)
     }
 
-    /// What logs of runs on one thread tell, the same run again and again in chunks of each size; what it costs to hand
-    /// over and to wake they do not.
+    /// What logs of runs on one thread tell, the same run again and again in chunks of each size, when what handing out
+    /// takes is known, of which those runs have only the telling.
     ///
     /// How the time goes on over the tasks is the least of each chunk. How much everything is in all is what the threads'
     /// processor clocks told, so that other programs do not count, of the run in the middle: how often the collector slept
     /// and had to be woken differs from run to run, and the least computing of one and the least making of another would be
-    /// less than any run took. What making and collecting cost per chunk and per task follows from the smallest and the
-    /// largest chunks.
-    pub fn of_logs(logs: &[(u32, Vec<Log>)]) -> Workload {
+    /// less than any run took.
+    pub fn of_logs(logs: &[(u32, Vec<Log>)], overheads: Overheads) -> Workload {
         let mut profiles = Vec::new();
-        let mut sizes: Vec<(u32, Costs)> = Vec::new();
+        let (mut making, mut collecting, mut largest) = (Vec::new(), Vec::new(), (0, 0.0));
         for (size, logs) in logs.iter().filter(|(_, logs)| !logs.is_empty()) {
             let mut entries = least(logs);
             let sum = entries.last().map_or(0.0, |e| e.1);
@@ -88,48 +131,38 @@ impl Workload {
                 entries.iter_mut().for_each(|e| e.1 *= costs.computing_s / sum);
             }
             profiles.push(Profile::new(*size, &entries));
-            sizes.push((*size, costs));
+            let tasks = costs.tasks.max(1) as f64;
+            let told_of = if *size > 1 { *size as usize } else { HELD };
+            let telling = overheads.tell_s / told_of as f64;
+            making.push((*size, (costs.making_s / tasks - telling).max(0.0)));
+            collecting.push((*size, costs.collecting_s / tasks));
+            if *size >= largest.0 {
+                largest = (*size, costs.fixed_s);
+            }
         }
-        sizes.sort_by_key(|s| s.0);
         let legs = logs.iter().find_map(|(_, logs)| logs.first());
         let legs = legs.map_or_else(Vec::new, |log| log.legs.iter().map(|leg| leg.tasks).collect());
-        let mut load = Workload::new(profiles, legs);
-        if let (Some((_, small)), Some((_, large))) = (sizes.first(), sizes.last()) {
-            (load.chunk_s, load.produce_s) = per_chunk_and_task(small, large, |c| c.making_s);
-            (load.collect_chunk_s, load.collect_s) = per_chunk_and_task(small, large, |c| c.collecting_s);
-            load.fixed_s = large.fixed_s;
+        Workload {
+            making: PerSize::new(making),
+            collecting: PerSize::new(collecting),
+            fixed_s: largest.1,
+            overheads,
+            ..Workload::new(profiles, legs)
         }
-        load
     }
 
     /// Seconds for a chunk of tasks `from..to`. Between two measured sizes it goes with the logarithm.
     pub(super) fn cost(&self, from: u64, to: u64) -> f64 {
         let count = to.saturating_sub(from);
         let of = |p: &Profile| p.until(to) - p.until(from);
-        let at = self.profiles.partition_point(|p| u64::from(p.size) <= count);
-        let computing = match (at.checked_sub(1).and_then(|i| self.profiles.get(i)), self.profiles.get(at)) {
-            (Some(a), Some(b)) => {
-                let place = |n: f64| libm::log2(n.max(1.0));
-                let (least, most) = (place(f64::from(a.size)), place(f64::from(b.size)));
-                let share = (place(count as f64) - least) / (most - least);
-                of(a) * (1.0 - share) + of(b) * share
-            }
-            (Some(p), None) | (None, Some(p)) => of(p),
-            (None, None) => 0.0,
-        };
-        computing.max(0.0) + self.collecting(count)
-    }
-
-    /// Seconds to take the result of a chunk of so many tasks.
-    pub(super) fn collecting(&self, tasks: u64) -> f64 {
-        self.collect_chunk_s + self.collect_s * tasks as f64
+        let computing = between(&self.profiles, |p| p.size, count, of);
+        computing.max(0.0) + self.collecting.of(count)
     }
 }
 
 /// What a run on one thread cost, s of processor time.
 #[derive(Clone, Copy, Debug, Default)]
 struct Costs {
-    chunks: u64,
     tasks: u64,
     computing_s: f64,
     making_s: f64,
@@ -151,7 +184,6 @@ impl Costs {
         let (computing_s, jobs_s) = (part(p.busy_s).min(computing_s), part(p.jobs_s));
         let fixed = |log: &Log| (log.seconds - log.producer.wall_s).max(0.0);
         Costs {
-            chunks: p.chunks,
             tasks: p.tasks,
             computing_s,
             making_s: (p.cpu_s.min(awake) - computing_s - jobs_s).max(0.0),
@@ -160,14 +192,6 @@ impl Costs {
             fixed_s: logs.iter().map(fixed).fold(f64::INFINITY, f64::min),
         }
     }
-}
-
-/// Splits a cost into what goes with the chunks and what goes with the tasks.
-fn per_chunk_and_task(small: &Costs, large: &Costs, cost: impl Fn(&Costs) -> f64) -> (f64, f64) {
-    let (more, tasks) = (small.chunks.saturating_sub(large.chunks), large.tasks.max(1) as f64);
-    let per_chunk = if more > 0 { ((cost(small) - cost(large)) / more as f64).max(0.0) } else { 0.0 };
-    let per_task = (cost(large) - per_chunk * large.chunks as f64) / tasks;
-    (per_chunk, per_task.max(0.0))
 }
 
 /// Cumulative times of the least that each chunk took in any of the repetitions, which had the same chunks.
@@ -187,13 +211,12 @@ fn least(logs: &[Log]) -> Vec<(u64, f64)> {
         .collect()
 }
 
-/// Measures what it costs to hand over a chunk, to take it and hand in its result, and to wake a thread that waits, s: runs
-/// without any work in them.
-pub fn overheads() -> Result<(f64, f64, f64)> {
+/// Measures what handing out chunks takes, in runs without any work in them.
+pub fn overheads() -> Result<Overheads> {
     const CHUNKS: u32 = 20_000;
-    let idle_run = |policy| -> Result<Log> {
+    let idle_run = |threads, policy| -> Result<Log> {
         let (recorder, jobs) = (Recorder::new(), Arc::new(JobQueue::new(1)));
-        let settings = Settings { threads: 2, policy, leg_barrier: false };
+        let settings = Settings { threads, policy, leg_barrier: false };
         run(
             settings,
             &jobs,
@@ -205,16 +228,24 @@ pub fn overheads() -> Result<(f64, f64, f64)> {
         )?;
         Ok(recorder.finish())
     };
-    let (mut hand_over, mut take, mut round_trip) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
+    let making = |log: &Log| (log.producer.cpu_s - log.producer.busy_s).max(0.0) / f64::from(CHUNKS);
+    let (mut told, mut handed_over, mut take, mut round_trip) =
+        (f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::INFINITY);
     for _ in 0..3 {
-        let log = idle_run(Policy::Warehouse { size: 1, factor: CHUNKS as usize })?;
-        let making = log.producer.cpu_s - log.producer.busy_s;
-        hand_over = hand_over.min(making.max(0.0) / f64::from(CHUNKS));
+        let warehouse = Policy::Warehouse { size: 1, factor: CHUNKS as usize };
+        told = told.min(making(&idle_run(1, warehouse)?));
+        let log = idle_run(2, warehouse)?;
+        handed_over = handed_over.min(making(&log));
         let taken = log.workers.iter().fold(ThreadLog::default(), |sum, w| sum.plus(*w));
         take = take.min(taken.cpu_s / taken.chunks.max(1) as f64);
-        round_trip = round_trip.min(idle_run(Policy::Single)?.seconds / f64::from(CHUNKS));
+        round_trip = round_trip.min(idle_run(2, Policy::Single)?.seconds / f64::from(CHUNKS));
     }
-    Ok((hand_over, take, (0.5 * (round_trip - hand_over)).max(0.0)))
+    Ok(Overheads {
+        tell_s: told,
+        give_s: (handed_over - told).max(0.0),
+        take_s: take,
+        wake_s: (0.5 * (round_trip - handed_over)).max(0.0),
+    })
 }
 
 struct Nothing;
@@ -222,6 +253,12 @@ struct Nothing;
 impl Tasks for Nothing {
     fn tasks(&self) -> u32 {
         1
+    }
+}
+
+impl Outcome for () {
+    fn join(&mut self, (): ()) -> Option<()> {
+        None
     }
 }
 
@@ -290,11 +327,20 @@ mod tests {
         for slower in [1.0, 2.0] {
             let logs =
                 [1, 4, 16].map(|size| (size, vec![log(u64::from(size), slower), log(u64::from(size), 3.0)]));
-            let load = Workload::of_logs(&logs);
-            let costs = [load.produce_s, load.chunk_s, load.collect_s, load.collect_chunk_s, load.fixed_s];
-            for (found, known) in costs.into_iter().zip([0.25, 0.5, 0.125, 1.0, 3.0]) {
+            let load = Workload::of_logs(&logs, Overheads::default());
+            let costs = [1, 4, 16].map(|size| [load.making.of(size), load.collecting.of(size)]);
+            for (found, known) in costs.iter().flatten().zip([0.75, 1.125, 1.5, 1.5, 4.5, 3.0]) {
                 assert!((found - known).abs() < 1e-9, "{costs:?}");
             }
+            assert_eq!((load.making.least(), load.fixed_s), (4.5 / 16.0, 3.0));
+            // Every chunk was told of by itself, single tasks together.
+            let overheads = Overheads { tell_s: 0.125, ..Overheads::default() };
+            let told = Workload::of_logs(&logs, overheads);
+            let found = [1, 4, 16].map(|size| told.making.of(size));
+            for (found, known) in found.iter().zip([0.75 - 0.125 / HELD as f64, 1.375, 4.375]) {
+                assert!((found - known).abs() < 1e-9, "{found}");
+            }
+            assert_eq!(told.overheads, overheads);
             assert_eq!(load.legs, [64, 128]);
             assert!((load.cost(0, 16) - 16.0 - 1.0 - 2.0).abs() < 1e-9);
             assert!((load.cost(64, 68) - 8.0 - 1.0 - 0.5).abs() < 1e-9);
@@ -311,7 +357,7 @@ mod tests {
             let both = replay(&load, &Settings { threads: 2, policy, leg_barrier: true });
             assert!((both.seconds - 147.0).abs() < 1e-9, "{}", both.seconds);
         }
-        assert_eq!(Workload::of_logs(&[]), Workload::default());
-        assert_eq!(Workload::of_logs(&[(4, Vec::new())]).tasks(), 0);
+        assert_eq!(Workload::of_logs(&[], Overheads::default()), Workload::default());
+        assert_eq!(Workload::of_logs(&[(4, Vec::new())], Overheads::default()).tasks(), 0);
     }
 }

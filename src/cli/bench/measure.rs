@@ -10,12 +10,11 @@ use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Targe
 use crate::pipeline::{self, Ended, Progress};
 use crate::pulse::Physics;
 use crate::scene::{self, Movers, Scene};
-use crate::schedule::{self, Log, Policy, Recorder, Settings, SizeChange, Workload};
+use crate::schedule::{self, Log, Policy, Recorder, Settings, SizeChange, Stop, Workload};
 use crate::survey::PlatformKind;
 use crate::tree::{BuildOptions, Tree};
 use serde::Serialize;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::available_parallelism;
 use std::time::Instant;
 
@@ -251,9 +250,22 @@ impl Bench {
     }
 
     fn fly(&self, physics: &Physics, options: &BuildOptions, schedule: Settings) -> Result<Flown> {
+        // What a flight took that did not come to its end tells nothing.
+        self.fly_until(&interrupt::STOP, &self.format, physics, options, schedule)?.ok_or(Error::Interrupted)
+    }
+
+    /// Nothing when it was stopped.
+    fn fly_until(
+        &self,
+        stop: &Stop,
+        format: &str,
+        physics: &Physics,
+        options: &BuildOptions,
+        schedule: Settings,
+    ) -> Result<Option<Flown>> {
         let (progress, recorder) = (Progress::default(), Recorder::new());
         let context = OutputContext { survey: &self.job.survey, scene: &self.scene };
-        let output = Arc::new(OutputPlan::new(self.request()?, &context)?);
+        let output = Arc::new(OutputPlan::new(self.request(format)?, &context)?);
         let trees = with_jobs(options, 1);
         let run = pipeline::Run {
             flight: &self.flight,
@@ -263,30 +275,30 @@ impl Bench {
             poses: None,
             schedule,
             recorder: Some(&recorder),
-            stop: &interrupt::STOP,
+            stop,
             progress: &progress,
         };
         let started = Instant::now();
         if let Ended::Cut(_) = pipeline::fly(run, None, true)? {
-            // What a flight took that did not come to its end tells nothing.
-            return Err(Error::Interrupted);
+            return Ok(None);
         }
         let seconds = started.elapsed().as_secs_f64();
         let (done, log) = (progress.snapshot(), recorder.finish());
-        Ok(Flown { seconds, pulses: done.pulses, echoes: done.echoes, rays: physics.most_rays(), log })
+        let rays = physics.most_rays();
+        Ok(Some(Flown { seconds, pulses: done.pulses, echoes: done.echoes, rays, log }))
     }
 
-    fn request(&self) -> Result<OutputRequest> {
-        let format = match self.format.as_str() {
+    fn request(&self, format: &str) -> Result<OutputRequest> {
+        let points = match format {
             "none" => None,
             "xyz" => Some(PointFormat::Xyz),
             "las" => Some(PointFormat::Las),
             "laz" => Some(PointFormat::Laz),
             other => return Err(Error::input(format!("--format: {other:?} is none of none, xyz, las, laz"))),
         };
-        let file = self.folder.path().join(format!("points.{}", self.format));
+        let file = self.folder.path().join(format!("points.{format}"));
         Ok(OutputRequest {
-            sinks: format.map(|format| (Target::File(file), format)).into_iter().collect(),
+            sinks: points.map(|points| (Target::File(file), points)).into_iter().collect(),
             waveforms: false,
             pulses: false,
             trajectory: None,
@@ -312,7 +324,7 @@ impl Bench {
         sizes.sort_unstable();
         sizes.dedup();
         let mut logs: Vec<(u32, Vec<Log>)> = sizes.iter().map(|&size| (size, Vec::new())).collect();
-        among_busy_cores(|| -> Result<()> {
+        self.in_company(&physics, options, || {
             for _ in 0..matrix.repetitions.max(2) {
                 for (size, logs) in &mut logs {
                     let policy = Policy::Static { size: *size };
@@ -322,9 +334,34 @@ impl Bench {
             }
             Ok(())
         })?;
-        let mut load = Workload::of_logs(&logs);
-        (load.hand_over_s, load.take_s, load.wake_s) = schedule::overheads()?;
-        Ok(load)
+        Ok(Workload::of_logs(&logs, schedule::overheads()?))
+    }
+
+    /// Measures while all other cores fly the same survey, as they do in the flights that are foretold: they share the memory,
+    /// and whoever wakes a thread on a core that sleeps pays several times as much.
+    fn in_company<T>(
+        &self,
+        physics: &Physics,
+        options: &BuildOptions,
+        measure: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        struct AtEnd<'a>(&'a Stop);
+        impl Drop for AtEnd<'_> {
+            fn drop(&mut self) {
+                self.0.ask();
+            }
+        }
+        let (end, others) = (Stop::new(), available_parallelism().map_or(0, |n| n.get() - 1));
+        let settings = Settings { threads: 1, policy: Policy::Static { size: 256 }, leg_barrier: false };
+        std::thread::scope(|scope| {
+            let _end = AtEnd(&end);
+            for _ in 0..others {
+                // Until the end, or for as long as it works: the flight that is measured tells what is wrong.
+                let fly = || self.fly_until(&end, "none", physics, options, settings);
+                scope.spawn(move || while let Ok(Some(_)) = fly() {});
+            }
+            measure()
+        })
     }
 }
 
@@ -332,29 +369,6 @@ impl Bench {
 pub struct Built {
     pub tree: Tree,
     seconds: Vec<(usize, f64)>,
-}
-
-/// Measures while all other cores are busy, as they are in the flights that are foretold: whoever wakes a thread on a core
-/// that sleeps pays several times as much.
-fn among_busy_cores<T>(measure: impl FnOnce() -> T) -> T {
-    struct Done<'a>(&'a AtomicBool);
-    impl Drop for Done<'_> {
-        fn drop(&mut self) {
-            self.0.store(true, Ordering::Relaxed);
-        }
-    }
-    let (is_done, others) = (AtomicBool::new(false), available_parallelism().map_or(0, |n| n.get() - 1));
-    std::thread::scope(|scope| {
-        let _done = Done(&is_done);
-        for _ in 0..others {
-            scope.spawn(|| {
-                while !is_done.load(Ordering::Relaxed) {
-                    std::hint::spin_loop();
-                }
-            });
-        }
-        measure()
-    })
 }
 
 /// What a flight was.

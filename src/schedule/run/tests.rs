@@ -23,19 +23,24 @@ impl Collect<u64> for Gather {
     fn abort(self) {}
 }
 
+impl Outcome for u64 {}
+
 impl Tasks for u64 {
     fn tasks(&self) -> u32 {
         1
     }
 }
 
-const POLICIES: [Policy; 6] = [
+/// Nothing depends on the size here but how far the producer may be ahead: with large chunks, by a few.
+const POLICIES: [Policy; 8] = [
     Policy::Single,
     Policy::Static { size: 1 },
     Policy::Static { size: 4 },
     Policy::Dynamic { size: 4, significant_ns: 1000 },
     Policy::Warehouse { size: 4, factor: 1 },
     Policy::Warehouse { size: 4, factor: 4 },
+    Policy::Static { size: 4096 },
+    Policy::Warehouse { size: 4096, factor: 1 },
 ];
 
 /// A schedule for each number of threads, with and without barrier.
@@ -58,7 +63,7 @@ fn hand_out<W: FnMut(u64) -> Result<u64>>(
         match x % 7 {
             6 => {
                 feed.put(x)?;
-                feed.leg_ended();
+                feed.leg_ended()?;
             }
             _ => {
                 if let Some(x) = feed.offer(x)? {
@@ -171,6 +176,74 @@ fn jobs_of_the_collector_are_run_whatever_the_number_of_threads() {
     }
 }
 
+/// Numbers of which at most three become one result.
+#[derive(Debug, PartialEq)]
+struct UpToThree(Vec<u64>);
+
+impl Outcome for UpToThree {
+    fn join(&mut self, next: UpToThree) -> Option<UpToThree> {
+        if self.0.len() + next.0.len() > 3 {
+            return Some(next);
+        }
+        self.0.extend(next.0);
+        None
+    }
+}
+
+/// Notes what it is told of.
+struct Notes<'a>(&'a std::sync::Mutex<Vec<UpToThree>>);
+
+impl Collect<UpToThree> for Notes<'_> {
+    type Summary = ();
+    fn take(&mut self, result: UpToThree, _: bool) -> Result<()> {
+        self.0.lock().unwrap().push(result);
+        Ok(())
+    }
+    fn finish(self) -> Result<()> {
+        Ok(())
+    }
+    fn abort(self) {}
+}
+
+#[test]
+fn single_tasks_are_told_of_together_and_at_the_latest_before_a_wait() {
+    let notes = std::sync::Mutex::new(Vec::new());
+    let told = |count: usize| {
+        let began = Instant::now();
+        while notes.lock().unwrap().len() < count && began.elapsed() < Duration::from_secs(20) {
+            std::thread::yield_now();
+        }
+        notes.lock().unwrap().len() == count
+    };
+    run(
+        Settings { threads: 1, policy: Policy::Static { size: 1 }, leg_barrier: false },
+        &Arc::new(JobQueue::new(4)),
+        &Stop::new(),
+        None,
+        || |x: u64| Ok(UpToThree(vec![x])),
+        |feed| {
+            (0..5).try_for_each(|x| feed.compute(x))?;
+            assert!(notes.lock().unwrap().is_empty());
+            feed.settle()?;
+            assert!(told(2));
+            feed.compute(5)?;
+            feed.leg_ended()?;
+            assert!(told(3));
+            feed.put(6)?;
+            assert!(told(4));
+            (7..7 + HELD as u64).try_for_each(|x| feed.compute(x))?;
+            assert!(told(4 + HELD.div_ceil(3)));
+            feed.compute(100)
+        },
+        Notes(&notes),
+    )
+    .unwrap();
+    let all = notes.into_inner().unwrap();
+    assert_eq!(all[..4], [vec![0, 1, 2], vec![3, 4], vec![5], vec![6]].map(UpToThree));
+    assert_eq!(all.last(), Some(&UpToThree(vec![100])));
+    assert!(all.iter().flat_map(|r| &r.0).is_sorted());
+}
+
 /// A collector that gives away one job, at the first result, which ends when many more chunks have been computed.
 struct Patience<'a> {
     jobs: Arc<JobQueue>,
@@ -214,7 +287,7 @@ fn a_producer_ahead_of_the_collector_computes_what_waits_in_the_warehouse() {
         let (jobs, computed) = (Arc::new(JobQueue::new(4)), Arc::new(AtomicUsize::new(0)));
         let count = &computed;
         let outcome = run(
-            Settings { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
+            Settings { threads: 2, policy: Policy::Warehouse { size: 4096, factor: 2 }, leg_barrier: false },
             &jobs,
             &Stop::new(),
             None,
