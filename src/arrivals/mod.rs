@@ -1,7 +1,8 @@
 //! Bytes as they arrive: a thread reads what comes, so that whoever waits for it can also wait for something else or give
-//! up waiting; and the tables that some of them are ([`arrow`]).
+//! up waiting; and the tables that some of them are ([`arrow`], [`ply`]).
 
 pub mod arrow;
+pub mod ply;
 
 use std::io::{ErrorKind, Read};
 use std::path::Path;

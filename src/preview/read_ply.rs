@@ -1,6 +1,7 @@
 //! Reads PLY, text and binary.
 
 use super::points::{Attributes, Point, Points};
+use crate::arrivals::ply::number;
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
@@ -117,17 +118,7 @@ impl PropertyAccess for Vertex {
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let value = match property {
-            Property::Char(v) => f64::from(v),
-            Property::UChar(v) => f64::from(v),
-            Property::Short(v) => f64::from(v),
-            Property::UShort(v) => f64::from(v),
-            Property::Int(v) => f64::from(v),
-            Property::UInt(v) => f64::from(v),
-            Property::Float(v) => f64::from(v),
-            Property::Double(v) => v,
-            _ => return PropertyAccessResult::Ignored,
-        };
+        let Some(value) = number(&property) else { return PropertyAccessResult::Ignored };
         match role(name) {
             Some(Role::X) => self.position.x = value,
             Some(Role::Y) => self.position.y = value,

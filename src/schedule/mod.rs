@@ -17,7 +17,8 @@
 //! | file | what |
 //! |---|---|
 //! | `policy` | the four schedules and their settings |
-//! | `run` | the threads, and the producer's end of them |
+//! | `feed` | the producer's end: what happens to a chunk |
+//! | `run` | the threads |
 //! | `dropper` | the size of dynamic chunks |
 //! | `record` | idle times, queue depths, chunk sizes |
 //! | `workload` | what there is to do and what it costs, from records |
@@ -26,6 +27,7 @@
 //! | `patience` | waiting awake for a moment |
 
 mod dropper;
+mod feed;
 mod jobs;
 mod patience;
 mod policy;
@@ -35,11 +37,12 @@ mod run;
 mod workload;
 
 pub use dropper::{Direction, Dropper};
+pub use feed::{Feed, Outcome, Tasks};
 pub use jobs::{Job, JobQueue};
 pub use policy::{Policy, Settings};
 pub use record::{Depth, LegEnd, Log, Recorder, Series, SizeChange, ThreadLog};
 pub use replay::{Replayed, replay};
-pub use run::{Collect, Feed, Outcome, Tasks, run};
+pub use run::{Collect, run};
 pub use workload::{Overheads, PerSize, Profile, Workload, overheads};
 
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,6 +1,6 @@
 //! How chunks are handed out.
 
-use super::run::HELD;
+use super::feed::HELD;
 
 /// The four schedules of spec kdtree-and-scheduling §3. With one thread they are all the same: chunk after chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

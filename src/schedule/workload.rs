@@ -1,6 +1,6 @@
 //! What there is to do and what it costs, as runs on one thread tell it.
 
-use super::run::HELD;
+use super::feed::HELD;
 use super::{Collect, JobQueue, Log, Outcome, Policy, Recorder, Settings, Stop, Tasks, ThreadLog, run};
 use crate::error::Result;
 use std::sync::Arc;

@@ -1,6 +1,7 @@
 //! Points of PLY files, text and binary: positions, normals and classes.
 
 use super::points::{BATCH, Batches, Point};
+use crate::arrivals::ply::number;
 use crate::geom::DVec3;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult};
@@ -129,17 +130,7 @@ impl PropertyAccess for Vertex {
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let value = match property {
-            Property::Char(v) => f64::from(v),
-            Property::UChar(v) => f64::from(v),
-            Property::Short(v) => f64::from(v),
-            Property::UShort(v) => f64::from(v),
-            Property::Int(v) => f64::from(v),
-            Property::UInt(v) => f64::from(v),
-            Property::Float(v) => f64::from(v),
-            Property::Double(v) => v,
-            _ => return PropertyAccessResult::Ignored,
-        };
+        let Some(value) = number(&property) else { return PropertyAccessResult::Ignored };
         match Role::of(name) {
             Some(Role::Position(axis)) => self.position[axis] = value,
             Some(Role::Normal(axis)) => self.normal[axis] = value,

@@ -1,7 +1,9 @@
 //! Order, endings and records of all schedules.
 
+use super::super::feed::HELD;
 use super::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 struct Gather {
     seen: Vec<u64>,
