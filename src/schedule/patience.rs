@@ -19,3 +19,24 @@ pub fn await_briefly(mut is_there: impl FnMut() -> bool) {
         std::thread::yield_now();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patience_ends() {
+        let (began, mut looks) = (Instant::now(), 0);
+        await_briefly(|| {
+            looks += 1;
+            false
+        });
+        assert!(looks > 1 && began.elapsed() >= PATIENCE);
+        looks = 0;
+        await_briefly(|| {
+            looks += 1;
+            looks == 2
+        });
+        assert_eq!(looks, 2);
+    }
+}
