@@ -32,7 +32,7 @@ pub(super) struct Crate<C, R> {
     pub pending: Option<WaitGroup>,
 }
 
-/// So many single tasks the producer computes at most before it tells the collector, which may sleep, of them.
+/// Single tasks that the producer computes at most before it tells the collector, which may sleep, of them.
 pub(super) const HELD: usize = 64;
 
 /// The place of a result among all others.
@@ -263,7 +263,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
     }
 
     /// Tells the collector of a result. While it is behind, this thread does what there is to do: it computes what waits in
-    /// the warehouse, which is older than what the collector is to be told of, and runs the collector's jobs.
+    /// the warehouse, of which nothing is newer than what the collector is to be told of, and runs the collector's jobs.
     fn tell(&mut self, promise: Promise<R>) -> Result<()> {
         let gone = || Error::Internal("the collector has ended early".to_owned());
         let mut promise = match self.receipts.try_send(promise) {
