@@ -43,7 +43,7 @@ pub use policy::{Policy, Settings};
 pub use record::{Depth, LegEnd, Log, Recorder, Series, SizeChange, ThreadLog};
 pub use replay::{Replayed, replay};
 pub use run::{Collect, run};
-pub use workload::{Overheads, PerSize, Profile, Workload, overheads};
+pub use workload::{Beside, Overheads, PerSize, Profile, Workload, beside_work, hand_overs};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -251,7 +251,7 @@ pub(super) struct Account<'r> {
 }
 
 /// Processor time of this thread so far, s.
-fn thread_cpu_s() -> Option<f64> {
+pub(super) fn thread_cpu_s() -> Option<f64> {
     #[cfg(target_os = "linux")]
     {
         let spent = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);

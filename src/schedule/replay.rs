@@ -6,7 +6,7 @@
 //! computing of the chunk that it takes. Who is too far ahead of it waits, and nothing ends before it has taken everything.
 
 use super::feed::HELD;
-use super::{Dropper, Policy, Series, Settings, SizeChange, Workload};
+use super::{Dropper, Overheads, Policy, Series, Settings, SizeChange, Workload};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
@@ -75,6 +75,7 @@ struct Receipt {
 
 struct Site<'a> {
     load: &'a Workload,
+    overheads: Overheads,
     settings: &'a Settings,
     dropper: Option<Dropper>,
     /// The producer's clock.
@@ -113,8 +114,10 @@ impl<'a> Site<'a> {
             handed_over: 0,
             sizes: Series::new(4096),
         };
+        let overheads = if settings.policy == Policy::Single { load.single } else { load.overheads };
         Site {
             load,
+            overheads,
             settings,
             dropper,
             now: 0.0,
@@ -168,7 +171,7 @@ impl<'a> Site<'a> {
             Policy::Single => {
                 let free = self.earliest();
                 if free > self.now {
-                    self.now = free + self.load.overheads.wake_s;
+                    self.now = free + self.overheads.wake_s;
                 }
                 self.send(from, to);
             }
@@ -218,7 +221,7 @@ impl<'a> Site<'a> {
                 return;
             };
             // Who was idle when it came had to wake up.
-            let start = if free < came { came + self.load.overheads.wake_s } else { free };
+            let start = if free < came { came + self.overheads.wake_s } else { free };
             self.workers.push(Reverse(Moment(start + cost)));
             self.done(chunk, start + cost);
             self.computed += cost;
@@ -231,7 +234,7 @@ impl<'a> Site<'a> {
             if free >= 0.0 && self.idle_since.is_none_or(|since| free < since) {
                 self.idle_since = Some(free);
             }
-            let done = came + self.load.overheads.wake_s + cost;
+            let done = came + self.overheads.wake_s + cost;
             self.workers.push(Reverse(Moment(done)));
             self.done(chunk, done);
             self.computed += cost;
@@ -241,10 +244,10 @@ impl<'a> Site<'a> {
     /// Makes a chunk and gives it away. Returns when it can be begun, what it costs and which it is.
     fn give(&mut self, from: u64, to: u64) -> (f64, f64, u64) {
         self.made(to - from);
-        self.produce(self.load.overheads.give_s);
+        self.produce(self.overheads.give_s);
         self.out.handed_over += 1;
         let came = self.now;
-        (came, self.load.cost(from, to) + self.load.overheads.take_s, self.announce(to - from))
+        (came, self.load.cost(from, to) + self.overheads.take_s, self.announce(to - from))
     }
 
     /// What making the chunk takes beyond making its tasks.
@@ -271,7 +274,7 @@ impl<'a> Site<'a> {
 
     /// Makes a result known to the collector, once there is a place in the queue. Returns its number.
     fn tell(&mut self, taking: f64) -> u64 {
-        self.produce(self.load.overheads.tell_s);
+        self.produce(self.overheads.tell_s + self.overheads.collect_s);
         while let Some(first) = self.receipts.front() {
             let begin = first.done.map(|done| self.begins_to_take(done));
             // The collector holds one more in its hand.

@@ -1,9 +1,12 @@
 //! What there is to do and what it costs, as runs on one thread tell it.
 
 use super::feed::HELD;
+use super::record::thread_cpu_s;
 use super::{Collect, JobQueue, Log, Outcome, Policy, Recorder, Settings, Stop, Tasks, ThreadLog, run};
 use crate::error::Result;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 /// Seconds of computing up to each task, measured in chunks of one size.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,6 +89,8 @@ pub struct Workload {
     pub fixed_s: f64,
     /// What handing out chunks takes.
     pub overheads: Overheads,
+    /// The same of single tasks that are handed out one by one, so quickly that everybody stays awake.
+    pub single: Overheads,
 }
 
 /// What handing out chunks takes, whatever is in them.
@@ -97,8 +102,24 @@ pub struct Overheads {
     pub give_s: f64,
     /// What a worker does to take a chunk and to hand in its result, s.
     pub take_s: f64,
+    /// What the collector does to take a result, beyond what it does when one thread computes, s.
+    pub collect_s: f64,
     /// Waking a thread that waits, s.
     pub wake_s: f64,
+}
+
+impl Overheads {
+    /// From what chunks cost beside their work on one thread, other cores being busy, and on two.
+    pub fn of(alone: &Beside, both: &Beside, wake_s: f64) -> Overheads {
+        Overheads {
+            // Who makes nothing but chunks of nothing tells and gives.
+            tell_s: both.producer_s,
+            give_s: 0.0,
+            take_s: both.worker_s,
+            collect_s: (both.collector_s - alone.collector_s).max(0.0),
+            wake_s,
+        }
+    }
 }
 
 impl Workload {
@@ -113,14 +134,14 @@ impl Workload {
         self.legs.last().copied().unwrap_or(0)
     }
 
-    /// What logs of runs on one thread tell, the same run again and again in chunks of each size, when what handing out
-    /// takes is known, of which those runs have only the telling.
+    /// What logs of runs on one thread tell, the same run again and again in chunks of each size, when telling the
+    /// collector takes `told_s` in those runs; what handing out chunks takes they do not tell.
     ///
     /// How the time goes on over the tasks is the least of each chunk. How much everything is in all is what the threads'
     /// processor clocks told, so that other programs do not count, of the run in the middle: how often the collector slept
     /// and had to be woken differs from run to run, and the least computing of one and the least making of another would be
     /// less than any run took.
-    pub fn of_logs(logs: &[(u32, Vec<Log>)], overheads: Overheads) -> Workload {
+    pub fn of_logs(logs: &[(u32, Vec<Log>)], told_s: f64) -> Workload {
         let mut profiles = Vec::new();
         let (mut making, mut collecting, mut largest) = (Vec::new(), Vec::new(), (0, 0.0));
         for (size, logs) in logs.iter().filter(|(_, logs)| !logs.is_empty()) {
@@ -133,7 +154,7 @@ impl Workload {
             profiles.push(Profile::new(*size, &entries));
             let tasks = costs.tasks.max(1) as f64;
             let told_of = if *size > 1 { *size as usize } else { HELD };
-            let telling = overheads.tell_s / told_of as f64;
+            let telling = told_s / told_of as f64;
             making.push((*size, (costs.making_s / tasks - telling).max(0.0)));
             collecting.push((*size, costs.collecting_s / tasks));
             if *size >= largest.0 {
@@ -146,7 +167,6 @@ impl Workload {
             making: PerSize::new(making),
             collecting: PerSize::new(collecting),
             fixed_s: largest.1,
-            overheads,
             ..Workload::new(profiles, legs)
         }
     }
@@ -211,41 +231,96 @@ fn least(logs: &[Log]) -> Vec<(u64, f64)> {
         .collect()
 }
 
-/// Measures what handing out chunks takes, in runs without any work in them.
-pub fn overheads() -> Result<Overheads> {
+/// What a chunk costs beside its work, s of processor time: for the producer, for the worker that takes it, and for the
+/// collector.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Beside {
+    /// Making, telling and giving.
+    pub producer_s: f64,
+    /// Taking and handing in; nothing where the producer computes all.
+    pub worker_s: f64,
+    /// Collecting.
+    pub collector_s: f64,
+}
+
+/// Measures what chunks cost beside their work when they take 20 µs each, as short chunks do: so long that whoever waits for
+/// the next one has fallen asleep.
+pub fn beside_work(threads: usize) -> Result<Beside> {
+    const WORK_S: f64 = 20e-6;
+    const CHUNKS: u32 = 2000;
+    let mut runs = Vec::new();
+    for _ in 0..5 {
+        let worked_ns = AtomicU64::new(0);
+        let work = || {
+            let began = Instant::now();
+            let now = || thread_cpu_s().unwrap_or_else(|| began.elapsed().as_secs_f64());
+            let from = now();
+            let mut spent = 0.0;
+            while spent < WORK_S {
+                spent = now() - from;
+            }
+            worked_ns.fetch_add((spent * 1e9) as u64, Ordering::Relaxed);
+        };
+        let log = idle_run(threads, Policy::Warehouse { size: 1, factor: 4 }, CHUNKS, work)?;
+        let workers = log.workers.iter().fold(ThreadLog::default(), |sum, w| sum.plus(*w));
+        let all = f64::from(CHUNKS);
+        let work_s = worked_ns.into_inner() as f64 * 1e-9 / all;
+        let beside = |log: &ThreadLog, per: f64| (log.cpu_s - work_s * log.chunks as f64).max(0.0) / per;
+        runs.push((
+            log.cpu_s(),
+            Beside {
+                producer_s: beside(&log.producer, all),
+                worker_s: beside(&workers, workers.chunks.max(1) as f64),
+                collector_s: log.collector.cpu_s / all,
+            },
+        ));
+    }
+    runs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(runs[runs.len() / 2].1)
+}
+
+/// Measures what handing out single tasks takes, in runs without any work in them.
+pub fn hand_overs() -> Result<Overheads> {
     const CHUNKS: u32 = 20_000;
-    let idle_run = |threads, policy| -> Result<Log> {
-        let (recorder, jobs) = (Recorder::new(), Arc::new(JobQueue::new(1)));
-        let settings = Settings { threads, policy, leg_barrier: false };
-        run(
-            settings,
-            &jobs,
-            &Stop::new(),
-            Some(&recorder),
-            || |_: Nothing| Ok(()),
-            |feed| (0..CHUNKS).try_for_each(|_| feed.put(Nothing)),
-            Ignored,
-        )?;
-        Ok(recorder.finish())
-    };
     let making = |log: &Log| (log.producer.cpu_s - log.producer.busy_s).max(0.0) / f64::from(CHUNKS);
     let (mut told, mut handed_over, mut take, mut round_trip) =
         (f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::INFINITY);
     for _ in 0..3 {
         let warehouse = Policy::Warehouse { size: 1, factor: CHUNKS as usize };
-        told = told.min(making(&idle_run(1, warehouse)?));
-        let log = idle_run(2, warehouse)?;
+        told = told.min(making(&idle_run(1, warehouse, CHUNKS, || ())?));
+        let log = idle_run(2, warehouse, CHUNKS, || ())?;
         handed_over = handed_over.min(making(&log));
         let taken = log.workers.iter().fold(ThreadLog::default(), |sum, w| sum.plus(*w));
         take = take.min(taken.cpu_s / taken.chunks.max(1) as f64);
-        round_trip = round_trip.min(idle_run(2, Policy::Single)?.seconds / f64::from(CHUNKS));
+        round_trip = round_trip.min(idle_run(2, Policy::Single, CHUNKS, || ())?.seconds / f64::from(CHUNKS));
     }
     Ok(Overheads {
         tell_s: told,
         give_s: (handed_over - told).max(0.0),
         take_s: take,
+        collect_s: 0.0,
         wake_s: (0.5 * (round_trip - handed_over)).max(0.0),
     })
+}
+
+/// Hands out so many chunks of nothing but `work`.
+fn idle_run(threads: usize, policy: Policy, chunks: u32, work: impl Fn() + Sync) -> Result<Log> {
+    let (recorder, jobs) = (Recorder::new(), Arc::new(JobQueue::new(1)));
+    run(
+        Settings { threads, policy, leg_barrier: false },
+        &jobs,
+        &Stop::new(),
+        Some(&recorder),
+        || {
+            |_: Nothing| {
+                work();
+                Ok(())
+            }
+        },
+        |feed| (0..chunks).try_for_each(|_| feed.put(Nothing)),
+        Ignored,
+    )?;
+    Ok(recorder.finish())
 }
 
 struct Nothing;
@@ -327,20 +402,18 @@ mod tests {
         for slower in [1.0, 2.0] {
             let logs =
                 [1, 4, 16].map(|size| (size, vec![log(u64::from(size), slower), log(u64::from(size), 3.0)]));
-            let load = Workload::of_logs(&logs, Overheads::default());
+            let load = Workload::of_logs(&logs, 0.0);
             let costs = [1, 4, 16].map(|size| [load.making.of(size), load.collecting.of(size)]);
             for (found, known) in costs.iter().flatten().zip([0.75, 1.125, 1.5, 1.5, 4.5, 3.0]) {
                 assert!((found - known).abs() < 1e-9, "{costs:?}");
             }
             assert_eq!((load.making.least(), load.fixed_s), (4.5 / 16.0, 3.0));
             // Every chunk was told of by itself, single tasks together.
-            let overheads = Overheads { tell_s: 0.125, ..Overheads::default() };
-            let told = Workload::of_logs(&logs, overheads);
+            let told = Workload::of_logs(&logs, 0.125);
             let found = [1, 4, 16].map(|size| told.making.of(size));
             for (found, known) in found.iter().zip([0.75 - 0.125 / HELD as f64, 1.375, 4.375]) {
                 assert!((found - known).abs() < 1e-9, "{found}");
             }
-            assert_eq!(told.overheads, overheads);
             assert_eq!(load.legs, [64, 128]);
             assert!((load.cost(0, 16) - 16.0 - 1.0 - 2.0).abs() < 1e-9);
             assert!((load.cost(64, 68) - 8.0 - 1.0 - 0.5).abs() < 1e-9);
@@ -357,7 +430,23 @@ mod tests {
             let both = replay(&load, &Settings { threads: 2, policy, leg_barrier: true });
             assert!((both.seconds - 147.0).abs() < 1e-9, "{}", both.seconds);
         }
-        assert_eq!(Workload::of_logs(&[], Overheads::default()), Workload::default());
-        assert_eq!(Workload::of_logs(&[(4, Vec::new())], Overheads::default()).tasks(), 0);
+        assert_eq!(Workload::of_logs(&[], 0.0), Workload::default());
+        assert_eq!(Workload::of_logs(&[(4, Vec::new())], 0.0).tasks(), 0);
+    }
+
+    /// Every part of it is a time, and a worker that takes chunks spends some.
+    #[test]
+    fn what_chunks_cost_beside_their_work_is_known() {
+        let [alone, both] = [1, 2].map(|threads| beside_work(threads).unwrap());
+        assert_eq!(alone.worker_s, 0.0);
+        assert!(both.worker_s > 0.0 && both.collector_s > 0.0, "{both:?}");
+        let overheads = Overheads::of(&alone, &both, 1e-6);
+        let Overheads { tell_s, give_s, take_s, collect_s, wake_s } = overheads;
+        assert!(
+            [tell_s, give_s, take_s, collect_s, wake_s].iter().all(|s| (0.0..1.0).contains(s)),
+            "{overheads:?}"
+        );
+        let single = hand_overs().unwrap();
+        assert!(single.wake_s >= 0.0 && single.take_s > 0.0, "{single:?}");
     }
 }

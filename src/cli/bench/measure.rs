@@ -10,7 +10,7 @@ use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Targe
 use crate::pipeline::{self, Ended, Progress};
 use crate::pulse::Physics;
 use crate::scene::{self, Movers, Scene};
-use crate::schedule::{self, Log, Policy, Recorder, Settings, SizeChange, Stop, Workload};
+use crate::schedule::{self, Log, Overheads, Policy, Recorder, Settings, SizeChange, Stop, Workload};
 use crate::survey::PlatformKind;
 use crate::tree::{BuildOptions, Tree};
 use serde::Serialize;
@@ -334,7 +334,11 @@ impl Bench {
             }
             Ok(())
         })?;
-        Ok(Workload::of_logs(&logs, schedule::overheads()?))
+        let alone = self.in_company(&physics, options, || schedule::beside_work(1))?;
+        let (both, single) = (schedule::beside_work(2)?, schedule::hand_overs()?);
+        let mut load = Workload::of_logs(&logs, alone.producer_s);
+        (load.overheads, load.single) = (Overheads::of(&alone, &both, single.wake_s), single);
+        Ok(load)
     }
 
     /// Measures while all other cores fly the same survey, as they do in the flights that are foretold: they share the memory,

@@ -67,8 +67,8 @@ fn a_barrier_costs_the_wait_for_the_slowest() {
 #[test]
 fn making_handing_over_and_waking_cost_time() {
     let making = PerSize::new(vec![(1, 0.5)]);
-    let overheads = Overheads { tell_s: 0.0625, give_s: 0.25, take_s: 0.5, wake_s: 0.125 };
-    let load = Workload { making, overheads, ..load(&[1.0; 2], &[2]) };
+    let single = Overheads { tell_s: 0.03125, give_s: 0.25, take_s: 0.5, collect_s: 0.03125, wake_s: 0.125 };
+    let load = Workload { making, single, ..load(&[1.0; 2], &[2]) };
     // Made and given at 0.75 s, told of at 0.8125 s, awake at 0.875 s, done at 2.375 s; made at 1.3125 s, a worker free
     // at 2.375 s, the producer awake at 2.5 s, given at 2.75 s, awake at 2.875 s.
     assert_eq!(seconds(&load, 2, Policy::Single, false), 4.375);
