@@ -3,7 +3,8 @@
 //! The machine has as many cores as threads. Producer, workers and queues do what [`super::run()`] does; what costs time is
 //! in the [`Workload`]. The collector is a thread more than there are cores: it sleeps until the next result in order is
 //! there, and takes one after the other. What it works is missing on a core where somebody computes, and so it lengthens the
-//! computing of the chunk that it takes. Who is too far ahead of it waits, and nothing ends before it has taken everything.
+//! computing of the chunk that it takes; what it has to do beyond that when several threads compute is charged to who tells it.
+//! Who is too far ahead of it waits, and nothing ends before it has taken everything.
 
 use super::feed::HELD;
 use super::{Dropper, Overheads, Policy, Series, Settings, SizeChange, Workload};
@@ -114,7 +115,11 @@ impl<'a> Site<'a> {
             handed_over: 0,
             sizes: Series::new(4096),
         };
-        let overheads = if settings.policy == Policy::Single { load.single } else { load.overheads };
+        let overheads = match settings.policy {
+            _ if settings.workers() == 0 => load.alone,
+            Policy::Single => load.single,
+            _ => load.overheads,
+        };
         Site {
             load,
             overheads,
@@ -244,7 +249,6 @@ impl<'a> Site<'a> {
     /// Makes a chunk and gives it away. Returns when it can be begun, what it costs and which it is.
     fn give(&mut self, from: u64, to: u64) -> (f64, f64, u64) {
         self.made(to - from);
-        self.produce(self.overheads.give_s);
         self.out.handed_over += 1;
         let came = self.now;
         (came, self.load.cost(from, to) + self.overheads.take_s, self.announce(to - from))

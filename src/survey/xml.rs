@@ -62,7 +62,13 @@ impl Document {
         let tree = match roxmltree::Document::parse_with_options(&text, options) {
             Ok(tree) => tree,
             Err(e) => {
-                let at = byte_at(&text, e.pos());
+                let at = match e {
+                    // These know no place of their own.
+                    roxmltree::Error::UnexpectedEndOfStream | roxmltree::Error::UnclosedRootNode => {
+                        text.trim_end().char_indices().last().map_or(0, |(i, _)| i)
+                    }
+                    _ => byte_at(&text, e.pos()),
+                };
                 problems.error(
                     Some(Place::in_text(path, &text, at..at + 1)),
                     format!("not well-formed XML: {e}"),
@@ -246,6 +252,15 @@ mod tests {
         assert!(report.contains("not well-formed") && report.contains("a.xml:3:"), "{report}");
         let report = parse("").unwrap_err();
         assert!(report.contains("not well-formed"), "{report}");
+        // What was cut off ends where it was cut.
+        for cut in [
+            "<document>\n  <leg z='1'/>\n  <sc",
+            "<document>\n  <leg z='1'/>\n  é \n\n",
+            "<document>\n\n  <!-- é",
+        ] {
+            let report = parse(cut).unwrap_err();
+            assert!(report.contains("a.xml:3:"), "{report}");
+        }
     }
 
     #[test]

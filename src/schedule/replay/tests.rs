@@ -67,11 +67,14 @@ fn a_barrier_costs_the_wait_for_the_slowest() {
 #[test]
 fn making_handing_over_and_waking_cost_time() {
     let making = PerSize::new(vec![(1, 0.5)]);
-    let single = Overheads { tell_s: 0.03125, give_s: 0.25, take_s: 0.5, collect_s: 0.03125, wake_s: 0.125 };
-    let load = Workload { making, single, ..load(&[1.0; 2], &[2]) };
-    // Made and given at 0.75 s, told of at 0.8125 s, awake at 0.875 s, done at 2.375 s; made at 1.3125 s, a worker free
-    // at 2.375 s, the producer awake at 2.5 s, given at 2.75 s, awake at 2.875 s.
-    assert_eq!(seconds(&load, 2, Policy::Single, false), 4.375);
+    let single = Overheads { tell_s: 0.125, take_s: 0.5, collect_s: 0.0625, wake_s: 0.25 };
+    let alone = Overheads { tell_s: 0.25, ..Overheads::default() };
+    let load = Workload { making, single, alone, ..load(&[1.0; 2], &[2]) };
+    // One thread makes, computes both and tells of them together.
+    assert_eq!(seconds(&load, 1, Policy::Single, false), 3.25);
+    // Made and given at 0.5 s, told of at 0.6875 s, awake at 0.75 s, done at 2.25 s; made at 1.1875 s, a worker free at
+    // 2.25 s, the producer awake at 2.5 s, awake at 2.75 s, done at 4.25 s.
+    assert_eq!(seconds(&load, 2, Policy::Single, false), 4.25);
 }
 
 #[test]
