@@ -17,10 +17,14 @@ use std::sync::Arc;
 pub fn tls_beam() -> Beam {
     Beam {
         divergence: 3e-4,
+        divergence_y: None,
+        profile: BeamProfile::Gaussian,
+        aperture: 0.0,
         pulse_length: 5.0,
         wavelength: 1064.0,
         atmosphere_wavelength: 1064.0,
         average_power: 4.0,
+        pulse_energy: None,
         quality: 1.0,
         efficiency: 0.99,
         receiver_diameter: 0.15,
@@ -44,8 +48,10 @@ pub fn tls_device(pulse_length: f64) -> Device {
             range_max: f64::MAX,
             max_returns: 0,
             threshold: 1e-4,
+            threshold_given: false,
             distance_error: None,
         },
+        receiver: Receiver::default(),
         waveform: WaveformSettings { bin: 0.25, window: pulse_length / 4.0, quality: 3, max_range: 0.0 },
         errors: MechanicalErrors::default(),
     }

@@ -130,7 +130,7 @@ pub mod testing {
 
     use super::*;
     use crate::geom::radians;
-    use crate::survey::{Beam, Detector, Head, WaveformSettings};
+    use crate::survey::{Beam, BeamProfile, Detector, Head, Receiver, WaveformSettings};
 
     /// A device with the given deflector, 120° mechanical half angle and a free head.
     pub fn device(deflector: Deflector) -> Device {
@@ -143,10 +143,14 @@ pub mod testing {
             beam_origin: Mount::IDENTITY,
             beam: Beam {
                 divergence: 0.0003,
+                divergence_y: None,
+                profile: BeamProfile::Gaussian,
+                aperture: 0.0,
                 pulse_length: 4.0,
                 wavelength: 1064.0,
                 atmosphere_wavelength: 1064.0,
                 average_power: 4.0,
+                pulse_energy: None,
                 quality: 1.0,
                 efficiency: 0.99,
                 receiver_diameter: 0.15,
@@ -158,8 +162,10 @@ pub mod testing {
                 range_max: f64::MAX,
                 max_returns: 0,
                 threshold: 0.0,
+                threshold_given: false,
                 distance_error: None,
             },
+            receiver: Receiver::default(),
             waveform: WaveformSettings { bin: 0.25, window: 1.0, quality: 3, max_range: 0.0 },
             errors: MechanicalErrors::default(),
         }

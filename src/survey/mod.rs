@@ -9,7 +9,7 @@
 //! | `context`, `fields` | problems met, documents opened, references; typed attributes of one element |
 //! | `survey_xml`, `settings`, `legs`, `trajectories` | the `<survey>` element, templates, merging, interpolated platforms |
 //! | `checks` | what can only be judged when all is read: limits, endless runs |
-//! | `scanner_xml`, `deflector_xml`, `platform_xml` | instruments and what carries them |
+//! | `scanner_xml`, `deflector_xml`, `receiver_xml`, `pulse_file`, `platform_xml` | instruments and what carries them |
 //! | `scene_xml`, `filters`, `loaders`, `motions` | parts of a scene |
 //! | `pipeline` | our own pipeline files |
 //! | `formula`, `seed` | formulas of calibration errors; the forms of a seed |
@@ -30,7 +30,9 @@ mod motions;
 mod params;
 mod pipeline;
 mod platform_xml;
+mod pulse_file;
 mod read;
+mod receiver_xml;
 mod scanner_xml;
 mod scene_xml;
 mod seed;

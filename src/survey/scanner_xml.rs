@@ -3,8 +3,11 @@
 use super::context::Context;
 use super::deflector_xml::{DeflectorSettings, read_optics};
 use super::fields::{Fields, read_mount};
+use super::receiver_xml::{read_emission, read_pulse_shape, read_receiver};
 use super::xml::Element;
-use super::{Beam, Detector, Device, Head, MechanicalErrors, Mount, Scanner, WaveformSettings};
+use super::{
+    Beam, BeamProfile, Detector, Device, Head, MechanicalErrors, Mount, Receiver, Scanner, WaveformSettings,
+};
 use crate::geom::{DVec3, radians};
 
 /// Reads a `<scanner>`.
@@ -19,6 +22,8 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
     let deflector = read_optics(&mut fields, context).map(|o| DeflectorSettings::new(o).with(&mut fields));
     let beam = read_beam(&mut fields);
     let detector = read_detector(&mut fields, &DETECTOR);
+    let receiver = read_pulse_shape(context, &mut fields, &Receiver::default());
+    let receiver = read_receiver(context, &mut fields, receiver, &detector);
     let head =
         Head { axis: read_head_axis(context, element, DVec3::Z), max_rate: read_head_rate(&mut fields, 0.0) };
     fields.done(&[
@@ -29,6 +34,8 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         "rangeError",
         "deflectionError",
         "headError",
+        "snr",
+        "maxRange",
     ]);
     let deflector = deflector?;
 
@@ -43,6 +50,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         beam_origin: element.child("beamOrigin").map_or(Mount::IDENTITY, |o| read_mount(context, &o)),
         beam,
         detector,
+        receiver,
         waveform: read_waveform(context, element, &WAVEFORM, pulse_length),
         errors: read_errors(context, element, &deflector),
     };
@@ -80,16 +88,21 @@ pub(super) const DETECTOR: Detector = Detector {
     range_max: f64::MAX,
     max_returns: 0,
     threshold: 0.0001,
+    threshold_given: false,
     distance_error: None,
 };
 
 /// The beam when nothing is said.
 pub(super) const DEVICE_BEAM: Beam = Beam {
     divergence: 0.0003,
+    divergence_y: None,
+    profile: BeamProfile::Gaussian,
+    aperture: 0.0,
     pulse_length: 4.0,
     wavelength: 1064.0,
     atmosphere_wavelength: 1064.0,
     average_power: 4.0,
+    pulse_energy: None,
     quality: 1.0,
     efficiency: 0.99,
     receiver_diameter: 0.15,
@@ -110,7 +123,7 @@ fn read_pulse_freqs(fields: &mut Fields) -> Option<Vec<u32>> {
 fn read_beam(fields: &mut Fields) -> Beam {
     let base = DEVICE_BEAM;
     let wavelength = f64::from(fields.whole_within("wavelength_nm", base.wavelength as u32, 1..=u32::MAX));
-    Beam {
+    let beam = Beam {
         divergence: fields.positive("beamDivergence_rad", base.divergence),
         pulse_length: fields.positive("pulseLength_ns", base.pulse_length),
         wavelength,
@@ -120,7 +133,9 @@ fn read_beam(fields: &mut Fields) -> Beam {
         efficiency: fields.positive("opticalEfficiency", base.efficiency),
         receiver_diameter: fields.positive("receiverDiameter_m", base.receiver_diameter),
         visibility: fields.positive("atmosphericVisibility_km", base.visibility),
-    }
+        ..base
+    };
+    read_emission(fields, beam)
 }
 
 fn read_detector(fields: &mut Fields, base: &Detector) -> Detector {
@@ -128,6 +143,7 @@ fn read_detector(fields: &mut Fields, base: &Detector) -> Detector {
     Detector {
         max_returns: fields.whole_within("maxNOR", base.max_returns, 0..=u32::MAX),
         threshold: fields.not_negative("receivedEnergyMin_W", base.threshold),
+        threshold_given: base.threshold_given || fields.has("receivedEnergyMin_W"),
         ..ranges
     }
 }
@@ -257,11 +273,14 @@ fn read_channel(
         wavelength: f64::from(wavelength),
         ..base.beam
     };
+    let beam = read_emission(&mut fields, beam);
     let detector = read_detector(&mut fields, &base.detector);
+    let receiver = read_pulse_shape(context, &mut fields, &base.receiver);
+    let receiver = read_receiver(context, &mut fields, receiver, &detector);
     let max_rate = read_head_rate(&mut fields, base.head.max_rate);
     fields.ignore(&["name"]);
     warn_without_effect(context, &mut fields);
-    fields.done(&["beamOrigin", "FWFSettings", "incidentBeam", "headRotateAxis"]);
+    fields.done(&["beamOrigin", "FWFSettings", "incidentBeam", "headRotateAxis", "snr", "maxRange"]);
     deflector.check(context, element);
     let rotating = deflector.optics == super::deflector_xml::Optics::Rotating;
     let mut errors = base.errors.clone();
@@ -277,6 +296,7 @@ fn read_channel(
         beam_origin: element.child("beamOrigin").map_or(base.beam_origin, |o| read_mount(context, &o)),
         beam,
         detector,
+        receiver,
         waveform: read_waveform(context, element, &base.waveform, MULTI_CHANNEL_PULSE_LENGTH),
         errors,
     })

@@ -6,12 +6,13 @@ use super::fields::{Fields, read_mount};
 use super::legs::LegReader;
 use super::platform_xml::{NOISE, read_platform, replace_noise};
 use super::read::{find_scene, is_geometry};
+use super::receiver_xml::read_receiver;
 use super::scanner_xml::{MULTI_CHANNEL_PULSE_LENGTH, read_ranges, read_scanner, read_waveform};
 use super::scene_xml::read_scene_element;
 use super::seed::parse_seed;
 use super::trajectories::{Trajectories, read_rotation_spec};
 use super::xml::Element;
-use super::{Mount, Platform, PlatformKind, PlatformNoise, PoseStream, Scanner, Survey};
+use super::{Mount, Platform, PlatformKind, PlatformNoise, PoseStream, Receiver, Scanner, Survey};
 use std::path::Path;
 
 /// The survey of a document, checked as a whole.
@@ -149,12 +150,25 @@ fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner)
         if fields.has("distanceMeasurementError") {
             device.detector.distance_error = fields.formula("distanceMeasurementError");
         }
-        fields.done(&[]);
+        let receiver = read_receiver(context, &mut fields, device.receiver.clone(), &device.detector);
+        fields.done(&["snr", "maxRange"]);
+        if receiver != device.receiver {
+            set_receiver(scanner, &receiver);
+        }
     }
+    let device = &scanner.devices[0];
     let (accuracy, distance_error) = (device.detector.accuracy, device.detector.distance_error.clone());
     for device in &mut scanner.devices[1..] {
         device.detector.accuracy = accuracy;
         device.detector.distance_error.clone_from(&distance_error);
+    }
+}
+
+/// One receiver for all devices. HELIOS++ does not know these settings, so nothing asks for device 0 alone.
+fn set_receiver(scanner: &mut Scanner, receiver: &Receiver) {
+    for device in &mut scanner.devices {
+        let pulse_shape = device.receiver.pulse_shape.take();
+        device.receiver = Receiver { pulse_shape, ..receiver.clone() };
     }
 }
 

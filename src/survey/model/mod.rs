@@ -2,6 +2,7 @@
 //! frequencies hertz, positions world coordinates.
 
 mod poses;
+mod receiver;
 mod scene;
 
 use super::Formula;
@@ -10,6 +11,7 @@ use crate::geom::{DVec3, Rotation};
 use std::path::PathBuf;
 
 pub use poses::*;
+pub use receiver::*;
 pub use scene::*;
 
 /// A whole survey: the instrument, what carries it, where it goes and what it looks at.
@@ -298,8 +300,10 @@ pub struct Device {
     pub beam_origin: Mount,
     /// The laser.
     pub beam: Beam,
-    /// The receiver.
+    /// Detection.
     pub detector: Detector,
+    /// The receiver.
+    pub receiver: Receiver,
     /// Waveform digitisation.
     pub waveform: WaveformSettings,
     /// Calibration errors.
@@ -360,8 +364,14 @@ pub struct Head {
 /// Emission (spec pulse-physics §0.1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beam {
-    /// Divergence, rad.
+    /// Divergence, rad; of an elliptical beam the one along the emitter's x axis.
     pub divergence: f64,
+    /// Divergence along the emitter's z axis, rad; `None` = round.
+    pub divergence_y: Option<f64>,
+    /// Profile.
+    pub profile: BeamProfile,
+    /// Diameter where the beam leaves the instrument, m; 0 = as small as diffraction allows.
+    pub aperture: f64,
     /// Pulse length, ns.
     pub pulse_length: f64,
     /// Wavelength, nm.
@@ -370,6 +380,8 @@ pub struct Beam {
     pub atmosphere_wavelength: f64,
     /// Average power, W.
     pub average_power: f64,
+    /// Energy of a pulse, J; `None` = by the average power.
+    pub pulse_energy: Option<f64>,
     /// M².
     pub quality: f64,
     /// Optical efficiency.
@@ -391,8 +403,10 @@ pub struct Detector {
     pub range_max: f64,
     /// Most returns per pulse, 0 = unlimited.
     pub max_returns: u32,
-    /// Detection threshold on the waveform.
+    /// Detection threshold on the waveform, W.
     pub threshold: f64,
+    /// Whether the instrument names its threshold; else it is a default that the reference compares with nanowatts.
+    pub threshold_given: bool,
     /// Factor on the range noise as a function of the range in metres.
     pub distance_error: Option<Formula>,
 }

@@ -2,9 +2,10 @@
 
 use super::super::context::Context;
 use super::super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM, read_scanner};
-use super::super::{Deflector, Device, Formula, Head, MechanicalErrors, Mount, Prism, Scanner};
+use super::super::{Deflector, Device, Formula, Head, MechanicalErrors, Mount, Prism, Receiver, Scanner};
 use super::build::{pose, reference};
 use super::keys::{InstrumentKeys, Key};
+use super::receiver::{change_emission, change_receiver};
 use super::source::Source;
 use crate::geom::{DVec3, radians, unit};
 use toml::Spanned;
@@ -159,6 +160,7 @@ fn bare_device() -> Device {
         beam_origin: Mount::IDENTITY,
         beam: DEVICE_BEAM,
         detector: DETECTOR,
+        receiver: Receiver::default(),
         waveform: WAVEFORM,
         errors: MechanicalErrors::default(),
     }
@@ -181,6 +183,8 @@ fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
         device.beam_origin = pose(values, keys);
     }
     change_beam(values, device, keys);
+    change_emission(values, device, keys);
+    change_receiver(values, device, keys);
     let detector = &mut device.detector;
     values.not_negative(&mut detector.accuracy, &keys.accuracy_m);
     values.not_negative(&mut detector.range_min, &keys.range_min_m);

@@ -206,10 +206,23 @@ pub struct InstrumentKeys {
     pub head_rate_max_deg_per_s: Key<f64>,
     /// Pose of the emitter on the head. Default: none.
     pub beam_origin: Option<PoseKeys>,
-    /// Beam divergence, rad, at 1/e². Default: 0.0003.
+    /// Beam divergence, rad, at 1/e²; of an elliptical beam the one along the emitter's x axis. Default: 0.0003.
     pub beam_divergence_rad: Key<f64>,
+    /// Beam divergence along the emitter's z axis, rad; refined physics. Default: the beam is round.
+    pub beam_divergence_y_rad: Key<f64>,
+    /// `gaussian` (the default) or `top_hat`: even within the divergence; refined physics.
+    pub beam_profile: Key<String>,
+    /// Diameter of the beam where it leaves the instrument, m; refined physics. Default: 0, as small as diffraction allows.
+    pub exit_aperture_m: Key<f64>,
     /// Pulse length, ns. Default: 4.
     pub pulse_length_ns: Key<f64>,
+    /// Full width of the pulse at half maximum, ns, instead of `pulse_length_ns`, of which it is 0.485.
+    pub pulse_fwhm_ns: Key<f64>,
+    /// File of the pulse's power over time: two columns, ns and power in any unit; refined physics. Default: a gamma-like
+    /// curve of the pulse length.
+    pub pulse_shape: Key<String>,
+    /// Energy of a pulse, µJ; refined physics. Default: by the average power.
+    pub pulse_energy_uj: Key<f64>,
     /// Wavelength, nm. Default: 1064.
     pub wavelength_nm: Key<u32>,
     /// Average power, W. Default: 4.
@@ -232,6 +245,33 @@ pub struct InstrumentKeys {
     pub max_returns: Key<u32>,
     /// Detection threshold, W. Default: 0.0001.
     pub received_energy_min_w: Key<f64>,
+    /// Target whose echo just reaches the threshold, instead of `received_energy_min_w`: `{ range_m = 600, reflectance =
+    /// 0.9, pulse_freq_hz = 100000 }`; refined physics.
+    pub max_range: Option<Spanned<TargetKeys>>,
+    /// Noise of detector and amplifier: standard deviation of a sample, W (noise equivalent power); refined physics.
+    /// Default: no noise.
+    pub nep_w: Key<f64>,
+    /// The same noise by a target and the ratio of its echo's peak to it: `{ range_m = 100, reflectance = 0.2, value = 20
+    /// }`; refined physics.
+    pub snr: Option<Spanned<RatioKeys>>,
+    /// Mean power of background light on the detector, W; makes shot noise with the next two keys; refined physics.
+    /// Default: 0.
+    pub background_w: Key<f64>,
+    /// Photocurrent per optical power, A/W; with `bandwidth_hz` it makes shot noise. Default: no shot noise.
+    pub responsivity_a_per_w: Key<f64>,
+    /// Electrical bandwidth of the receiver, Hz; for shot noise.
+    pub bandwidth_hz: Key<f64>,
+    /// Amplitude at which the receiver saturates, W; refined physics. Default: never.
+    pub saturation_w: Key<f64>,
+    /// Range that an echo right at the threshold is measured too far, m; stronger ones in proportion to threshold over
+    /// amplitude; refined physics. Default: 0.
+    pub range_walk_m: Key<f64>,
+    /// Samples lie on a grid of bins counted from the emission, instead of beginning with the first return; refined
+    /// physics. Default: false.
+    pub digitiser_clock: Option<bool>,
+    /// How the range of an echo is read from the waveform: `peak` (the default), `centroid` or `gaussian` (fit); refined
+    /// physics.
+    pub detector: Key<String>,
     /// Metres added to each range, a formula of the deflection angle THETA in radians. Default: none.
     pub range_error_m: Key<String>,
     /// Radians added to the deflection angle, a formula of THETA; `rotating` only. Default: none.
@@ -240,6 +280,32 @@ pub struct InstrumentKeys {
     pub head_error_rad: Key<String>,
     /// Channels that fire at the same time. Default: none, the scanner is one device.
     pub channel: Vec<Spanned<InstrumentKeys>>,
+}
+
+/// A target that faces the instrument and fills its beam, as data sheets state figures for.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TargetKeys {
+    /// Range, m.
+    pub range_m: Spanned<f64>,
+    /// Reflectance, 0 to 1.
+    pub reflectance: Spanned<f64>,
+    /// Pulse rate, Hz. Default: the scanner's first.
+    pub pulse_freq_hz: Key<f64>,
+}
+
+/// A target and the signal-to-noise ratio of its echo.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RatioKeys {
+    /// Range, m.
+    pub range_m: Spanned<f64>,
+    /// Reflectance, 0 to 1.
+    pub reflectance: Spanned<f64>,
+    /// Pulse rate, Hz. Default: the scanner's first.
+    pub pulse_freq_hz: Key<f64>,
+    /// Peak amplitude over the noise's standard deviation.
+    pub value: Spanned<f64>,
 }
 
 /// A rotating wedge prism.

@@ -14,6 +14,7 @@ mod build;
 mod instrument;
 pub mod keys;
 mod output;
+mod receiver;
 mod run;
 mod source;
 mod trajectory;

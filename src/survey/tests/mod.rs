@@ -9,6 +9,7 @@ mod conformance;
 mod hostile;
 mod instruments;
 mod pipelines;
+mod receivers;
 mod scenes;
 mod surveys;
 

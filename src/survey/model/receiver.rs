@@ -1,0 +1,121 @@
+//! What an instrument's receiver does to the light beyond the reference's threshold on a noiseless waveform. All of it acts
+//! in refined physics only (correction `receiver`).
+
+use std::sync::Arc;
+
+/// Profile of the beam across its axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BeamProfile {
+    /// Gaussian; divergences are full angles at 1/e² of the intensity on the axis.
+    #[default]
+    Gaussian,
+    /// Even within the cone of the divergence, nothing outside.
+    TopHat,
+}
+
+/// The receiver behind the optics. The default is ideal: no noise, no saturation, the reference's detector.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Receiver {
+    /// Power of the outgoing pulse over time as measured; `None` = the reference's gamma-like curve.
+    pub pulse_shape: Option<Arc<PulseSamples>>,
+    /// Noise of detector and amplifier.
+    pub noise: Option<AmplifierNoise>,
+    /// Shot noise of signal and background light.
+    pub shot: Option<ShotNoise>,
+    /// Target whose echo just reaches the threshold; replaces [`super::Detector::threshold`].
+    pub max_range: Option<ReferenceTarget>,
+    /// Amplitude at which the receiver saturates, W.
+    pub saturation: Option<f64>,
+    /// Range that an echo right at the threshold is measured too far, m.
+    pub range_walk: f64,
+    /// Samples lie on a grid of bins counted from the emission instead of beginning with the first return.
+    pub digitiser_clock: bool,
+    /// How the range of an echo is read from the waveform.
+    pub ranging: Ranging,
+}
+
+/// Samples of a pulse's power over time, normalised.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PulseSamples {
+    /// Times, ns, ascending; the first is 0.
+    pub times: Vec<f64>,
+    /// Power at those times relative to the peak, 0 to 1.
+    pub powers: Vec<f64>,
+}
+
+/// Noise of detector and amplifier: normal, white, independent of the signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AmplifierNoise {
+    /// Noise equivalent power: standard deviation of a sample, W.
+    Power(f64),
+    /// The power of which the peak of that target's echo is `value` times the standard deviation.
+    Ratio {
+        /// The target.
+        target: ReferenceTarget,
+        /// Peak amplitude over standard deviation.
+        value: f64,
+    },
+}
+
+/// An extended Lambert target that faces the instrument, for which a data sheet states a figure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReferenceTarget {
+    /// Range, m.
+    pub range: f64,
+    /// Reflectance, 0 to 1.
+    pub reflectance: f64,
+    /// Pulse rate at which the figure holds, Hz; `None` = the scanner's first.
+    pub pulse_freq: Option<f64>,
+}
+
+/// Shot noise of the photocurrent: variance 2qB·(P_signal + P_background)/responsivity in W².
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShotNoise {
+    /// Mean power of background light on the detector, W.
+    pub background: f64,
+    /// Photocurrent per power, A/W.
+    pub responsivity: f64,
+    /// Electrical bandwidth B, Hz.
+    pub bandwidth: f64,
+}
+
+/// How the range of an echo is read from the waveform.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ranging {
+    /// The largest sample and its neighbours.
+    #[default]
+    Peak,
+    /// The centroid of the samples around the peak.
+    Centroid,
+    /// The maximum of a Gaussian fitted to the samples around the peak.
+    Gaussian,
+}
+
+/// Full width at half maximum of x²e^(−x): −2W₀(−1/(√2·e)) and −2W₋₁(−1/(√2·e)) are the half-power points.
+const GAMMA_WIDTH: f64 = 3.394_680_670_846_504;
+
+/// Length (ns) of the reference's pulse (t/τ)²·e^(−t/τ), τ = length/7, that is `fwhm` ns wide at half maximum.
+pub fn pulse_length_of_width(fwhm: f64) -> f64 {
+    7.0 * fwhm / GAMMA_WIDTH
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_width_of_the_gamma_pulse_is_that_of_its_half_power_points() {
+        let half = |x: f64| x * x * (-x).exp() - 2.0 * (-2.0f64).exp();
+        let root = |mut low: f64, mut high: f64| {
+            for _ in 0..200 {
+                let middle = 0.5 * (low + high);
+                if half(low) * half(middle) <= 0.0 { high = middle } else { low = middle }
+            }
+            0.5 * (low + high)
+        };
+        let width = root(2.0, 9.0) - root(0.0, 2.0);
+        assert!((width - GAMMA_WIDTH).abs() < 1e-13, "{width:.16}");
+        let length = pulse_length_of_width(3.0);
+        assert!((length * width / 7.0 - 3.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,118 @@
+//! Keys of `[scanner]` and its channels that describe pulse and receiver.
+
+use super::super::pulse_file::read_pulse_file;
+use super::super::{
+    AmplifierNoise, BeamProfile, Device, Ranging, Receiver, ReferenceTarget, ShotNoise, pulse_length_of_width,
+};
+use super::instrument::Values;
+use super::keys::{InstrumentKeys, Key};
+use super::run::one_of;
+use toml::Spanned;
+
+/// Changes pulse energy, width, shape, profile and aperture. The pulse length and the divergence have been changed before.
+pub(super) fn change_emission(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
+    let beam = &mut device.beam;
+    if let Some(key) = &keys.pulse_fwhm_ns {
+        if keys.pulse_length_ns.is_some() {
+            values.refuse(key, "either `pulse_length_ns` or `pulse_fwhm_ns`");
+        }
+        let mut width = 1.0;
+        values.positive(&mut width, &keys.pulse_fwhm_ns);
+        beam.pulse_length = pulse_length_of_width(width);
+    }
+    if let Some(energy) = positive(values, &keys.pulse_energy_uj) {
+        beam.pulse_energy = Some(energy * 1e-6);
+    }
+    if let Some(divergence) = positive(values, &keys.beam_divergence_y_rad) {
+        beam.divergence_y = Some(divergence);
+    }
+    values.not_negative(&mut beam.aperture, &keys.exit_aperture_m);
+    match one_of(values.context, values.source, &keys.beam_profile, &["gaussian", "top_hat"]).as_deref() {
+        Some("gaussian") => beam.profile = BeamProfile::Gaussian,
+        Some("top_hat") => beam.profile = BeamProfile::TopHat,
+        _ => {}
+    }
+    if let Some(key) = &keys.pulse_shape {
+        let place = values.source.place(key.span());
+        let samples = read_pulse_file(values.context, key.get_ref(), values.source.folder(), place);
+        device.receiver.pulse_shape = samples.or(device.receiver.pulse_shape.take());
+    }
+}
+
+/// Changes noise, threshold, saturation, digitiser and detector.
+pub(super) fn change_receiver(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
+    if keys.received_energy_min_w.is_some() {
+        device.detector.threshold_given = true;
+        device.receiver.max_range = None;
+    }
+    let receiver = &mut device.receiver;
+    if let Some(table) = &keys.max_range {
+        if let Some(key) = &keys.received_energy_min_w {
+            values.refuse(key, "either `received_energy_min_w` or `max_range`");
+        }
+        let target = table.get_ref();
+        receiver.max_range =
+            Some(read_target(values, &target.range_m, &target.reflectance, &target.pulse_freq_hz));
+    }
+    if let Some(power) = positive(values, &keys.nep_w) {
+        receiver.noise = Some(AmplifierNoise::Power(power));
+    }
+    if let Some(table) = &keys.snr {
+        if let Some(key) = &keys.nep_w {
+            values.refuse(key, "either `nep_w` or `snr`");
+        }
+        let ratio = table.get_ref();
+        let target = read_target(values, &ratio.range_m, &ratio.reflectance, &ratio.pulse_freq_hz);
+        let value = positive(values, &Some(ratio.value.clone())).unwrap_or(1.0);
+        receiver.noise = Some(AmplifierNoise::Ratio { target, value });
+    }
+    change_shot(values, receiver, keys);
+    if let Some(power) = positive(values, &keys.saturation_w) {
+        receiver.saturation = Some(power);
+    }
+    values.number(&mut receiver.range_walk, &keys.range_walk_m);
+    receiver.digitiser_clock = keys.digitiser_clock.unwrap_or(receiver.digitiser_clock);
+    match one_of(values.context, values.source, &keys.detector, &["peak", "centroid", "gaussian"]).as_deref()
+    {
+        Some("peak") => receiver.ranging = Ranging::Peak,
+        Some("centroid") => receiver.ranging = Ranging::Centroid,
+        Some("gaussian") => receiver.ranging = Ranging::Gaussian,
+        _ => {}
+    }
+}
+
+fn change_shot(values: &Values, receiver: &mut Receiver, keys: &InstrumentKeys) {
+    let given = [&keys.background_w, &keys.responsivity_a_per_w, &keys.bandwidth_hz];
+    let Some(first) = given.into_iter().flatten().next() else { return };
+    let mut shot = receiver.shot.unwrap_or(ShotNoise { background: 0.0, responsivity: 0.0, bandwidth: 0.0 });
+    values.not_negative(&mut shot.background, &keys.background_w);
+    values.positive(&mut shot.responsivity, &keys.responsivity_a_per_w);
+    values.positive(&mut shot.bandwidth, &keys.bandwidth_hz);
+    if shot.responsivity == 0.0 || shot.bandwidth == 0.0 {
+        let message = "shot noise needs `responsivity_a_per_w` and `bandwidth_hz`";
+        values.context.error(values.source.place(first.span()), message);
+        return;
+    }
+    receiver.shot = Some(shot);
+}
+
+fn read_target(
+    values: &Values,
+    range: &Spanned<f64>,
+    reflectance: &Spanned<f64>,
+    pulse_freq: &Key<f64>,
+) -> ReferenceTarget {
+    let mut target = ReferenceTarget { range: 1.0, reflectance: 1.0, pulse_freq: None };
+    values.positive(&mut target.range, &Some(range.clone()));
+    let fraction = Some(reflectance.clone());
+    values.set(&mut target.reflectance, &fraction, "a fraction above 0, at most 1", |v| v > 0.0 && v <= 1.0);
+    target.pulse_freq = positive(values, pulse_freq);
+    target
+}
+
+/// The value of a key that must be above 0, if it is given.
+fn positive(values: &Values, key: &Key<f64>) -> Option<f64> {
+    let mut value = f64::NAN;
+    values.positive(&mut value, key);
+    (!value.is_nan()).then_some(value)
+}
