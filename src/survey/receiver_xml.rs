@@ -85,6 +85,9 @@ pub(super) fn read_receiver(
         receiver.max_range = None;
     }
     receiver.shot = read_shot(context, fields, receiver.shot);
+    if fields.has("bandwidth_Hz") {
+        receiver.bandwidth = Some(fields.positive("bandwidth_Hz", 1e8));
+    }
     if fields.has("saturation_W") {
         receiver.saturation = Some(fields.positive("saturation_W", 1.0));
     }
@@ -97,13 +100,13 @@ pub(super) fn read_receiver(
         Some("gaussian") => receiver.ranging = Ranging::Gaussian,
         Some(_) => fields.refuse("detector", "peak, centroid or gaussian"),
     }
-    fields.ignore(&["nep_W", "saturation_W"]);
+    fields.ignore(&["nep_W", "saturation_W", "bandwidth_Hz"]);
     receiver
 }
 
-/// Responsivity and bandwidth make shot noise; background light needs both.
+/// The responsivity turns light into shot noise; background light needs it.
 fn read_shot(context: &Context, fields: &mut Fields, base: Option<ShotNoise>) -> Option<ShotNoise> {
-    let names = ["background_W", "responsivity_A_per_W", "bandwidth_Hz"];
+    let names = ["background_W", "responsivity_A_per_W"];
     if !names.iter().any(|name| fields.has(name)) {
         fields.ignore(&names);
         return base;
@@ -111,13 +114,10 @@ fn read_shot(context: &Context, fields: &mut Fields, base: Option<ShotNoise>) ->
     let shot = ShotNoise {
         background: fields.not_negative(names[0], base.map_or(0.0, |s| s.background)),
         responsivity: fields.positive(names[1], base.map_or(0.0, |s| s.responsivity)),
-        bandwidth: fields.positive(names[2], base.map_or(0.0, |s| s.bandwidth)),
     };
-    if shot.responsivity == 0.0 || shot.bandwidth == 0.0 {
-        let missing = if shot.responsivity == 0.0 { names[1] } else { names[2] };
-        let given = names.iter().find(|name| fields.has(name)).copied().unwrap_or(names[0]);
-        let help = "shot noise follows from responsivity and bandwidth";
-        context.error_help(fields.element.name_place(given), format!("`{given}` needs `{missing}`"), help);
+    if shot.responsivity == 0.0 {
+        let message = "`background_W` needs `responsivity_A_per_W`, from which its shot noise follows";
+        context.error(fields.element.name_place(names[0]), message);
         return None;
     }
     Some(shot)

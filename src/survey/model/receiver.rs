@@ -22,6 +22,8 @@ pub struct Receiver {
     pub noise: Option<AmplifierNoise>,
     /// Shot noise of signal and background light.
     pub shot: Option<ShotNoise>,
+    /// Electrical bandwidth, Hz; `None` = matched to the pulse.
+    pub bandwidth: Option<f64>,
     /// Target whose echo just reaches the threshold; replaces [`super::Detector::threshold`].
     pub max_range: Option<ReferenceTarget>,
     /// Amplitude at which the receiver saturates, W.
@@ -43,7 +45,7 @@ pub struct PulseSamples {
     pub powers: Vec<f64>,
 }
 
-/// Noise of detector and amplifier: normal, white, independent of the signal.
+/// Noise of detector and amplifier: normal, independent of the signal, white within the bandwidth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AmplifierNoise {
     /// Noise equivalent power: standard deviation of a sample, W.
@@ -68,15 +70,13 @@ pub struct ReferenceTarget {
     pub pulse_freq: Option<f64>,
 }
 
-/// Shot noise of the photocurrent: variance 2qB·(P_signal + P_background)/responsivity in W².
+/// Shot noise of the photocurrent: variance 2qB·(P_signal + P_background)/responsivity in W², B the bandwidth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShotNoise {
     /// Mean power of background light on the detector, W.
     pub background: f64,
     /// Photocurrent per power, A/W.
     pub responsivity: f64,
-    /// Electrical bandwidth B, Hz.
-    pub bandwidth: f64,
 }
 
 /// How the range of an echo is read from the waveform.

@@ -254,12 +254,12 @@ pub struct InstrumentKeys {
     /// The same noise by a target and the ratio of its echo's peak to it: `{ range_m = 100, reflectance = 0.2, value = 20
     /// }`; refined physics.
     pub snr: Option<Spanned<RatioKeys>>,
-    /// Mean power of background light on the detector, W; makes shot noise with the next two keys; refined physics.
-    /// Default: 0.
+    /// Mean power of background light on the detector, W, of which there is shot noise; refined physics. Default: 0.
     pub background_w: Key<f64>,
-    /// Photocurrent per optical power, A/W; with `bandwidth_hz` it makes shot noise. Default: no shot noise.
+    /// Photocurrent per optical power, A/W; makes shot noise of background light and echoes; refined physics. Default: no
+    /// shot noise.
     pub responsivity_a_per_w: Key<f64>,
-    /// Electrical bandwidth of the receiver, Hz; for shot noise.
+    /// Electrical bandwidth of the receiver, Hz; refined physics. Default: 0.44 over the pulse's width at half maximum.
     pub bandwidth_hz: Key<f64>,
     /// Amplitude at which the receiver saturates, W; refined physics. Default: never.
     pub saturation_w: Key<f64>,

@@ -82,14 +82,14 @@ pub(super) fn change_receiver(values: &Values, device: &mut Device, keys: &Instr
 }
 
 fn change_shot(values: &Values, receiver: &mut Receiver, keys: &InstrumentKeys) {
-    let given = [&keys.background_w, &keys.responsivity_a_per_w, &keys.bandwidth_hz];
+    receiver.bandwidth = positive(values, &keys.bandwidth_hz).or(receiver.bandwidth);
+    let given = [&keys.background_w, &keys.responsivity_a_per_w];
     let Some(first) = given.into_iter().flatten().next() else { return };
-    let mut shot = receiver.shot.unwrap_or(ShotNoise { background: 0.0, responsivity: 0.0, bandwidth: 0.0 });
+    let mut shot = receiver.shot.unwrap_or(ShotNoise { background: 0.0, responsivity: 0.0 });
     values.not_negative(&mut shot.background, &keys.background_w);
     values.positive(&mut shot.responsivity, &keys.responsivity_a_per_w);
-    values.positive(&mut shot.bandwidth, &keys.bandwidth_hz);
-    if shot.responsivity == 0.0 || shot.bandwidth == 0.0 {
-        let message = "shot noise needs `responsivity_a_per_w` and `bandwidth_hz`";
+    if shot.responsivity == 0.0 {
+        let message = "background light needs `responsivity_a_per_w`, from which its shot noise follows";
         values.context.error(values.source.place(first.span()), message);
         return;
     }
