@@ -194,6 +194,78 @@ else:
     }
 }
 
+/// A run with `--force` over a complete file that does not come to its end leaves that file, and its own points beside it.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_replaces_no_complete_file() {
+    let dir = folder();
+    let names = ["a.laz", "b.las", "a.csv"];
+    let sinks: Vec<&str> =
+        names.iter().flat_map(|name| ["-o", name]).chain(["--wave-packets", "beside"]).collect();
+    for name in names {
+        succeed(dir.path(), &["run", &room(), "-q", "-o", name, "--seed", "3"]);
+    }
+    let old = names.map(|name| fs::read(dir.path().join(name)).unwrap());
+    let forced = [&sinks[..], &["-o", "new.csv", "--force"]].concat();
+    let out = interrupted(dir.path(), &forced, "a.csv.part", 300_000, "-INT");
+    assert_eq!(out.status.code(), Some(130), "{}", text(&out.stderr));
+    let said = text(&out.stderr);
+    assert!(
+        said.contains("a.laz is kept as it was; what was measured until then is in a.partial.laz"),
+        "{said}"
+    );
+    for (name, old) in names.iter().zip(&old) {
+        assert!(fs::read(dir.path().join(name)).unwrap() == *old, "{name} was replaced");
+    }
+    let points = fs::read_to_string(dir.path().join("a.partial.csv")).unwrap().lines().count() - 1;
+    assert!(points > 1000, "{points}");
+    // What replaces nothing has its own name, with a note as ever.
+    assert!(dir.path().join("new.csv").exists() && dir.path().join("new.csv.partial").exists());
+    let mut expected: Vec<String> = ["new.csv", "new.csv.partial"].map(str::to_owned).to_vec();
+    expected.extend(names.map(str::to_owned));
+    expected.extend(["a.partial.laz", "b.partial.las", "a.partial.csv"].map(str::to_owned));
+    expected.extend(["a.partial.wdp", "b.partial.wdp"].map(str::to_owned));
+    expected.sort();
+    let found: Vec<String> = files(dir.path()).iter().map(|f| f.display().to_string()).collect();
+    assert_eq!(found, expected);
+    let Some(python) = python_with_laspy() else { return };
+    let script = format!(
+        "import laspy\nfor name in ('b.partial.las', 'a.partial.laz'):\n  assert len(laspy.read(name)) == {points}, name"
+    );
+    let judged =
+        std::process::Command::new(python).args(["-c", &script]).current_dir(dir.path()).output().unwrap();
+    assert!(judged.status.success(), "{}", text(&judged.stderr));
+}
+
+#[test]
+fn an_error_in_the_middle_replaces_no_complete_file() {
+    let dir = folder();
+    let mut poses = String::from("time,x,y,z,roll,pitch,yaw\n");
+    for i in 0..40 {
+        poses += &format!("{},{},0,400,0,0,90\n", f64::from(i) * 0.1, f64::from(i) - 20.0);
+    }
+    poses += "0.5,0,0,400,0,0,90\n";
+    let survey = fixture("forest/survey.xml");
+    let fly = |extra: &[&str]| {
+        let args = [&["run", survey.to_str().unwrap(), "--trajectory", "-", "-o", "a.laz"], extra].concat();
+        feed(dir.path(), &args, poses.as_bytes())
+    };
+    // Without an old file nothing is left.
+    for extra in [&[][..], &["--force"]] {
+        assert_eq!(fly(extra).status.code(), Some(2));
+        assert!(files(dir.path()).is_empty(), "{:?}", files(dir.path()));
+    }
+    succeed(dir.path(), &["run", &room(), "-q", "-o", "a.laz"]);
+    let old = fs::read(dir.path().join("a.laz")).unwrap();
+    let out = fly(&["--force"]);
+    let said = text(&out.stderr);
+    assert_eq!(out.status.code(), Some(2), "{said}");
+    assert!(said.contains("goes back") && said.contains("is in a.partial.laz"), "{said}");
+    assert!(fs::read(dir.path().join("a.laz")).unwrap() == old);
+    assert_eq!(&fs::read(dir.path().join("a.partial.laz")).unwrap()[..4], b"LASF");
+    assert_eq!(files(dir.path()).len(), 2, "{:?}", files(dir.path()));
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_stream_is_complete() {

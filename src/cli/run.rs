@@ -9,7 +9,7 @@ use super::watch::{amount, duration, watched};
 use super::{Console, Verbosity, interrupt};
 use crate::error::{Error, Result};
 use crate::flight::FlightPlan;
-use crate::output::{FileKind, OutputContext, OutputPlan, OutputRequest, Summary};
+use crate::output::{FileKind, FileSummary, OutputContext, OutputPlan, OutputRequest, Summary};
 use crate::pipeline::{self, Ended, Progress};
 use crate::platform::{PoseReader, Told};
 use crate::pulse::Physics;
@@ -68,7 +68,8 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         let legs = job.survey.legs.len();
         let ended = watched(console, job.progress_lines, legs, &progress, || {
             pipeline::fly(run, before.take(), play + 1 == plays)
-        })?;
+        });
+        let ended = ended.inspect_err(|_| tell_rescued(console, &output.rescued()))?;
         flying += took_off.elapsed().as_secs_f64();
         match ended {
             Ended::Whole(summary) => break summary,
@@ -110,7 +111,18 @@ pub fn interrupted(console: &Console, summary: &Summary) -> Error {
     if !summary.files.is_empty() {
         console.say("the run was interrupted: these outputs are valid but partial, and say so");
     }
+    tell_rescued(console, &summary.files);
     Error::Interrupted
+}
+
+/// Says which files of earlier runs stay because what would have replaced them is partial.
+pub fn tell_rescued(console: &Console, files: &[FileSummary]) {
+    for file in files {
+        if let (Some(old), Some(new)) = (&file.beside, &file.path) {
+            let (old, new) = (old.display(), new.display());
+            console.say(format!("{old} is kept as it was; what was measured until then is in {new}"));
+        }
+    }
 }
 
 /// What a play is flown over.

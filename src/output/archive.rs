@@ -158,7 +158,7 @@ pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) ->
             name.display()
         )));
     }
-    medium.finish()?;
+    medium.finish(None)?;
     Ok(lines)
 }
 
@@ -273,7 +273,7 @@ mod tests {
         let mut stream = ArchiveStream::begin(&mut medium).unwrap();
         parts.iter().for_each(|lines| stream.append(lines, &mut medium, &NoOffload).unwrap());
         stream.finish(&mut medium, &NoOffload).unwrap();
-        medium.finish().unwrap();
+        medium.finish(None).unwrap();
         fs::read(path).unwrap()
     }
 

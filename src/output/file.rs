@@ -184,6 +184,12 @@ impl OutputFile {
         self.medium.flush()
     }
 
+    /// Whether it holds something that would be lost with a run that fails, and a file of an earlier run stands under its
+    /// name.
+    pub fn is_worth_keeping(&self) -> bool {
+        self.tally.records > 0 && self.medium.partial_place().is_some()
+    }
+
     /// Gives the file handle back until the next append.
     pub fn park(&mut self) -> Result<()> {
         self.packets.iter_mut().try_for_each(|packets| packets.medium.park())?;
@@ -191,7 +197,8 @@ impl OutputFile {
     }
 
     /// Writes what comes after the last record and what is known only now, and completes the file.
-    /// With `partial`, the file tells that the run was interrupted: in its own metadata, or beside it where it has none.
+    /// With `partial`, the file tells that the run was interrupted: in its own metadata, or beside it where it has none;
+    /// where it would replace a file, it stands beside that under a name that says so.
     pub fn finish(
         mut self,
         plan: &OutputPlan,
@@ -200,13 +207,16 @@ impl OutputFile {
     ) -> Result<Vec<FileSummary>> {
         let mut bounds = self.tally.bounds;
         let packets = self.packets.take();
-        let mut beside = None;
+        let mut packet_file = None;
         let state = if partial { PARTIAL } else { COMPLETE };
+        let place = self.medium.partial_place().filter(|_| partial);
+        let packets_place = place.as_deref().map(packets_path);
         let has_metadata = !matches!(self.body, Body::Plain | Body::Archive(_));
         match self.body {
             Body::Plain => {}
             Body::LasStream(_) => {
-                beside = packets.map(|p| p.finish(&mut self.medium)).transpose()?;
+                packet_file =
+                    packets.map(|p| p.finish(&mut self.medium, packets_place.as_deref())).transpose()?;
                 bounds = plan.las.world(&bounds);
             }
             Body::Arrow(stream) => stream.finish(partial, |bytes| self.medium.append(bytes))?,
@@ -214,7 +224,8 @@ impl OutputFile {
             Body::Archive(stream) => stream.finish(&mut self.medium, offload)?,
             Body::Las => {
                 let packets_at = self.medium.len();
-                beside = packets.map(|p| p.finish(&mut self.medium)).transpose()?;
+                packet_file =
+                    packets.map(|p| p.finish(&mut self.medium, packets_place.as_deref())).transpose()?;
                 let packets_at = plan.las.packets_inside().then_some(packets_at);
                 self.medium.patch(0, &plan.las.head(None, &self.tally, packets_at, state))?;
                 bounds = plan.las.world(&bounds);
@@ -222,7 +233,8 @@ impl OutputFile {
             Body::Laz(laszip, stream) => {
                 stream.finish(&mut self.medium, offload)?;
                 let packets_at = self.medium.len();
-                beside = packets.map(|p| p.finish(&mut self.medium)).transpose()?;
+                packet_file =
+                    packets.map(|p| p.finish(&mut self.medium, packets_place.as_deref())).transpose()?;
                 let packets_at = plan.las.packets_inside().then_some(packets_at);
                 self.medium.patch(0, &plan.las.head(Some(&laszip), &self.tally, packets_at, state))?;
                 bounds = plan.las.world(&bounds);
@@ -242,14 +254,19 @@ impl OutputFile {
             }
         }
         let bytes = self.medium.len();
-        self.medium.finish()?;
-        if let Some(path) = self.path.as_deref().filter(|path| !has_metadata && !is_special(path)) {
+        self.medium.finish(place.as_deref())?;
+        let noted = self.path.as_deref().filter(|path| place.is_none() && !has_metadata && !is_special(path));
+        if let Some(path) = noted {
             note(path, partial)?;
         }
+        let (path, beside) = match place {
+            Some(place) => (Some(place), self.path),
+            None => (self.path, None),
+        };
         let Tally { records, left_out, by_return, .. } = self.tally;
         let points =
-            FileSummary { path: self.path, kind: self.kind, records, bytes, bounds, by_return, left_out };
-        Ok([Some(points), beside.flatten()].into_iter().flatten().collect())
+            FileSummary { path, beside, kind: self.kind, records, bytes, bounds, by_return, left_out };
+        Ok([Some(points), packet_file.flatten()].into_iter().flatten().collect())
     }
 }
 
@@ -283,17 +300,21 @@ impl Packets {
         Ok(Packets { path, medium })
     }
 
-    /// Completes the file beside the points, or moves the packets behind them.
-    fn finish(mut self, points: &mut Medium) -> Result<Option<FileSummary>> {
+    /// Completes the file beside the points, under its own name or that of `place`, or moves the packets behind them.
+    fn finish(mut self, points: &mut Medium, place: Option<&Path>) -> Result<Option<FileSummary>> {
         let bytes = self.medium.len();
         self.medium.patch(0, &packets_header(bytes - PACKETS_HEADER))?;
         let Some(path) = self.path else {
             self.medium.pour_into(points)?;
             return Ok(None);
         };
-        self.medium.finish()?;
-        let (path, kind) = (Some(path), FileKind::Packets);
+        self.medium.finish(place)?;
+        let (path, beside) = match place {
+            Some(place) => (Some(place.to_path_buf()), Some(path)),
+            None => (Some(path), None),
+        };
         let Tally { left_out, by_return, bounds, .. } = Tally::EMPTY;
-        Ok(Some(FileSummary { path, kind, records: 0, bytes, bounds, by_return, left_out }))
+        let kind = FileKind::Packets;
+        Ok(Some(FileSummary { path, beside, kind, records: 0, bytes, bounds, by_return, left_out }))
     }
 }

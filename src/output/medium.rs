@@ -63,6 +63,20 @@ pub(super) fn part_name(path: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
+/// The name beside a complete file under which a run that ended early leaves what it measured: `a.partial.laz` beside
+/// `a.laz`, `a.partial.copc.laz` beside `a.copc.laz`.
+pub(super) fn partial_name(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let octree = name
+        .len()
+        .checked_sub(".copc.laz".len())
+        .filter(|&at| name.get(at..).is_some_and(|end| at > 0 && end.eq_ignore_ascii_case(".copc.laz")));
+    match octree.or(name.rfind('.').filter(|&at| at > 0)) {
+        Some(at) => path.with_file_name(format!("{}.partial{}", &name[..at], &name[at..])),
+        None => path.with_file_name(format!("{name}.partial")),
+    }
+}
+
 /// Whether the name stands for a pipe, a terminal or a device, which is written as it is.
 pub(super) fn is_special(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
@@ -236,8 +250,14 @@ impl Medium {
         self.storage.as_mut().ok_or_else(|| Error::Internal("a file without a handle".to_owned()))
     }
 
-    /// Completes the file: it gets its name, or a spooled stream is copied.
-    pub fn finish(mut self) -> Result<()> {
+    /// Where a partial file goes when a file of an earlier run stands under its name, which only a complete one may replace.
+    pub fn partial_place(&self) -> Option<PathBuf> {
+        let replaces = matches!(&self.kind, Kind::Part { force: true, .. }) && self.name.is_file();
+        replaces.then(|| partial_name(&self.name))
+    }
+
+    /// Completes the file: it gets its name, or that of `beside`, or a spooled stream is copied.
+    pub fn finish(mut self, beside: Option<&Path>) -> Result<()> {
         self.flush()?;
         if let Some(mut storage) = self.storage.take() {
             storage.flush().map_err(|e| Error::io("write", &self.name, e))?;
@@ -250,7 +270,7 @@ impl Medium {
                 .map(drop)
                 .map_err(|e| Error::io("write", &self.name, e)),
             Kind::Part { part, force, settled } => {
-                let named = settle(part, &self.name, *force);
+                let named = settle(part, beside.unwrap_or(&self.name), *force);
                 // What came in between is not overwritten, and what was computed is not thrown away.
                 *settled = !matches!(&named, Err(e) if e.kind() != io::ErrorKind::AlreadyExists);
                 named.map_err(|e| Error::io("give its name to", &*part, e))
@@ -342,8 +362,33 @@ mod tests {
         medium.patch(0, b"HEAD").unwrap();
         medium.append(b" three").unwrap();
         assert_eq!(medium.len(), 18);
-        medium.finish().unwrap();
+        medium.finish(None).unwrap();
         assert_eq!(fs::read_to_string(path).unwrap(), "HEAD one two three");
+    }
+
+    #[test]
+    fn what_is_partial_stands_beside_what_is_complete() {
+        for (name, beside) in [
+            ("d.x/a.laz", "d.x/a.partial.laz"),
+            ("a.copc.laz", "a.partial.copc.laz"),
+            (".laz", ".laz.partial"),
+            ("d.x/a", "d.x/a.partial"),
+        ] {
+            assert_eq!(partial_name(Path::new(name)), Path::new(beside));
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let [path, beside] = ["a.xyz", "a.partial.xyz"].map(|name| dir.path().join(name));
+        // Without an old file the name itself is free, whatever is written under it.
+        for (old, expected) in [(None, None), (Some("old"), Some(beside.clone()))] {
+            let _ = old.map(|text| fs::write(&path, text).unwrap());
+            let mut medium = Medium::open(&Place::Path(path.clone()), true, Patched::Never).unwrap();
+            medium.append(b"new").unwrap();
+            let beside = medium.partial_place();
+            assert_eq!(beside, expected);
+            medium.finish(beside.as_deref()).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), old.unwrap_or("new"));
+        }
+        assert_eq!(fs::read_to_string(&beside).unwrap(), "new");
     }
 
     #[cfg(unix)]
@@ -355,7 +400,7 @@ mod tests {
         std::os::unix::fs::symlink(&target, &link).unwrap();
         let mut medium = Medium::open(&Place::Path(link.clone()), true, Patched::Never).unwrap();
         medium.append(b"new").unwrap();
-        medium.finish().unwrap();
+        medium.finish(None).unwrap();
         assert!(link.is_symlink());
         assert_eq!(fs::read_to_string(target).unwrap(), "new");
     }

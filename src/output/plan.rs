@@ -7,6 +7,7 @@ use super::las::{LasFormat, ObjectIds};
 use super::layout::{Content, FilePlan, Home, Layout};
 use super::medium::{Place, is_special, part_name};
 use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
+use super::summary::FileSummary;
 use super::text;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
@@ -17,6 +18,7 @@ use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 /// What the outputs need to know of the run.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +57,8 @@ pub struct OutputPlan {
     pub(super) force: bool,
     pub(super) run_stamp: Option<String>,
     pub(super) plays: u32,
+    /// Files that a run which failed left beside those of earlier runs.
+    pub(super) rescued: Mutex<Vec<FileSummary>>,
 }
 
 /// What records say of their leg.
@@ -118,12 +122,18 @@ impl OutputPlan {
             force: request.force,
             run_stamp: request.run_stamp,
             plays: request.plays.max(1),
+            rescued: Mutex::default(),
         })
     }
 
     /// What is worth a warning.
     pub fn warnings(&self) -> &Diagnostics {
         &self.warnings
+    }
+
+    /// Files that a run which failed left beside those of earlier runs, see [`Writer`](super::Writer).
+    pub fn rescued(&self) -> Vec<FileSummary> {
+        self.rescued.lock().map(|files| files.clone()).unwrap_or_default()
     }
 
     /// Whether waveforms are written, and so have to be recorded.

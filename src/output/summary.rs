@@ -34,6 +34,8 @@ pub enum FileKind {
 pub struct FileSummary {
     /// Its name; `None` is standard output.
     pub path: Option<PathBuf>,
+    /// The complete file of an earlier run that this partial one did not replace.
+    pub beside: Option<PathBuf>,
     /// What it holds.
     pub kind: FileKind,
     /// Points, poses, waveforms or pulses in it.

@@ -371,7 +371,8 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
     for room in [0, 10, 200_000] {
         let limited = |file| -> Box<dyn Storage> { Box::new(Full(file, room)) };
         let mut medium = Medium::part_through(&path, limited);
-        let written = (0..4).try_for_each(|_| medium.append(&[b'x'; 60_000])).and_then(|()| medium.finish());
+        let written =
+            (0..4).try_for_each(|_| medium.append(&[b'x'; 60_000])).and_then(|()| medium.finish(None));
         let Err(Error::Io { path: named, source, .. }) = written else { panic!("{room} bytes were enough") };
         assert_eq!((named, source.kind()), (path.clone(), io::ErrorKind::StorageFull));
         assert!(files(dir.path()).is_empty());

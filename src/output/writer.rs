@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// All outputs of a run, open. Dropping it is [`Writer::abort`].
+/// All outputs of a run, open. Dropping it before it is finished is [`Writer::abort`].
 pub struct Writer {
     plan: Arc<OutputPlan>,
     offload: Arc<dyn Offload>,
@@ -169,7 +169,8 @@ impl Writer {
         }
     }
 
-    /// Gives up: files that are not complete are removed.
+    /// Gives up: files that are not complete are removed, but for those that were to replace a file of an earlier run, which
+    /// stays; what was measured is left beside it and listed by [`OutputPlan::rescued`].
     pub fn abort(self) {}
 
     fn create_runs(&mut self) -> Result<()> {
@@ -242,6 +243,22 @@ impl Writer {
             self.summary.files.extend(done);
         }
         Ok(())
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            return;
+        }
+        let plan = self.plan.clone();
+        for file in self.files.iter_mut().filter_map(Option::take).filter(OutputFile::is_worth_keeping) {
+            // The run has failed already; a file that cannot be completed either is removed as all others are.
+            let Ok(done) = file.finish(&plan, &*self.offload, true) else { continue };
+            if let Ok(mut rescued) = plan.rescued.lock() {
+                rescued.extend(done);
+            }
+        }
     }
 }
 

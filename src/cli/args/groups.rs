@@ -58,7 +58,8 @@ pub struct OutputArgs {
     /// Write as HELIOS++ does: DIR/SURVEY/TIME/leg000_points.xyz and so on. [default without -o: output]
     #[arg(long, value_name = "DIR", help_heading = "Output", conflicts_with = "out")]
     pub output: Option<PathBuf>,
-    /// Overwrite files that exist, and write binary data to a terminal.
+    /// Replace files that exist, once their successors are complete: a run that is interrupted or fails leaves them, and what
+    /// it measured as NAME.partial.laz beside them. Also write binary data to a terminal.
     #[arg(long, help_heading = "Output")]
     pub force: bool,
     /// Write every digitised waveform.

@@ -2,7 +2,7 @@
 
 use crate::cli::args::{FlightArgs, RunArgs, SurveyArgs, TraceArgs};
 use crate::cli::inputs::{holds_survey, read_survey};
-use crate::cli::run::{Job, Stage, interrupted, load_and_build, report};
+use crate::cli::run::{Job, Stage, interrupted, load_and_build, report, tell_rescued};
 use crate::cli::watch::watched;
 use crate::cli::{Console, interrupt};
 use crate::diag::Diagnostics;
@@ -68,7 +68,8 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
         let legs = job.survey.legs.len();
         let ended = watched(console, job.progress_lines, legs, &progress, || {
             trace(tracing, &mut source, play, sinks.take(), play + 1 == plays)
-        })?;
+        });
+        let ended = ended.inspect_err(|_| tell_rescued(console, &output.rescued()))?;
         match ended {
             TraceEnded::Whole(summary) => break (took_off.elapsed().as_secs_f64(), summary),
             TraceEnded::Play(open) => sinks = Some(open),
