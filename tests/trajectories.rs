@@ -152,7 +152,8 @@ fn the_same_flight_in_every_layout_gives_the_same_points() {
 
     assert_near("SBET", &points(dir.path(), &sbet(&flight), &[]), &plain, 1e-3);
     assert_near("SBET", &points(dir.path(), &sbet(&flight), &["--utm-zone", "32N"]), &plain, 1e-3);
-    assert_near("HELIOS++", &points(dir.path(), helios(&flight).as_bytes(), &[]), &plain, 2e-3);
+    let as_headings = ["--trajectory-rotation", "heading"];
+    assert_near("HELIOS++", &points(dir.path(), helios(&flight).as_bytes(), &as_headings), &plain, 2e-3);
     let mut lat_lon = "time,lat[rad],lon[rad],height,roll,pitch,heading\n".to_owned();
     for row in geographic(&flight) {
         let _ = writeln!(lat_lon, "{}", row.map(|v| v.to_string()).join(","));
@@ -215,6 +216,52 @@ fn pulses_and_poses_come_from_the_same_reader() {
     assert!((moved[0][1] - plain[0][1] - 2.0 * right.cos()).abs() < 0.05, "{:?} {:?}", moved[0], plain[0]);
     assert!((moved[0][2] - plain[0][2] + 2.0 * right.sin()).abs() < 0.05);
     assert!((moved[0][6] - plain[0][6] + 3.0).abs() < 0.5 && (moved[0][3] - plain[0][3] + 48.0).abs() < 0.2);
+}
+
+/// Origin and direction of the first pulse along `trajectory` (text), of a scanner that looks forwards from a mount and an
+/// emitter that are off the platform's origin.
+fn first_pulse(dir: &Path, trajectory: &str, options: &[&str]) -> [f64; 6] {
+    let scene = fixture("airborne/scene.xml");
+    let pipeline = format!(
+        "scene = '{}#hills'\n[trajectory]\npath = '-'\n[platform]\nmount = {{ offset_m = [0.5, 2, -1] }}\n[scanner]\nid = 's'\n\
+         optics = 'conic'\nscan_angle_max_deg = 1e-9\npulse_freqs_hz = [10]\nbeam_origin = {{ offset_m = [0, 1, 0] }}\n",
+        scene.display()
+    );
+    fs::write(dir.join("first.toml"), pipeline).unwrap();
+    fs::write(dir.join("first.txt"), trajectory).unwrap();
+    let args = [&["pulses", "first.toml", "-q", "--trajectory", "first.txt"], options].concat();
+    let out = succeed(dir, &args).stdout;
+    let line = text(&out).lines().nth(1).unwrap().to_owned();
+    let numbers: Vec<f64> = line.split(',').skip(1).take(6).map(|n| n.parse().unwrap()).collect();
+    numbers.try_into().unwrap()
+}
+
+#[test]
+fn attitudes_are_those_of_aeronautics_and_offsets_turn_with_them() {
+    let dir = folder();
+    let row = |t: f64| format!("{t:.1},476000,5429000,500,30,30,90\n");
+    let plain = format!("time,x,y,z,roll,pitch,heading\n{}{}", row(1.0), row(2.0));
+    // Roll innermost: the nose points to the east and 30° up; right, forward and up as in docs/trajectories.md.
+    let (r, f, u) = ([0.25, -0.8660254, -0.4330127], [0.8660254, 0.0, 0.5], [-0.4330127, -0.5, 0.75]);
+    let found = first_pulse(dir.path(), &plain, &[]);
+    for i in 0..3 {
+        let place = [476_000.0, 5_429_000.0, 500.0][i] + 0.5 * r[i] + 3.0 * f[i] - u[i];
+        assert!((found[i] - place).abs() < 1e-6 && (found[3 + i] - f[i]).abs() < 1e-6, "{found:?}");
+    }
+    // The reference adds offsets along the axes of the world.
+    let still = first_pulse(dir.path(), &plain, &["--correct", "no-mount-offsets-turn"]);
+    assert!((still[0] - 476_000.5).abs() < 1e-6 && (still[1] - 5_429_003.0).abs() < 1e-6, "{still:?}");
+    // A file of HELIOS++ has pitch innermost.
+    let helios = format!(
+        "#TIME_COLUMN: 0\n#HEADER: \"t\",\"x\",\"y\",\"z\",\"roll\",\"pitch\",\"yaw\"\n{}{}",
+        row(1.0),
+        row(2.0)
+    );
+    let found = first_pulse(dir.path(), &helios, &[]);
+    // Rz(−90°) Ry(30°) Rx(30°) y = Rz(−90°) Ry(30°) (0, √3/2, 1/2) = Rz(−90°) (1/4, √3/2, √3/4)
+    for (found, wanted) in found[3..].iter().zip([0.8660254, -0.25, 0.4330127]) {
+        assert!((found - wanted).abs() < 1e-6, "{found} is not {wanted}");
+    }
 }
 
 #[test]

@@ -8,7 +8,10 @@ use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use crate::platform::{LegCourse, PlatformPlan, Span, TrajectoryTable, read_trajectories};
 use crate::scanner::DevicePlan;
-use crate::survey::{Interpolated, Leg, LegTrajectory, Mount, PlatformKind, ScannerSettings, Survey};
+use crate::survey::{
+    AngleConvention, Interpolated, Leg, LegTrajectory, Mount, PlatformKind, RotationSpec, ScannerSettings,
+    Survey,
+};
 
 /// What a run decides about its flight.
 #[derive(Clone, Debug, PartialEq)]
@@ -130,7 +133,7 @@ impl FlightPlan {
             PlatformKind::Stream(s) => PlatformPlan::stream(
                 survey.legs[0].scanner.pulse_freq,
                 s.max_gap,
-                s.rotation.rotation_spec(),
+                s.rotation.map_or(RotationSpec::Arinc705, AngleConvention::rotation_spec),
                 courses,
             ),
         };

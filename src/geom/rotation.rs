@@ -2,6 +2,7 @@
 
 use super::{DVec3, unit};
 use libm::{acos, asin, atan2, sincos};
+use std::f64::consts::TAU;
 
 /// A rotation of vectors, right-handed, stored as a quaternion `w + u`.
 ///
@@ -102,6 +103,30 @@ impl Rotation {
         (self.u * (if self.w < 0.0 { -1.0 } else { 1.0 } / length), angle)
     }
 
+    /// The attitude of a body (axes right, forward, up) over the local horizon (axes east, north, up): heading clockwise
+    /// from north, then pitch with the nose up, then roll with the right side down, all in radians. This is the order of
+    /// ARINC 705 and DIN 9300, `R3(ψ) R2(θ) R1(φ)` between forward-right-down and north-east-down, which becomes
+    /// `Rz(−heading) ∘ Rx(pitch) ∘ Ry(roll)` in the axes used here (x and y swapped, z negated).
+    pub fn of_heading(roll: f64, pitch: f64, heading: f64) -> Rotation {
+        Rotation::about_z(-heading).after(Rotation::about_x(pitch)).after(Rotation::about_y(roll))
+    }
+
+    /// Roll, pitch and heading (rad, heading within [0, 2π)) that [`Rotation::of_heading`] composes to this attitude. A
+    /// body whose nose points straight up or down has no roll.
+    pub fn heading_angles(&self) -> [f64; 3] {
+        let (right, nose, up) = (self.apply(DVec3::X), self.forward(), self.apply(DVec3::Z));
+        let level = (nose.x * nose.x + nose.y * nose.y).sqrt();
+        let pitch = atan2(nose.z, level);
+        let (roll, heading) = if level > 1e-9 {
+            (atan2(-right.z, up.z), atan2(nose.x, nose.y))
+        } else {
+            (0.0, atan2(-right.y, right.x))
+        };
+        let heading = if heading < 0.0 { heading + TAU } else { heading };
+        // The sum of a tiny negative angle and 2π rounds to 2π. Adding 0 removes negative zeros.
+        [roll + 0.0, pitch + 0.0, if heading < TAU { heading + 0.0 } else { 0.0 }]
+    }
+
     /// Angles (a, b, c) with `self = Rx(a) ∘ Ry(b) ∘ Rz(c)`; `None` at gimbal lock (|sin b| > 0.9999999999).
     pub fn angles_xyz(&self) -> Option<[f64; 3]> {
         let k = self.apply(DVec3::Z);
@@ -159,6 +184,42 @@ mod tests {
         let b = z.after(y).after(x).angles_zyx().unwrap();
         assert!((b[0] - 2.1).abs() < 1e-12 && (b[1] + 0.7).abs() < 1e-12 && (b[2] - 0.3).abs() < 1e-12);
         assert!(Rotation::about_y(std::f64::consts::FRAC_PI_2).angles_xyz().is_none());
+    }
+
+    #[test]
+    fn headings_compose_with_roll_innermost() {
+        // Columns of the direction cosine matrix of a textbook (Titterton & Weston 2004, eq. 3.63, body to north-east-down
+        // navigation frame), at round angles: roll 30°, pitch 45°, heading 90°.
+        let a = Rotation::of_heading(radians(30.0), radians(45.0), radians(90.0));
+        let (h, q) = (0.5f64.sqrt(), 3f64.sqrt() / 2.0);
+        // forward in NED: (cos θ cos ψ, cos θ sin ψ, −sin θ) = (0, √½, −√½); east-north-up swaps and negates.
+        close(a.forward(), [h, 0.0, h]);
+        // right in NED: (sin φ sin θ cos ψ − cos φ sin ψ, sin φ sin θ sin ψ + cos φ cos ψ, sin φ cos θ).
+        close(a.apply(DVec3::X), [0.5 * h, -q, -0.5 * h]);
+        // down in NED: (cos φ sin θ cos ψ + sin φ sin ψ, cos φ sin θ sin ψ − sin φ cos ψ, cos φ cos θ).
+        close(a.apply(-DVec3::Z), [q * h, 0.5, -q * h]);
+    }
+
+    #[test]
+    fn heading_angles_invert_their_composition() {
+        let cases =
+            [[0.1, -0.2, 5.0], [0.0, 0.0, 0.0], [-1.5, 0.3, 3.0], [2.8, 1.2, 0.5], [0.0, -1e-3, TAU - 1e-17]];
+        for [roll, pitch, heading] in cases {
+            let attitude = Rotation::of_heading(roll, pitch, heading);
+            let found = attitude.heading_angles();
+            assert!(
+                found.iter().zip([roll, pitch, heading]).all(|(f, w)| {
+                    let off = (f - w).rem_euclid(TAU);
+                    off.min(TAU - off) < 1e-12
+                }),
+                "{found:?} is not {roll} {pitch} {heading}"
+            );
+            assert!((0.0..TAU).contains(&found[2]));
+        }
+        let straight_up = Rotation::of_heading(0.4, TAU / 4.0, 1.0);
+        let [roll, pitch, heading] = straight_up.heading_angles();
+        assert_eq!(roll, 0.0);
+        close(Rotation::of_heading(roll, pitch, heading).apply(DVec3::X), straight_up.apply(DVec3::X).into());
     }
 
     #[test]

@@ -47,14 +47,14 @@ pub(super) fn push_pose(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
     out.push(b'\n');
 }
 
-/// `time,x,y,z,roll,pitch,yaw`, seconds, metres and degrees after ARINC 705, as `--trajectory` reads them.
+/// `time,x,y,z,roll,pitch,yaw`, seconds, metres and degrees (heading, pitch, roll innermost), as `--trajectory` reads them.
 pub(super) fn push_pose_csv(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
     push_seconds(out, pose.time_ns);
     for metres in position.to_array() {
         out.push(b',');
         push_fixed::<6>(out, metres);
     }
-    for angle in pose.arinc_angles().map(degrees) {
+    for angle in pose.attitude.heading_angles().map(degrees) {
         out.push(b',');
         push_fixed::<9>(out, angle);
     }

@@ -67,6 +67,11 @@ macro_rules! corrections {
             /// Those that make up the refined physics.
             pub const REFINED: Corrections = Corrections { $($name: $refined),* };
 
+            /// Those of either.
+            pub fn or(self, other: Corrections) -> Corrections {
+                Corrections { $($name: self.$name || other.$name),* }
+            }
+
             /// The correction of that name, to be read or changed; `None` for an unknown name.
             pub fn by_name(&mut self, name: &str) -> Option<&mut bool> {
                 match name {
@@ -148,6 +153,14 @@ corrections! {
     /// Every material with a specular colour has its specular share; in the reference only the last one of an MTL file and
     /// those with a spectrum do (spec input-formats §10, trap 56).
     specular_shares: true,
+    /// Offsets of the scanner's mount turn with the platform, those of the emitter with the head, too; in the reference
+    /// they are added along the axes of the world (spec kinematics, trap 13). On without asking along a --trajectory.
+    mount_offsets_turn: true,
+}
+
+impl Corrections {
+    /// Those of the motion of platform and optics, which hold in pipeline files without asking.
+    pub const KINEMATIC: Corrections = Corrections { mount_offsets_turn: true, ..Corrections::NONE };
 }
 
 #[cfg(test)]

@@ -47,10 +47,11 @@ pub fn pulse_columns(present: Present) -> Vec<TableColumn> {
     column.collect()
 }
 
-/// Time (s), position (m) and ARINC 705 angles (degrees) of a pose.
+/// Time (s), position (m) and roll, pitch, heading (degrees) of a pose, as [`crate::geom::Rotation::of_heading`] composes
+/// them.
 pub fn pose_values(pose: &PoseSample, shift: DVec3) -> [f64; 7] {
     let position = pose.position + shift;
-    let angles = pose.arinc_angles().map(degrees);
+    let angles = pose.attitude.heading_angles().map(degrees);
     // No negative zeros.
     [pose.time_ns / 1e9, position.x, position.y, position.z, angles[0], angles[1], angles[2]].map(|v| v + 0.0)
 }

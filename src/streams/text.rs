@@ -44,7 +44,7 @@ pub fn push_pulse(out: &mut Vec<u8>, row: &PulseRow, present: Present, shift: DV
     end_line(out);
 }
 
-/// Appends a pose as a line: seconds, metres, degrees after ARINC 705.
+/// Appends a pose as a line: seconds, metres, degrees (heading, pitch, roll innermost).
 pub fn push_pose(out: &mut Vec<u8>, pose: &PoseSample, shift: DVec3) {
     for number in pose_values(pose, shift) {
         push_number(out, number);

@@ -161,9 +161,9 @@ pub struct OriginArgs {
     pub gps_start: Option<String>,
 }
 
-/// How echoes are computed.
+/// Where physics and kinematics depart from the reference's.
 #[derive(Clone, Debug, Default, Args)]
-pub struct PhysicsArgs {
+pub struct ProfileArgs {
     /// Reproduce the reference program, or switch its known weaknesses off. [default: helios]
     #[arg(long, value_name = "PROFILE", help_heading = "Simulation")]
     pub physics: Option<PhysicsProfile>,
@@ -171,6 +171,14 @@ pub struct PhysicsArgs {
     /// unknown name lists them all.
     #[arg(long, value_name = "NAME", value_delimiter = ',', help_heading = "Simulation")]
     pub correct: Vec<String>,
+}
+
+/// How echoes are computed.
+#[derive(Clone, Debug, Default, Args)]
+pub struct PhysicsArgs {
+    /// Where it departs from the reference's.
+    #[command(flatten)]
+    pub profile: ProfileArgs,
     /// Fit a Gaussian to every echo and report its width; echoes narrower than 0.1 ns are dropped.
     #[arg(long, help_heading = "Simulation")]
     pub echo_width: bool,

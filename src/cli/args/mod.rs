@@ -15,8 +15,8 @@ mod scenes;
 mod tools;
 
 pub use groups::{
-    FlightArgs, InputArgs, InstrumentArgs, OriginArgs, OutputArgs, PhysicsArgs, PhysicsProfile, ScheduleArgs,
-    ScheduleKind, TreeArgs, TreeKind,
+    FlightArgs, InputArgs, InstrumentArgs, OriginArgs, OutputArgs, PhysicsArgs, PhysicsProfile, ProfileArgs,
+    ScheduleArgs, ScheduleKind, TreeArgs, TreeKind,
 };
 pub use poses::PoseArgs;
 pub use river::{

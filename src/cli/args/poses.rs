@@ -19,9 +19,10 @@ pub struct PoseArgs {
     /// Unit of angles in text behind whose names none stands. [default: deg]
     #[arg(long, value_name = "UNIT", value_parser = ["deg", "rad"], help_heading = "Trajectory")]
     pub trajectory_angles: Option<String>,
-    /// What the angles of text are: heading (clockwise from north, nose up; the same as arinc705), yaw (counter-clockwise
-    /// from east, nose up), ros (the same, nose down), or canonical (about x, y, z, as HELIOS++ writes flights from waypoint
-    /// to waypoint). [default: heading]
+    /// What the angles of text are: heading (clockwise from north, nose up, right side down, roll innermost; the same as
+    /// arinc705), yaw (counter-clockwise from east, otherwise the same), ros (as yaw, nose down), helios (as heading, but
+    /// pitch innermost), or canonical (about x, y, z, as HELIOS++ writes flights from waypoint to waypoint). [default: helios
+    /// for files as HELIOS++ reads and writes them, else heading]
     #[arg(long, value_name = "MEANING", value_parser = AngleConvention::NAMES, help_heading = "Trajectory")]
     pub trajectory_rotation: Option<String>,
     /// UTM zone to which latitudes and longitudes are projected, such as 32N. [default: that of --crs, else that of the
@@ -31,10 +32,13 @@ pub struct PoseArgs {
     /// Added to all heights of the trajectory, in metres: from those above the ellipsoid to those of the scene.
     #[arg(long, value_name = "METRES", allow_hyphen_values = true, help_heading = "Trajectory")]
     pub height_offset: Option<f64>,
-    /// Where the scanner's platform is as seen from what was recorded: right, forward, up in metres.
+    /// Lever arm: where the scanner's platform frame is as seen from what was recorded, in metres to the right, forward and
+    /// up of the recorded body. It turns with the attitude, not with the boresight.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, help_heading = "Trajectory")]
     pub lever_arm: Option<String>,
-    /// How the scanner's platform is turned against what was recorded: roll, pitch, heading in degrees.
+    /// Boresight: how the scanner's platform frame is turned in the recorded body: roll (right side down), pitch (nose up)
+    /// and heading (clockwise from above) in degrees, roll innermost. A point is at position + attitude (lever arm +
+    /// boresight (point as the platform's scanner sees it)).
     #[arg(long, value_name = "R,P,H", allow_hyphen_values = true, help_heading = "Trajectory")]
     pub boresight: Option<String>,
     /// Fire nothing between poses that are more seconds apart than this.

@@ -1,7 +1,8 @@
 //! The command line of `vlscan run` and of its stages: `vlscan trajectory`, `vlscan pulses`, `vlscan trace`.
 
 use super::{
-    FlightArgs, InputArgs, InstrumentArgs, OriginArgs, OutputArgs, PhysicsArgs, ScheduleArgs, TreeArgs,
+    FlightArgs, InputArgs, InstrumentArgs, OriginArgs, OutputArgs, PhysicsArgs, ProfileArgs, ScheduleArgs,
+    TreeArgs,
 };
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -79,8 +80,8 @@ pub enum EmitFormat {
 #[derive(Debug, Args)]
 #[command(
     long_about = "Fly a survey or pipeline and write the platform's poses to stdout.\n\nOne line per pose after a header: \
-time[s] of the GPS week, x[m],y[m],z[m] of the platform in world coordinates, roll[deg],pitch[deg],yaw[deg] after ARINC \
-705 (yaw clockwise from +y, right wing down and nose up positive), which is what --trajectory reads. Legs whose scanner \
+time[s] of the GPS week, x[m],y[m],z[m] of the platform in world coordinates, roll[deg],pitch[deg],yaw[deg] as in \
+aeronautics (yaw clockwise from +y, right wing down and nose up positive, roll innermost), which is what --trajectory reads. Legs whose scanner \
 is switched off have no poses.\n\nWith --format arrow an Arrow IPC stream with columns of these names, which \
 --trajectory reads, too."
 )]
@@ -91,6 +92,9 @@ pub struct TrajectoryArgs {
     /// Seconds from pose to pose. [default: the survey's trajectoryTimeInterval_s, else 0.05]
     #[arg(long, value_name = "SECONDS", help_heading = "Output")]
     pub interval: Option<f64>,
+    /// Where the kinematics depart from the reference's.
+    #[command(flatten)]
+    pub profile: ProfileArgs,
     /// How poses are written.
     #[command(flatten)]
     pub emit: EmitArgs,
@@ -109,6 +113,9 @@ pub struct PulsesArgs {
     /// What is flown and how.
     #[command(flatten)]
     pub survey: SurveyArgs,
+    /// Where the kinematics depart from the reference's.
+    #[command(flatten)]
+    pub profile: ProfileArgs,
     /// How pulses are written.
     #[command(flatten)]
     pub emit: EmitArgs,

@@ -80,7 +80,7 @@ impl Job {
         // The reference takes the system's clock for an empty text.
         let gps = if gps == "now" || gps.trim().is_empty() { now() } else { gps };
         let threads = threads(speed.threads.or(set.threads));
-        let physics = physics(&args.physics, &wanted, set, seed)?;
+        let physics = physics(&args.physics, &wanted, set, &survey, seed)?;
         Ok(Job {
             strict: input.strict || set.strict.unwrap_or(false),
             load: LoadOptions {
@@ -98,6 +98,7 @@ impl Job {
                 platform_noise: !aloft.no_platform_noise && set.platform_noise.unwrap_or(true),
                 leg_noise: !aloft.no_leg_noise && set.leg_noise.unwrap_or(true),
                 gps_start_ns: flight::gps_start(&gps).map_err(|e| Error::input(format!("GPS start: {e}")))?,
+                rotate_mount_offsets: physics.corrections.mount_offsets_turn,
                 ..FlightOptions::default()
             },
             physics,
@@ -142,8 +143,14 @@ fn latency(seconds: Option<f64>) -> Result<Duration> {
     }
 }
 
-fn physics(args: &PhysicsArgs, output: &OutputArgs, set: &RunSettings, seed: u64) -> Result<PhysicsOptions> {
-    let refined = match (args.physics, set.physics.as_deref()) {
+fn physics(
+    args: &PhysicsArgs,
+    output: &OutputArgs,
+    set: &RunSettings,
+    survey: &Survey,
+    seed: u64,
+) -> Result<PhysicsOptions> {
+    let refined = match (args.profile.physics, set.physics.as_deref()) {
         (Some(profile), _) => profile == PhysicsProfile::Refined,
         (None, Some("refined")) => true,
         (None, None | Some("helios")) => false,
@@ -155,7 +162,11 @@ fn physics(args: &PhysicsArgs, output: &OutputArgs, set: &RunSettings, seed: u64
     };
     let profile = if refined { PhysicsOptions::refined() } else { PhysicsOptions::helios() };
     let mut corrections = profile.corrections;
-    for name in &args.correct {
+    if set.pipeline {
+        corrections = corrections.or(Corrections::KINEMATIC);
+    }
+    corrections.mount_offsets_turn |= matches!(survey.platform.kind, PlatformKind::Stream(_));
+    for name in &args.profile.correct {
         correct(&mut corrections, name)?;
     }
     let flag = |typed: bool, written: Option<bool>| typed || written.unwrap_or(false);
@@ -171,11 +182,14 @@ fn physics(args: &PhysicsArgs, output: &OutputArgs, set: &RunSettings, seed: u64
     })
 }
 
-/// Switches one correction on, or off where `no-` stands before its name.
+/// Switches one correction on, or off where `no-` stands before its name. A name that itself begins with `no-` switches
+/// that correction on.
 fn correct(corrections: &mut Corrections, name: &str) -> Result<()> {
-    let (wanted, bare) = name.strip_prefix("no-").map_or((true, name), |bare| (false, bare));
-    match corrections.by_name(&bare.replace('-', "_")) {
-        Some(correction) => *correction = wanted,
+    let field = |name: &str| name.replace('-', "_");
+    let exact = Corrections::NAMES.contains(&field(name).as_str());
+    let bare = name.strip_prefix("no-").filter(|_| !exact).unwrap_or(name);
+    match corrections.by_name(&field(bare)) {
+        Some(correction) => *correction = bare == name,
         None => {
             let known: Vec<String> = Corrections::NAMES.iter().map(|n| n.replace('_', "-")).collect();
             let known = known.join(", ");
@@ -428,6 +442,11 @@ mod tests {
         correct(&mut c, "sum-equal-ranges").unwrap();
         assert_eq!(c, Corrections { sum_equal_ranges: true, ..Corrections::NONE });
         correct(&mut c, "no-sum-equal-ranges").unwrap();
+        assert_eq!(c, Corrections::NONE);
+        // Exact names come before the prefix.
+        correct(&mut c, "no-axis-gate").unwrap();
+        assert_eq!(c, Corrections { no_axis_gate: true, ..Corrections::NONE });
+        correct(&mut c, "no-no-axis-gate").unwrap();
         assert_eq!(c, Corrections::NONE);
         let unknown = correct(&mut c, "sum").unwrap_err().to_string();
         assert!(unknown.contains("sum-equal-ranges"), "{unknown}");

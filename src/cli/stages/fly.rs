@@ -1,7 +1,8 @@
 //! `vlscan trajectory` and `vlscan pulses`: a survey is flown, and its poses or pulses go to stdout.
 
 use crate::cli::args::{
-    EmitArgs, EmitFormat, OutputArgs, PhysicsArgs, PulsesArgs, RunArgs, SurveyArgs, TrajectoryArgs, TreeArgs,
+    EmitArgs, EmitFormat, OutputArgs, PhysicsArgs, ProfileArgs, PulsesArgs, RunArgs, SurveyArgs,
+    TrajectoryArgs, TreeArgs,
 };
 use crate::cli::run::{Job, open_poses};
 use crate::cli::watch::{amount, duration, watched};
@@ -37,7 +38,7 @@ pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
             leg.scanner.trajectory_interval = interval.unwrap_or(if own > 0.0 { own } else { INTERVAL });
         }
     };
-    fly(&args.survey, &args.emit, console, change, &Poses)
+    fly(&as_run(&args.survey, &args.profile), &args.emit, console, change, &Poses)
 }
 
 /// Runs `vlscan pulses`.
@@ -46,7 +47,7 @@ pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
     let change = |survey: &mut Survey| {
         survey.legs.iter_mut().for_each(|leg| leg.scanner.trajectory_interval = 0.0);
     };
-    fly(&args.survey, &args.emit, console, change, &Pulses)
+    fly(&as_run(&args.survey, &args.profile), &args.emit, console, change, &Pulses)
 }
 
 /// What is written of a flight, as lines of text or as rows of a table.
@@ -144,7 +145,7 @@ impl Flight {
 }
 
 fn fly(
-    args: &SurveyArgs,
+    args: &RunArgs,
     emit_args: &EmitArgs,
     console: &Console,
     change: impl FnOnce(&mut Survey),
@@ -156,7 +157,7 @@ fn fly(
             "an Arrow stream would go to the terminal; redirect standard output, or insist with --force",
         ));
     }
-    let (mut job, warnings) = Job::resolve(&as_run(args))?;
+    let (mut job, warnings) = Job::resolve(args)?;
     console.warnings(&warnings);
     change(&mut job.survey);
     let plays = scene::plays(&job.survey.scene)?;
@@ -217,11 +218,11 @@ fn fly(
 }
 
 /// The same choices as those of a run without points.
-fn as_run(args: &SurveyArgs) -> RunArgs {
+fn as_run(args: &SurveyArgs, profile: &ProfileArgs) -> RunArgs {
     RunArgs {
         output: OutputArgs::default(),
         survey: args.clone(),
-        physics: PhysicsArgs::default(),
+        physics: PhysicsArgs { profile: profile.clone(), ..PhysicsArgs::default() },
         tree: TreeArgs::default(),
         trajectory_out: None,
     }

@@ -9,11 +9,9 @@
 //! (32-bit, little-endian), then records of doubles: time, x, y, z (m), heading, roll, pitch (degrees), and marks of quality
 //! (TerraScan User Guide, Trajectory file formats). The heading counts clockwise from the grid's north.
 
-use super::super::interpolated::composed;
 use super::fix::{Fix, FixPlace, Mark, Problem};
 use super::source::Next;
-use crate::geom::radians;
-use crate::survey::RotationSpec;
+use crate::geom::{Rotation, radians};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Bytes of an SBET record.
@@ -182,7 +180,7 @@ fn sbet_fix(bytes: &[u8]) -> Result<Fix, Problem> {
         ("heading", heading),
         ("wander angle", wander),
     ])?;
-    let attitude = composed(RotationSpec::Arinc705, roll, pitch, heading - wander);
+    let attitude = Rotation::of_heading(roll, pitch, heading - wander);
     Ok(Fix { time, place: FixPlace::Geographic([latitude, longitude, height]), attitude })
 }
 
@@ -197,7 +195,7 @@ fn terrascan_fix(bytes: &[u8]) -> Result<Fix, Problem> {
         ("roll", roll),
         ("pitch", pitch),
     ])?;
-    let attitude = composed(RotationSpec::Arinc705, radians(roll), radians(pitch), radians(heading));
+    let attitude = Rotation::of_heading(radians(roll), radians(pitch), radians(heading));
     Ok(Fix { time, place: FixPlace::Local([x, y, z]), attitude })
 }
 

@@ -1,10 +1,9 @@
 //! From a fix in the frame of its recorder to the pose of the scanner's platform in the world.
 
-use super::super::interpolated::composed;
 use super::Pose;
 use super::fix::{Fix, FixPlace, Problem};
 use crate::geom::{DVec3, Rotation, UtmZone};
-use crate::survey::{Grid, PoseStream, RotationSpec};
+use crate::survey::{Grid, PoseStream};
 
 /// Projects, moves and turns fixes.
 #[derive(Debug)]
@@ -22,8 +21,7 @@ impl Frame {
             grid: settings.grid,
             height_offset: settings.height_offset,
             lever_arm: settings.lever_arm,
-            boresight: (settings.boresight != [0.0; 3])
-                .then(|| composed(RotationSpec::Arinc705, roll, pitch, heading)),
+            boresight: (settings.boresight != [0.0; 3]).then(|| Rotation::of_heading(roll, pitch, heading)),
         }
     }
 
@@ -94,7 +92,7 @@ mod tests {
     use crate::geom::radians;
 
     fn fix(place: FixPlace, heading: f64) -> Fix {
-        Fix { time: 1.0, place, attitude: composed(RotationSpec::Arinc705, 0.0, 0.0, radians(heading)) }
+        Fix { time: 1.0, place, attitude: Rotation::of_heading(0.0, 0.0, radians(heading)) }
     }
 
     #[test]
@@ -108,8 +106,30 @@ mod tests {
         // To the east: right is south, forward is east.
         let pose = frame.pose(&fix(FixPlace::Local([10.0, 20.0, 30.0]), 90.0)).unwrap();
         assert!((pose.position - DVec3::new(12.0, 19.0, 129.5)).length() < 1e-12, "{}", pose.position);
-        let expected = composed(RotationSpec::Arinc705, 0.0, radians(-10.0), radians(95.0));
+        let expected = Rotation::of_heading(0.0, radians(-10.0), radians(95.0));
         assert!((pose.attitude.forward() - expected.forward()).length() < 1e-12);
+    }
+
+    #[test]
+    fn a_point_is_georeferenced_as_in_the_textbooks() {
+        // r_world = r_nav + R (l + B r_scanner), computed by hand in docs/trajectories.md.
+        let [quarter, eighth] = [90.0, 30.0].map(radians);
+        let mut frame = Frame::new(&PoseStream {
+            lever_arm: DVec3::new(0.4, 1.0, -0.2),
+            boresight: [eighth, 0.0, 0.0],
+            ..PoseStream::at("-")
+        });
+        let pose = frame
+            .pose(&Fix {
+                time: 0.0,
+                place: FixPlace::Local([1000.0, 2000.0, 500.0]),
+                attitude: Rotation::of_heading(eighth, eighth, quarter),
+            })
+            .unwrap();
+        let scanner = DVec3::new(1001.052628, 1999.753590, 500.176795);
+        assert!((pose.position - scanner).length() < 1e-6, "{}", pose.position);
+        let point = pose.position + pose.attitude.apply(DVec3::new(0.0, 0.0, -100.0));
+        assert!((point - DVec3::new(1026.052628, 2086.356130, 456.875525)).length() < 1e-6, "{point}");
     }
 
     #[test]

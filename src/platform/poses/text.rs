@@ -20,6 +20,8 @@ const HELIOS_DECIMALS: [usize; 7] = [4, 4, 4, 9, 4, 4, 4];
 /// Reads lines of numbers.
 #[derive(Debug)]
 pub struct Lines {
+    /// What the angles mean once the layout is known.
+    rotation: AngleConvention,
     settings: PoseStream,
     line: usize,
     directive: Option<Layout>,
@@ -31,7 +33,15 @@ pub struct Lines {
 impl Lines {
     pub fn new(settings: PoseStream) -> Lines {
         let helios = settings.format == Some(PoseFormat::Helios);
-        Lines { settings, line: 0, directive: None, time_column: None, reading: None, helios }
+        Lines {
+            rotation: AngleConvention::Heading,
+            settings,
+            line: 0,
+            directive: None,
+            time_column: None,
+            reading: None,
+            helios,
+        }
     }
 
     /// A word for messages.
@@ -79,6 +89,8 @@ impl Lines {
                 Problem::new(message).help("name the columns in a first line: time,x,y,z,roll,pitch,yaw")
             })?;
             self.reading = Some((layout, separator));
+            let usual = if self.helios { AngleConvention::Helios } else { AngleConvention::Heading };
+            self.rotation = self.settings.rotation.unwrap_or(usual);
             if named || self.settings.columns.is_some() && holds_no_number(line, separator) {
                 return Ok(None);
             }
@@ -95,11 +107,13 @@ impl Lines {
             let layout =
                 Layout::named(names, &Separator::guess(names).split(names)).map_err(|e| e.message)?;
             self.directive = Some(layout);
+            self.helios |= self.settings.format.is_none();
         } else if let Some(column) = comment.strip_prefix("#TIME_COLUMN:") {
             let column = column.trim();
             let number =
                 column.parse().map_err(|_| format!("expected the number of a column, found `{column}`"))?;
             self.time_column = Some(number);
+            self.helios |= self.settings.format.is_none();
         }
         Ok(())
     }
@@ -144,7 +158,7 @@ impl Lines {
                 false => FixPlace::Local([x, y, z]),
             },
             attitude: attitude(
-                self.settings.rotation,
+                self.rotation,
                 in_radians(Quantity::Roll),
                 in_radians(Quantity::Pitch),
                 in_radians(Quantity::Yaw),
@@ -155,9 +169,10 @@ impl Lines {
 
 fn attitude(convention: AngleConvention, roll: f64, pitch: f64, yaw: f64) -> Rotation {
     match convention {
-        AngleConvention::Heading => composed(RotationSpec::Arinc705, roll, pitch, yaw),
-        AngleConvention::Yaw => composed(RotationSpec::Arinc705, roll, pitch, FRAC_PI_2 - yaw),
-        AngleConvention::Ros => composed(RotationSpec::Arinc705, roll, -pitch, FRAC_PI_2 - yaw),
+        AngleConvention::Heading => Rotation::of_heading(roll, pitch, yaw),
+        AngleConvention::Yaw => Rotation::of_heading(roll, pitch, FRAC_PI_2 - yaw),
+        AngleConvention::Ros => Rotation::of_heading(roll, -pitch, FRAC_PI_2 - yaw),
+        AngleConvention::Helios => composed(RotationSpec::Arinc705, roll, pitch, yaw),
         AngleConvention::Canonical => composed(RotationSpec::Canonical, roll, pitch, yaw),
     }
 }
@@ -207,8 +222,9 @@ mod tests {
 
     #[test]
     fn angles_mean_what_they_are_said_to_mean() {
-        let forward =
-            |rotation| first(PoseStream { rotation, ..usual() }, "1 0 0 0 0 0 30").attitude.forward();
+        let forward = |rotation| {
+            first(PoseStream { rotation: Some(rotation), ..usual() }, "1 0 0 0 0 0 30").attitude.forward()
+        };
         let (sin, cos) = (0.5, 3f64.sqrt() / 2.0);
         for (convention, expected) in [
             (AngleConvention::Heading, DVec3::new(sin, cos, 0.0)),
@@ -217,10 +233,41 @@ mod tests {
         ] {
             assert!((forward(convention) - expected).length() < 1e-12, "{convention:?}");
         }
-        let nose =
-            |rotation| first(PoseStream { rotation, ..usual() }, "1 0 0 0 0 30 0").attitude.forward().z;
+        let nose = |rotation| {
+            first(PoseStream { rotation: Some(rotation), ..usual() }, "1 0 0 0 0 30 0").attitude.forward().z
+        };
         assert!((nose(AngleConvention::Yaw) - 0.5).abs() < 1e-12);
         assert!((nose(AngleConvention::Ros) + 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn angles_compose_as_their_layout_does() {
+        let row = "1 0 0 0 20 10 30\n";
+        let [roll, pitch, heading] = [20.0, 10.0, 30.0].map(radians);
+        let recorded = Rotation::of_heading(roll, pitch, heading);
+        let of_reference = composed(RotationSpec::Arinc705, roll, pitch, heading);
+        let ros = Rotation::about_z(heading)
+            .after(Rotation::about_y(pitch))
+            .after(Rotation::about_x(roll))
+            // From right, forward, up to forward, left, up.
+            .after(Rotation::about_z(-FRAC_PI_2));
+        let of = |rotation, text: &str| first(PoseStream { rotation, ..usual() }, text).attitude;
+        let helios = |text: &str| {
+            format!("#TIME_COLUMN: 0\n#HEADER: \"t\",\"x\",\"y\",\"z\",\"roll\",\"pitch\",\"yaw\"\n{text}")
+        };
+        for (found, wanted) in [
+            (of(None, row), recorded),
+            (of(Some(AngleConvention::Helios), row), of_reference),
+            (of(None, &helios(row)), of_reference),
+            (of(None, "0.0000 0.0000 0.0000 1.000000000 20.0000 10.0000 30.0000\n"), of_reference),
+            (of(Some(AngleConvention::Heading), &helios(row)), recorded),
+            (of(Some(AngleConvention::Yaw), "1 0 0 0 20 10 60\n"), recorded),
+            (of(Some(AngleConvention::Ros), row), ros),
+        ] {
+            assert!((found.forward() - wanted.forward()).length() < 1e-12);
+            assert!((found.apply(DVec3::X) - wanted.apply(DVec3::X)).length() < 1e-12);
+        }
+        assert!((recorded.forward() - of_reference.forward()).length() > 0.05);
     }
 
     #[test]

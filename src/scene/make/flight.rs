@@ -40,7 +40,7 @@ impl Default for FlightOptions {
 const NAMES: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]";
 
 /// Writes a flight as comma-separated text: a line of names with their units, then one pose per line. Angles are those of
-/// ARINC 705: yaw clockwise from north (+y), pitch with the nose up, roll with the right wing down.
+/// aeronautics: yaw clockwise from north (+y), pitch with the nose up, roll (innermost) with the right wing down.
 pub fn write_flight(options: &FlightOptions, path: &Path) -> Result<PathBuf> {
     let poses = options.poses()?;
     let mut file = PartFile::create(path)?;

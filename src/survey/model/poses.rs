@@ -11,8 +11,9 @@ pub struct PoseStream {
     pub path: PathBuf,
     /// The layout; `None` finds it out from the content.
     pub format: Option<PoseFormat>,
-    /// How the angles of text compose. SBET and TerraScan have headings.
-    pub rotation: AngleConvention,
+    /// How the angles of text compose; `None` is [`AngleConvention::Helios`] for the text files of HELIOS++ and
+    /// [`AngleConvention::Heading`] for all others. SBET and TerraScan have headings.
+    pub rotation: Option<AngleConvention>,
     /// Angles of text are degrees where no unit stands behind a column's name.
     pub degrees: bool,
     /// Columns of text, by name in their order or as `name=number` from 1, when neither a header line nor the default
@@ -24,9 +25,9 @@ pub struct PoseStream {
     pub grid: Grid,
     /// Added to all heights, m.
     pub height_offset: f64,
-    /// Position of the scanner's platform frame in that of the poses (x right, y forward, z up), m.
+    /// Position of the scanner's platform frame in the frame of the poses (x right, y forward, z up), m.
     pub lever_arm: DVec3,
-    /// Roll, pitch and heading of the scanner's platform frame in that of the poses, rad.
+    /// Roll, pitch and heading of the scanner's platform frame in the frame of the poses, rad, composed as headings.
     pub boresight: [f64; 3],
     /// Nothing is fired between poses that are farther apart than this, s.
     pub max_gap: f64,
@@ -38,7 +39,7 @@ impl PoseStream {
         PoseStream {
             path: path.into(),
             format: None,
-            rotation: AngleConvention::Heading,
+            rotation: None,
             degrees: true,
             columns: None,
             separator: None,
@@ -83,20 +84,24 @@ impl PoseFormat {
 /// What the three angles of a pose mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AngleConvention {
-    /// Yaw is the heading, clockwise from +y (north); pitch with the nose up, roll with the right side down (ARINC 705).
+    /// Yaw is the heading, clockwise from +y (north), pitch has the nose up, roll the right side down; roll is the innermost
+    /// rotation (ARINC 705, see [`crate::geom::Rotation::of_heading`]).
     Heading,
-    /// Yaw turns counter-clockwise from +x (east); pitch and roll as with headings.
+    /// Yaw turns counter-clockwise from +x (east); pitch, roll and order as with headings.
     Yaw,
-    /// Yaw turns counter-clockwise from +x (east), pitch is positive with the nose down, roll with the right side down, as
-    /// in ROS (REP 103).
+    /// `Rz(yaw) Ry(pitch) Rx(roll)` of the axes forward, left, up, as in ROS (REP 103): yaw turns counter-clockwise from +x
+    /// (east), pitch is positive with the nose down, roll with the right side down.
     Ros,
+    /// The angles of headings in the reference's order, pitch innermost: `Rz(−yaw) Ry(roll) Rx(pitch)` of the axes right,
+    /// forward, up (spec kinematics §2.6).
+    Helios,
     /// Rotations about x, y and z in this order, as HELIOS++ writes them for platforms that fly from waypoint to waypoint.
     Canonical,
 }
 
 impl AngleConvention {
     /// Names on the command line and in pipeline files; `arinc705` is another one for `heading`.
-    pub const NAMES: [&str; 5] = ["heading", "arinc705", "yaw", "ros", "canonical"];
+    pub const NAMES: [&str; 6] = ["heading", "arinc705", "yaw", "ros", "helios", "canonical"];
 
     /// The convention of that name.
     pub fn named(name: &str) -> Option<AngleConvention> {
@@ -104,12 +109,13 @@ impl AngleConvention {
             "heading" | "arinc705" => AngleConvention::Heading,
             "yaw" => AngleConvention::Yaw,
             "ros" => AngleConvention::Ros,
+            "helios" => AngleConvention::Helios,
             "canonical" => AngleConvention::Canonical,
             _ => return None,
         })
     }
 
-    /// How angles along the flight are reported.
+    /// How HELIOS++ reports these angles in its trajectory files.
     pub fn rotation_spec(self) -> RotationSpec {
         match self {
             AngleConvention::Canonical => RotationSpec::Canonical,
@@ -189,7 +195,7 @@ impl PoseChoices {
         let usual = PoseStream::at(self.path?);
         Some(PoseStream {
             format: self.format,
-            rotation: self.rotation.unwrap_or(usual.rotation),
+            rotation: self.rotation,
             degrees: self.degrees.unwrap_or(usual.degrees),
             columns: self.columns,
             separator: self.separator,

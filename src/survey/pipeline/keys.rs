@@ -157,9 +157,11 @@ pub struct TrajectoryKeys {
     pub utm_zone: Key<String>,
     /// Added to all heights, m: ellipsoidal heights to those of the scene. Default: 0.
     pub height_offset_m: Key<f64>,
-    /// Where the platform's frame is in that of the poses: right, forward, up in metres. Default: 0.
+    /// Lever arm: where the platform's frame is in the recorded body: right, forward, up in metres. It turns with the
+    /// attitude, not with the boresight. Default: 0.
     pub lever_arm_m: Key<[f64; 3]>,
-    /// How the platform's frame is turned in that of the poses: roll, pitch, heading in degrees. Default: 0.
+    /// Boresight: how the platform's frame is turned in the recorded body: roll (right side down), pitch (nose up), heading
+    /// (clockwise from above) in degrees, roll innermost. Default: 0.
     pub boresight_deg: Key<[f64; 3]>,
     /// Nothing is fired between poses that are farther apart, s. Default: no limit.
     pub max_gap_s: Key<f64>,

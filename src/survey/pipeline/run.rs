@@ -13,6 +13,8 @@ use toml::{Spanned, Value};
 /// those of the keys of [`PipelineKeys`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunSettings {
+    /// They come from a pipeline file, whose kinematics are always the corrected ones.
+    pub pipeline: bool,
     /// Seed.
     pub seed: Option<u64>,
     /// GPS time of the first pulse as text.
@@ -70,6 +72,7 @@ pub(super) fn read_settings(context: &Context, source: &Source, keys: &PipelineK
         Some(*key.get_ref())
     };
     RunSettings {
+        pipeline: true,
         seed: read_seed(context, source, &keys.seed),
         gps_start: keys.gps_start.clone(),
         threads: schedule.threads,

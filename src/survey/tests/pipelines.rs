@@ -129,10 +129,7 @@ const FLIGHT: &str = "scene = 'a.obj'\n[trajectory]\npath = '-'\n[scanner]\ncata
 fn a_stream_of_poses() {
     let Pipeline { survey, .. } = fine(FLIGHT);
     let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
-    assert_eq!(
-        (stream.path.as_path(), stream.degrees, stream.rotation),
-        (Path::new("-"), true, AngleConvention::Heading)
-    );
+    assert_eq!((stream.path.as_path(), stream.degrees, stream.rotation), (Path::new("-"), true, None));
     assert_eq!(
         (survey.legs.len(), survey.legs[0].scanner.pulse_freq, survey.legs[0].scanner.scan_freq),
         (1, 50_000, 100.0)
@@ -252,7 +249,7 @@ fn a_trajectory_with_everything() {
     let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
     let expected = PoseStream {
         format: Some(PoseFormat::Sbet),
-        rotation: AngleConvention::Yaw,
+        rotation: Some(AngleConvention::Yaw),
         degrees: false,
         columns: Some(vec!["time=1".to_owned()]),
         grid: Grid::Utm(crate::geom::UtmZone::parse("32N").unwrap()),
