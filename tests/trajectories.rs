@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::sync::mpsc;
 use std::time::Duration;
-use vlscan::geom::UtmZone;
+use vlscan::geom::{Rotation, UtmZone};
 
 /// Where `fixtures/airborne` lies in zone 32N.
 const ORIGIN: [f64; 2] = [476_000.0, 5_429_000.0];
@@ -78,6 +78,17 @@ fn helios(rows: &[[f64; 7]]) -> String {
         format!("{x:.4} {y:.4} {z:.4} {t:.9} {roll:.4} {pitch:.4} {yaw:.4}\n")
     };
     rows.iter().map(line).collect()
+}
+
+/// The same attitudes with the angles that HELIOS++ composes them of: Rz(−yaw) Ry(roll) Rx(pitch).
+fn of_helios(rows: &[[f64; 7]]) -> Vec<[f64; 7]> {
+    let row = |[t, x, y, z, roll, pitch, heading]: &[f64; 7]| {
+        let [roll, pitch, heading] = [*roll, *pitch, *heading].map(f64::to_radians);
+        let angles = Rotation::of_heading(roll, pitch, heading).angles_zyx().unwrap();
+        let [about_z, roll, pitch] = angles.map(f64::to_degrees);
+        [*t, *x, *y, *z, roll, pitch, -about_z]
+    };
+    rows.iter().map(row).collect()
 }
 
 /// A pipeline that scans the hills of `fixtures/airborne`; its trajectory comes with the command.
@@ -154,6 +165,8 @@ fn the_same_flight_in_every_layout_gives_the_same_points() {
     assert_near("SBET", &points(dir.path(), &sbet(&flight), &["--utm-zone", "32N"]), &plain, 1e-3);
     let as_headings = ["--trajectory-rotation", "heading"];
     assert_near("HELIOS++", &points(dir.path(), helios(&flight).as_bytes(), &as_headings), &plain, 2e-3);
+    let own = helios(&of_helios(&flight));
+    assert_near("HELIOS++", &points(dir.path(), own.as_bytes(), &[]), &plain, 2e-3);
     let mut lat_lon = "time,lat[rad],lon[rad],height,roll,pitch,heading\n".to_owned();
     for row in geographic(&flight) {
         let _ = writeln!(lat_lon, "{}", row.map(|v| v.to_string()).join(","));
@@ -270,7 +283,7 @@ fn surveys_of_interpolated_platforms_take_binary_files_too() {
     let flight = rows(40);
     fs::write(dir.path().join("f.out"), sbet(&flight)).unwrap();
     fs::write(dir.path().join("f.trj"), terrascan(&flight)).unwrap();
-    let lines: String = csv(&flight).lines().skip(1).map(|l| format!("{l}\n")).collect();
+    let lines: String = csv(&of_helios(&flight)).lines().skip(1).map(|l| format!("{l}\n")).collect();
     let header = "#HEADER: \"t\", \"x\", \"y\", \"z\", \"roll\", \"pitch\", \"yaw\"\n#TIME_COLUMN: 0\n";
     fs::write(dir.path().join("f.txt"), format!("{header}{lines}")).unwrap();
     let scan = |file: &str| {
