@@ -88,7 +88,8 @@ fn parse(text: &str) -> Result<PulseSamples, (Option<usize>, String)> {
         if times.len() == MAX_SAMPLES {
             return refuse(&format!("at most {MAX_SAMPLES} samples"));
         }
-        (times.push(time), powers.push(power));
+        times.push(time);
+        powers.push(power);
     }
     let largest = powers.iter().copied().fold(0.0, f64::max);
     if times.len() < MIN_SAMPLES || largest <= 0.0 {
