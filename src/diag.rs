@@ -14,6 +14,8 @@ pub enum Severity {
     Error,
     /// The run goes on with a default that the message names; an error with `--strict`.
     Warning,
+    /// What a value was taken for, where that is a matter of interpretation.
+    Note,
 }
 
 /// A place in a text file: one line with a range of it underlined.
@@ -106,6 +108,11 @@ impl Diagnostics {
         self.push(Severity::Warning, place, message.into())
     }
 
+    /// Records what a value was taken for.
+    pub fn note(&mut self, place: Option<Place>, message: impl Into<String>) -> &mut Diagnostic {
+        self.push(Severity::Note, place, message.into())
+    }
+
     fn push(&mut self, severity: Severity, place: Option<Place>, message: String) -> &mut Diagnostic {
         let key = (severity, place.as_ref().map(|p| p.path.clone()), message.clone());
         let next = self.items.len();
@@ -148,7 +155,9 @@ impl Diagnostics {
 
     /// Whether the run must end; with `strict` every warning counts.
     pub fn is_fatal(&self, strict: bool) -> bool {
-        self.items.iter().any(|d| strict || d.severity == Severity::Error)
+        self.items
+            .iter()
+            .any(|d| d.severity == Severity::Error || (strict && d.severity == Severity::Warning))
     }
 
     /// `Err` when [`Diagnostics::is_fatal`], otherwise the warnings to be shown.
@@ -157,7 +166,8 @@ impl Diagnostics {
             return Ok(self);
         }
         if strict {
-            self.items.iter_mut().for_each(|d| d.severity = Severity::Error);
+            let warnings = self.items.iter_mut().filter(|d| d.severity == Severity::Warning);
+            warnings.for_each(|d| d.severity = Severity::Error);
         }
         Err(Error::Input(Box::new(self)))
     }
@@ -217,6 +227,7 @@ impl Diagnostic {
         let level = match self.severity {
             Severity::Error => Level::ERROR,
             Severity::Warning => Level::WARNING,
+            Severity::Note => Level::NOTE,
         };
         let title = level.primary_title(self.message.as_str());
         let path = self.place.as_ref().map(|p| p.path.display().to_string());
@@ -317,6 +328,8 @@ mod tests {
     #[test]
     fn strict_turns_warnings_into_errors() {
         let mut d = Diagnostics::default();
+        d.note(None, "taken for G");
+        assert!(!d.is_fatal(true), "a note never ends a run");
         d.warn(None, "unknown attribute");
         assert!(d.clone().finish(false).is_ok());
         assert!(matches!(d.finish(true), Err(Error::Input(_))));

@@ -112,7 +112,7 @@ fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -> Result<Lo
     Ok(LoadOptions {
         wavelength_nm: c.wavelength_nm,
         seed: c.seed,
-        helios_specularity: c.helios_specularity,
+        rules: c.rules,
         drop_polygons: c.drop_polygons,
         ..usual
     })

@@ -1,10 +1,12 @@
 //! `vlscan scene pack`: a scene compiled to one file.
 
 use super::args::PackArgs;
+use super::run::job::material_rules;
 use super::run::speed::builder;
 use super::watch::amount;
 use super::{Console, info};
 use crate::error::{Error, Result};
+use crate::pulse::Corrections;
 use crate::scene::{self, LoadOptions, Sharing};
 use crate::survey::parse_seed;
 use crate::tree::BuildOptions;
@@ -25,11 +27,14 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
         Some(text) => parse_seed(text).map_err(|e| Error::input(format!("--seed: {e}")))?,
         None => found.seed.unwrap_or(0),
     };
-    let refined = args.physics == Some(super::PhysicsProfile::Refined);
+    let corrections = match args.physics {
+        Some(super::PhysicsProfile::Refined) => Corrections::REFINED,
+        _ => Corrections::NONE,
+    };
     let options = LoadOptions {
         wavelength_nm: args.wavelength.unwrap_or(found.wavelength_nm),
         seed,
-        helios_specularity: !refined,
+        rules: material_rules(&corrections),
         sharing: sharing(args.instances.as_deref()),
         ..LoadOptions::default()
     };
@@ -66,7 +71,7 @@ fn open(path: &Path) -> Result<()> {
     let options = LoadOptions {
         wavelength_nm: c.wavelength_nm,
         seed: c.seed,
-        helios_specularity: c.helios_specularity,
+        rules: c.rules,
         drop_polygons: c.drop_polygons,
         ..LoadOptions::default()
     };

@@ -1,7 +1,7 @@
 //! `vlscan run`: the whole river, once for every play of a survey with swapped parts. HELIOS++ layouts get a run directory
 //! for each play; in single files and streams the plays follow one another, told apart by GPS time and pulse number.
 
-mod job;
+pub mod job;
 pub mod speed;
 
 use super::args::RunArgs;

@@ -28,8 +28,8 @@ pub(super) struct Facet {
 enum Law {
     Uniform,
     Lambert,
-    /// Specular share and exponent are the material's with this number.
-    Phong(u32),
+    /// That of the material with this number.
+    Glossy(u32),
 }
 
 impl Facet {
@@ -53,7 +53,8 @@ impl Facet {
             Reflection::Lambert => Law::Lambert,
             // A lobe without light of its own is finite and adds nothing.
             Reflection::Phong { specularity: 0.0, exponent } if exponent >= 0.0 => Law::Lambert,
-            Reflection::Phong { .. } => Law::Phong(surface.material),
+            Reflection::Lobes { specularity: 0.0, roughness: 0.0, .. } => Law::Lambert,
+            Reflection::Phong { .. } | Reflection::Lobes { .. } => Law::Glossy(surface.material),
         };
         Some(Facet {
             primitive,
@@ -91,7 +92,7 @@ impl Facet {
         match self.law {
             Law::Lambert => {}
             Law::Uniform => slope = [1.0; LANES],
-            Law::Phong(material) => {
+            Law::Glossy(material) => {
                 return Facet::shine(&view.scene.materials[material as usize], cosine, gain, same, out);
             }
         }

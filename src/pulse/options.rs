@@ -153,6 +153,29 @@ corrections! {
     /// Every material with a specular colour has its specular share; in the reference only the last one of an MTL file and
     /// those with a spectrum do (spec input-formats §10, trap 56).
     specular_shares: true,
+    /// Reflectances are fractions from 0 to 1: spectra are divided by 100, a missing reflectance is 0.5 and told, and so are
+    /// fractions above 1; in the reference spectra and missing ones count as per cent, 100 times too much (trap 16).
+    reflectance_fraction: true,
+    /// Specular shares follow a lobe that is normalised and ends at 45° from the normal, where the mirror direction is 90°
+    /// away from the instrument; in the reference |cos 2θ|^N glares at grazing incidence (spec §3.2).
+    specular_lobe: true,
+    /// A material without colours is Lambertian; in the reference it reflects alike at all angles, more than it receives at
+    /// grazing ones (spec §3.2).
+    lambert_default: true,
+    /// Leaf angle tables that hold G itself (mean 0.5 over all directions) are told from those on the reference's scale, 2πG
+    /// (mean π); in the reference the former are 2π times too transparent.
+    leaf_table_scale: true,
+    /// Leaf angle tables of one hemisphere hold for the opposite directions, too, in which leaves project the same; the
+    /// reference repeats the value at the table's edge there.
+    leaf_table_mirror: true,
+    /// Foliage with a leaf angle table reflects by its material like foliage without one, at the mean incidence that its leaf
+    /// angles have; in the reference it is up to 10⁵ times brighter and fades with R⁻⁴ (spec §3.5). Needs foliage_incidence.
+    leaf_table_law: true,
+    /// The light of a subray that foliage intercepts returns from all along its way through the foliage, as exp(−σs) has it,
+    /// since a subray stands for a part of the footprint with many leaves; otherwise every subray is an echo of its own.
+    /// Whether foliage intercepts a subray stays random, and so does where it stops the only ray of a beam. Needs
+    /// adjacent_voxels and leaf_table_law.
+    foliage_continuum: true,
     /// Offsets of the scanner's mount turn with the platform, those of the emitter with the head, too; in the reference
     /// they are added along the axes of the world (spec kinematics, trap 13). On without asking along a --trajectory.
     mount_offsets_turn: true,

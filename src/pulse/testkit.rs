@@ -131,7 +131,11 @@ pub fn received(returns: &[(f64, f64)], instrument: &Instrument) -> Waveform {
 
 /// A Lambertian material of reflectance 0.5.
 pub fn half_white() -> Material {
-    Material { reflectance: 0.5, reflection: Reflection::Lambert, ..Material::unnamed("half white") }
+    Material {
+        reflectance: 0.5,
+        reflection: Reflection::Lambert,
+        ..Material::unnamed("half white", Default::default())
+    }
 }
 
 /// A scene of rectangles, one part each, all of one material: corner and two edges. Shifted like every scene.

@@ -4,7 +4,7 @@ use super::instances::Stock;
 use super::library::Library;
 use super::load::LoadOptions;
 use super::voxel::Voxel;
-use super::{Mover, Part, Surface};
+use super::{MaterialRules, Mover, Part, Surface};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
@@ -45,6 +45,8 @@ pub(super) struct Assembly<'a> {
     pub stock: Stock,
     /// Geometry files and tables that were opened.
     pub sources: Vec<PathBuf>,
+    /// Rules that would make a difference to some leaf angle table.
+    pub leaf_tables: MaterialRules,
     /// Problems met so far.
     pub diagnostics: Diagnostics,
     surface_numbers: HashMap<Surface, u32>,
@@ -91,6 +93,7 @@ impl<'a> Assembly<'a> {
             library,
             stock: Stock::default(),
             sources: Vec::new(),
+            leaf_tables: MaterialRules::default(),
             diagnostics: Diagnostics::default(),
             surface_numbers: HashMap::new(),
         }

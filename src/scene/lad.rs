@@ -1,19 +1,47 @@
 //! Leaf angle tables: how much leaf area a direction sees (spec pulse-physics §2.6, input-formats §4.6).
+//!
+//! G is the mean projection of a unit of leaf area, |cos| averaged over the leaf normals (Ross 1981): over all directions it
+//! averages 1/2, whatever the leaf angles. The reference's tables hold 2πG, which averages π.
 
+use super::MaterialRules;
+use super::material::SPHERICAL_MEAN_COSINE;
 use super::number::float;
 use super::text::{Lines, Problems, Source, is_empty_line, shown};
 use crate::diag::Diagnostics;
 use crate::geom::DVec3;
 use libm::acos;
+use std::f64::consts::{PI, TAU};
 
 /// The projection function G over the zenith angle, on the scale where an isotropic canopy has G = π.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LadTable {
     /// Zenith angles, rad, strictly ascending.
     angles: Vec<f64>,
-    /// G at each angle.
+    /// 2πG at each angle.
     values: Vec<f64>,
+    /// Mean of the values over all directions.
+    mean: f64,
+    /// Mean over the leaves of (3 cos² − 1)/2 of the angle between normal and zenith: 1 for level leaves, 0 for those that
+    /// face all directions alike, −1/2 for upright ones.
+    levelness: f64,
 }
+
+/// What a table turned out to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Reading {
+    /// Mean of its values over all directions.
+    pub mean: f64,
+    /// Its values are G itself.
+    pub is_g: bool,
+    /// It covers one hemisphere only.
+    pub is_half: bool,
+}
+
+/// Steps of the integrals over the sphere.
+const STEPS: u32 = 4096;
+
+/// Largest deviation of a table's mean from 1/2 or π that is not told, as a fraction.
+const MAX_MEAN_ERROR: f64 = 0.1;
 
 /// No leaves project more than that on a scale where an isotropic canopy has π.
 const LARGEST: f64 = 1e3;
@@ -31,13 +59,40 @@ impl LadTable {
     pub fn new(rows: impl IntoIterator<Item = (DVec3, f64)>) -> Option<LadTable> {
         let angle = |d: DVec3| {
             let angle = acos(d.z.clamp(-1.0, 1.0));
-            if d.x < 0.0 { std::f64::consts::TAU - angle } else { angle }
+            if d.x < 0.0 { TAU - angle } else { angle }
         };
         let mut rows: Vec<(f64, f64)> = rows.into_iter().map(|(d, g)| (angle(d), g)).collect();
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
         rows.dedup_by(|later, first| later.0 == first.0);
-        let (angles, values): (Vec<f64>, Vec<f64>) = rows.into_iter().unzip();
-        (!angles.is_empty()).then_some(LadTable { angles, values })
+        (!rows.is_empty()).then(|| LadTable::of_rows(rows))
+    }
+
+    /// The table of rows (unit direction, value) by the rules, and what it turned out to be. `None` without rows.
+    fn by_rules(rows: Vec<(DVec3, f64)>, rules: MaterialRules) -> Option<(LadTable, Reading)> {
+        let is_half =
+            rows.iter().all(|(d, _)| d.z > -SAME_ANGLE) || rows.iter().all(|(d, _)| d.z < SAME_ANGLE);
+        let table = if rules.leaf_table_mirror {
+            // The azimuth does not matter, so that rows of all azimuths describe the same curve.
+            let folded = rows.into_iter().map(|(d, g)| (DVec3::new(d.x.abs(), d.y, d.z), g));
+            let opposite = |(d, g): (DVec3, f64)| [(d, g), (DVec3::new(d.x, d.y, -d.z), g)];
+            let folded: Vec<_> = if is_half { folded.flat_map(opposite).collect() } else { folded.collect() };
+            LadTable::new(folded)?
+        } else {
+            LadTable::new(rows)?
+        };
+        let reading = Reading { mean: table.mean, is_g: table.mean < (0.5 * PI).sqrt(), is_half };
+        let scale = if rules.leaf_table_scale && reading.is_g { TAU } else { 1.0 };
+        let rows = table.rows().map(|(angle, g)| (angle, g * scale)).collect();
+        Some((LadTable::of_rows(rows), reading))
+    }
+
+    /// Mean over all directions of a function of the zenith angle and the value there.
+    fn mean_of(&self, f: impl Fn(f64, f64) -> f64) -> f64 {
+        let mean = |i: u32| {
+            let z = 2.0 * (f64::from(i) + 0.5) / f64::from(STEPS) - 1.0;
+            f(z, self.at(acos(z)))
+        };
+        (0..STEPS).map(mean).sum::<f64>() / f64::from(STEPS)
     }
 
     /// Zenith angle and G of every row.
@@ -48,13 +103,33 @@ impl LadTable {
     /// The table of [`LadTable::rows`], of which there is at least one.
     pub(super) fn of_rows(rows: Vec<(f64, f64)>) -> LadTable {
         let (angles, values) = rows.into_iter().unzip();
-        LadTable { angles, values }
+        let mut table = LadTable { angles, values, mean: 0.0, levelness: 0.0 };
+        table.mean = table.mean_of(|_, g| g);
+        // G is the cosine transform of the leaf normals' density: its second Legendre coefficient is 5/8 of that mean.
+        let second = table.mean_of(|z, g| g * (1.5 * z * z - 0.5));
+        table.levelness = (4.0 * second / table.mean).clamp(-0.5, 1.0);
+        if table.levelness.is_nan() {
+            table.levelness = 0.0;
+        }
+        table
     }
 
-    /// G for a ray along the unit vector `direction`: linear between the neighbouring angles, constant beyond the first
+    /// Mean cosine of the incidence on the leaves that a ray along the unit vector `direction` meets, each as often as it
+    /// projects: the mean of cos² over the leaf normals, which the second moment of G gives, over G.
+    pub fn mean_cosine(&self, direction: DVec3) -> f64 {
+        let g = 0.5 * self.g(direction) / self.mean;
+        let square = (1.0 + self.levelness * (3.0 * direction.z * direction.z - 1.0)) / 3.0;
+        let mean = (square / g).min(1.0);
+        if mean.is_nan() { SPHERICAL_MEAN_COSINE } else { mean }
+    }
+
+    /// 2πG for a ray along the unit vector `direction`: linear between the neighbouring angles, constant beyond the first
     /// and the last. A vertical ray whose z exceeds 1 by rounding counts as vertical.
     pub fn g(&self, direction: DVec3) -> f64 {
-        let angle = acos(direction.z.clamp(-1.0, 1.0));
+        self.at(acos(direction.z.clamp(-1.0, 1.0)))
+    }
+
+    fn at(&self, angle: f64) -> f64 {
         let upper = self.angles.partition_point(|&a| a < angle);
         let Some(&above) = self.angles.get(upper) else { return self.values[upper - 1] };
         if above - angle < SAME_ANGLE || upper == 0 {
@@ -67,8 +142,13 @@ impl LadTable {
         (b * self.values[upper] + a * self.values[upper - 1]) / (a + b)
     }
 
-    /// Reads a table of lines `x,y,z,G`. `None` after an error, of which all are reported.
-    pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Option<LadTable> {
+    /// Reads a table of lines `x,y,z,G` by the rules, and tells which rules would make a difference to it. `None` after an
+    /// error, of which all are reported.
+    pub(super) fn read(
+        source: &Source,
+        rules: MaterialRules,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<(LadTable, MaterialRules)> {
         if !source.is_text("a leaf angle table", diagnostics) {
             return None;
         }
@@ -94,12 +174,47 @@ impl LadTable {
             }
         }
         let is_sound = problems.report(source, diagnostics);
-        let table = LadTable::new(rows);
+        let table = LadTable::by_rules(rows, rules);
         if table.is_none() && is_sound {
             let message = "the leaf angle table has no rows; a row is x,y,z,G";
             diagnostics.error(Some(source.place(1, 0..0)), message);
         }
-        table.filter(|_| is_sound)
+        let (table, reading) = table.filter(|_| is_sound)?;
+        if rules.leaf_table_scale || rules.leaf_table_mirror {
+            reading.report(source, rules, diagnostics);
+        }
+        let ruled = MaterialRules {
+            leaf_table_scale: reading.is_g,
+            leaf_table_mirror: true,
+            ..MaterialRules::default()
+        };
+        Some((table, ruled))
+    }
+}
+
+impl Reading {
+    /// Says what the table was taken for.
+    fn report(&self, source: &Source, rules: MaterialRules, diagnostics: &mut Diagnostics) {
+        let place = || Some(source.place(0, 0..0));
+        let is_g = self.is_g && rules.leaf_table_scale;
+        let (scale, expected) = if is_g { ("G", 0.5) } else { ("2πG", PI) };
+        let half = match self.is_half && rules.leaf_table_mirror {
+            true => ", of one hemisphere, and hold for the opposite directions alike",
+            false => "",
+        };
+        let mean = self.mean;
+        let message = format!(
+            "the leaf angle table's values are taken for {scale}: they average {mean:.4} over all directions{half}"
+        );
+        diagnostics.note(place(), message);
+        if (mean / expected - 1.0).abs() > MAX_MEAN_ERROR {
+            let message = format!(
+                "the leaf angle table's values average {mean:.4} over all directions, where G averages 0.5 and 2πG π; \
+                 the foliage is {:.3} times as dense as its voxels say",
+                mean / expected
+            );
+            diagnostics.warn(place(), message);
+        }
     }
 }
 
@@ -108,6 +223,116 @@ mod tests {
     use super::*;
     use crate::geom::unit;
     use proptest::prelude::*;
+
+    const HELIOS: MaterialRules = MaterialRules {
+        specular_shares: false,
+        reflectance_fraction: false,
+        specular_lobe: false,
+        lambert_default: false,
+        leaf_table_scale: false,
+        leaf_table_mirror: false,
+    };
+    const REFINED: MaterialRules =
+        MaterialRules { leaf_table_scale: true, leaf_table_mirror: true, ..HELIOS };
+
+    /// Rows every 5° between two zenith angles.
+    fn rows(from: u32, to: u32, g: impl Fn(f64) -> f64) -> Vec<(DVec3, f64)> {
+        let row = |degrees: u32| {
+            let z = f64::from(degrees).to_radians();
+            (DVec3::new(z.sin(), 0.0, z.cos()), g(z))
+        };
+        (from..=to).step_by(5).map(row).collect()
+    }
+
+    fn towards(degrees: f64) -> DVec3 {
+        let z = degrees.to_radians();
+        DVec3::new(0.0, z.sin(), z.cos())
+    }
+
+    /// G of level leaves.
+    fn level(z: f64) -> f64 {
+        z.cos().abs()
+    }
+
+    /// G of upright leaves of all azimuths.
+    fn upright(z: f64) -> f64 {
+        2.0 / PI * z.sin()
+    }
+
+    #[test]
+    fn both_scales_are_told_apart_by_their_mean() {
+        for g in [level, upright, |_| 0.5] {
+            for scale in [1.0, TAU] {
+                let (table, reading) = LadTable::by_rules(rows(0, 180, |z| scale * g(z)), REFINED).unwrap();
+                assert_eq!((reading.is_g, reading.is_half), (scale == 1.0, false));
+                assert!((reading.mean / scale - 0.5).abs() < 2e-3, "{}", reading.mean);
+                assert!((table.g(towards(35.0)) / TAU - g(35f64.to_radians())).abs() < 1e-12);
+                let (helios, _) = LadTable::by_rules(rows(0, 180, |z| scale * g(z)), HELIOS).unwrap();
+                assert_eq!(helios, LadTable::new(rows(0, 180, |z| scale * g(z))).unwrap());
+            }
+        }
+    }
+
+    #[test]
+    fn half_tables_hold_for_opposite_directions() {
+        for (from, to) in [(0, 90), (90, 180)] {
+            let (table, reading) = LadTable::by_rules(rows(from, to, |z| TAU * level(z)), REFINED).unwrap();
+            assert!(reading.is_half && !reading.is_g);
+            for degrees in [0.0, 40.0, 65.0, 115.0, 140.0, 180.0] {
+                let g = table.g(towards(degrees)) / TAU;
+                assert!((g - level(f64::to_radians(degrees))).abs() < 1e-12, "{degrees}°: {g}");
+            }
+        }
+        let (helios, _) = LadTable::by_rules(rows(0, 90, |z| TAU * level(z)), HELIOS).unwrap();
+        assert!(helios.g(towards(140.0)) < 1e-12, "the reference repeats the edge");
+        // The other half of the circle, which the reference never looks at.
+        let west = rows(0, 90, level).into_iter().map(|(d, g)| (DVec3::new(-d.x, d.y, d.z), g)).collect();
+        let (table, _) = LadTable::by_rules(west, REFINED).unwrap();
+        assert!((table.g(towards(40.0)) / TAU - level(40f64.to_radians())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn tables_are_said_to_be_what_they_are_taken_for() {
+        let text = |scale: f64| {
+            let line = |(d, g): (DVec3, f64)| format!("{},{},{},{}\n", d.x, d.y, d.z, g);
+            rows(0, 90, |z| scale * level(z)).into_iter().map(line).collect::<String>()
+        };
+        let said = |text: &str, rules| {
+            let mut d = Diagnostics::default();
+            LadTable::read(&Source::of("l.lut", text.as_bytes()), rules, &mut d).unwrap();
+            assert!(d.items().iter().all(|i| i.place.as_ref().is_some_and(|p| p.path.ends_with("l.lut"))));
+            (d.is_fatal(true), d.items().iter().map(|i| i.message.clone()).collect::<Vec<_>>())
+        };
+        let (fatal, g) = said(&text(1.0), REFINED);
+        assert!(
+            !fatal && g.len() == 1 && g[0].contains("taken for G") && g[0].contains("hemisphere"),
+            "{g:?}"
+        );
+        let (_, scaled) = said(&text(TAU), REFINED);
+        assert!(scaled.len() == 1 && scaled[0].contains("taken for 2πG"), "{scaled:?}");
+        let (fatal, off) = said(&text(0.5), REFINED);
+        assert!(fatal && off.len() == 2 && off[1].contains("times as dense"), "{off:?}");
+        assert_eq!(said(&text(1.0), HELIOS), (false, vec![]));
+    }
+
+    /// The leaves of a canopy by the closed forms of their angles: cos² over |cos| for level ones is |cos|; for upright ones
+    /// (sin²/2)/(2 sin/π); for spherical ones 2/3.
+    #[test]
+    fn mean_cosines_by_leaf_angle() {
+        let fine = |g: fn(f64) -> f64| {
+            let row = |i: u32| {
+                let z = PI * f64::from(i) / 720.0;
+                (DVec3::new(z.sin(), 0.0, z.cos()), g(z))
+            };
+            LadTable::by_rules((0..=720).map(row).collect(), REFINED).unwrap().0
+        };
+        for degrees in [10.0f64, 35.0, 60.0, 80.0, 120.0] {
+            let (s, c) = (degrees.to_radians().sin(), degrees.to_radians().cos().abs());
+            assert!((fine(level).mean_cosine(towards(degrees)) - c).abs() < 1e-3, "{degrees}°");
+            assert!((fine(upright).mean_cosine(towards(degrees)) - s * PI / 4.0).abs() < 1e-3, "{degrees}°");
+            assert!((fine(|_| 0.5).mean_cosine(towards(degrees)) - 2.0 / 3.0).abs() < 1e-6);
+        }
+    }
 
     fn example() -> LadTable {
         LadTable::new([(DVec3::Z, 2.4), (DVec3::X, 3.4), (-DVec3::Z, 2.4)]).unwrap()
@@ -133,12 +358,14 @@ mod tests {
     fn a_file_with_mistakes_names_them_all() {
         let mut d = Diagnostics::default();
         let good = Source::of("l.lut", b"1.0,0.0,0.0,0.5\r\n\r\n0.0, 0.0, 1.0, 0.25\n");
-        assert_eq!(LadTable::read(&good, &mut d).unwrap().g(DVec3::Z), 0.25);
+        assert_eq!(LadTable::read(&good, HELIOS, &mut d).unwrap().0.g(DVec3::Z), 0.25);
         assert!(d.items().is_empty());
         let bad = Source::of("l.lut", b"1,0,0,0.5\n1,0,0\nx,0,0,1\n1,1,1,1\n0,0,1,nan\n0,0,1,-1\n");
-        assert!(LadTable::read(&bad, &mut d).is_none());
+        assert!(LadTable::read(&bad, HELIOS, &mut d).is_none());
         assert_eq!(d.items().len(), 5);
-        assert!(LadTable::read(&Source::of("l.lut", b"\n"), &mut d).is_none() && d.items().len() == 6);
+        assert!(
+            LadTable::read(&Source::of("l.lut", b"\n"), HELIOS, &mut d).is_none() && d.items().len() == 6
+        );
     }
 
     proptest! {

@@ -1,9 +1,10 @@
 //! From material definitions to the scene's materials (spec pulse-physics §3.2, input-formats §3.5 and §5).
 
+use super::doubts::{Doubt, Doubts};
 use super::mtl::{self, Definition};
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{Material, Reflection};
+use super::{Material, MaterialRules, Reflection};
 use crate::diag::{Diagnostics, Place};
 use crate::rng::{Purpose, Stream};
 use crate::survey::MaterialChoice;
@@ -20,7 +21,11 @@ const MOST_VARIANTS: u32 = 10_000;
 /// All materials of a scene and the files that they come from. Materials are resolved when a primitive first uses them.
 pub(super) struct Library {
     spectra: Spectra,
-    helios_specularity: bool,
+    rules: MaterialRules,
+    /// Rules that would make a difference to some material.
+    pub ruled: MaterialRules,
+    /// Materials with a reflectance that is missing or no fraction.
+    pub doubts: Doubts,
     seed: u64,
     files: Vec<MtlFile>,
     file_of: HashMap<PathBuf, Option<usize>>,
@@ -55,10 +60,12 @@ pub(super) struct Names(HashMap<String, Known>);
 
 impl Library {
     /// An empty library.
-    pub fn new(spectra: Spectra, helios_specularity: bool, seed: u64) -> Library {
+    pub fn new(spectra: Spectra, rules: MaterialRules, seed: u64) -> Library {
         Library {
             spectra,
-            helios_specularity,
+            rules,
+            ruled: MaterialRules::default(),
+            doubts: Doubts::default(),
             seed,
             files: Vec::new(),
             file_of: HashMap::new(),
@@ -107,9 +114,11 @@ impl Library {
     }
 
     fn undefined(&mut self, name: &str) -> u32 {
-        let materials = &mut self.materials;
+        let (materials, rules) = (&mut self.materials, self.rules);
+        self.ruled.reflectance_fraction = true;
+        self.ruled.lambert_default = true;
         *self.index_of.entry(Key::Named(name.to_owned())).or_insert_with(|| {
-            materials.push(Material::unnamed(name));
+            materials.push(Material::unnamed(name, rules));
             materials.len() as u32 - 1
         })
     }
@@ -160,17 +169,36 @@ impl Library {
                     format!("no spectrum \"{name}\" for material \"{}\"; it reflects 50 per cent", d.name);
                 diagnostics.warn(place(), message).help(self.spectra.described());
             }
+        } else if let (None, Some(place)) = (d.reflectance, place()) {
+            self.doubts.add(Doubt::Missing, &d.name, place);
+        }
+        let is_fraction = self.rules.reflectance_fraction;
+        let reflectance = match d.reflectance {
+            Some(fraction) => fraction,
+            None if is_fraction => from_spectrum.unwrap_or(50.0) / 100.0,
+            None => from_spectrum.unwrap_or(50.0),
+        };
+        if let (true, Some(place)) = (!(0.0..=1.0).contains(&reflectance), place()) {
+            self.doubts.add(Doubt::NoFraction, &d.name, place);
         }
         if is_specular_only(d) {
             let message =
                 format!("material \"{}\" has Ks but no Kd; it reflects by its specular share alone", d.name);
             diagnostics.warn(place(), message);
         }
-        let has_share = !self.helios_specularity || is_last || from_spectrum.is_some();
+        let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
+        self.ruled = self.ruled.or(MaterialRules {
+            specular_shares: has_kd && has_ks,
+            reflectance_fraction: d.reflectance.is_none_or(|r| r > 1.0),
+            specular_lobe: has_ks && d.roughness == 0.0,
+            lambert_default: !has_kd && !has_ks,
+            ..MaterialRules::default()
+        });
+        let has_share = self.rules.specular_shares || is_last || from_spectrum.is_some();
         Material {
             name: d.name.clone(),
-            reflectance: d.reflectance.or(from_spectrum).unwrap_or(50.0),
-            reflection: reflection(d, has_share),
+            reflectance: reflectance.max(0.0),
+            reflection: reflection(d, has_share, self.rules),
             classification: d.classification,
             is_ground: d.is_ground,
         }
@@ -185,7 +213,12 @@ impl Library {
         place: Option<&Place>,
         diagnostics: &mut Diagnostics,
     ) -> Option<Vec<u32>> {
-        let Some(path) = &choice.file else { return Some(vec![self.undefined(DEFAULT)]) };
+        let Some(path) = &choice.file else {
+            if let Some(place) = place {
+                self.doubts.add(Doubt::Missing, DEFAULT, place.clone());
+            }
+            return Some(vec![self.undefined(DEFAULT)]);
+        };
         let Some(file) = self.open(path, diagnostics) else {
             let message =
                 format!("cannot read the material file {}; the part reflects 50 per cent", path.display());
@@ -241,7 +274,7 @@ impl Library {
             varied.kd[i] = change(varied.kd[i], axis);
             varied.ks[i] = change(varied.ks[i], 3 + axis);
         }
-        Material { reflection: reflection(&varied, true), ..base }
+        Material { reflection: reflection(&varied, true, self.rules), ..base }
     }
 }
 
@@ -250,14 +283,22 @@ fn is_specular_only(d: &Definition) -> bool {
 }
 
 /// The angular law; without `has_share` the specular share stays 0, as the reference leaves it for most materials.
-fn reflection(d: &Definition, has_share: bool) -> Reflection {
+fn reflection(d: &Definition, has_share: bool, rules: MaterialRules) -> Reflection {
     let (kd, ks): (f64, f64) = (d.kd.iter().sum(), d.ks.iter().sum());
-    match (d.kd != [0.0; 3], d.ks != [0.0; 3]) {
-        (false, false) => Reflection::Uniform,
-        (true, false) => Reflection::Lambert,
-        (false, true) => Reflection::Phong { specularity: 1.0, exponent: d.ns },
-        (true, true) if has_share => Reflection::Phong { specularity: ks / (ks + kd), exponent: d.ns },
-        (true, true) => Reflection::Phong { specularity: 0.0, exponent: d.ns },
+    let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
+    let specularity = match (has_kd, has_ks) {
+        (_, false) => 0.0,
+        (false, true) => 1.0,
+        (true, true) if has_share => ks / (ks + kd),
+        (true, true) => 0.0,
+    };
+    if d.roughness > 0.0 || (has_ks && rules.specular_lobe) {
+        return Reflection::Lobes { specularity, exponent: d.ns, roughness: d.roughness };
+    }
+    match (has_kd, has_ks) {
+        (_, true) => Reflection::Phong { specularity, exponent: d.ns },
+        (false, false) if !rules.lambert_default => Reflection::Uniform,
+        _ => Reflection::Lambert,
     }
 }
 
@@ -279,6 +320,16 @@ mod tests {
         Ks .1 .1 .1\nhelios_spectra lost\nnewmtl mirror\nKs 1 1 1\nnewmtl plain\nnewmtl last\nKd .2 .2 .2\nKs .6 .6 .6\n\
         helios_reflectance 0.3\nhelios_classification 7\nhelios_isGround true\n";
 
+    const HELIOS: MaterialRules = MaterialRules {
+        specular_shares: false,
+        reflectance_fraction: false,
+        specular_lobe: false,
+        lambert_default: false,
+        leaf_table_scale: false,
+        leaf_table_mirror: false,
+    };
+    const SHARES: MaterialRules = MaterialRules { specular_shares: true, ..HELIOS };
+
     struct Fixture {
         folder: tempfile::TempDir,
         diagnostics: Diagnostics,
@@ -294,8 +345,8 @@ mod tests {
             Fixture { folder, diagnostics: Diagnostics::default() }
         }
 
-        fn library(&self, helios_specularity: bool) -> Library {
-            Library::new(Spectra::new(&[self.folder.path().to_path_buf()], 1064.0), helios_specularity, 1)
+        fn library(&self, rules: MaterialRules) -> Library {
+            Library::new(Spectra::new(&[self.folder.path().to_path_buf()], 1064.0), rules, 1)
         }
 
         fn material(&mut self, library: &mut Library, name: &str) -> Material {
@@ -309,7 +360,7 @@ mod tests {
     #[test]
     fn reflectance_is_verbatim_then_spectral_then_fifty() {
         let mut f = Fixture::new();
-        let mut library = f.library(true);
+        let mut library = f.library(HELIOS);
         assert_eq!(f.material(&mut library, "glossy").reflectance, 12.5);
         assert!((f.material(&mut library, "slate").reflectance - 36.4).abs() < 1e-4);
         assert_eq!(f.material(&mut library, "plain").reflectance, 50.0);
@@ -325,7 +376,7 @@ mod tests {
     fn the_specular_share_of_most_materials_is_zero_unless_asked_for() {
         let mut f = Fixture::new();
         let phong = |specularity, exponent| Reflection::Phong { specularity, exponent };
-        let (mut helios, mut refined) = (f.library(true), f.library(false));
+        let (mut helios, mut refined) = (f.library(HELIOS), f.library(SHARES));
         assert_eq!(f.material(&mut helios, "glossy").reflection, phong(0.0, 20.0));
         assert_eq!(f.material(&mut helios, "lost").reflection, phong(0.0, 10.0));
         assert_eq!(f.material(&mut refined, "glossy").reflection, phong(0.5, 20.0));
@@ -343,9 +394,49 @@ mod tests {
     }
 
     #[test]
+    fn reflectances_are_fractions_and_missing_ones_are_told() {
+        let mut f = Fixture::new();
+        let mut library = f.library(MaterialRules { reflectance_fraction: true, ..HELIOS });
+        assert!(
+            (f.material(&mut library, "slate").reflectance - 0.364).abs() < 1e-6,
+            "a spectrum in per cent"
+        );
+        assert_eq!(f.material(&mut library, "last").reflectance, 0.3);
+        assert_eq!(f.material(&mut library, "matte").reflectance, 50.0, "used as it stands, but told");
+        assert_eq!(f.material(&mut library, "plain").reflectance, 0.5);
+        assert_eq!(f.material(&mut library, "mirror").reflectance, 0.5);
+        assert_eq!(f.material(&mut library, "nowhere").reflectance, 0.5);
+        let mut told = Diagnostics::default();
+        library.doubts.report(&mut told);
+        let [above, missing] = told.items() else { panic!("{}", told.render(false)) };
+        assert!(above.message.contains("\"matte\"") && missing.message.contains("\"plain\", \"mirror\""));
+        let place = missing.place.as_ref().unwrap();
+        assert!(place.path.ends_with("m.mtl") && place.excerpt == "newmtl plain", "{place:?}");
+    }
+
+    #[test]
+    fn laws_by_colours_roughness_and_rules() {
+        let mut f = Fixture::new();
+        let mtl = format!("{MTL}newmtl rough\nKd .1 .1 .1\nvlscan_roughness_deg 45\n");
+        std::fs::write(f.folder.path().join("m.mtl"), mtl).unwrap();
+        let rules = MaterialRules { specular_lobe: true, lambert_default: true, ..SHARES };
+        let (mut refined, mut helios) = (f.library(rules), f.library(HELIOS));
+        let lobes = |specularity, exponent| Reflection::Lobes { specularity, exponent, roughness: 0.0 };
+        assert_eq!(f.material(&mut refined, "glossy").reflection, lobes(0.5, 20.0));
+        assert_eq!(f.material(&mut refined, "mirror").reflection, lobes(1.0, 10.0));
+        assert_eq!(f.material(&mut refined, "matte").reflection, Reflection::Lambert);
+        assert_eq!(f.material(&mut refined, "plain").reflection, Reflection::Lambert);
+        for library in [&mut refined, &mut helios] {
+            let roughness = std::f64::consts::FRAC_PI_4;
+            let rough = Reflection::Lobes { specularity: 0.0, exponent: 10.0, roughness };
+            assert_eq!(f.material(library, "rough").reflection, rough, "asked for by a key of our own");
+        }
+    }
+
+    #[test]
     fn a_choice_without_a_name_is_the_alphabetically_first() {
         let mut f = Fixture::new();
-        let mut library = f.library(true);
+        let mut library = f.library(HELIOS);
         let file = Some(f.folder.path().join("m.mtl"));
         let mut choice = MaterialChoice { file, ..MaterialChoice::default() };
         let first = library.chosen(&choice, 0, None, &mut f.diagnostics).unwrap();
@@ -358,7 +449,7 @@ mod tests {
             MaterialChoice { file: Some(f.folder.path().join("gone.mtl")), ..MaterialChoice::default() };
         for (choice, warnings) in [(MaterialChoice::default(), 0), (gone, 1)] {
             let none = library.chosen(&choice, 0, None, &mut f.diagnostics).unwrap();
-            assert_eq!(library.materials[none[0] as usize], Material::unnamed("default"));
+            assert_eq!(library.materials[none[0] as usize], Material::unnamed("default", HELIOS));
             assert_eq!(f.diagnostics.items().len() - before, warnings);
         }
     }
@@ -366,7 +457,7 @@ mod tests {
     #[test]
     fn variants_differ_by_seed_and_stay_within_bounds() {
         let mut f = Fixture::new();
-        let mut library = f.library(true);
+        let mut library = f.library(HELIOS);
         let file = Some(f.folder.path().join("m.mtl"));
         let name = Some("last".to_owned());
         let choice = MaterialChoice { file, name, random_variants: 50, random_range: 1.0 };
@@ -391,14 +482,14 @@ mod tests {
             "newmtl default\nhelios_reflectance 9\nnewmtl matte\nKs 1 1 1\n",
         )
         .unwrap();
-        let mut library = f.library(true);
+        let mut library = f.library(HELIOS);
         let mut names = Names::default();
         for file in ["m.mtl", "n.mtl"] {
             library.add_file(&f.folder.path().join(file), &mut names, &mut f.diagnostics);
         }
         let (d, _) = library.named(DEFAULT, &names, &mut f.diagnostics);
         let (m, known) = library.named("matte", &names, &mut f.diagnostics);
-        assert_eq!(library.materials[d as usize], Material::unnamed("default"));
+        assert_eq!(library.materials[d as usize], Material::unnamed("default", HELIOS));
         assert!(known && library.materials[m as usize].reflection == Reflection::Lambert);
         assert!(!library.add_file(Path::new("/does/not/exist.mtl"), &mut names, &mut f.diagnostics));
     }

@@ -8,7 +8,7 @@ use super::library::{Library, Names};
 use super::play::{self, Stand};
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{LadTable, Mover, Pack, Part, Scene, geotiff, obj, place, vox, xyz};
+use super::{LadTable, MaterialRules, Mover, Pack, Part, Scene, geotiff, obj, place, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, UpAxis, VoxelMode};
@@ -23,9 +23,8 @@ pub struct LoadOptions {
     pub wavelength_nm: f64,
     /// Seed of random materials and random voxel shifts.
     pub seed: u64,
-    /// As the reference does, leave the specular share 0 except for the last material of an MTL file and materials with a
-    /// spectrum (spec input-formats §10, trap 56).
-    pub helios_specularity: bool,
+    /// Where materials and leaf angle tables are not read as the reference does.
+    pub rules: MaterialRules,
     /// As the reference does, leave out OBJ faces with more than four vertices (trap 51).
     pub drop_polygons: bool,
     /// Most bytes that the scene may need, without the tree over it.
@@ -37,12 +36,12 @@ pub struct LoadOptions {
 }
 
 impl Default for LoadOptions {
-    /// 1064 nm, seed 0, the reference's specularity, all polygons, no limit, all threads.
+    /// 1064 nm, seed 0, the reference's materials, all polygons, no limit, all threads.
     fn default() -> LoadOptions {
         LoadOptions {
             wavelength_nm: 1064.0,
             seed: 0,
-            helios_specularity: true,
+            rules: MaterialRules::default(),
             drop_polygons: false,
             max_memory: None,
             jobs: 0,
@@ -82,7 +81,7 @@ fn load_state(
     first: Option<Stand>,
 ) -> Result<(Scene, Diagnostics)> {
     let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
-    let library = Library::new(spectra, options.helios_specularity, options.seed);
+    let library = Library::new(spectra, options.rules, options.seed);
     let mut scene = Assembly::new(options, library);
     scene.stock.plan(recipe, play, options.sharing);
     let mut placed = Vec::new();
@@ -100,6 +99,9 @@ fn load_state(
     }
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
+    if options.rules.reflectance_fraction {
+        scene.library.doubts.report(&mut scene.diagnostics);
+    }
     ground::settle(&mut scene, &placed);
     let (scene, warnings) = freeze(scene, first, play::keeps_frame(recipe))?;
     Ok((Scene { dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
@@ -190,7 +192,10 @@ fn leaf_angles(scene: &mut Assembly, part: &PartRecipe) -> Option<Arc<LadTable>>
     match Source::open(path) {
         Ok(source) => {
             scene.sources.push(path.clone());
-            LadTable::read(&source, &mut scene.diagnostics).map(Arc::new)
+            let rules = scene.options.rules;
+            let (table, ruled) = LadTable::read(&source, rules, &mut scene.diagnostics)?;
+            scene.leaf_tables = scene.leaf_tables.or(ruled);
+            Some(Arc::new(table))
         }
         Err(e) => {
             let message = format!("cannot read the leaf angle table {}: {e}", path.display());
@@ -307,6 +312,7 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Sc
         stock,
         diagnostics,
         mut sources,
+        leaf_tables,
         ..
     } = scene;
     let mut placed = instances::freeze(stock, geometry.len())?;
@@ -329,6 +335,7 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Sc
     let own = ground::bounds(&geometry, &all);
     let found = placed.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
     let bounds = first.map_or(found, |first| first.bounds(found, keep_frame));
+    let ruled = library.ruled.or(leaf_tables);
     sources.extend(library.files());
     sources.sort();
     sources.dedup();
@@ -346,6 +353,7 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Sc
         voxels,
         movers,
         placed,
+        ruled,
         sources,
         ..Scene::default()
     };

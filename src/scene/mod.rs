@@ -14,6 +14,7 @@
 //! ```
 
 mod assembly;
+mod doubts;
 #[cfg(test)]
 mod fixture;
 mod geotiff;
@@ -34,6 +35,7 @@ mod pack;
 mod place;
 mod plane;
 mod play;
+mod rules;
 mod spectra;
 mod surface_of;
 #[cfg(test)]
@@ -48,10 +50,11 @@ pub use instances::{Placed, Sharing};
 pub use inventory::Inventory;
 pub use lad::LadTable;
 pub use load::{LoadOptions, load, load_play};
-pub use material::{Material, Reflection};
+pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{Mover, Part, ReadyTree, Scene, Surface};
 pub use motion::{Actor, Change, MoverState, Movers, Stage};
 pub use pack::{Conditions, Pack, Packed, pack};
 pub use play::{Stand, plays};
+pub use rules::MaterialRules;
 pub use surface_of::SurfaceOf;
 pub use voxel::{Voxel, VoxelKind};

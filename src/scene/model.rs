@@ -1,6 +1,6 @@
 //! The frozen scene that workers share.
 
-use super::{LadTable, Material, Placed, SurfaceOf, Voxel};
+use super::{LadTable, Material, MaterialRules, Placed, SurfaceOf, Voxel};
 use crate::geom::{Aabb, DVec3};
 use crate::store::Store;
 use crate::survey::{MotionSequence, MotionTiming};
@@ -38,6 +38,8 @@ pub struct Scene {
     pub dyn_step: u32,
     /// The same in seconds; overrides all steps.
     pub dyn_time_step: Option<f64>,
+    /// Rules that would make a difference to its materials or leaf angle tables.
+    pub ruled: MaterialRules,
     /// Files that it was loaded from, as far as they are not named by its description.
     pub sources: Vec<PathBuf>,
     /// The tree that a packed scene comes with.
@@ -283,8 +285,8 @@ mod tests {
             surface_of: vec![0, 0, 0, 1, 0].into(),
             surfaces: vec![Surface { part: 0, material: 0 }, Surface { part: 0, material: 1 }],
             materials: vec![
-                Material { is_ground: true, ..Material::unnamed("soil") },
-                Material::unnamed("tile"),
+                Material { is_ground: true, ..Material::unnamed("soil", MaterialRules::default()) },
+                Material::unnamed("tile", MaterialRules::default()),
             ],
             voxels: vec![Voxel::default()].into(),
             shift: DVec3::new(1000.0, 2000.0, 3.0),

@@ -16,6 +16,8 @@ pub(super) struct Definition {
     pub ks: [f64; 3],
     /// Specular exponent.
     pub ns: f64,
+    /// `vlscan_roughness_deg` in rad.
+    pub roughness: f64,
     /// `helios_reflectance`.
     pub reflectance: Option<f64>,
     /// `helios_spectra`.
@@ -35,6 +37,7 @@ impl Definition {
             kd: [0.0; 3],
             ks: [0.0; 3],
             ns: 10.0,
+            roughness: 0.0,
             reflectance: None,
             spectrum: None,
             classification: 0,
@@ -102,6 +105,7 @@ fn is_known(keyword: &[u8]) -> bool {
         b"Kd"
             | b"Ks"
             | b"Ns"
+            | b"vlscan_roughness_deg"
             | b"helios_reflectance"
             | b"helios_spectra"
             | b"helios_classification"
@@ -120,6 +124,10 @@ fn set(
         b"Kd" => material.kd = colour(values).ok_or("one or three numbers, 0 or greater,")?,
         b"Ks" => material.ks = colour(values).ok_or("one or three numbers, 0 or greater,")?,
         b"Ns" => material.ns = number().filter(|n| *n >= 0.0).ok_or("an exponent, 0 or greater,")?,
+        b"vlscan_roughness_deg" => {
+            let degrees = number().filter(|d| (0.0..=90.0).contains(d));
+            material.roughness = degrees.ok_or("a roughness of 0 to 90 degrees")?.to_radians();
+        }
         b"helios_reflectance" if first.and_then(float).is_some_and(f64::is_nan) => {
             material.reflectance = None
         }
@@ -177,7 +185,7 @@ mod tests {
     fn the_example_of_the_dialect() {
         let (m, d) = read_text(
             b"# fields\r\nnewmtl meadow wide\r\n\tKd 0.2 0.6 0.2\r\nhelios_spectra grass\r\nhelios_classification 2\r\n\
-              helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nhelios_reflectance 0.4\n",
+              helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nvlscan_roughness_deg 18\nhelios_reflectance 0.4\n",
         );
         assert!(d.items().is_empty(), "{}", d.render(false));
         assert_eq!(
@@ -187,15 +195,16 @@ mod tests {
         assert_eq!((m[0].classification, m[0].is_ground, m[0].reflectance), (2, true, None));
         assert_eq!((m[1].name.as_str(), m[1].ks, m[1].ns), ("bär", [0.5; 3], 20.0));
         assert_eq!((m[1].reflectance, m[1].is_ground), (Some(0.4), false));
+        assert_eq!((m[0].roughness, m[1].roughness), (0.0, std::f64::consts::PI / 10.0));
     }
 
     #[test]
     fn bad_values_are_named_all_at_once() {
         let (m, d) = read_text(
             b"Kd 1 1 1\nnewmtl a\nKd spectral f.rfl\nhelios_useVertexColors true\nhelios_reflectance much\n\
-              helios_classification 2.5\nhelios_isGround perhaps\nNs -1\nKs 1 nan 1\nnewmtl\nnewmtl a\nnewmtl b\nKd 1 1 1\n",
+              helios_classification 2.5\nhelios_isGround perhaps\nNs -1\nvlscan_roughness_deg 91\nKs 1 nan 1\nnewmtl\nnewmtl a\nnewmtl b\nKd 1 1 1\n",
         );
-        assert_eq!(d.items().len(), 9, "{}", d.render(false));
+        assert_eq!(d.items().len(), 10, "{}", d.render(false));
         assert_eq!(m.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["a", "a", "b"]);
         assert_eq!((m[0].kd, m[0].ns, m[2].kd), ([0.0; 3], 10.0, [1.0; 3]));
         let place = d.items()[2].place.as_ref().unwrap();

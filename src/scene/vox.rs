@@ -336,7 +336,7 @@ mod tests {
         assert_eq!(scene.to_world(scene.geometry.cubes[0].centre), DVec3::new(0.25, 0.25, 1.25));
         assert_eq!(scene.geometry.cubes[0].half, 0.25);
         assert_eq!(*scene.voxel(0).unwrap(), Voxel::of_plants(1.3, VoxelKind::Transmittive));
-        assert_eq!(*scene.material_of(0), crate::scene::Material::unnamed("default"));
+        assert_eq!(*scene.material_of(0), crate::scene::Material::unnamed("default", Default::default()));
     }
 
     #[test]

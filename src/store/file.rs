@@ -26,7 +26,7 @@ use xxhash_rust::xxh3::xxh3_64;
 const MAGIC: &[u8; 8] = b"VLSCENE\n";
 
 /// Raised whenever an array's elements or the other contents change their meaning.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Written as the machine writes it: another machine reads another number.
 const BYTE_ORDER: u32 = 0x0102_0304;

@@ -11,7 +11,7 @@ use crate::output::{
     Column, LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat, Target, TrajectoryFormat,
 };
 use crate::pulse::{Corrections, PhysicsOptions};
-use crate::scene::LoadOptions;
+use crate::scene::{LoadOptions, MaterialRules};
 use crate::schedule;
 use crate::survey::{
     self, Grid, OutputSettings, PlatformKind, PoseChoices, ReadOptions, RunSettings, Survey,
@@ -89,7 +89,7 @@ impl Job {
                 max_memory: max_memory(speed.max_memory.as_deref())?.or(set.max_memory),
                 jobs: threads,
                 sharing: sharing(args.tree.instances.as_deref()),
-                helios_specularity: !physics.corrections.specular_shares,
+                rules: material_rules(&physics.corrections),
                 drop_polygons: input.drop_polygons,
             },
             tree: tree(&args.tree, set, threads)?,
@@ -109,6 +109,18 @@ impl Job {
             progress_lines: speed.progress,
             survey,
         })
+    }
+}
+
+/// The rules by which materials and leaf angle tables are read under some corrections.
+pub fn material_rules(corrections: &Corrections) -> MaterialRules {
+    MaterialRules {
+        specular_shares: corrections.specular_shares,
+        reflectance_fraction: corrections.reflectance_fraction,
+        specular_lobe: corrections.specular_lobe,
+        lambert_default: corrections.lambert_default,
+        leaf_table_scale: corrections.leaf_table_scale,
+        leaf_table_mirror: corrections.leaf_table_mirror,
     }
 }
 

@@ -27,7 +27,7 @@ const EDGE: f64 = 0.5;
 fn slab(layers: usize, density: f64, lad: Option<LadTable>) -> Scene {
     const ACROSS: usize = 24;
     // Of a material that sends light back whatever the angle.
-    let mut scene = rectangles(Material::unnamed("leaves"), &[wall(-20.0, 20.0, 60.0)]);
+    let mut scene = rectangles(Material::unnamed("leaves", Default::default()), &[wall(-20.0, 20.0, 60.0)]);
     scene.surfaces.push(Surface { part: 1, material: 0 });
     scene.parts.push(Part { id: "foliage".to_owned(), lad: lad.map(Arc::new) });
     let count = ACROSS * ACROSS * layers;

@@ -114,7 +114,7 @@ fn vertices_lie_at_pixel_centres_and_blocks_are_cut_as_the_reference_cuts_them()
     assert_eq!(triangles, [[0, 3, 1], [3, 4, 1], [1, 4, 2], [4, 5, 2]]);
     let half = DVec3::new(2.0, 2.0, 6.0);
     assert_eq!(scene.bounds, Aabb { min: -half, max: half });
-    assert_eq!(*scene.material_of(0), Material::unnamed("default"));
+    assert_eq!(*scene.material_of(0), Material::unnamed("default", Default::default()));
 }
 
 #[test]

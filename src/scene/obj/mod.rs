@@ -6,6 +6,7 @@ mod slice;
 mod tests;
 
 use super::assembly::{Assembly, PartSource};
+use super::doubts::Doubt;
 use super::library::{DEFAULT, Names};
 use super::mtl::name_of;
 use super::text::{Problems, Source, cut_into_pieces};
@@ -163,6 +164,11 @@ fn assign_materials(
     for (end, switch) in ends.zip(switches) {
         if end > start {
             let (material, known) = scene.library.named(&current.0, names, &mut scene.diagnostics);
+            if current.0 == DEFAULT && reported.insert(current.0.clone()) {
+                let place = current.1.map(|s| source.place(s.line, s.at.clone()));
+                let place = place.unwrap_or_else(|| source.place(0, 0..0));
+                scene.library.doubts.add(Doubt::Missing, DEFAULT, place);
+            }
             if !known && reported.insert(current.0.clone()) {
                 let place = current.1.map(|s| source.place(s.line, s.at.clone()));
                 let message = format!("no material file defines \"{}\"; it reflects 50 per cent", current.0);

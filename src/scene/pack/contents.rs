@@ -143,6 +143,10 @@ fn write_material(w: &mut Words, m: &Material) {
             w.f64(specularity);
             w.f64(exponent);
         }
+        Reflection::Lobes { specularity, exponent, roughness } => {
+            w.u64(3);
+            [specularity, exponent, roughness].into_iter().for_each(|x| w.f64(x));
+        }
     }
 }
 
@@ -156,6 +160,7 @@ fn read_material(r: &mut Reader) -> Read<Material> {
             0 => Reflection::Uniform,
             1 => Reflection::Lambert,
             2 => Reflection::Phong { specularity: r.f64()?, exponent: r.f64()? },
+            3 => Reflection::Lobes { specularity: r.f64()?, exponent: r.f64()?, roughness: r.f64()? },
             _ => return Err(Cut),
         },
     })

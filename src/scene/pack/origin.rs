@@ -1,7 +1,7 @@
 //! What a packed scene was made from, and when it no longer holds.
 
 use crate::error::{Error, Result};
-use crate::scene::{LoadOptions, Reflection, Scene};
+use crate::scene::{LoadOptions, MaterialRules, Scene};
 use crate::store::{Cut, Reader, Words};
 use crate::survey::{Loader, MaterialChoice, SceneRecipe, VoxelMode};
 use crate::tree::Builder;
@@ -22,10 +22,10 @@ pub struct Conditions {
     pub seed: u64,
     /// Whether there are any.
     pub is_random: bool,
-    /// Whether any material has a specular share.
-    pub has_gloss: bool,
-    /// As of [`LoadOptions`]; matters to materials with gloss.
-    pub helios_specularity: bool,
+    /// As of [`LoadOptions`].
+    pub rules: MaterialRules,
+    /// Those that would make a difference.
+    pub ruled: MaterialRules,
     /// As of [`LoadOptions`].
     pub drop_polygons: bool,
 }
@@ -63,8 +63,8 @@ impl Origin {
             has_spectra: false,
             seed: options.seed,
             is_random: loaders.into_iter().any(is_random),
-            has_gloss: false,
-            helios_specularity: options.helios_specularity,
+            rules: options.rules,
+            ruled: MaterialRules::default(),
             drop_polygons: options.drop_polygons,
         };
         Origin { conditions, builder, files, sources: Vec::new() }
@@ -73,8 +73,7 @@ impl Origin {
     /// Takes note of the files that a play was loaded from, and of what its materials depend on.
     pub fn add(&mut self, scene: &Scene) {
         let files = &scene.sources;
-        self.conditions.has_gloss |=
-            scene.materials.iter().any(|m| matches!(m.reflection, Reflection::Phong { .. }));
+        self.conditions.ruled = self.conditions.ruled.or(scene.ruled);
         let is_spectrum = |f: &PathBuf| f.parent().is_some_and(|p| p.ends_with("spectra"));
         self.conditions.has_spectra |= files.iter().any(is_spectrum);
         self.files.extend(files.iter().cloned());
@@ -98,9 +97,8 @@ impl Origin {
         let (mut w, c) = (Words::default(), &self.conditions);
         w.f64(c.wavelength_nm);
         w.u64(c.seed);
-        [c.has_spectra, c.is_random, c.has_gloss, c.helios_specularity, c.drop_polygons]
-            .into_iter()
-            .for_each(|b| w.flag(b));
+        [c.has_spectra, c.is_random, c.drop_polygons].into_iter().for_each(|b| w.flag(b));
+        c.rules.to_array().into_iter().chain(c.ruled.to_array()).for_each(|b| w.flag(b));
         w.u64(BUILDERS.iter().position(|b| *b == self.builder).unwrap_or(0) as u64);
         w.list(&sources, |w, s| {
             w.text(&s.path.to_string_lossy());
@@ -113,17 +111,17 @@ impl Origin {
         let mut r = Reader(bytes);
         let mut all = || {
             let (wavelength_nm, seed) = (r.f64()?, r.u64()?);
-            let (has_spectra, is_random) = (r.flag()?, r.flag()?);
-            let (has_gloss, helios_specularity, drop_polygons) = (r.flag()?, r.flag()?, r.flag()?);
-            let conditions = Conditions {
-                wavelength_nm,
-                has_spectra,
-                seed,
-                is_random,
-                has_gloss,
-                helios_specularity,
-                drop_polygons,
+            let (has_spectra, is_random, drop_polygons) = (r.flag()?, r.flag()?, r.flag()?);
+            let mut rules = || {
+                let mut all = [false; MaterialRules::COUNT];
+                for rule in &mut all {
+                    *rule = r.flag()?;
+                }
+                Ok(MaterialRules::of_array(all))
             };
+            let (rules, ruled) = (rules()?, rules()?);
+            let conditions =
+                Conditions { wavelength_nm, has_spectra, seed, is_random, rules, ruled, drop_polygons };
             let builder = *BUILDERS.get(r.size()?).ok_or(Cut)?;
             let sources = r.list(|r| {
                 let path = PathBuf::from(r.text()?);
@@ -163,8 +161,10 @@ impl Conditions {
                 "its random materials or places are those of seed {packed}, not of {asked}"
             ));
         }
-        if self.has_gloss && self.helios_specularity != options.helios_specularity {
-            return again("its materials have the specular shares of the other physics profile".to_owned());
+        if self.rules.and(self.ruled) != options.rules.and(self.ruled) {
+            return again(
+                "its materials or leaf angle tables were read for other physics (--physics)".to_owned(),
+            );
         }
         if self.drop_polygons != options.drop_polygons {
             return again("faces with more than four corners are treated otherwise in it".to_owned());

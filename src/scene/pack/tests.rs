@@ -133,7 +133,11 @@ fn conditions_count_where_they_matter() {
     };
     assert!(refused(|o| o.wavelength_nm = 905.0).contains("905 nm"));
     assert!(refused(|o| o.seed = 5).contains("seed"));
-    assert!(refused(|o| o.helios_specularity = false).contains("specular"));
+    assert!(refused(|o| o.rules.specular_shares = true).contains("other physics"));
+    assert!(
+        refused(|o| o.rules.reflectance_fraction = true).contains("other physics"),
+        "there is a spectrum"
+    );
     assert!(refused(|o| o.max_memory = Some(100)).contains("the limit is 100 B"));
     let mut plain = Fixture::new();
     plain.obj("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
