@@ -3,17 +3,13 @@
 use super::options::Corrections;
 use crate::geom::DVec3;
 use crate::rng::Stream;
-use crate::scene::{LadTable, Scene, VoxelKind};
+use crate::scene::{LadTable, SPHERICAL_MEAN_COSINE, Scene, VoxelKind};
 use crate::tree::{Cube, Tree};
 use libm::log;
 use std::f64::consts::TAU;
 
 /// Projection of spherically distributed leaves.
 const SPHERICAL: f64 = 0.5;
-
-/// Mean cosine of the incidence on leaves that face all directions alike: each is met as often as its projection, so it is
-/// the mean of the cosine's square over that of the cosine, 1/3 over 1/2.
-pub(super) const MEAN_COSINE: f64 = 2.0 / 3.0;
 
 /// The free paths of a pulse: one draw per voxel of foliage met, in the order of subrays.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +27,7 @@ pub(super) struct FreePaths {
 impl FreePaths {
     /// Length of the next free path through foliage of extinction `sigma` (1/m), m: exponentially distributed, ∞ when
     /// the draw is 0.
-    fn next(&mut self, sigma: f64) -> f64 {
+    pub fn next(&mut self, sigma: f64) -> f64 {
         let u = self.stream.uniform(self.device, self.pulse, self.drawn);
         self.drawn = self.drawn.wrapping_add(1);
         -log(u) / sigma
@@ -87,9 +83,38 @@ fn leaf_angles(scene: &Scene, i: u32) -> Option<&LadTable> {
     scene.parts[scene.part_of(i) as usize].lad.as_deref()
 }
 
+/// Where a ray along `direction` from `from` leaves voxel `i`, m from there, and the voxel's extinction, 1/m; `None` where
+/// it holds no leaves.
+pub(super) fn leaves(
+    scene: &Scene,
+    corrections: &Corrections,
+    i: u32,
+    (from, direction): (DVec3, DVec3),
+) -> Option<(f64, f64)> {
+    let voxel = scene.voxel(i).filter(|v| v.kind() == VoxelKind::Transmittive)?;
+    let sigma = extinction(voxel.density, leaf_angles(scene, i), corrections, direction);
+    let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangles.len()], from, direction);
+    (sigma > 0.0 && exit > 0.0).then_some((exit, sigma))
+}
+
+/// Mean cosine of the incidence on the leaves of voxel `i`: those that its part's leaf angle table has, otherwise leaves that
+/// face all directions alike.
+pub(super) fn mean_cosine(scene: &Scene, corrections: &Corrections, i: u32, direction: DVec3) -> f64 {
+    let table = leaf_angles(scene, i).filter(|_| corrections.leaf_table_law);
+    table.map_or(SPHERICAL_MEAN_COSINE, |t| t.mean_cosine(direction))
+}
+
 /// Cross-section that a voxel presents to the radar equation: that of its foliage if its part has a leaf angle table
-/// (§3.5), `None` if its surface reflects like any other.
-pub(super) fn cross_section(scene: &Scene, i: u32, direction: DVec3) -> Option<f64> {
+/// (§3.5), `None` if it reflects like a surface.
+pub(super) fn cross_section(
+    scene: &Scene,
+    corrections: &Corrections,
+    i: u32,
+    direction: DVec3,
+) -> Option<f64> {
+    if corrections.leaf_table_law {
+        return None;
+    }
     let voxel = scene.voxel(i)?;
     let table = leaf_angles(scene, i)?;
     Some(voxel.density * table.g(direction) / TAU)

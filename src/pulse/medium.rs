@@ -1,10 +1,11 @@
 //! The way of a ray through foliage as a medium: the refined counterpart of spec pulse-physics §2.7.
 //!
 //! Voxels are met in the order of their entries, and each draws one free path. The nearest stop of all of them counts, and
-//! only when nothing opaque lies before it. So neighbouring voxels are never skipped, voxels that overlap add their
+//! only when nothing opaque lies before it; or all foliage on the way is listed (see [`super::continuum`]). So neighbouring voxels are never skipped, voxels that overlap add their
 //! extinctions, and a trunk within a voxel is seen through its leaves. A voxel does not own its upper faces: a ray that runs
 //! along a face belongs to one neighbour only.
 
+use super::continuum::{MAX_DEPTH, Stretch, depth};
 use super::foliage::{self, FreePaths, Passage};
 use super::instrument::Instrument;
 use super::reflect::{Encounter, STEP_BEHIND, Standing, View, distance};
@@ -20,8 +21,17 @@ struct Crossing<'v, 'a> {
     direction: DVec3,
     /// The nearest stop so far.
     stop: Option<Encounter>,
+    search: Search<'v>,
     /// Voxels whose entries lie close before where the search goes on, with the distance of these from the origin.
     passed: Vec<(u32, f64)>,
+}
+
+/// What is wanted of the foliage on the way.
+enum Search<'v> {
+    /// The nearest of the stops that are drawn for each voxel.
+    Stop(&'v mut FreePaths),
+    /// All of it, by ascending entry.
+    Stretches(&'v mut Vec<Stretch>),
 }
 
 /// What is to be done after an encounter.
@@ -45,29 +55,47 @@ impl View<'_> {
         around: &[u32],
         paths: &mut FreePaths,
     ) -> Option<Encounter> {
-        let (stop, passed) = (None, Vec::new());
-        let mut crossing = Crossing { view: self, instrument, origin, direction, stop, passed };
-        for &voxel in around {
-            let begin = Encounter { from: origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 };
-            crossing.enter(begin, paths);
-            crossing.passed.push((voxel, 0.0));
-        }
-        let mut at = first;
-        loop {
-            match crossing.meet(at, paths) {
-                Next::End(end) => return end,
-                Next::From(from) => at = crossing.next(from),
-            }
-        }
+        let (stop, search, passed) = (None, Search::Stop(paths), Vec::new());
+        Crossing { view: self, instrument, origin, direction, stop, search, passed }.run(first, around)
+    }
+
+    /// Follows a subray through foliage to what is solid, or `None`, and lists the foliage on its way by ascending entry.
+    #[inline(never)]
+    pub(super) fn collect(
+        &self,
+        instrument: &Instrument,
+        (origin, direction): (DVec3, DVec3),
+        first: Encounter,
+        around: &[u32],
+        stretches: &mut Vec<Stretch>,
+    ) -> Option<Encounter> {
+        stretches.clear();
+        let (stop, search, passed) = (None, Search::Stretches(stretches), Vec::new());
+        Crossing { view: self, instrument, origin, direction, stop, search, passed }.run(first, around)
     }
 }
 
 impl Crossing<'_, '_> {
-    fn meet(&mut self, at: Encounter, paths: &mut FreePaths) -> Next {
+    fn run(mut self, first: Encounter, around: &[u32]) -> Option<Encounter> {
+        for &voxel in around {
+            self.enter(Encounter { from: self.origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 });
+            self.passed.push((voxel, 0.0));
+        }
+        let mut at = first;
+        loop {
+            match self.meet(at) {
+                Next::End(end) => return end,
+                Next::From(from) => at = self.next(from),
+            }
+        }
+    }
+
+    fn meet(&mut self, at: Encounter) -> Next {
         let i = self.instrument;
         if at.primitive == Hits::MISS
             || !at.range.is_finite()
             || self.stop.is_some_and(|s| s.stop <= at.range)
+            || self.is_dark(at.range)
         {
             return Next::End(self.stopped());
         }
@@ -90,7 +118,7 @@ impl Crossing<'_, '_> {
         if kind == VoxelKind::Opaque {
             return Next::End(Some(at));
         }
-        self.enter(at, paths);
+        self.enter(at);
         let entry = distance(at.point(self.direction) - self.origin);
         // From a little before the entry, so that what begins at the same place is met, too.
         let from = (entry - STEP_BEHIND).max(distance(at.from - self.origin));
@@ -99,13 +127,30 @@ impl Crossing<'_, '_> {
         Next::From(self.origin + self.direction * from)
     }
 
-    /// Draws the free path of a voxel.
-    fn enter(&mut self, at: Encounter, paths: &mut FreePaths) {
+    /// Whether the collected foliage lets nothing through to that range.
+    fn is_dark(&self, range: f64) -> bool {
+        let Search::Stretches(stretches) = &self.search else { return false };
+        depth(stretches, range) > MAX_DEPTH
+    }
+
+    /// Draws the free path of a voxel, or lists it.
+    fn enter(&mut self, at: Encounter) {
         let (scene, local) = self.view.shown(at.primitive);
         let (ray, c) = ((at.from, self.direction), &self.instrument.corrections);
         if !foliage::is_within(scene, local, ray, at.t) {
             return;
         }
+        let paths = match &mut self.search {
+            Search::Stop(paths) => paths,
+            Search::Stretches(stretches) => {
+                if let Some((exit, sigma)) = foliage::leaves(scene, c, local, ray) {
+                    let from = distance(at.point(self.direction) - self.origin);
+                    let to = distance((at.from + self.direction * exit) - self.origin);
+                    stretches.push(Stretch { entry: at, from, to, sigma });
+                }
+                return;
+            }
+        };
         if let Passage::Stops(path) = foliage::pass(scene, c, local, ray, at.t, paths) {
             let stop = distance((at.point(self.direction) + self.direction * path) - self.origin);
             if self.stop.is_none_or(|s| stop < s.stop) {

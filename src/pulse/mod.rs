@@ -8,6 +8,7 @@
 //! ```
 
 mod batch;
+mod continuum;
 mod detect;
 mod echo;
 mod energy;

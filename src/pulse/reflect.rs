@@ -1,9 +1,11 @@
 //! From what the subrays hit to reflections (spec pulse-physics §2).
 
+use super::continuum::{Continuum, Leaves, Stretch, depth};
 use super::energy::LANES;
 use super::facet::Facets;
 use super::foliage::{self, FreePaths, Passage};
 use super::instrument::Instrument;
+use super::options::Corrections;
 use super::reflections::{Lanes, Reflections};
 use super::sight::{Shot, Sight};
 use crate::geom::{Aabb, DVec3, unit};
@@ -36,6 +38,7 @@ pub(super) struct View<'a> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Probe {
     foliage: Vec<(usize, f64)>,
+    continuum: Continuum,
     /// Triangles that were met.
     pub facets: Facets,
 }
@@ -119,8 +122,12 @@ impl<'a> View<'a> {
         probe: &mut Probe,
         out: &mut Reflections,
     ) {
-        let rings = &instrument.subrays.ring;
+        let (rings, c) = (&instrument.subrays.ring, &instrument.corrections);
         probe.foliage.clear();
+        let spreads = c.foliage_continuum && c.adjacent_voxels && c.leaf_table_law && rings.len() > 1;
+        if spreads {
+            probe.continuum.clear(instrument);
+        }
         let asks = !around.is_empty() || self.limits.is_some();
         let (triangles, own) = (self.scene.geometry.triangles.len(), self.scene.geometry.len());
         let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
@@ -135,26 +142,56 @@ impl<'a> View<'a> {
                 out.add(*ring, (*range, *range), primitive, cosine, face.factor(cosine));
             } else if primitive != Hits::MISS || !around.is_empty() {
                 let first = Encounter { from: shot.origin, t: t[i], primitive, range: *range, stop: *range };
-                let end = if instrument.corrections.adjacent_voxels {
+                let end = if spreads {
+                    self.spread((instrument, *ring), (shot.origin, direction), first, around, (paths, probe))
+                } else if c.adjacent_voxels {
                     self.cross(instrument, shot.origin, direction, first, around, paths)
                 } else {
                     self.follow(instrument, shot.origin, direction, first, paths)
                 };
                 let Some(at) = end else { continue };
                 face.turn_to(self, at.primitive);
-                let cosine = match instrument.corrections.foliage_incidence {
-                    _ if self.fixed_incidence => 1.0,
-                    true if foliage::scatters(face.scene, face.local) => foliage::MEAN_COSINE,
-                    _ => face.cosine(&at, direction),
-                };
-                if let Some(sigma) = foliage::cross_section(face.scene, face.local, direction) {
+                let Leaves { cosine, factor } = face.response(&at, direction, self.fixed_incidence, c);
+                if let Some(sigma) = foliage::cross_section(face.scene, c, face.local, direction) {
                     probe.foliage.push((out.count(), sigma));
                 }
-                let entry = if instrument.corrections.voxel_stop_point { at.stop } else { at.range };
-                out.add(*ring, (at.stop, entry), at.primitive, cosine, face.factor(cosine));
+                let entry = if c.voxel_stop_point { at.stop } else { at.range };
+                out.add(*ring, (at.stop, entry), at.primitive, cosine, factor);
             }
         }
         out.illuminate(instrument, &probe.foliage);
+        if spreads {
+            probe.continuum.emit(out);
+        }
+    }
+
+    /// Follows a subray of `ring` through foliage to what reflects it behind, or `None`: where foliage intercepts it, the
+    /// light from there joins that of the pulse.
+    fn spread(
+        &self,
+        (instrument, ring): (&Instrument, u32),
+        (origin, direction): (DVec3, DVec3),
+        first: Encounter,
+        around: &[u32],
+        (paths, probe): (&mut FreePaths, &mut Probe),
+    ) -> Option<Encounter> {
+        let continuum = &mut probe.continuum;
+        let behind = self.collect(instrument, (origin, direction), first, around, &mut continuum.stretches);
+        if continuum.stretches.is_empty() {
+            return behind;
+        }
+        let end = behind.map_or(f64::INFINITY, |b| b.range);
+        // The optical depth at which the light is intercepted.
+        if paths.next(1.0) > depth(&continuum.stretches, end) {
+            return behind;
+        }
+        let leaves = |stretch: &Stretch| {
+            let mut face = Face::none(self.scene);
+            face.turn_to(self, stretch.entry.primitive);
+            face.response(&stretch.entry, direction, self.fixed_incidence, &instrument.corrections)
+        };
+        continuum.scatter(instrument, ring, end, leaves);
+        None
     }
 
     /// The voxels of foliage around a pulse's origin, if they are to be seen at all.
@@ -365,6 +402,16 @@ impl<'a> Face<'a> {
         self.normal.map_or(1.0, |n| n.dot(direction).abs().min(1.0))
     }
 
+    /// How a surface or foliage reflects what came in at `at`.
+    fn response(&self, at: &Encounter, direction: DVec3, fixed_incidence: bool, c: &Corrections) -> Leaves {
+        if !fixed_incidence && c.foliage_incidence && foliage::scatters(self.scene, self.local) {
+            let cosine = foliage::mean_cosine(self.scene, c, self.local, direction);
+            return Leaves { cosine, factor: self.material.map_or(0.0, |m| m.leaf_factor(cosine)) };
+        }
+        let cosine = if fixed_incidence { 1.0 } else { self.cosine(at, direction) };
+        Leaves { cosine, factor: self.factor(cosine) }
+    }
+
     /// Reflectance factor.
     fn factor(&self, cosine: f64) -> f64 {
         self.material.map_or(0.0, |m| m.factor(cosine))
@@ -445,10 +492,12 @@ mod tests {
         // Boards with gaps between them, the farthest of them out of range.
         let boards: Vec<_> =
             (0..12).map(|i| wall(f64::from(i) - 6.3, f64::from(i) - 5.7, f64::from(9 + i))).collect();
-        let shiny = |i: u32| match i % 3 {
+        let shiny = |i: u32| match i % 5 {
             0 => Reflection::Uniform,
             1 => Reflection::Lambert,
-            _ => Reflection::Phong { specularity: 0.3, exponent: 7.0 },
+            2 => Reflection::Phong { specularity: 0.3, exponent: 7.0 },
+            3 => Reflection::Lobes { specularity: 0.0, exponent: 7.0, roughness: 0.0 },
+            _ => Reflection::Lobes { specularity: 0.4, exponent: 7.0, roughness: 0.3 },
         };
         let (mut some, mut none) = (0, 0);
         for round in 0..60u32 {

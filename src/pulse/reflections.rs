@@ -22,9 +22,13 @@ pub(super) struct Reflections {
 impl Reflections {
     /// Forgets all of them and makes room for `most` in whole blocks.
     pub fn clear(&mut self, most: usize) {
-        let most = most.next_multiple_of(LANES);
         self.count = 0;
         self.is_plain = false;
+        self.make_room(most);
+    }
+
+    fn make_room(&mut self, most: usize) {
+        let most = most.next_multiple_of(LANES);
         if self.range.len() < most {
             for field in [&mut self.range, &mut self.entry, &mut self.intensity, &mut self.cosine] {
                 field.resize(most, 0.0);
@@ -44,6 +48,14 @@ impl Reflections {
         self.primitive[i] = primitive;
         self.ring[i] = ring;
         self.count += 1;
+    }
+
+    /// Adds one whose intensity is known, after [`Reflections::illuminate`]; makes room for it.
+    pub fn add_lit(&mut self, range: f64, primitive: u32, cosine: f64, intensity: f64) {
+        if self.count == self.range.len() {
+            self.make_room(2 * self.count + LANES);
+        }
+        self.add(0, (range, range), primitive, cosine, intensity);
     }
 
     /// Adds those of a block's subrays that `which` names; their entries and rings are not filled in.
