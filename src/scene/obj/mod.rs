@@ -207,7 +207,7 @@ fn add_library(scene: &mut Assembly, source: &Source, names: &mut Names, operand
     scene
         .diagnostics
         .warn(Some(place), format!("there is no material file \"{whole}\" in {}", shown_folder(&folder)))
-        .help("materials that it should define reflect 50 per cent whatever the angle");
+        .help("materials that it should define reflect 50 per cent");
 }
 
 fn shown_folder(folder: &std::path::Path) -> String {
