@@ -9,6 +9,7 @@ use super::Cli;
 use super::args::ManArgs;
 use super::console::Console;
 use crate::error::{Error, Result};
+use crate::pulse::Corrections;
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
@@ -64,7 +65,50 @@ fn with_examples(command: Command, path: &str) -> Command {
         let lines: String = page.examples.lines().map(|line| format!("  {line}\n")).collect();
         format!("Examples:\n{}\n\n", lines.replace("  \n", "\n").trim_end())
     });
-    command.after_long_help(examples.unwrap_or_default() + &exit_status())
+    let corrections = takes_corrections(&command).then(corrections).unwrap_or_default();
+    command.after_long_help(corrections + &examples.unwrap_or_default() + &exit_status())
+}
+
+/// Whether a command has the option `--correct`.
+fn takes_corrections(command: &Command) -> bool {
+    command.get_arguments().any(|arg| arg.get_id() == "correct")
+}
+
+/// Name as it is typed, whether the refined physics has it, and meaning of every correction.
+fn correction_entries() -> impl Iterator<Item = (String, String)> {
+    let mut refined = Corrections::REFINED;
+    Corrections::NAMES.iter().zip(Corrections::HELP).map(move |(name, help)| {
+        let aside = if refined.by_name(name).is_some_and(|on| *on) { "" } else { " (not part of refined)" };
+        (name.replace('_', "-") + aside, help.trim().to_owned())
+    })
+}
+
+/// The corrections as help lists them.
+fn corrections() -> String {
+    let mut text = "Corrections (--correct NAME; a name after no- switches one off; \
+                    --physics refined has them all but those marked; \
+                    those of the kinematics hold in pipeline files without asking):\n"
+        .to_owned();
+    for (name, help) in correction_entries() {
+        text += &format!("  {name}\n{}\n", wrapped(&help, 90));
+    }
+    text + "\n"
+}
+
+/// Lines of at most `width` characters, set in.
+fn wrapped(text: &str, width: usize) -> String {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines.iter().map(|line| format!("      {line}")).collect::<Vec<_>>().join("\n")
 }
 
 /// The exit statuses as help tells them.
@@ -124,6 +168,11 @@ fn written(command: &Command, path: &str, related: &[String]) -> std::io::Result
     if let Some(page) = page(path) {
         examples(&mut ours, page.examples);
         definitions(&mut ours, "FILES", page.files);
+    }
+    if takes_corrections(command) {
+        let entries: Vec<(String, String)> = correction_entries().collect();
+        let entries: Vec<(&str, &str)> = entries.iter().map(|(n, h)| (n.as_str(), h.as_str())).collect();
+        definitions(&mut ours, "CORRECTIONS", &entries);
     }
     definitions(&mut ours, "EXIT STATUS", EXIT_STATUS);
     ours.control("SH", ["SEE ALSO"]);
@@ -199,6 +248,22 @@ mod tests {
                 page.path
             );
         }
+    }
+
+    #[test]
+    fn help_lists_every_correction() {
+        let mut root = command();
+        for name in ["run", "trace", "pulses", "trajectory"] {
+            let help = root.find_subcommand_mut(name).unwrap().render_long_help().to_string();
+            for (term, meaning) in correction_entries() {
+                let start: Vec<&str> = meaning.split_whitespace().take(5).collect();
+                assert!(
+                    help.contains(&format!("\n  {term}\n      {}", start.join(" "))),
+                    "{name}: {term}\n{help}"
+                );
+            }
+        }
+        assert!(wrapped("one two three", 7) == "      one two\n      three");
     }
 
     #[test]

@@ -6,14 +6,49 @@ const WEEK_S: i64 = 604_800;
 /// POSIX seconds of the GPS epoch as the reference has it, 9 s after the true one.
 const GPS_EPOCH: i64 = 315_964_809;
 
+/// POSIX seconds of 1980-01-06 00:00:00 UTC, when GPS time began.
+const TRUE_GPS_EPOCH: i64 = 315_964_800;
+/// POSIX seconds of the first second after each leap second since the GPS epoch (IERS Bulletin C): GPS time is ahead of
+/// UTC by as many seconds as have passed. UTC will have no more of them before 2035 (CGPM 2022, resolution 4), and none has
+/// been announced since the last one.
+const LEAP_SECONDS: [i64; 18] = [
+    362_793_600,   // 1981-07-01
+    394_329_600,   // 1982-07-01
+    425_865_600,   // 1983-07-01
+    489_024_000,   // 1985-07-01
+    567_993_600,   // 1988-01-01
+    631_152_000,   // 1990-01-01
+    662_688_000,   // 1991-01-01
+    709_948_800,   // 1992-07-01
+    741_484_800,   // 1993-07-01
+    773_020_800,   // 1994-07-01
+    820_454_400,   // 1996-01-01
+    867_715_200,   // 1997-07-01
+    915_148_800,   // 1999-01-01
+    1_136_073_600, // 2006-01-01
+    1_230_768_000, // 2009-01-01
+    1_341_100_800, // 2012-07-01
+    1_435_708_800, // 2015-07-01
+    1_483_228_800, // 2017-01-01
+];
+
 /// The start of the GPS clock in ns of the week: of now when `text` is empty, of a UTC time `YYYY-MM-DD hh:mm:ss`, or of
-/// POSIX seconds, whose fraction is ignored (spec outputs §2.4).
+/// POSIX seconds, whose fraction is ignored (spec outputs §2.4). `leap_seconds`: from the true epoch and with the leap
+/// seconds of UTC, which POSIX time does not count (IS-GPS-200, §20.3.3.5.2.4); otherwise as the reference does.
 ///
 /// # Errors
 /// What was found and what was expected, in one sentence.
-pub fn gps_start(text: &str) -> Result<f64, String> {
+pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, String> {
     let posix = posix_seconds(text)?;
-    Ok((posix.saturating_sub(GPS_EPOCH)).rem_euclid(WEEK_S) as f64 * 1e9)
+    let since_epoch = if leap_seconds {
+        // A leap second itself, 23:59:60, has the number of the second after it, but precedes it.
+        let counted = posix - i64::from(text.trim().ends_with(":60"));
+        let leaps = LEAP_SECONDS.partition_point(|&from| from <= counted) as i64;
+        posix.saturating_sub(TRUE_GPS_EPOCH).saturating_add(leaps)
+    } else {
+        posix.saturating_sub(GPS_EPOCH)
+    };
+    Ok(since_epoch.rem_euclid(WEEK_S) as f64 * 1e9)
 }
 
 /// Year and day of the year (from 1), in UTC, of the same texts as [`gps_start`] takes: the creation date of files, which
@@ -100,16 +135,40 @@ mod tests {
     }
 
     #[test]
+    fn corrected_start_times_count_leap_seconds() {
+        // 2024-01-01 was a Monday, and 18 leap seconds had passed since 1980.
+        assert_eq!(gps_start("2024-01-01 00:00:00", true), Ok(86_418e9));
+        assert_eq!(gps_start("1704067200", true), Ok(86_418e9));
+        // The epoch, a Sunday, and the second before it.
+        assert_eq!(gps_start("1980-01-06 00:00:00", true), Ok(0.0));
+        assert_eq!(gps_start("1980-01-05 23:59:59", true), Ok(604_799e9));
+        // Over the leap second at the end of 2016, a Saturday: GPS time goes on second by second.
+        for (text, second) in [
+            ("2016-12-31 23:59:59", 16.0),
+            ("2016-12-31 23:59:60", 17.0),
+            ("2017-01-01 00:00:00", 18.0),
+            ("2017-01-01 00:00:01", 19.0),
+        ] {
+            assert_eq!(gps_start(text, true), Ok(second * 1e9), "{text}");
+        }
+        // Each entry of the table is a midnight at the beginning of January or July.
+        for from in LEAP_SECONDS {
+            let (_, day) = calendar_day(&from.to_string()).unwrap();
+            assert!(from % 86_400 == 0 && [1, 182, 183].contains(&day), "{from} is day {day}");
+        }
+    }
+
+    #[test]
     fn start_times() {
         // spec kinematics §1.8 example 3
-        assert_eq!(gps_start("2024-01-01 00:00:00"), Ok(86_391e9));
-        assert_eq!(gps_start("1704067200"), Ok(86_391e9));
-        assert_eq!(gps_start("1704067200.75"), Ok(86_391e9));
-        assert_eq!(gps_start("2000000000"), Ok(271_991e9));
-        assert_eq!(gps_start("2022-01-01 00:00:00"), Ok(518_391e9));
-        assert_eq!(gps_start("2024-02-29T12:00:00"), gps_start("1709208000"));
-        assert!((0.0..WEEK_NS).contains(&gps_start("0").unwrap()));
-        assert!((0.0..WEEK_NS).contains(&gps_start("").unwrap()));
+        assert_eq!(gps_start("2024-01-01 00:00:00", false), Ok(86_391e9));
+        assert_eq!(gps_start("1704067200", false), Ok(86_391e9));
+        assert_eq!(gps_start("1704067200.75", false), Ok(86_391e9));
+        assert_eq!(gps_start("2000000000", false), Ok(271_991e9));
+        assert_eq!(gps_start("2022-01-01 00:00:00", false), Ok(518_391e9));
+        assert_eq!(gps_start("2024-02-29T12:00:00", false), gps_start("1709208000", false));
+        assert!((0.0..WEEK_NS).contains(&gps_start("0", false).unwrap()));
+        assert!((0.0..WEEK_NS).contains(&gps_start("", false).unwrap()));
     }
 
     #[test]
@@ -123,9 +182,9 @@ mod tests {
             "1.x",
             "1e9",
         ] {
-            assert!(gps_start(text).unwrap_err().contains(text), "{text}");
+            assert!(gps_start(text, false).unwrap_err().contains(text), "{text}");
         }
-        assert!(gps_start("é:00000000000000000").is_err());
+        assert!(gps_start("é:00000000000000000", false).is_err());
     }
 
     #[test]

@@ -274,7 +274,8 @@ fn offsets_are_added_in_world_axes_unless_they_shall_turn() {
         survey(PlatformKind::LinearPath, mount([0.0, 1.0, 0.5]), Deflector::Fibres { count: 1 }, legs);
     s.scanner.devices[0].beam_origin.offset = DVec3::new(0.0, 0.25, 0.0);
     for (rotate, wanted) in [(false, [0.0, 1.25, 0.5]), (true, [1.25, 0.0, 0.5])] {
-        let options = super::FlightOptions { rotate_mount_offsets: rotate, ..Default::default() };
+        let kinematics = Kinematics { mount_offsets_turn: rotate, ..Kinematics::HELIOS };
+        let options = super::FlightOptions { kinematics, ..Default::default() };
         let (plan, _) = super::FlightPlan::new(&s, DVec3::ZERO, &|_, _| None, &options).unwrap();
         let flown = fly_plan(&plan, &mut FlightState::start(&plan)).unwrap();
         close(flown[0].pulses[0].origin, wanted, 1e-7);

@@ -6,6 +6,7 @@
 
 mod clock;
 mod guard;
+mod navigation;
 mod noise;
 mod plan;
 mod pulse;
@@ -18,6 +19,10 @@ pub use pulse::{FlightSink, PoseSample, Pulse};
 pub use state::{FlightState, Step};
 
 #[cfg(test)]
+mod corrected;
+#[cfg(test)]
 mod golden;
+#[cfg(test)]
+mod reported;
 #[cfg(test)]
 mod testing;

@@ -36,7 +36,7 @@ impl PoseNoise {
         DVec3::new(along(0), along(1), along(2))
     }
 
-    /// The disturbed beam attitude: x, then y, then z of the beam frame.
+    /// The disturbed attitude: about x, then y, then z of its own frame, which in the reference is that of the beam.
     pub fn disturb(&self, attitude: Rotation, device: u32, pulse: u64) -> Rotation {
         let about: [fn(f64) -> Rotation; 3] = [Rotation::about_x, Rotation::about_y, Rotation::about_z];
         self.attitude.iter().zip(about).fold(attitude, |a, (source, about)| match source {

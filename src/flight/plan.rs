@@ -1,6 +1,7 @@
 //! What of a flight is fixed before it starts.
 
 use super::clock::WEEK_NS;
+use super::navigation::Navigation;
 use super::noise::{PoseNoise, leg_offset};
 use super::settings;
 use crate::diag::{Diagnostics, Place};
@@ -9,8 +10,8 @@ use crate::geom::DVec3;
 use crate::platform::{LegCourse, PlatformPlan, Span, TrajectoryTable, read_trajectories};
 use crate::scanner::DevicePlan;
 use crate::survey::{
-    AngleConvention, Interpolated, Leg, LegTrajectory, Mount, PlatformKind, RotationSpec, ScannerSettings,
-    Survey,
+    AngleConvention, Interpolated, Kinematics, Leg, LegTrajectory, Mount, NavigationErrors, PlatformKind,
+    RotationSpec, ScannerSettings, Survey,
 };
 
 /// What a run decides about its flight.
@@ -24,11 +25,10 @@ pub struct FlightOptions {
     pub leg_noise: bool,
     /// Start of the GPS clock, ns of the week; trajectories may replace it.
     pub gps_start_ns: f64,
-    /// Offsets of scanner mount and beam origin turn with platform and head. The reference adds them in world axes (spec
-    /// kinematics, trap 13).
-    pub rotate_mount_offsets: bool,
-    /// Conic deflectors turn at the leg's scan frequency. In the reference they turn at the device's highest one (trap 29).
-    pub conic_at_leg_frequency: bool,
+    /// Where platform, clock and optics depart from the reference's.
+    pub kinematics: Kinematics,
+    /// What the navigation system gets wrong.
+    pub navigation: NavigationErrors,
 }
 
 impl Default for FlightOptions {
@@ -39,8 +39,8 @@ impl Default for FlightOptions {
             platform_noise: true,
             leg_noise: true,
             gps_start_ns: 0.0,
-            rotate_mount_offsets: false,
-            conic_at_leg_frequency: false,
+            kinematics: Kinematics::HELIOS,
+            navigation: NavigationErrors::NONE,
         }
     }
 }
@@ -54,13 +54,13 @@ pub struct FlightPlan {
     pub(super) devices: Vec<DevicePlan>,
     pub(super) mount: Mount,
     pub(super) noise: PoseNoise,
-    pub(super) rotate_mount_offsets: bool,
+    pub(super) navigation: Option<Navigation>,
+    pub(super) kinematics: Kinematics,
     pub(super) shift: DVec3,
     /// GPS time of the first step, ns of the week.
     pub(super) start_ns: f64,
-    /// The step clock's period, s, and the GPS clock's, ns: that of the first leg throughout.
+    /// The step clock's period of the first leg, s.
     pub(super) clock_step: f64,
-    pub(super) increment_ns: f64,
 }
 
 /// One leg of a plan.
@@ -74,6 +74,12 @@ pub(super) struct PlannedLeg {
     pub still: bool,
     /// s; 0 = none.
     pub max_duration: f64,
+    /// Steps per second of both clocks, and the GPS clock's period, ns: those of the first leg throughout, unless
+    /// [`Kinematics::leg_pulse_rate`] is on.
+    pub frequency: f64,
+    pub increment_ns: f64,
+    /// GPS time at which the leg begins, ns of the week, where its trajectory says so.
+    pub start_ns: Option<f64>,
     /// Spacing of trajectory samples, ns; 0 = none.
     pub sample_interval_ns: f64,
     /// Steps of the optics before the first pulse.
@@ -98,12 +104,9 @@ impl FlightPlan {
             return Err(Error::Input(Box::new(problems)));
         }
         let courses = courses(survey, shift, ground, options, &mut problems);
-        let devices: Vec<DevicePlan> = survey
-            .scanner
-            .devices
-            .iter()
-            .map(|d| DevicePlan::new(d, options.conic_at_leg_frequency))
-            .collect();
+        let devices: Vec<DevicePlan> =
+            survey.scanner.devices.iter().map(|d| DevicePlan::new(d, options.kinematics)).collect();
+        let kinematics = options.kinematics;
         let mut start_ns = options.gps_start_ns;
         let mut legs: Vec<PlannedLeg> =
             survey.legs.iter().map(|l| PlannedLeg::new(l, l.scanner.clone())).collect();
@@ -112,18 +115,34 @@ impl FlightPlan {
             PlatformKind::Static => PlatformPlan::fixed(courses),
             PlatformKind::LinearPath => PlatformPlan::linear(courses),
             PlatformKind::GroundVehicle { drag } => PlatformPlan::ground_vehicle(*drag, courses),
-            PlatformKind::Multicopter(parameters) => PlatformPlan::multicopter(parameters.clone(), courses),
+            PlatformKind::Multicopter(parameters) => {
+                PlatformPlan::multicopter(parameters.clone(), courses, kinematics)
+            }
             PlatformKind::Interpolated(i) => {
                 let Some(table) = read_trajectories(i, &mut problems)? else {
                     return Err(Error::Input(Box::new(problems)));
                 };
-                let table = table.shifted(shift);
+                let mut table = table.shifted(shift);
+                if kinematics.heading_along_leg && i.position_only {
+                    table = table.heading_along(match i.rotation_spec {
+                        RotationSpec::Arinc705 => 1.0,
+                        RotationSpec::Canonical => -1.0,
+                    });
+                }
+                if kinematics.shortest_turns {
+                    table = table.unwrapped();
+                }
                 if i.sync_gps_time {
                     start_ns = synchronised_start(survey, &table);
                 }
                 warn_about_spans(survey, i, &table, &mut problems);
                 let stages = stages(survey, &courses, &table);
                 legs = stages.iter().map(|s| s.planned.clone()).collect();
+                if i.sync_gps_time && kinematics.legs_on_time {
+                    for (leg, stage) in legs.iter_mut().zip(&stages) {
+                        leg.start_ns = stage.course.span.map(|s| week_ns(s.start + table.first_time()));
+                    }
+                }
                 PlatformPlan::interpolated(
                     table,
                     i.rotation_spec,
@@ -139,17 +158,28 @@ impl FlightPlan {
         };
         let noise = if options.platform_noise { survey.platform.noise.clone() } else { Default::default() };
         let first_freq = f64::from(survey.legs[0].scanner.pulse_freq);
+        for leg in &mut legs {
+            let own = kinematics.leg_pulse_rate;
+            leg.frequency = if own { f64::from(leg.settings.pulse_freq) } else { first_freq };
+            leg.increment_ns = 1e9 * (1.0 / leg.frequency);
+        }
         let mut plan = FlightPlan {
-            platform,
+            platform: platform.with(kinematics),
             legs,
             devices,
             mount: survey.platform.mount,
             noise: PoseNoise::new(&noise, options.seed),
-            rotate_mount_offsets: options.rotate_mount_offsets,
+            navigation: options.navigation.any().then(|| {
+                let (arm, boresight) = match kind {
+                    PlatformKind::Stream(s) => (s.lever_arm, s.boresight),
+                    _ => (DVec3::ZERO, [0.0; 3]),
+                };
+                Navigation::new(options.navigation, options.seed, arm, boresight)
+            }),
+            kinematics,
             shift,
             start_ns,
             clock_step: 1.0 / first_freq,
-            increment_ns: 1e9 * (1.0 / first_freq),
         };
         plan.settle(&mut problems);
         Ok((plan, problems.finish(false)?))
@@ -230,6 +260,9 @@ impl PlannedLeg {
             place: leg.place.clone(),
             still: false,
             max_duration: settings.max_duration.filter(|d| *d > 0.0).unwrap_or(0.0),
+            frequency: f64::from(settings.pulse_freq),
+            increment_ns: 0.0,
+            start_ns: None,
             sample_interval_ns: settings.trajectory_interval * 1e9,
             // Half away from zero, as `round` does.
             warmup: (settings.warmup.max(0.0) * f64::from(settings.pulse_freq)).round() as u64,
@@ -328,7 +361,11 @@ fn span(trajectory: Option<&LegTrajectory>, table: &TrajectoryTable) -> Span {
 /// GPS time of a trajectory's start, ns of the week (spec kinematics §2.6). Times beyond a week lose their whole weeks.
 fn synchronised_start(survey: &Survey, table: &TrajectoryTable) -> f64 {
     let start = survey.legs[0].platform.trajectory.as_ref().and_then(|t| t.start);
-    let seconds = start.map_or(table.first_time(), |t| (t - table.first_time()) + table.first_time());
+    week_ns(start.map_or(table.first_time(), |t| (t - table.first_time()) + table.first_time()))
+}
+
+/// Nanoseconds of the week; seconds beyond a week lose their whole weeks.
+fn week_ns(seconds: f64) -> f64 {
     let ns = seconds * 1e9;
     if (0.0..=WEEK_NS).contains(&ns) { ns } else { seconds.rem_euclid(WEEK_NS * 1e-9) * 1e9 }
 }
@@ -431,7 +468,8 @@ mod tests {
         s.scanner.devices[0].scan_freq = (0.0, 25.0);
         s.legs.iter_mut().for_each(|l| l.scanner.scan_freq = 5.0);
         for (as_asked, period) in [(false, 4), (true, 20)] {
-            let options = FlightOptions { conic_at_leg_frequency: as_asked, ..Default::default() };
+            let kinematics = Kinematics { conic_at_leg_frequency: as_asked, ..Kinematics::HELIOS };
+            let options = FlightOptions { kinematics, ..Default::default() };
             let (plan, _) = FlightPlan::new(&s, DVec3::ZERO, &|_, _| None, &options).unwrap();
             let pulses =
                 fly_plan(&plan, &mut crate::flight::FlightState::start(&plan)).unwrap().remove(0).pulses;

@@ -9,8 +9,12 @@ pub struct Pulse {
     pub origin: DVec3,
     /// Beam frame to scene; the beam leaves along the image of +Y. Errors and noise included.
     pub attitude: Rotation,
-    /// The same without mechanical errors (and then without attitude noise): points are reported along it.
+    /// The same without mechanical errors (and then without attitude noise), of which the instrument knows nothing.
     pub exact_attitude: Rotation,
+    /// `exact_attitude` from the platform's pose as its navigation system reports it: points are reported along it.
+    pub reported_attitude: Rotation,
+    /// Reported minus true origin, m.
+    pub origin_error: DVec3,
     /// Emission time, ns of the GPS week.
     pub time_ns: f64,
     /// Number of the pulse among those of its device, from 1, going on over legs.
@@ -28,7 +32,7 @@ pub struct Pulse {
 pub struct PoseSample {
     /// ns of the GPS week.
     pub time_ns: f64,
-    /// Platform position, m, scene frame.
+    /// Platform position as it is reported, m, scene frame.
     pub position: DVec3,
     /// rad.
     pub roll: f64,
@@ -38,6 +42,16 @@ pub struct PoseSample {
     pub yaw: f64,
     /// The attitude that the angles describe in the platform's own convention.
     pub attitude: Rotation,
+    /// Position and attitude that were flown; those reported unless there are errors of navigation.
+    pub flown: (DVec3, Rotation),
+}
+
+impl PoseSample {
+    /// The sample with what was flown in place of what is reported. The angles stay.
+    pub fn as_flown(&self) -> PoseSample {
+        let (position, attitude) = self.flown;
+        PoseSample { position, attitude, ..*self }
+    }
 }
 
 /// Takes what the steps of a flight yield. The values come as closures, because the producer of chunks only counts them

@@ -5,8 +5,10 @@ use super::guard::Watch;
 use super::plan::{FlightPlan, PlannedLeg};
 use super::pulse::{FlightSink, PoseSample, Pulse};
 use crate::error::{Error, Result};
+use crate::geom::{DVec3, Rotation};
 use crate::platform::{LegEntry, PlatformState, Pose, Readiness};
 use crate::scanner::{DevicePlan, DeviceState};
+use crate::survey::Kinematics;
 
 /// What a step did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,10 +28,18 @@ pub enum Step {
 pub struct FlightState {
     leg: usize,
     ended: bool,
-    /// The step clock: one tick for every step, leg changes included.
+    /// One tick for every step, leg changes included.
     ticks: u64,
-    /// The GPS clock, ns of the week. A running sum, so it rounds as the reference's does.
+    /// The step clock when the leg began, s, where legs have periods of their own.
+    clock_base: f64,
+    /// Steps of this leg.
+    leg_ticks: u64,
+    /// Time since the run's start when the leg began, ns.
+    elapsed_base_ns: f64,
+    /// The GPS clock, ns of the week. In the reference a running sum, which rounds; the exact clock multiplies.
     time_ns: f64,
+    /// The GPS clock at the first step.
+    begun_ns: f64,
     /// Start of the leg's greatest duration.
     timer_ns: f64,
     /// Device 0's pulses when the leg started.
@@ -50,7 +60,11 @@ impl FlightState {
             leg: 0,
             ended: false,
             ticks: 0,
+            clock_base: 0.0,
+            leg_ticks: 0,
+            elapsed_base_ns: 0.0,
             time_ns: plan.start_ns,
+            begun_ns: plan.start_ns,
             timer_ns: plan.start_ns,
             pulses_before: 0,
             deferred: false,
@@ -68,13 +82,59 @@ impl FlightState {
     pub fn repeat(&mut self, plan: &FlightPlan) {
         self.platform.restore(&FlightState::start(plan).platform);
         self.ended = false;
-        self.ticks = 0;
+        self.close_leg(plan);
+        (self.ticks, self.clock_base) = (0, 0.0);
         self.begin(plan);
     }
 
     fn begin(&mut self, plan: &FlightPlan) {
         self.start_leg(plan, 0, LegEntry::Initial);
-        self.deferred = false;
+        self.deferred &= plan.kinematics.legs_on_time;
+    }
+
+    /// The step clock, s: every leg at its own period, without the ticks that changing legs takes in the reference, as far
+    /// as these corrections are on.
+    #[inline]
+    fn clock(&self, plan: &FlightPlan) -> f64 {
+        let Kinematics { leg_pulse_rate, legs_on_time, .. } = plan.kinematics;
+        if leg_pulse_rate || legs_on_time {
+            self.clock_base + self.leg_ticks as f64 / plan.legs[self.leg].frequency
+        } else {
+            self.ticks as f64 * plan.clock_step
+        }
+    }
+
+    /// Seconds since the first step, of which the errors of navigation are functions. A flight lasts less than half a week.
+    #[inline]
+    fn since_start(&self) -> f64 {
+        let elapsed = self.time_ns - self.begun_ns;
+        (if elapsed < -0.5 * WEEK_NS { elapsed + WEEK_NS } else { elapsed }) * 1e-9
+    }
+
+    /// Adds the leg's time to that of the legs before it.
+    fn close_leg(&mut self, plan: &FlightPlan) {
+        self.clock_base = self.clock(plan);
+        self.elapsed_base_ns += self.leg_ticks as f64 * 1e9 / plan.legs[self.leg].frequency;
+        self.leg_ticks = 0;
+    }
+
+    /// Time goes on by one step: by a sum that rounds, or by a product that does not.
+    #[inline]
+    fn tick(&mut self, plan: &FlightPlan) {
+        (self.ticks, self.leg_ticks) = (self.ticks + 1, self.leg_ticks + 1);
+        let leg = &plan.legs[self.leg];
+        self.time_ns = if plan.kinematics.exact_clock {
+            plan.start_ns + (self.elapsed_base_ns + self.leg_ticks as f64 * 1e9 / leg.frequency)
+        } else {
+            self.time_ns + leg.increment_ns
+        };
+        if self.time_ns > WEEK_NS {
+            self.time_ns = if plan.kinematics.exact_clock {
+                self.time_ns.rem_euclid(WEEK_NS)
+            } else {
+                self.time_ns - WEEK_NS
+            };
+        }
     }
 
     /// Takes one step and hands pulses and trajectory samples to `sink`.
@@ -95,10 +155,10 @@ impl FlightState {
         if let Some(time) = self.platform.next_time_ns(&plan.platform) {
             self.time_ns = time;
         }
-        if leg.max_duration > 0.0 && self.time_is_up(leg) {
+        if leg.max_duration > 0.0 && self.time_is_up(leg, plan.kinematics.legs_on_time) {
             return Ok(self.change_leg(plan));
         }
-        let clock = self.ticks as f64 * plan.clock_step;
+        let clock = self.clock(plan);
         if !leg.still
             && self.devices[0].head.completed()
             && self.platform.reached(&plan.platform, self.leg, clock)
@@ -118,20 +178,17 @@ impl FlightState {
         if leg.settings.active && leg.sample_interval_ns != 0.0 {
             self.sample(plan, leg, sink);
         }
-        self.time_ns += plan.increment_ns;
-        if self.time_ns > WEEK_NS {
-            self.time_ns -= WEEK_NS;
-        }
-        self.ticks += 1;
+        self.tick(plan);
         Ok(Step::Went)
     }
 
     #[inline]
     fn step_devices(&mut self, plan: &FlightPlan, leg: &PlannedLeg, sink: &mut impl FlightSink) {
+        let since_start = self.since_start();
         let FlightState { platform, devices, time_ns, .. } = self;
         for (index, (device, state)) in plan.devices.iter().zip(devices).enumerate() {
             if leg.settings.active && !state.warm {
-                warm_up(device, state, leg.warmup);
+                warm_up(device, state, leg.warmup, !plan.kinematics.warmup_of_optics);
             }
             state.step_head(device);
             if !leg.settings.active {
@@ -142,7 +199,7 @@ impl FlightState {
                 continue;
             }
             state.pulses += 1;
-            sink.pulse(|| plan.pulse(platform, index, state, *time_ns));
+            sink.pulse(|| plan.pulse(platform, index, state, *time_ns, since_start));
         }
     }
 
@@ -153,21 +210,31 @@ impl FlightState {
         if due {
             self.sampled_ns = self.time_ns;
             let (platform, time_ns) = (&self.platform, self.time_ns);
+            let since_start = self.since_start();
             sink.pose(|| {
-                let [roll, pitch, yaw] = platform.angles(&plan.platform);
-                let attitude = platform.reported_attitude(&plan.platform);
-                PoseSample { time_ns, position: platform.position(), roll, pitch, yaw, attitude }
+                let flown = (platform.position(), platform.reported_attitude(&plan.platform));
+                let (position, attitude) = match &plan.navigation {
+                    Some(navigation) => navigation.reported(flown.0, flown.1, since_start),
+                    None => flown,
+                };
+                let [roll, pitch, yaw] = platform.angles(&plan.platform, attitude);
+                PoseSample { time_ns, position, roll, pitch, yaw, attitude, flown }
             });
         }
     }
 
     /// Whether the leg's greatest duration has passed since its first pulse (spec kinematics §1.3, items 1 and 2).
-    fn time_is_up(&mut self, leg: &PlannedLeg) -> bool {
+    fn time_is_up(&mut self, leg: &PlannedLeg, legs_on_time: bool) -> bool {
+        let waiting = self.devices[0].pulses == self.pulses_before;
         if self.deferred {
-            self.timer_ns = self.time_ns;
-            self.deferred = self.devices[0].pulses == self.pulses_before;
+            // The step of the first pulse is over when that pulse is seen; the reference starts its timer only then.
+            if waiting || !legs_on_time {
+                self.timer_ns = self.time_ns;
+            }
+            self.deferred = waiting;
         }
-        elapsed_ns(self.time_ns, self.timer_ns) * 1e-9 >= leg.max_duration
+        let slack = if legs_on_time { 1e6 / leg.frequency } else { 0.0 };
+        (elapsed_ns(self.time_ns, self.timer_ns) + slack) * 1e-9 >= leg.max_duration
     }
 
     fn change_leg(&mut self, plan: &FlightPlan) -> Step {
@@ -178,13 +245,21 @@ impl FlightState {
         }
         self.start_leg(plan, next, LegEntry::Continuing);
         self.ticks += 1;
+        if !plan.kinematics.legs_on_time {
+            self.clock_base += 1.0 / plan.legs[next].frequency;
+        }
         Step::LegChanged
     }
 
     /// Starts leg `leg` (spec kinematics §1.4).
     fn start_leg(&mut self, plan: &FlightPlan, leg: usize, entry: LegEntry) {
+        self.close_leg(plan);
         self.leg = leg;
         let planned = &plan.legs[leg];
+        if let Some(start) = planned.start_ns {
+            self.elapsed_base_ns = start - plan.start_ns;
+            self.time_ns = start;
+        }
         for (device, state) in plan.devices.iter().zip(&mut self.devices) {
             state.start_leg(device, &planned.settings);
         }
@@ -192,11 +267,12 @@ impl FlightState {
         self.pulses_before = self.devices[0].pulses;
         self.deferred = planned.max_duration > 0.0 && planned.settings.active;
         self.sampled_ns = 0.0;
-        let clock = self.ticks as f64 * plan.clock_step;
+        let clock = self.clock(plan);
         self.platform.start_leg(&plan.platform, leg, entry, clock);
         let rested = leg.checked_sub(1).is_some_and(|before| !plan.legs[before].settings.active);
         if rested && planned.settings.active {
-            self.devices[0].deflector.restart();
+            let devices = if plan.kinematics.channels_restart { self.devices.len() } else { 1 };
+            self.devices[..devices].iter_mut().for_each(|device| device.deflector.restart());
         }
         self.watch = if planned.max_duration > 0.0 {
             Watch::off()
@@ -219,7 +295,7 @@ impl FlightState {
             "leg {} never ends: after {:.0} s of flight its platform is at x {:.2} y {:.2} z {:.2}, came within {:.2} m \
              of the next waypoint and does not get nearer",
             leg.number,
-            self.ticks as f64 * plan.clock_step,
+            self.clock(plan),
             at.x,
             at.y,
             at.z,
@@ -263,7 +339,7 @@ impl FlightState {
         if self.ended {
             return 1.0;
         }
-        let clock = self.ticks as f64 * plan.clock_step;
+        let clock = self.clock(plan);
         let by_time = if leg.max_duration > 0.0 {
             (elapsed_ns(self.time_ns, self.timer_ns) * 1e-9 / leg.max_duration).clamp(0.0, 1.0)
         } else {
@@ -280,7 +356,7 @@ impl FlightState {
         let first = !stream.has_begun();
         stream.feed(block, plan.shift);
         if first && let Some(time) = self.platform.next_time_ns(&plan.platform) {
-            (self.time_ns, self.timer_ns) = (time, time);
+            (self.time_ns, self.timer_ns, self.begun_ns) = (time, time, time);
         }
     }
 
@@ -292,43 +368,72 @@ impl FlightState {
     }
 }
 
-fn warm_up(device: &DevicePlan, state: &mut DeviceState, steps: u64) {
+fn warm_up(device: &DevicePlan, state: &mut DeviceState, steps: u64, with_head: bool) {
     state.warm = true;
     for _ in 0..steps {
-        state.step_head(device);
+        if with_head {
+            state.step_head(device);
+        }
         state.deflector.step(device);
     }
 }
 
 impl FlightPlan {
-    /// The pulse that device `index` emits now (spec kinematics §3, §7.2).
-    fn pulse(&self, platform: &PlatformState, index: usize, state: &DeviceState, time_ns: f64) -> Pulse {
+    /// The pulse that device `index` emits now (spec kinematics §3, §7.2), `since_start` seconds after the flight's start.
+    fn pulse(
+        &self,
+        platform: &PlatformState,
+        index: usize,
+        state: &DeviceState,
+        time_ns: f64,
+        since_start: f64,
+    ) -> Pulse {
         let plan = &self.devices[index];
         let (device, emitted) = (index as u32, state.pulses - 1);
-        let pointing = platform.pointing(&self.platform);
-        let carrier = pointing.after(self.mount.rotation);
-        let (mount, emitter) = (self.mount.offset, plan.beam_origin.offset);
-        let origin = if self.rotate_mount_offsets {
-            let head = carrier.after(state.head.rotation(plan));
-            platform.position() + pointing.apply(mount) + head.apply(emitter)
-        } else {
-            platform.position() + mount + emitter
-        };
+        let of_platform = self.kinematics.attitude_noise_of_platform;
+        let (place, steady) = (platform.position(), platform.pointing(&self.platform));
+        let noisy = |attitude: Rotation| self.noise.disturb(attitude, device, emitted);
         let exact_deflection = state.deflector.exact_rotation(plan);
         let deflection =
             if state.deflector.is_disturbed() { state.deflector.rotation(plan) } else { exact_deflection };
-        let clean = carrier.after(state.emitter(plan)).after(deflection);
-        let attitude = self.noise.disturb(clean, device, emitted);
-        let exact_attitude = if plan.errors.any() {
-            carrier.after(state.exact_emitter(plan)).after(exact_deflection)
-        } else {
-            attitude
+        // The beam of a platform with this attitude, and the same without mechanical errors and noise, if there are any.
+        let beams = |steady: Rotation| {
+            let carrier = if of_platform { noisy(steady) } else { steady }.after(self.mount.rotation);
+            let clean = carrier.after(state.emitter(plan)).after(deflection);
+            let attitude = if of_platform { clean } else { noisy(clean) };
+            let exact = if plan.errors.any() {
+                steady.after(self.mount.rotation).after(state.exact_emitter(plan)).after(exact_deflection)
+            } else {
+                attitude
+            };
+            (attitude, exact)
+        };
+        let origin_of = |place: DVec3, steady: Rotation| {
+            let (mount, emitter) = (self.mount.offset, plan.beam_origin.offset);
+            if self.kinematics.mount_offsets_turn {
+                let pointing = if of_platform { noisy(steady) } else { steady };
+                let head = pointing.after(self.mount.rotation).after(state.head.rotation(plan));
+                place + pointing.apply(mount) + head.apply(emitter)
+            } else {
+                place + mount + emitter
+            }
+        };
+        let origin = origin_of(place, steady);
+        let (attitude, exact_attitude) = beams(steady);
+        let (origin_error, reported_attitude) = match &self.navigation {
+            Some(navigation) => {
+                let (place, steady) = navigation.reported(place, steady, since_start);
+                (origin_of(place, steady) - origin, beams(steady).1)
+            }
+            None => (DVec3::ZERO, exact_attitude),
         };
         let range_error = plan.errors.range.as_ref().map_or(0.0, |e| e.eval(state.deflector.exact_angle()));
         Pulse {
             origin: origin + self.noise.offset(device, emitted),
             attitude,
             exact_attitude,
+            reported_attitude,
+            origin_error,
             time_ns,
             number: state.pulses,
             device,
@@ -342,7 +447,7 @@ impl FlightPlan {
 mod tests {
     use super::*;
     use crate::flight::testing::*;
-    use crate::geom::{DVec3, Rotation, radians};
+    use crate::geom::radians;
     use crate::survey::{Deflector, Mount, Noise, NoiseKind, PlatformKind, PoseStream, Survey};
 
     fn busy_survey() -> Survey {

@@ -100,6 +100,9 @@ columns! {
     BeamDirectionX F64 9 "" "Direction of the beam, unit vector.";
     BeamDirectionY F64 9 "" "Direction of the beam, unit vector.";
     BeamDirectionZ F64 9 "" "Direction of the beam, unit vector.";
+    TrueX F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
+    TrueY F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
+    TrueZ F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
 }
 
 impl Column {
@@ -185,6 +188,9 @@ impl ColumnCodec<'_> {
             Column::BeamDirectionX => f64s(out, echoes, |e| e.direction.x),
             Column::BeamDirectionY => f64s(out, echoes, |e| e.direction.y),
             Column::BeamDirectionZ => f64s(out, echoes, |e| e.direction.z),
+            Column::TrueX => f64s(out, echoes, |e| e.true_position().x + shift.x),
+            Column::TrueY => f64s(out, echoes, |e| e.true_position().y + shift.y),
+            Column::TrueZ => f64s(out, echoes, |e| e.true_position().z + shift.z),
         }
     }
 }

@@ -16,6 +16,7 @@ pub(super) fn echo(number: u32, of: u32) -> Echo {
         position: DVec3::ZERO,
         origin: DVec3::new(0.0, 0.0, 100.0),
         direction: DVec3::NEG_Z,
+        true_beam: [DVec3::ZERO, DVec3::NEG_Z],
         range: 100.0,
         true_range: 100.0,
         intensity: 1.0,
@@ -202,6 +203,7 @@ pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
                 pitch: 0.0,
                 yaw: 1.0,
                 attitude,
+                flown: (origin, attitude),
             });
         }
     }

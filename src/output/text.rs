@@ -142,6 +142,7 @@ mod tests {
             pitch: -0.0,
             yaw: 1.5 * std::f64::consts::PI,
             attitude: Rotation::about_z(1.5 * std::f64::consts::PI),
+            flown: (DVec3::ZERO, Rotation::IDENTITY),
         };
         let position = DVec3::new(-30.0, -50.0, 100.0);
         let line = text(|out| push_pose(out, position, &pose));

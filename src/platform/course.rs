@@ -82,6 +82,13 @@ impl Course {
         q.length() / v.length() < 1.0
     }
 
+    /// What is left of the next step's time, as a share of it, once that step has come to the target; `None` if it does not
+    /// come that far.
+    pub fn time_left_at_target(&self) -> Option<f64> {
+        let share = self.to_target().length() / self.velocity.length();
+        (share < 1.0).then_some(1.0 - share)
+    }
+
     /// Travelled share of the leg.
     pub fn progress(&self, leg: &LegCourse) -> f64 {
         share((self.position - leg.position).length(), (self.target - self.origin).length())
@@ -115,6 +122,11 @@ pub(super) fn horizontal_unit(v: DVec3) -> Option<DVec3> {
 pub(super) fn heading(d: DVec3) -> f64 {
     let angle = atan2(d.x, d.y);
     if angle < 0.0 { angle + TAU } else { angle }
+}
+
+/// Level attitude whose nose points along the horizontal part of `way`; `None` where that is nothing.
+pub(super) fn facing(way: DVec3) -> Option<Rotation> {
+    horizontal_unit(way).map(|d| Rotation::about_z(-atan2(d.x, d.y)))
 }
 
 /// The align procedure (spec kinematics §2.3): turns `attitude` about z until its forward axis points along the horizontal

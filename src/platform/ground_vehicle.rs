@@ -1,9 +1,10 @@
 //! A vehicle that steers towards its waypoints, backing up where they lie too far aside (spec kinematics §2.4).
 
 use super::LegEntry;
-use super::course::{Course, LegCourse, align, horizontal, horizontal_unit};
+use super::course::{Course, LegCourse, align, facing, horizontal, horizontal_unit};
 use super::physics::accelerated;
 use crate::geom::{DVec3, Rotation};
+use crate::survey::Kinematics;
 use std::f64::consts::PI;
 
 /// Force forwards.
@@ -59,12 +60,17 @@ impl Default for GroundVehicle {
 }
 
 impl GroundVehicle {
-    pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry) {
+    pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry, kinematics: &Kinematics) {
         if self.course.start_leg(legs, leg, entry) {
             self.manoeuvre = Manoeuvre::Drive;
         }
         if entry == LegEntry::Initial {
-            self.attitude = align(self.attitude, self.course.to_target());
+            let way = self.course.to_target();
+            self.attitude = if kinematics.heading_along_leg {
+                facing(way).unwrap_or(self.attitude)
+            } else {
+                align(self.attitude, way)
+            };
         }
     }
 
@@ -161,7 +167,7 @@ mod tests {
         let legs = [course([0.0, 0.0, 0.0], 3.0), course([0.0, 1000.0, 0.0], 3.0)];
         let plan = GroundVehiclePlan { drag: 0.005 };
         let mut car = GroundVehicle::default();
-        car.start_leg(&legs, 0, LegEntry::Initial);
+        car.start_leg(&legs, 0, LegEntry::Initial, &Kinematics::HELIOS);
         let speeds: Vec<f64> = (0..400)
             .map(|_| {
                 car.step(&plan, &legs[0]);
@@ -199,7 +205,7 @@ mod tests {
         let mut car = GroundVehicle::default();
         for (leg, rows) in golden.iter().enumerate() {
             let entry = if leg == 0 { LegEntry::Initial } else { LegEntry::Continuing };
-            car.start_leg(&legs, leg, entry);
+            car.start_leg(&legs, leg, entry, &Kinematics::HELIOS);
             let last = rows.last().unwrap().0;
             for step in 0..=last {
                 assert!(!car.course.reached(), "leg {leg} ends before step {step}");

@@ -17,12 +17,22 @@ pub struct InterpolatedState {
     /// The step clock when the leg started and the leg's duration, s.
     leg_start: f64,
     leg_duration: f64,
+    /// The leg may end this much too early, s.
+    slack: f64,
 }
 
 impl InterpolatedState {
     pub(super) fn new(table: &TrajectoryTable) -> InterpolatedState {
         let values = table.rows().first().map_or([0.0; 6], |r| r.values);
-        InterpolatedState { time: 0.0, values, row: 0, last_clock: 0.0, leg_start: 0.0, leg_duration: 0.0 }
+        InterpolatedState {
+            time: 0.0,
+            values,
+            row: 0,
+            last_clock: 0.0,
+            leg_start: 0.0,
+            leg_duration: 0.0,
+            slack: 0.0,
+        }
     }
 
     /// Moves to the start of `span`; added legs have none and end at once.
@@ -39,6 +49,12 @@ impl InterpolatedState {
             };
         }
         self.advance(table, span.start - self.time);
+    }
+
+    /// Lets the first step of the leg stand at its start, and the leg end as soon as it has lasted for its duration but for
+    /// the rounding `slack`, s. In the reference the time that changing legs took counts, too (spec kinematics §2.6).
+    pub(super) fn begin_at(&mut self, clock: f64, slack: f64) {
+        (self.last_clock, self.slack) = (clock, slack);
     }
 
     #[inline]
@@ -71,7 +87,7 @@ impl InterpolatedState {
     }
 
     pub(super) fn reached(&self, clock: f64) -> bool {
-        clock >= self.leg_start + self.leg_duration
+        clock + self.slack >= self.leg_start + self.leg_duration
     }
 
     pub(super) fn progress(&self, clock: f64) -> f64 {

@@ -1,8 +1,9 @@
 //! Straight flight from waypoint to waypoint (spec kinematics §2.3).
 
 use super::LegEntry;
-use super::course::{Course, LegCourse, align};
-use crate::geom::{Rotation, unit};
+use super::course::{Course, LegCourse, align, facing};
+use crate::geom::{DVec3, Rotation, unit};
+use crate::survey::Kinematics;
 
 /// A platform on a straight path.
 #[derive(Clone, Debug)]
@@ -19,8 +20,28 @@ impl Default for LinearPath {
 
 impl LinearPath {
     /// Aligns with the leg's target; a run's first leg aligns once more.
-    pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry) {
-        if self.course.start_leg(legs, leg, entry) {
+    pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry, kinematics: &Kinematics) {
+        let corner = self.course.target;
+        let left = self.course.time_left_at_target().filter(|_| entry == LegEntry::Continuing);
+        let assigned = self.course.start_leg(legs, leg, entry);
+        let mut way = self.course.to_target();
+        if kinematics.sharp_corners
+            && assigned
+            && let (Some(left), Some(before)) = (left, leg.checked_sub(1))
+        {
+            // The rest of the step's time is flown along the new leg, but not beyond it.
+            way = self.course.target - corner;
+            let beyond = (left * legs[leg].speed / legs[before].frequency).min(way.length());
+            let ahead = if beyond > 0.0 { unit(way) * beyond } else { DVec3::ZERO };
+            self.course.velocity = corner - self.course.position + ahead;
+        }
+        if kinematics.heading_along_leg {
+            if assigned {
+                self.attitude = facing(way).unwrap_or(self.attitude);
+            }
+            return;
+        }
+        if assigned {
             self.attitude = align(self.attitude, self.course.to_target());
         }
         if entry == LegEntry::Initial {

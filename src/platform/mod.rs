@@ -27,7 +27,7 @@ pub use table::TrajectoryTable;
 pub use trajectory_file::read_trajectories;
 
 use crate::geom::{DVec3, Rotation};
-use crate::survey::RotationSpec;
+use crate::survey::{Kinematics, RotationSpec};
 use course::Course;
 use ground_vehicle::{GroundVehicle, GroundVehiclePlan};
 use linear::LinearPath;
@@ -39,6 +39,7 @@ pub struct PlatformPlan {
     kind: KindPlan,
     legs: Vec<LegCourse>,
     rotation_spec: RotationSpec,
+    kinematics: Kinematics,
 }
 
 #[derive(Clone, Debug)]
@@ -46,7 +47,8 @@ enum KindPlan {
     Static,
     Linear,
     GroundVehicle(GroundVehiclePlan),
-    Multicopter(MulticopterPlan),
+    /// By leg.
+    Multicopter(Vec<MulticopterPlan>),
     Interpolated(TrajectoryTable),
     Stream(StreamPlan),
 }
@@ -90,10 +92,22 @@ impl PlatformPlan {
         PlatformPlan::new(KindPlan::GroundVehicle(GroundVehiclePlan { drag }), legs)
     }
 
-    /// Flies from leg to leg as a multicopter whose angular steps are fixed by the first leg's pulse frequency.
-    pub fn multicopter(parameters: crate::survey::Multicopter, legs: Vec<LegCourse>) -> PlatformPlan {
-        let frequency = legs.first().map_or(1.0, |l| l.frequency);
-        PlatformPlan::new(KindPlan::Multicopter(MulticopterPlan::new(parameters, frequency)), legs)
+    /// Flies from leg to leg as a multicopter whose angular steps are fixed by the first leg's pulse frequency, or, with
+    /// [`Kinematics::leg_pulse_rate`], by that of each leg.
+    pub fn multicopter(
+        parameters: crate::survey::Multicopter,
+        legs: Vec<LegCourse>,
+        kinematics: Kinematics,
+    ) -> PlatformPlan {
+        let first = legs.first().map_or(1.0, |l| l.frequency);
+        let frequency = |leg: &LegCourse| if kinematics.leg_pulse_rate { leg.frequency } else { first };
+        let plans = legs.iter().map(|leg| MulticopterPlan::new(parameters.clone(), frequency(leg)));
+        PlatformPlan::new(KindPlan::Multicopter(plans.collect()), legs).with(kinematics)
+    }
+
+    /// The same platform with these departures from the reference.
+    pub fn with(self, kinematics: Kinematics) -> PlatformPlan {
+        PlatformPlan { kinematics, ..self }
     }
 
     /// Follows a table of recorded poses.
@@ -118,7 +132,7 @@ impl PlatformPlan {
     }
 
     fn new(kind: KindPlan, legs: Vec<LegCourse>) -> PlatformPlan {
-        PlatformPlan { kind, legs, rotation_spec: RotationSpec::Canonical }
+        PlatformPlan { kind, legs, rotation_spec: RotationSpec::Canonical, kinematics: Kinematics::HELIOS }
     }
 
     /// Whether the platform never moves within a leg.
@@ -155,7 +169,9 @@ impl PlatformPlan {
     pub fn terminal_speed(&self) -> f64 {
         match &self.kind {
             KindPlan::GroundVehicle(g) => ground_vehicle::CRUISE_FORCE / g.drag,
-            KindPlan::Multicopter(m) => m.terminal_speed(),
+            KindPlan::Multicopter(legs) => {
+                legs.first().map_or(f64::INFINITY, MulticopterPlan::terminal_speed)
+            }
             _ => f64::INFINITY,
         }
     }
@@ -184,11 +200,16 @@ impl PlatformState {
         let course = &plan.legs[leg];
         match (&mut self.0, &plan.kind) {
             (KindState::Static(p), _) => *p = course.position,
-            (KindState::Linear(s), _) => s.start_leg(&plan.legs, leg, entry),
-            (KindState::GroundVehicle(s), _) => s.start_leg(&plan.legs, leg, entry),
-            (KindState::Multicopter(s), KindPlan::Multicopter(m)) => s.start_leg(m, &plan.legs, leg, entry),
+            (KindState::Linear(s), _) => s.start_leg(&plan.legs, leg, entry, &plan.kinematics),
+            (KindState::GroundVehicle(s), _) => s.start_leg(&plan.legs, leg, entry, &plan.kinematics),
+            (KindState::Multicopter(s), KindPlan::Multicopter(m)) => {
+                s.start_leg(&m[leg], &plan.legs, leg, entry, &plan.kinematics);
+            }
             (KindState::Interpolated(s), KindPlan::Interpolated(table)) => {
                 s.start_leg(table, course.span, clock);
+                if plan.kinematics.legs_on_time {
+                    s.begin_at(clock, 1e-3 / course.frequency);
+                }
             }
             _ => {}
         }
@@ -218,7 +239,7 @@ impl PlatformState {
         match (&mut self.0, &plan.kind) {
             (KindState::Linear(s), _) => s.step(&plan.legs[leg]),
             (KindState::GroundVehicle(s), KindPlan::GroundVehicle(g)) => s.step(g, &plan.legs[leg]),
-            (KindState::Multicopter(s), KindPlan::Multicopter(m)) => s.step(m, &plan.legs[leg]),
+            (KindState::Multicopter(s), KindPlan::Multicopter(m)) => s.step(&m[leg], &plan.legs[leg]),
             (KindState::Interpolated(s), KindPlan::Interpolated(table)) => s.step(table, clock),
             (KindState::Stream(s), KindPlan::Stream(plan)) => s.step(plan),
             _ => {}
@@ -257,22 +278,26 @@ impl PlatformState {
             KindState::Static(_) => Rotation::IDENTITY,
             KindState::Linear(s) => s.attitude,
             KindState::GroundVehicle(s) => s.attitude,
+            KindState::Multicopter(s) if plan.kinematics.multicopter_tilt => s.tilted(),
+            KindState::Multicopter(s) if plan.kinematics.heading_along_leg => s.level(),
             KindState::Multicopter(s) => s.mount_pointing,
             KindState::Interpolated(s) => s.attitude(plan.rotation_spec),
             KindState::Stream(s) => s.attitude(),
         }
     }
 
-    /// The attitude that trajectories report as (roll, pitch, yaw) in radians, yaw within [0, 2π] (spec kinematics §9).
-    pub fn angles(&self, plan: &PlatformPlan) -> [f64; 3] {
+    /// An attitude of the platform as (roll, pitch, yaw) in radians in the convention of the platform's trajectories, yaw
+    /// within [0, 2π] (spec kinematics §9).
+    pub fn angles(&self, plan: &PlatformPlan, attitude: Rotation) -> [f64; 3] {
         let recorded = matches!(self.0, KindState::Interpolated(_) | KindState::Stream(_));
-        course::reported_angles(self.reported_attitude(plan), recorded.then_some(plan.rotation_spec))
+        course::reported_angles(attitude, recorded.then_some(plan.rotation_spec))
     }
 
-    /// The attitude that trajectories report: a multicopter's tilt included, which never reaches the beam.
+    /// The attitude that trajectories report: that of the beam's carrier, but in the reference with a multicopter's tilt,
+    /// which never reaches the beam.
     pub fn reported_attitude(&self, plan: &PlatformPlan) -> Rotation {
         match &self.0 {
-            KindState::Multicopter(s) => s.attitude(),
+            KindState::Multicopter(s) if !plan.kinematics.multicopter_tilt => s.attitude(),
             _ => self.pointing(plan),
         }
     }

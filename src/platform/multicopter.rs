@@ -6,7 +6,7 @@ use super::LegEntry;
 use super::course::{Course, LegCourse, heading, horizontal, horizontal_unit};
 use super::physics::accelerated;
 use crate::geom::{DVec3, Rotation, unit};
-use crate::survey::Multicopter;
+use crate::survey::{Kinematics, Multicopter};
 use libm::{acos, cos, log, sin};
 use std::f64::consts::{PI, TAU};
 
@@ -103,7 +103,14 @@ impl MulticopterPlan {
 }
 
 impl MulticopterState {
-    pub fn start_leg(&mut self, plan: &MulticopterPlan, legs: &[LegCourse], leg: usize, entry: LegEntry) {
+    pub fn start_leg(
+        &mut self,
+        plan: &MulticopterPlan,
+        legs: &[LegCourse],
+        leg: usize,
+        entry: LegEntry,
+        kinematics: &Kinematics,
+    ) {
         let here = &legs[leg];
         let assigned = self.course.start_leg(legs, leg, entry);
         // The cap of the leg before is still in force; a run's first leg is reckoned when the platform is prepared.
@@ -121,7 +128,22 @@ impl MulticopterState {
         }
         if entry == LegEntry::Initial {
             self.predict(plan, here, here.step_length);
+            if kinematics.multicopter_tilt {
+                // The reference begins with the nose as far up as it goes, where nobody sees it.
+                self.pitch = 0.0;
+            }
         }
+    }
+
+    /// The level attitude of the present yaw.
+    pub fn level(&self) -> Rotation {
+        Rotation::about_z(self.yaw)
+    }
+
+    /// The attitude with the tilt about the craft's own axes: pitch with the nose up, and roll, whose angle grows with turns
+    /// to the left here, so that the craft leans into them.
+    pub fn tilted(&self) -> Rotation {
+        self.level().after(Rotation::about_x(self.pitch)).after(Rotation::about_y(-self.roll))
     }
 
     pub fn restore(&mut self, start: &MulticopterState) {
@@ -384,7 +406,7 @@ pub(super) mod tests {
         let mut flown = Vec::new();
         for leg in 0..legs.len() {
             let entry = if leg == 0 { LegEntry::Initial } else { LegEntry::Continuing };
-            copter.start_leg(&plan, legs, leg, entry);
+            copter.start_leg(&plan, legs, leg, entry, &Kinematics::HELIOS);
             let mut rows = Vec::new();
             while rows.len() < limit && !copter.reached(&legs[leg]) {
                 copter.step(&plan, &legs[leg]);
@@ -439,7 +461,7 @@ pub(super) mod tests {
             let legs = golden_legs(|l| (l.frequency, l.step_length) = (frequency, 8.0 / frequency));
             let plan = MulticopterPlan::new(parameters(), frequency);
             let mut copter = MulticopterState::default();
-            copter.start_leg(&plan, &legs, 0, LegEntry::Initial);
+            copter.start_leg(&plan, &legs, 0, LegEntry::Initial, &Kinematics::HELIOS);
             let found = copter.slow_distance;
             assert!((found / wanted - 1.0).abs() < 1e-3, "{frequency} Hz: {found}");
         }
@@ -451,7 +473,7 @@ pub(super) mod tests {
         let legs = golden_legs(|_| {});
         let plan = MulticopterPlan::new(parameters(), 100.0);
         let mut copter = MulticopterState::default();
-        copter.start_leg(&plan, &legs, 0, LegEntry::Initial);
+        copter.start_leg(&plan, &legs, 0, LegEntry::Initial, &Kinematics::HELIOS);
         assert!((copter.yaw.to_degrees() + 75.963757).abs() < 1e-6);
         copter.step(&plan, &legs[0]);
         assert_eq!(copter.mount_pointing.forward(), DVec3::Y);
@@ -494,7 +516,7 @@ pub(super) mod tests {
         let mut steps = [0; 3];
         for leg in 0..3 {
             let entry = if leg == 0 { LegEntry::Initial } else { LegEntry::Continuing };
-            copter.start_leg(&plan, &legs, leg, entry);
+            copter.start_leg(&plan, &legs, leg, entry, &Kinematics::HELIOS);
             while !copter.reached(&legs[leg]) && steps[leg] < 100_000 {
                 copter.step(&plan, &legs[leg]);
                 for (_, step, position, angles) in golden.iter().filter(|g| (g.0, g.1) == (leg, steps[leg])) {

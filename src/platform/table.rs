@@ -1,6 +1,7 @@
 //! A table of recorded poses over time (spec kinematics §2.6).
 
 use crate::geom::DVec3;
+use std::f64::consts::TAU;
 
 /// Roll, pitch, yaw (rad) and x, y, z (m, scene frame).
 pub(super) type PoseValues = [f64; 6];
@@ -27,6 +28,10 @@ impl TrajectoryTable {
     /// order and make a jump. `None` if there is no row.
     pub fn new(mut rows: Vec<(f64, PoseValues)>) -> Option<TrajectoryTable> {
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        TrajectoryTable::of_sorted(rows)
+    }
+
+    fn of_sorted(rows: Vec<(f64, PoseValues)>) -> Option<TrajectoryTable> {
         let first_time = rows.first()?.0;
         let mut table: Vec<TableRow> = rows
             .iter()
@@ -41,6 +46,41 @@ impl TrajectoryTable {
             }
         }
         Some(TrajectoryTable { first_time, rows: table })
+    }
+
+    /// The same poses with every angle within half a turn of the one before it, so that nothing turns the longer way.
+    pub fn unwrapped(self) -> TrajectoryTable {
+        self.changed(|rows| {
+            for i in 1..rows.len() {
+                let before = rows[i - 1].1;
+                near(&mut rows[i].1, &before);
+            }
+        })
+    }
+
+    /// The same places with headings along the way from the row before to the row after, level, for tables that hold
+    /// places only. `sense`: 1 where yaw is a heading, −1 where it turns counter-clockwise.
+    pub fn heading_along(self, sense: f64) -> TrajectoryTable {
+        self.changed(|rows| {
+            let places: Vec<[f64; 2]> = rows.iter().map(|r| [r.1[3], r.1[4]]).collect();
+            let mut heading = None;
+            for i in 0..rows.len() {
+                let (a, b) = (places[i.saturating_sub(1)], places[(i + 1).min(places.len() - 1)]);
+                let (east, north) = (b[0] - a[0], b[1] - a[1]);
+                if east != 0.0 || north != 0.0 {
+                    heading = Some(libm::atan2(east, north));
+                }
+                rows[i].1[2] = sense * heading.unwrap_or(0.0);
+            }
+        })
+    }
+
+    fn changed(self, change: impl FnOnce(&mut [(f64, PoseValues)])) -> TrajectoryTable {
+        let first = self.first_time;
+        let mut rows: Vec<(f64, PoseValues)> = self.rows.iter().map(|r| (r.time, r.values)).collect();
+        change(&mut rows);
+        let table = TrajectoryTable::of_sorted(rows);
+        table.map_or(self, |table| TrajectoryTable { first_time: first, ..table })
     }
 
     /// Moves every position by `-shift`.
@@ -73,6 +113,13 @@ impl TrajectoryTable {
 
     pub(super) fn rows(&self) -> &[TableRow] {
         &self.rows
+    }
+}
+
+/// Moves the angles of `values` by whole turns as near to those of `before` as they can be.
+pub(super) fn near(values: &mut PoseValues, before: &PoseValues) {
+    for (angle, before) in values[..3].iter_mut().zip(before) {
+        *angle += ((before - *angle) / TAU).round() * TAU;
     }
 }
 
@@ -133,5 +180,25 @@ mod tests {
         assert_eq!(table.position_at(-1.0).x, -2.0);
         assert!(table.rows().iter().all(|r| r.slopes.iter().all(|s| s.is_finite())));
         assert!(TrajectoryTable::new(Vec::new()).is_none());
+    }
+
+    #[test]
+    fn unwrapped_angles_take_the_shorter_way() {
+        let rows = [350.0f64, 10.0, 355.0, 170.0, -170.0].map(f64::to_radians);
+        let rows = rows.iter().enumerate().map(|(t, &yaw)| (t as f64, [0.0, 0.0, yaw, 0.0, 0.0, 0.0]));
+        let table = TrajectoryTable::new(rows.collect()).unwrap().unwrapped();
+        let yaws: Vec<f64> = table.rows().iter().map(|r| r.values[2].to_degrees().round()).collect();
+        assert_eq!(yaws, [350.0, 370.0, 355.0, 530.0, 550.0]);
+        assert!((table.rows()[0].slopes[2].to_degrees() - 20.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn places_alone_have_the_headings_of_their_way() {
+        let place = |t: f64, x: f64, y: f64| (t, [0.0, 0.0, 0.0, x, y, 0.0]);
+        let rows =
+            vec![place(5.0, 0.0, 0.0), place(6.0, 0.0, 0.0), place(7.0, 3.0, 0.0), place(8.0, 3.0, -3.0)];
+        let table = TrajectoryTable::new(rows).unwrap().heading_along(1.0);
+        let yaws: Vec<f64> = table.rows().iter().map(|r| r.values[2].to_degrees().round()).collect();
+        assert_eq!((yaws, table.first_time()), (vec![0.0, 90.0, 135.0, 180.0], 5.0));
     }
 }

@@ -5,12 +5,11 @@ use super::interpolated::composed;
 use super::layout::{Layout, is_header};
 use super::poses::{Fix, FixPlace, Frame, Pose, Problem, read_binary};
 use super::rows::{QUANTITIES, Quantity, Separator};
-use super::table::{PoseValues, TrajectoryTable, filter_slopes};
+use super::table::{PoseValues, TrajectoryTable, filter_slopes, near};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::radians;
 use crate::survey::{Interpolated, TrajectoryFile};
-use std::f64::consts::TAU;
 use std::path::Path;
 
 /// More problems than these are counted, not listed.
@@ -94,18 +93,16 @@ fn projected(
 fn angle_rows(poses: &[Pose], settings: &Interpolated) -> Vec<(f64, PoseValues)> {
     let mut rows: Vec<(f64, PoseValues)> = Vec::with_capacity(poses.len());
     for pose in poses {
-        let mut angles = match settings.position_only {
+        let [roll, pitch, yaw] = match settings.position_only {
             true => [0.0; 3],
             false => reported_angles(pose.attitude, Some(settings.rotation_spec)),
         };
-        if let Some((_, before)) = rows.last() {
-            for (angle, before) in angles.iter_mut().zip(before) {
-                *angle += ((before - *angle) / TAU).round() * TAU;
-            }
-        }
-        let [roll, pitch, yaw] = angles;
         let p = pose.position;
-        rows.push((pose.time, [roll, pitch, yaw, p.x, p.y, p.z]));
+        let mut values = [roll, pitch, yaw, p.x, p.y, p.z];
+        if let Some((_, before)) = rows.last() {
+            near(&mut values, before);
+        }
+        rows.push((pose.time, values));
     }
     rows
 }

@@ -7,10 +7,12 @@ use crate::geom::DVec3;
 pub struct Echo {
     /// Measured position, m, scene frame.
     pub position: DVec3,
-    /// Beam origin, m, scene frame.
+    /// Reported beam origin, m, scene frame.
     pub origin: DVec3,
     /// Reported beam direction, unit.
     pub direction: DVec3,
+    /// Origin and direction from the pose that was flown; those reported unless there are errors of navigation.
+    pub true_beam: [DVec3; 2],
     /// Measured range, m, noise and errors included.
     pub range: f64,
     /// Distance along its subray to what was hit, m: no noise, no errors, no bins.
@@ -48,6 +50,7 @@ impl Echo {
             position: pulse.origin,
             origin: pulse.origin,
             direction: pulse.direction,
+            true_beam: [pulse.origin, pulse.direction],
             range: 0.0,
             true_range: 0.0,
             intensity: 0.0,
@@ -63,6 +66,11 @@ impl Echo {
             scan_angle: pulse.scan_angle,
             time_ns: pulse.time_ns,
         }
+    }
+
+    /// Where the point is with the pose that was flown, m, scene frame.
+    pub fn true_position(&self) -> DVec3 {
+        self.true_beam[0] + self.true_beam[1] * self.range
     }
 
     /// Whether it stands for a pulse without echoes.

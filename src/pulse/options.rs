@@ -1,5 +1,7 @@
 //! What of the pulse physics a run can choose.
 
+use crate::survey::Kinematics;
+
 /// Choices of the pulse physics. [`PhysicsOptions::helios`] reproduces the reference's numbers; single fields may then be
 /// changed at will.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,16 +52,19 @@ impl Default for PhysicsOptions {
 }
 
 macro_rules! corrections {
-    ($($(#[$doc:meta])* $name:ident: $refined:literal,)*) => {
+    ($($(#[doc = $doc:literal])* $name:ident: $refined:literal,)*) => {
         /// Departures from the reference's physics (spec pulse-physics §9, §10), each of which can be chosen by itself.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct Corrections {
-            $($(#[$doc])* pub $name: bool,)*
+            $($(#[doc = $doc])* pub $name: bool,)*
         }
 
         impl Corrections {
             /// Names of all corrections, in the order of the fields.
             pub const NAMES: &[&str] = &[$(stringify!($name)),*];
+
+            /// What each of them does, in the order of the fields.
+            pub const HELP: &[&str] = &[$(concat!($($doc),*)),*];
 
             /// None of them: the reference's physics.
             pub const NONE: Corrections = Corrections { $($name: false),* };
@@ -176,14 +181,72 @@ corrections! {
     /// Whether foliage intercepts a subray stays random, and so does where it stops the only ray of a beam. Needs
     /// adjacent_voxels and leaf_table_law.
     foliage_continuum: true,
-    /// Offsets of the scanner's mount turn with the platform, those of the emitter with the head, too; in the reference
-    /// they are added along the axes of the world (spec kinematics, trap 13). On without asking along a --trajectory.
+    /// Kinematics: platforms face along the leg from waypoint to waypoint, and recorded places without angles along their way;
+    /// in the reference small clockwise errors of up to 1.4 degrees grow to the double or fourfold, places without angles
+    /// face north, and the beam of a multicopter lags behind its yaw (spec kinematics, traps 14, 17, 25).
+    heading_along_leg: true,
+    /// Kinematics: straight flights turn at the waypoint and fly the rest of that step along the new leg; in the reference they
+    /// overshoot by up to a step (trap 8).
+    sharp_corners: true,
+    /// Kinematics: pitch and roll of a multicopter turn about its own axes and reach the beam; in the reference they turn
+    /// about the axes of the world and only trajectories show them (traps 17 and 18).
+    multicopter_tilt: true,
+    /// Kinematics: offsets of the scanner's mount turn with the platform, those of the emitter with the head, too; in the
+    /// reference they are added along the axes of the world (trap 13). Always on along a --trajectory.
     mount_offsets_turn: true,
+    /// Kinematics: noise of the attitude turns the platform about its own axes, and what it carries; in the reference it turns
+    /// the beam about the beam's axes, one of which is the beam itself (trap 41).
+    attitude_noise_of_platform: true,
+    /// Kinematics: recorded headings of a survey turn the shorter way, through north; in the reference 350 to 10 degrees leads
+    /// back through 180 (trap 25).
+    shortest_turns: true,
+    /// Kinematics: legs along recorded trajectories begin and end at the times given, with synchronised stamps in all of them,
+    /// and a limited leg fires as many pulses as its duration holds; in the reference later legs come 3 or 4 steps late, and
+    /// get one pulse more or less (traps 3 and 4).
+    legs_on_time: true,
+    /// Kinematics: clocks go by the pulse rate of each leg; in the reference by that of the first (trap 1).
+    leg_pulse_rate: true,
+    /// Kinematics: GPS time is start + k times the period; in the reference a sum whose rounding drifts by microseconds a
+    /// second (trap 2).
+    exact_clock: true,
+    /// Kinematics: the start of the GPS clock counts from 1980-01-06 and with leap seconds; in the reference its epoch is 9 s
+    /// late, and leap seconds are missing (spec kinematics 1.2).
+    leap_seconds: true,
+    /// Kinematics: conic deflectors turn at the leg's scan frequency; in the reference at the highest of the device (trap 29).
+    conic_at_leg_frequency: true,
+    /// Kinematics: oscillating mirrors keep the leg's scan frequency on average, their greatest angle and their phase; in the
+    /// reference periods are whole pulses, fast mirrors leave their range, and a leg may begin in the middle of a period of
+    /// another length (trap 30).
+    oscillation_at_leg_frequency: true,
+    /// Kinematics: polygon mirrors begin a line with what the line before had in excess; in the reference that is lost, and
+    /// lines are fewer than asked for (trap 27).
+    polygon_keeps_excess: true,
+    /// Kinematics: the fibres of an array lie symmetrically; in the reference the swath is half a spacing off centre (spec
+    /// kinematics 4.5).
+    centred_fibres: true,
+    /// Kinematics: after an inactive leg the deflectors of all channels begin anew; in the reference only that of the first,
+    /// which then is out of step (trap 31).
+    channels_restart: true,
+    /// Kinematics: the warm-up of the optics does not turn the head, too (trap 11).
+    warmup_of_optics: true,
 }
 
 impl Corrections {
     /// Those of the motion of platform and optics, which hold in pipeline files without asking.
-    pub const KINEMATIC: Corrections = Corrections { mount_offsets_turn: true, ..Corrections::NONE };
+    pub fn kinematic() -> Corrections {
+        let mut corrections = Corrections::NONE;
+        for name in Kinematics::NAMES {
+            if let Some(correction) = corrections.by_name(name) {
+                *correction = true;
+            }
+        }
+        corrections
+    }
+
+    /// What of them the flight has to know.
+    pub fn kinematics(self) -> Kinematics {
+        Kinematics::chosen(|name| Corrections::by_name(&mut { self }, name).is_some_and(|on| *on))
+    }
 }
 
 #[cfg(test)]
@@ -202,5 +265,15 @@ mod tests {
         assert!(c.by_name("helios").is_none());
         c.see_through_near = false;
         assert_eq!(c, Corrections::REFINED);
+    }
+    #[test]
+    fn every_kinematic_correction_reaches_the_flight() {
+        assert_eq!(Corrections::NONE.kinematics(), Kinematics::HELIOS);
+        assert_eq!(Corrections::REFINED.kinematics(), Kinematics::CORRECTED);
+        assert_eq!(Corrections::kinematic().kinematics(), Kinematics::CORRECTED);
+        for (name, help) in Corrections::NAMES.iter().zip(Corrections::HELP) {
+            let moves = Kinematics::NAMES.contains(name);
+            assert_eq!(help.trim_start().starts_with("Kinematics:"), moves, "{name}");
+        }
     }
 }

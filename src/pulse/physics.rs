@@ -472,7 +472,9 @@ impl Receiver {
     /// Errors and attribution of each return (spec pulse-physics §4.7–4.9).
     #[inline(always)]
     fn emit_echoes(&mut self, view: &View, instrument: &Instrument, pulse: &Pulse, batch: &mut Batch) {
-        let direction = pulse.exact_attitude.forward();
+        let direction = pulse.reported_attitude.forward();
+        let origin = pulse.origin + pulse.origin_error;
+        let true_beam = [pulse.origin, pulse.exact_attitude.forward()];
         for (number, r) in (1..).zip(&self.returns) {
             let source = attribute(&self.reflections, r.range);
             let primitive = self.reflections.primitives()[source];
@@ -489,9 +491,10 @@ impl Receiver {
             };
             batch.echoes.push(Echo {
                 // Comes with the noise.
-                position: pulse.origin,
-                origin: pulse.origin,
+                position: origin,
+                origin,
                 direction,
+                true_beam,
                 range,
                 true_range: self.reflections.ranges()[source],
                 intensity: r.amplitude,

@@ -189,6 +189,8 @@ pub fn pulse(attitude: Rotation) -> Pulse {
         origin: DVec3::ZERO,
         attitude,
         exact_attitude: attitude,
+        reported_attitude: attitude,
+        origin_error: crate::geom::DVec3::ZERO,
         time_ns: 0.0,
         number: 1,
         device: 0,

@@ -40,6 +40,8 @@ pub enum Purpose {
     Material = 12,
     /// Procedural scenes.
     SceneMaking = 13,
+    /// Errors of navigation: of position, attitude, boresight and lever arm.
+    Navigation = 32,
 }
 
 /// A stream of draws: the key of a seed and a purpose.

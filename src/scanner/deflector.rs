@@ -58,12 +58,35 @@ pub struct Polygon {
 #[derive(Clone, Debug, Default)]
 pub struct Oscillating {
     angle: f64,
+    /// Periods per pulse of the corrected motion; the other fields but `count` and `half_angle` are the reference's.
+    rate: Option<f64>,
     /// Pulses since the period began, and pulses per period.
     count: i64,
     period: i64,
     half_angle: f64,
     /// Change per step between the turning points.
     step: f64,
+}
+
+/// Pulses that an oscillating mirror takes to gain its speed, as in the reference.
+const TURNING_PULSES: f64 = 50.0;
+
+/// The angle at pulse `count` of a mirror that goes to and fro `rate` times per pulse, from −1 to 1: even speed between two
+/// parabolas of constant acceleration. Sweeps of less than 100 pulses are two parabolas.
+fn swept(count: i64, rate: f64) -> f64 {
+    let phase = (count as f64 * rate).fract();
+    let (x, sign) = if phase < 0.5 { (2.0 * phase, 1.0) } else { (2.0 * phase - 1.0, -1.0) };
+    // Share of a sweep, of which a period has two, for either turn.
+    let r = (TURNING_PULSES * 2.0 * rate).min(0.5);
+    let speed = 1.0 / (1.0 - r);
+    let way = if x < r {
+        speed * x * x / (2.0 * r)
+    } else if x <= 1.0 - r {
+        speed * (x - 0.5 * r)
+    } else {
+        1.0 - speed * (1.0 - x) * (1.0 - x) / (2.0 * r)
+    };
+    sign * (2.0 * way - 1.0)
 }
 
 impl DeflectorState {
@@ -90,10 +113,12 @@ impl DeflectorState {
                 *mirror = Polygon { angle: 0.0, exact: 0.0, step, lower, upper };
             }
             (DeflectorState::Oscillating(mirror), Deflector::Oscillating { scan_product }) => {
-                mirror.start_leg(scan_angle, settings.scan_freq, *scan_product, frequency);
+                let even = plan.kinematics.oscillation_at_leg_frequency;
+                mirror.start_leg(scan_angle, settings.scan_freq, *scan_product, frequency, even);
             }
             (DeflectorState::Conic { step, half_angle, .. }, _) => {
-                let turns = if plan.conic_at_leg_frequency { settings.scan_freq } else { plan.scan_freq_max };
+                let asked = plan.kinematics.conic_at_leg_frequency;
+                let turns = if asked { settings.scan_freq } else { plan.scan_freq_max };
                 *step = TAU * turns / frequency;
                 *half_angle = scan_angle;
             }
@@ -131,7 +156,9 @@ impl DeflectorState {
                 }
             }
             DeflectorState::Fibres { angle, next, count, half_angle } => {
-                *angle = -*half_angle + f64::from(*next) * (2.0 * *half_angle / f64::from(*count));
+                let from_edge = if plan.kinematics.centred_fibres { 0.5 } else { 0.0 };
+                *angle =
+                    -*half_angle + (f64::from(*next) + from_edge) * (2.0 * *half_angle / f64::from(*count));
                 *next = if *next + 1 < *count { *next + 1 } else { 0 };
             }
             DeflectorState::Risley { time, step, last } => {
@@ -219,6 +246,13 @@ impl Polygon {
     fn step(&mut self, plan: &DevicePlan) {
         let most = plan.scan_angle_max;
         self.exact += self.step;
+        if plan.kinematics.polygon_keeps_excess {
+            if self.exact >= most && most > 0.0 {
+                self.exact -= 2.0 * most * ((self.exact + most) / (2.0 * most)).floor();
+            }
+            self.angle = self.exact + plan.errors.deflection.as_ref().map_or(0.0, |e| e.eval(self.exact));
+            return;
+        }
         let Some(error) = &plan.errors.deflection else {
             // The excess over a whole line is discarded.
             if self.exact >= most {
@@ -238,10 +272,13 @@ impl Polygon {
 }
 
 impl Oscillating {
-    fn start_leg(&mut self, half_angle: f64, scan_freq: f64, product: f64, frequency: f64) {
+    fn start_leg(&mut self, half_angle: f64, scan_freq: f64, product: f64, frequency: f64, even: bool) {
         let scan_freq =
             if degrees(half_angle) * scan_freq > product { product / degrees(half_angle) } else { scan_freq };
         self.half_angle = half_angle;
+        if even {
+            (self.rate, self.count) = (Some(scan_freq / frequency), 0);
+        }
         // A scan frequency of 0 makes a period without end.
         self.period = (frequency / scan_freq) as i64;
         self.step = 2.0 * half_angle / ((self.period / 2) as f64 - 50.5);
@@ -251,6 +288,11 @@ impl Oscillating {
     /// overlap, and the first rule that fits is taken.
     #[inline]
     fn step(&mut self) {
+        if let Some(rate) = self.rate {
+            self.angle = self.half_angle * swept(self.count, rate);
+            self.count += 1;
+            return;
+        }
         if self.count >= self.period {
             self.count = 0;
         }
@@ -283,17 +325,34 @@ mod tests {
     use crate::geom::radians;
     use crate::scanner::testing::{device, settings};
     use crate::survey::Formula;
-    use crate::survey::{Device, Prism};
+    use crate::survey::{Device, Kinematics, Prism};
 
     fn started(device: &Device, settings: &ScannerSettings) -> (DevicePlan, DeflectorState) {
-        let plan = DevicePlan::new(device, false);
+        started_as(device, settings, Kinematics::HELIOS)
+    }
+
+    fn started_as(
+        device: &Device,
+        settings: &ScannerSettings,
+        kinematics: Kinematics,
+    ) -> (DevicePlan, DeflectorState) {
+        let plan = DevicePlan::new(device, kinematics);
         let mut state = DeflectorState::at_rest(&device.deflector);
         state.start_leg(&plan, settings, f64::from(settings.pulse_freq));
         (plan, state)
     }
 
     fn angles(device: &Device, settings: &ScannerSettings, steps: usize) -> Vec<f64> {
-        let (plan, mut state) = started(device, settings);
+        angles_as(device, settings, steps, Kinematics::HELIOS)
+    }
+
+    fn angles_as(
+        device: &Device,
+        settings: &ScannerSettings,
+        steps: usize,
+        kinematics: Kinematics,
+    ) -> Vec<f64> {
+        let (plan, mut state) = started_as(device, settings, kinematics);
         (0..steps)
             .map(|_| {
                 state.step(&plan);
@@ -325,6 +384,47 @@ mod tests {
         s.scan_freq = 20.0;
         let b = [7.5, 15.0, 22.5, -30.0, -22.5, -15.0, -7.5, 0.0, 7.5, 15.0, 22.5, 30.0, -30.0, -22.5];
         assert_close(&angles(&d, &s, 14), &b, 1e-9);
+    }
+
+    #[test]
+    fn a_corrected_polygon_turns_as_often_as_asked() {
+        // 133 lines a second at 1000 Hz: 7.5188 pulses a line, so that the excess counts; the sum of steps is the angle.
+        let mut d = device(Deflector::Polygon { effective_max: radians(50.0) });
+        d.scan_angle_max = radians(30.0);
+        let mut s = settings(1000);
+        s.scan_freq = 133.0;
+        let found = angles_as(&d, &s, 10_000, Kinematics::CORRECTED);
+        for (k, angle) in found.iter().enumerate() {
+            let turned = (k + 1) as f64 * 60.0 * 0.133 + 30.0;
+            let off = (turned - 60.0 * (turned / 60.0).floor() - 30.0 - angle).abs();
+            assert!(off.min(60.0 - off) < 1e-6, "{k}: {angle}");
+        }
+        let lines = found.windows(2).filter(|w| w[1] < w[0]).count();
+        assert_eq!(lines, 1330);
+        let helios = angles(&d, &s, 10_000).windows(2).filter(|w| w[1] < w[0]).count();
+        assert_eq!(helios, 1250, "the reference needs 8 pulses a line");
+    }
+
+    #[test]
+    fn a_corrected_mirror_oscillates_as_often_as_asked_and_within_its_limits() {
+        let d = device(Deflector::Oscillating { scan_product: 1e6 });
+        for (freq, turning) in [(70.0, 0.07), (7.3, 0.0073), (430.0, 0.43), (2000.0, 0.5)] {
+            let mut s = settings(100_000);
+            (s.scan_freq, s.scan_angle) = (freq, radians(20.0));
+            let found = angles_as(&d, &s, 100_000, Kinematics::CORRECTED);
+            assert!((found[0] + 20.0).abs() < 1e-9);
+            assert!(found.iter().all(|a| a.abs() <= 20.0 + 1e-9));
+            let up = found.windows(2).filter(|w| w[0] < 0.0 && w[1] >= 0.0).count();
+            assert!((up as f64 - freq).abs() <= 1.0, "{up} periods in a second, not {freq}");
+            // Between the turns the speed is 2s over the share of a half period that is left: 2s · 2f / (1 − r).
+            let speed = 4.0 * 20.0 * freq / 1e5 / (1.0 - turning);
+            let fastest = found.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+            assert!((fastest / speed - 1.0).abs() < 0.06, "{freq} Hz: {fastest} {speed}");
+        }
+        let mut s = settings(1000);
+        (s.scan_freq, s.scan_angle) = (2.0, radians(200.0));
+        let widest = angles_as(&d, &s, 500, Kinematics::CORRECTED).into_iter().fold(0.0, f64::max);
+        assert!((widest - 120.0).abs() < 0.1, "{widest} is beyond the device");
     }
 
     #[test]
@@ -450,6 +550,17 @@ mod tests {
         let mut s = settings(100);
         s.scan_angle = radians(20.0);
         assert_close(&angles(&d, &s, 9), &[-20.0, -15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0, -20.0], 1e-9);
+    }
+
+    #[test]
+    fn corrected_fibres_are_symmetric_and_all_there() {
+        let d = device(Deflector::Fibres { count: 8 });
+        let mut s = settings(100);
+        s.scan_angle = radians(20.0);
+        let found = angles_as(&d, &s, 9, Kinematics::CORRECTED);
+        assert_close(&found, &[-17.5, -12.5, -7.5, -2.5, 2.5, 7.5, 12.5, 17.5, -17.5], 1e-9);
+        let one = device(Deflector::Fibres { count: 1 });
+        assert_close(&angles_as(&one, &s, 2, Kinematics::CORRECTED), &[0.0, 0.0], 1e-12);
     }
 
     #[test]

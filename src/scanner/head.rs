@@ -117,10 +117,10 @@ mod tests {
     use super::*;
     use crate::geom::{DVec3, degrees, radians};
     use crate::scanner::testing::{device, settings};
-    use crate::survey::{Deflector, Device};
+    use crate::survey::{Deflector, Device, Kinematics};
 
     fn head(device: &Device, frequency: u32, rate: f64, start: f64, stop: f64) -> (DevicePlan, HeadState) {
-        let plan = DevicePlan::new(device, false);
+        let plan = DevicePlan::new(device, Kinematics::HELIOS);
         let mut s = settings(frequency);
         (s.head_rate, s.head_start, s.head_stop) = (radians(rate), radians(start), radians(stop));
         let mut head = HeadState::default();

@@ -11,7 +11,7 @@ pub use deflector::{DeflectorState, Oscillating, Polygon};
 pub use head::HeadState;
 
 use crate::geom::{DVec3, Rotation, unit};
-use crate::survey::{Deflector, Device, MechanicalErrors, Mount, ScannerSettings};
+use crate::survey::{Deflector, Device, Kinematics, MechanicalErrors, Mount, ScannerSettings};
 
 /// What never changes of one device.
 #[derive(Clone, Debug)]
@@ -30,15 +30,15 @@ pub struct DevicePlan {
     pub beam_origin: Mount,
     /// Calibration errors.
     pub errors: MechanicalErrors,
-    /// Conic deflectors turn at the leg's scan frequency instead of the device's highest one (spec kinematics, trap 29).
-    pub conic_at_leg_frequency: bool,
+    /// Where the optics depart from the reference's.
+    pub kinematics: Kinematics,
     /// Risley prisms.
     prisms: Option<risley::Train>,
 }
 
 impl DevicePlan {
     /// The plan of `device`.
-    pub fn new(device: &Device, conic_at_leg_frequency: bool) -> DevicePlan {
+    pub fn new(device: &Device, kinematics: Kinematics) -> DevicePlan {
         let axis = device.head.axis;
         let prisms = match &device.deflector {
             Deflector::Risley { prisms, air, incident } => Some(risley::Train::new(prisms, *air, *incident)),
@@ -52,7 +52,7 @@ impl DevicePlan {
             head_max_rate: device.head.max_rate,
             beam_origin: device.beam_origin,
             errors: device.errors.clone(),
-            conic_at_leg_frequency,
+            kinematics,
             prisms,
         }
     }
@@ -63,9 +63,11 @@ impl DevicePlan {
         if limit.is_nan() { 0.0 } else { wanted.clamp(-limit, limit) }
     }
 
-    /// The half angle in rad that a leg's `wanted` one becomes on this device (spec kinematics §4.1).
+    /// The half angle in rad that a leg's `wanted` one becomes on this device (spec kinematics §4.1). The reference does not
+    /// limit oscillating mirrors; neither can a device that names no limit.
     pub fn scan_angle(&self, wanted: f64) -> f64 {
-        if matches!(self.deflector, Deflector::Oscillating { .. }) {
+        let limits = self.kinematics.oscillation_at_leg_frequency && self.scan_angle_max > 0.0;
+        if matches!(self.deflector, Deflector::Oscillating { .. }) && !limits {
             return wanted;
         }
         let limited = if wanted < 0.0 { 0.0 } else { wanted.min(self.scan_angle_max) };

@@ -61,10 +61,24 @@ pub enum Column {
     StartDivergence,
     /// Number of the play, from 0, in surveys with swapped parts.
     Play,
+    /// The quaternion from the pose that is reported, mechanical errors left out: points are reported along it.
+    ReportedW,
+    /// See [`Column::ReportedW`].
+    ReportedX,
+    /// See [`Column::ReportedW`].
+    ReportedY,
+    /// See [`Column::ReportedW`].
+    ReportedZ,
+    /// Reported minus true origin, m.
+    OriginErrorX,
+    /// See [`Column::OriginErrorX`].
+    OriginErrorY,
+    /// See [`Column::OriginErrorX`].
+    OriginErrorZ,
 }
 
 /// Number of columns.
-pub const COLUMNS: usize = 27;
+pub const COLUMNS: usize = 34;
 
 /// What is known of a column.
 #[derive(Debug)]
@@ -132,6 +146,13 @@ pub static ENTRIES: [Entry; COLUMNS] = [
     entry(Column::Divergence, "divergence", &["beam_divergence"], Quantity::Angle),
     entry(Column::StartDivergence, "start_divergence", &[], Quantity::Angle),
     entry(Column::Play, "play", &[], Quantity::Count),
+    entry(Column::ReportedW, "reported_qw", &[], Quantity::Ratio),
+    entry(Column::ReportedX, "reported_qx", &[], Quantity::Ratio),
+    entry(Column::ReportedY, "reported_qy", &[], Quantity::Ratio),
+    entry(Column::ReportedZ, "reported_qz", &[], Quantity::Ratio),
+    entry(Column::OriginErrorX, "x_error", &[], Quantity::Length),
+    entry(Column::OriginErrorY, "y_error", &[], Quantity::Length),
+    entry(Column::OriginErrorZ, "z_error", &[], Quantity::Length),
 ];
 
 impl Column {

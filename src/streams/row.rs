@@ -24,17 +24,17 @@ pub type Values = [f64; COLUMNS];
 
 /// Which columns a stream has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Present(u32);
+pub struct Present(u64);
 
 impl Present {
     /// With another column.
     pub fn with(self, column: Column) -> Present {
-        Present(self.0 | 1 << column as u32)
+        Present(self.0 | 1 << column as u64)
     }
 
     /// Whether a column is there.
     pub fn has(self, column: Column) -> bool {
-        self.0 & 1 << column as u32 != 0
+        self.0 & 1 << column as u64 != 0
     }
 
     /// Whether all of them are there.
@@ -57,6 +57,11 @@ pub const ATTITUDE: [Column; 4] =
     [Column::AttitudeW, Column::AttitudeX, Column::AttitudeY, Column::AttitudeZ];
 /// The columns of the attitude without mechanical errors.
 pub const EXACT: [Column; 4] = [Column::ExactW, Column::ExactX, Column::ExactY, Column::ExactZ];
+/// The columns of the reported pose.
+pub const REPORTED: [Column; 4] =
+    [Column::ReportedW, Column::ReportedX, Column::ReportedY, Column::ReportedZ];
+/// The columns of the error of the reported origin.
+pub const ORIGIN_ERROR: [Column; 3] = [Column::OriginErrorX, Column::OriginErrorY, Column::OriginErrorZ];
 const LOW: [Column; 3] = [Column::LowX, Column::LowY, Column::LowZ];
 
 /// Whole numbers beyond these are not exact in double precision.
@@ -91,6 +96,8 @@ impl PulseRow {
         put(&DIRECTION, &p.attitude.forward().to_array());
         put(&ATTITUDE, &quaternion(&p.attitude));
         put(&EXACT, &quaternion(&p.exact_attitude));
+        put(&REPORTED, &quaternion(&p.reported_attitude));
+        put(&ORIGIN_ERROR, &p.origin_error.to_array());
         let [start, leg] = self.divergence.unwrap_or_default();
         put(
             &[
@@ -147,6 +154,13 @@ impl PulseRow {
         } else {
             attitude
         };
+        let reported_attitude = if present.has_all(&REPORTED) {
+            let reported = rotation(REPORTED);
+            check_attitude(&reported, REPORTED[0])?;
+            reported
+        } else {
+            exact_attitude
+        };
         let divergence = present.has(Column::Divergence).then(|| {
             let leg = value(Column::Divergence);
             [if present.has(Column::StartDivergence) { value(Column::StartDivergence) } else { leg }, leg]
@@ -157,6 +171,8 @@ impl PulseRow {
                 origin,
                 attitude,
                 exact_attitude,
+                reported_attitude,
+                origin_error: vector(ORIGIN_ERROR),
                 time_ns: value(Column::Time),
                 number,
                 device: count(Column::Device, value(Column::Device))?,
@@ -258,6 +274,8 @@ mod tests {
                 origin,
                 attitude: Rotation::about(DVec3::new(1.0, 2.0, 0.5), 0.7),
                 exact_attitude: Rotation::about_x(0.3),
+                reported_attitude: Rotation::about_x(0.2),
+                origin_error: DVec3::new(0.01, -0.02, 0.03),
                 time_ns: 86_391e9 + 1.0 / 3.0,
                 number: 12_345_678_901,
                 device: 3,

@@ -2,7 +2,7 @@
 //! many digits as bring back its bits.
 
 use super::columns::{Column, ENTRIES, Quantity};
-use super::row::{ATTITUDE, DIRECTION, EXACT, ORIGIN, Present, PulseRow};
+use super::row::{ATTITUDE, DIRECTION, EXACT, ORIGIN, ORIGIN_ERROR, Present, PulseRow, REPORTED};
 use super::table::pose_values;
 use crate::flight::PoseSample;
 use crate::geom::DVec3;
@@ -21,6 +21,11 @@ pub fn usual_columns() -> Present {
 /// The columns of mechanical errors.
 pub fn with_errors(present: Present) -> Present {
     EXACT.iter().fold(present.with(Column::RangeError), |p, c| p.with(*c))
+}
+
+/// The columns of a pose that differs from what is reported.
+pub fn with_reported(present: Present) -> Present {
+    REPORTED.iter().chain(&ORIGIN_ERROR).fold(present, |p, c| p.with(*c))
 }
 
 /// The header line of a stream with these columns.

@@ -142,6 +142,11 @@ pub struct FlightArgs {
     /// How long, in seconds, points of a live trajectory may wait for others to be computed together. [default: 0.25]
     #[arg(long, value_name = "SECONDS", help_heading = "Trajectory")]
     pub latency: Option<f64>,
+    /// Let what is reported of the platform's pose differ from what was flown, so that points move: a key of
+    /// [navigation_errors] in pipeline files and one number or three, such as position_m=0.02,0.02,0.05, attitude_deg=0.004,
+    /// boresight_deg=0,0.01,0; may be given more than once.
+    #[arg(long, value_name = "KEY=NUMBERS", help_heading = "Simulation")]
+    pub navigation_error: Vec<String>,
     /// Ignore the platform's position and attitude noise.
     #[arg(long, help_heading = "Simulation")]
     pub no_platform_noise: bool,
@@ -167,8 +172,8 @@ pub struct ProfileArgs {
     /// Reproduce the reference program, or switch its known weaknesses off. [default: helios]
     #[arg(long, value_name = "PROFILE", help_heading = "Simulation")]
     pub physics: Option<PhysicsProfile>,
-    /// Switch single corrections on, by name with hyphens, e.g. sum-equal-ranges; a name after no- switches one off. An
-    /// unknown name lists them all.
+    /// Switch single corrections on, by name with hyphens, e.g. sum-equal-ranges; a name after no- switches one off. They
+    /// are listed at the end of --help.
     #[arg(long, value_name = "NAME", value_delimiter = ',', help_heading = "Simulation")]
     pub correct: Vec<String>,
 }

@@ -92,6 +92,9 @@ pub struct TrajectoryArgs {
     /// Seconds from pose to pose. [default: the survey's trajectoryTimeInterval_s, else 0.05]
     #[arg(long, value_name = "SECONDS", help_heading = "Output")]
     pub interval: Option<f64>,
+    /// Write the poses that were flown, not those that are reported with --navigation-error or [navigation_errors].
+    #[arg(long = "true", help_heading = "Output")]
+    pub flown: bool,
     /// Where the kinematics depart from the reference's.
     #[command(flatten)]
     pub profile: ProfileArgs,

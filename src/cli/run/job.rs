@@ -14,7 +14,7 @@ use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::{LoadOptions, MaterialRules};
 use crate::schedule;
 use crate::survey::{
-    self, Grid, OutputSettings, PlatformKind, PoseChoices, ReadOptions, RunSettings, Survey,
+    self, Grid, NavigationErrors, OutputSettings, PlatformKind, PoseChoices, ReadOptions, RunSettings, Survey,
 };
 use crate::tree::BuildOptions;
 use std::path::{Path, PathBuf};
@@ -81,6 +81,7 @@ impl Job {
         let gps = if gps == "now" || gps.trim().is_empty() { now() } else { gps };
         let threads = threads(speed.threads.or(set.threads));
         let physics = physics(&args.physics, &wanted, set, &survey, seed)?;
+        let kinematics = physics.corrections.kinematics();
         Ok(Job {
             strict: input.strict || set.strict.unwrap_or(false),
             load: LoadOptions {
@@ -97,9 +98,10 @@ impl Job {
                 seed,
                 platform_noise: !aloft.no_platform_noise && set.platform_noise.unwrap_or(true),
                 leg_noise: !aloft.no_leg_noise && set.leg_noise.unwrap_or(true),
-                gps_start_ns: flight::gps_start(&gps).map_err(|e| Error::input(format!("GPS start: {e}")))?,
-                rotate_mount_offsets: physics.corrections.mount_offsets_turn,
-                ..FlightOptions::default()
+                gps_start_ns: flight::gps_start(&gps, kinematics.leap_seconds)
+                    .map_err(|e| Error::input(format!("GPS start: {e}")))?,
+                kinematics,
+                navigation: navigation(set.navigation, &aloft.navigation_error)?,
             },
             physics,
             output: output(&wanted, args.trajectory_out.as_ref(), set, &survey, &gps)?,
@@ -175,7 +177,7 @@ fn physics(
     let profile = if refined { PhysicsOptions::refined() } else { PhysicsOptions::helios() };
     let mut corrections = profile.corrections;
     if set.pipeline {
-        corrections = corrections.or(Corrections::KINEMATIC);
+        corrections = corrections.or(Corrections::kinematic());
     }
     corrections.mount_offsets_turn |= matches!(survey.platform.kind, PlatformKind::Stream(_));
     for name in &args.profile.correct {
@@ -192,6 +194,21 @@ fn physics(
         record_pulses: output.pulses || output.misses,
         corrections,
     })
+}
+
+/// The errors of navigation that a file names, with those of the command line over them.
+fn navigation(mut errors: NavigationErrors, typed: &[String]) -> Result<NavigationErrors> {
+    for text in typed {
+        let expected = || format!("expected KEY=NUMBERS such as position_m=0.02,0.02,0.05, found {text:?}");
+        let numbers =
+            |list: &str| list.split(',').map(|n| n.trim().parse().ok()).collect::<Option<Vec<f64>>>();
+        let outcome = match text.split_once('=').map(|(key, list)| (key.trim(), numbers(list))) {
+            Some((key, Some(numbers))) => errors.set(key, &numbers),
+            _ => Err(expected()),
+        };
+        outcome.map_err(|message| Error::input(format!("--navigation-error: {message}")))?;
+    }
+    Ok(errors)
 }
 
 /// Switches one correction on, or off where `no-` stands before its name. A name that itself begins with `no-` switches
@@ -446,6 +463,18 @@ mod tests {
         assert_eq!(count("k"), None);
         assert_eq!(count(""), None);
         assert_eq!(max_memory(Some("4GiB")).unwrap(), Some(4_000_000_000));
+    }
+
+    #[test]
+    fn errors_of_navigation_are_typed_over_those_of_the_file() {
+        let mut file = NavigationErrors::NONE;
+        file.set("position_m", &[1.0]).unwrap();
+        let typed = ["position_m=0.1, 0.2,0.3".to_owned(), "boresight_deg=90".to_owned()];
+        let both = navigation(file, &typed).unwrap();
+        assert_eq!((both.position, both.boresight), ([0.1, 0.2, 0.3], [std::f64::consts::FRAC_PI_2; 3]));
+        for wrong in ["position_m", "position_m=", "position_m=a", "position_m=1,2", "position=1"] {
+            assert!(navigation(file, &[wrong.to_owned()]).is_err(), "{wrong}");
+        }
     }
 
     #[test]

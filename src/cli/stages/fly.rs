@@ -9,13 +9,13 @@ use crate::cli::watch::{amount, duration, watched};
 use crate::cli::{Console, Verbosity, interrupt};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::flight::FlightPlan;
+use crate::flight::{FlightPlan, PoseSample};
 use crate::geom::DVec3;
 use crate::pipeline::{Emission, Emitted, Progress, emit};
 use crate::scene;
 use crate::streams::{
     Column, POSE_HEADER, Present, PulseRow, TableColumn, TableWriter, header, pose_columns, pulse_columns,
-    push_pose, push_pose_row, push_pulse, push_pulse_row, usual_columns, with_errors,
+    push_pose, push_pose_row, push_pulse, push_pulse_row, usual_columns, with_errors, with_reported,
 };
 use crate::survey::{PlatformKind, Survey};
 use std::io::{IsTerminal, Write};
@@ -38,7 +38,7 @@ pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
             leg.scanner.trajectory_interval = interval.unwrap_or(if own > 0.0 { own } else { INTERVAL });
         }
     };
-    fly(&as_run(&args.survey, &args.profile), &args.emit, console, change, &Poses)
+    fly(&as_run(&args.survey, &args.profile), &args.emit, args.flown, console, change, &Poses)
 }
 
 /// Runs `vlscan pulses`.
@@ -47,7 +47,7 @@ pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
     let change = |survey: &mut Survey| {
         survey.legs.iter_mut().for_each(|leg| leg.scanner.trajectory_interval = 0.0);
     };
-    fly(&as_run(&args.survey, &args.profile), &args.emit, console, change, &Pulses)
+    fly(&as_run(&args.survey, &args.profile), &args.emit, false, console, change, &Pulses)
 }
 
 /// What is written of a flight, as lines of text or as rows of a table.
@@ -64,6 +64,12 @@ trait Rows: Sync {
 
 struct Poses;
 
+impl Poses {
+    fn rows(flight: &Flight, emitted: &Emitted) -> impl Iterator<Item = PoseSample> {
+        emitted.poses.iter().map(|pose| if flight.as_flown { pose.as_flown() } else { *pose })
+    }
+}
+
 impl Rows for Poses {
     fn header(&self, _: &Flight) -> String {
         POSE_HEADER.to_owned()
@@ -74,11 +80,11 @@ impl Rows for Poses {
     }
 
     fn push_lines(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
-        emitted.poses.iter().for_each(|pose| push_pose(out, pose, flight.shift));
+        Poses::rows(flight, emitted).for_each(|pose| push_pose(out, &pose, flight.shift));
     }
 
     fn push_values(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
-        emitted.poses.iter().for_each(|pose| push_pose_row(out, pose, flight.shift));
+        Poses::rows(flight, emitted).for_each(|pose| push_pose_row(out, &pose, flight.shift));
     }
 }
 
@@ -121,12 +127,14 @@ struct Flight {
     shift: DVec3,
     /// Columns of a stream of pulses.
     columns: Present,
+    /// Poses are those flown, not those reported.
+    as_flown: bool,
     /// By leg: divergence when the survey begins and in the leg.
     divergences: Vec<[f64; 2]>,
 }
 
 impl Flight {
-    fn of(survey: &Survey, shift: DVec3, plays: u32) -> Flight {
+    fn of(survey: &Survey, shift: DVec3, plays: u32, navigation: bool, as_flown: bool) -> Flight {
         let own = survey.scanner.devices[0].beam.divergence;
         let of_legs: Vec<f64> = survey.legs.iter().map(|l| l.scanner.beam_divergence).collect();
         let start = of_legs.first().copied().unwrap_or(own);
@@ -134,19 +142,28 @@ impl Flight {
         if survey.scanner.devices.iter().any(|d| d.errors.any()) {
             columns = with_errors(columns);
         }
+        if navigation {
+            columns = with_reported(columns);
+        }
         if of_legs.iter().any(|d| *d != own) {
             columns = columns.with(Column::Divergence).with(Column::StartDivergence);
         }
         if plays > 1 {
             columns = columns.with(Column::Play);
         }
-        Flight { shift, columns, divergences: of_legs.into_iter().map(|leg| [start, leg]).collect() }
+        Flight {
+            shift,
+            columns,
+            as_flown,
+            divergences: of_legs.into_iter().map(|leg| [start, leg]).collect(),
+        }
     }
 }
 
 fn fly(
     args: &RunArgs,
     emit_args: &EmitArgs,
+    as_flown: bool,
     console: &Console,
     change: impl FnOnce(&mut Survey),
     rows: &impl Rows,
@@ -176,7 +193,7 @@ fn fly(
     let (plan, found): (FlightPlan, Diagnostics) =
         FlightPlan::new(&job.survey, scene.shift, &ground, &job.flight)?;
     console.warnings(&found.finish(job.strict)?);
-    let flight = Flight::of(&job.survey, scene.shift, plays);
+    let flight = Flight::of(&job.survey, scene.shift, plays, job.flight.navigation.any(), as_flown);
     // Pulses go on in the frame of the scene, which itself is needed no more.
     drop(scene);
 

@@ -1,6 +1,8 @@
 //! What a survey says, after every template, default and unit has been resolved. Angles are radians, lengths metres,
 //! frequencies hertz, positions world coordinates.
 
+mod kinematics;
+mod navigation;
 mod poses;
 mod receiver;
 mod scene;
@@ -10,6 +12,8 @@ use crate::diag::Place;
 use crate::geom::{DVec3, Rotation};
 use std::path::PathBuf;
 
+pub use kinematics::Kinematics;
+pub use navigation::NavigationErrors;
 pub use poses::*;
 pub use receiver::*;
 pub use scene::*;

@@ -78,6 +78,9 @@ pub struct PipelineKeys {
     pub platform: Option<Spanned<PlatformKeys>>,
     /// A stream of poses to fly along.
     pub trajectory: Option<TrajectoryKeys>,
+    /// What the navigation system gets wrong: the beam is traced from the true pose, points are georeferenced with the
+    /// reported one.
+    pub navigation_errors: Option<NavigationKeys>,
     /// The instrument.
     pub scanner: Option<Spanned<InstrumentKeys>>,
     /// What the scanner does; with `[[leg]]` tables, what holds for all of them.
@@ -353,7 +356,7 @@ pub struct SettingsKeys {
     pub trajectory_interval_s: Key<f64>,
     /// Ends the leg after that time, s. Default: no limit.
     pub max_duration_s: Key<f64>,
-    /// Head and deflector advance that long before the first pulse, s. Default: 0.
+    /// The optics move that long before the first pulse, s. Default: 0.
     pub warmup_s: Key<f64>,
 }
 
@@ -460,4 +463,53 @@ pub struct OutputKeys {
     pub per_leg: Option<bool>,
     /// The folder gets HELIOS++'s layout, `PATH/SURVEY/TIME/leg000_points.xyz` and so on. Default: false.
     pub helios: Option<bool>,
+}
+
+/// The `[navigation_errors]` table: errors of what is reported of the platform's pose. Standard deviations belong to
+/// first-order Gauss–Markov processes, whose correlation falls by a factor e in the correlation time. Every key but the
+/// correlation times takes one number for all three components, or three. Default: no errors.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NavigationKeys {
+    /// Standard deviation of the position to the east, north and up, m.
+    pub position_m: Key<toml::Value>,
+    /// Correlation time of the position's errors, s. Default: 300.
+    pub position_correlation_s: Key<toml::Value>,
+    /// Constant error of the position to the east, north and up, m.
+    pub position_bias_m: Key<toml::Value>,
+    /// Standard deviation of roll, pitch and heading, degrees.
+    pub attitude_deg: Key<toml::Value>,
+    /// Correlation time of the attitude's errors, s. Default: 60.
+    pub attitude_correlation_s: Key<toml::Value>,
+    /// Constant error of roll, pitch and heading, degrees.
+    pub attitude_bias_deg: Key<toml::Value>,
+    /// Growth of the error of roll, pitch and heading from the flight's start, degrees per hour.
+    pub attitude_drift_deg_per_h: Key<toml::Value>,
+    /// Error of the boresight, degrees: roll, pitch, heading.
+    pub boresight_deg: Key<toml::Value>,
+    /// Standard deviation of a boresight error that is drawn once for the run, degrees.
+    pub boresight_sigma_deg: Key<toml::Value>,
+    /// Error of the lever arm to the right, forward and up, m.
+    pub lever_arm_m: Key<toml::Value>,
+    /// Standard deviation of a lever arm error that is drawn once for the run, m.
+    pub lever_arm_sigma_m: Key<toml::Value>,
+}
+
+impl NavigationKeys {
+    /// All keys by name.
+    pub fn entries(&self) -> [(&'static str, &Key<toml::Value>); 11] {
+        [
+            ("position_m", &self.position_m),
+            ("position_correlation_s", &self.position_correlation_s),
+            ("position_bias_m", &self.position_bias_m),
+            ("attitude_deg", &self.attitude_deg),
+            ("attitude_correlation_s", &self.attitude_correlation_s),
+            ("attitude_bias_deg", &self.attitude_bias_deg),
+            ("attitude_drift_deg_per_h", &self.attitude_drift_deg_per_h),
+            ("boresight_deg", &self.boresight_deg),
+            ("boresight_sigma_deg", &self.boresight_sigma_deg),
+            ("lever_arm_m", &self.lever_arm_m),
+            ("lever_arm_sigma_m", &self.lever_arm_sigma_m),
+        ]
+    }
 }

@@ -1,7 +1,7 @@
 //! How a pipeline file wants to be run.
 
 use super::super::context::Context;
-use super::super::parse_seed;
+use super::super::{NavigationErrors, parse_seed};
 use super::PipelineKeys;
 use super::keys::Key;
 use super::output::{OutputSettings, SinkSetting, read_output, read_sinks};
@@ -57,6 +57,8 @@ pub struct RunSettings {
     pub output: OutputSettings,
     /// Most memory for the scene, bytes.
     pub max_memory: Option<u64>,
+    /// What the navigation system gets wrong.
+    pub navigation: NavigationErrors,
 }
 
 /// Reads everything that is not the survey itself.
@@ -94,7 +96,33 @@ pub(super) fn read_settings(context: &Context, source: &Source, keys: &PipelineK
         strict: keys.strict,
         output: read_output(context, source, keys),
         max_memory: read_memory(context, source, &schedule.max_memory),
+        navigation: read_navigation(context, source, keys),
     }
+}
+
+fn read_navigation(context: &Context, source: &Source, keys: &PipelineKeys) -> NavigationErrors {
+    let mut errors = NavigationErrors::NONE;
+    let Some(table) = &keys.navigation_errors else { return errors };
+    let number = |value: &Value| match value {
+        Value::Integer(i) => Some(*i as f64),
+        Value::Float(f) => Some(*f),
+        _ => None,
+    };
+    for (name, key) in table.entries() {
+        let Some(key) = key else { continue };
+        let numbers: Option<Vec<f64>> = match key.get_ref() {
+            Value::Array(values) => values.iter().map(number).collect(),
+            value => number(value).map(|n| vec![n]),
+        };
+        let outcome = match numbers {
+            Some(numbers) => errors.set(name, &numbers),
+            None => Err(format!("{name}: expected one number or three")),
+        };
+        if let Err(message) = outcome {
+            context.error(source.place(key.span()), message);
+        }
+    }
+    errors
 }
 
 /// A text that must be among those known.
