@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{feed, folder, succeed, text, vlscan};
+use common::{feed, folder, python_with_laspy, succeed, text, vlscan};
 use std::fs;
 use std::path::Path;
 
@@ -99,4 +99,24 @@ fn the_true_trajectory_is_told_on_request() {
     write(dir.path(), "position_m = -1\nattitude_deg = [1, 2]\nnonsense = 1\n");
     let refused = vlscan(dir.path()).args(["run", "p.toml", "-o", "a.xyz"]).output().unwrap();
     assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
+}
+
+#[test]
+fn las_has_true_positions_on_request() {
+    let Some(python) = python_with_laspy() else { return };
+    let dir = folder();
+    write(dir.path(), "position_bias_m = [0.25, -0.5, 1]\n");
+    for name in ["a.las", "a.laz"] {
+        succeed(dir.path(), &["run", "p.toml", "-q", "-o", name, "--true-positions", "--force"]);
+        let script = "import laspy, numpy as np, sys\nlas = laspy.read(sys.argv[1])\n\
+            off = [np.asarray(las[a.lower()]) - np.asarray(las['True' + a]) for a in 'XYZ']\n\
+            assert len(las.points) > 1000\n\
+            assert all(np.abs(o - w).max() < 1e-4 for o, w in zip(off, (0.25, -0.5, 1))), off\n";
+        let out = std::process::Command::new(&python)
+            .args(["-c", script, name])
+            .current_dir(dir.path())
+            .output()
+            .unwrap();
+        assert!(out.status.success(), "{name}: {}", text(&out.stderr));
+    }
 }

@@ -113,6 +113,8 @@ pub struct OutputRequest {
     pub misses: bool,
     /// Labels for learning in LAS, LAZ and PLY: part, primitive, true range. Columns have them anyway.
     pub labels: bool,
+    /// Positions without errors of navigation in LAS and LAZ. Columns have them by name.
+    pub true_positions: bool,
     /// Whether poses arrive while points leave, so that Arrow streams do not wait for full batches.
     pub live: bool,
     /// Settings of LAS and LAZ.
@@ -141,6 +143,7 @@ impl Default for OutputRequest {
             columns: None,
             misses: false,
             labels: false,
+            true_positions: false,
             live: false,
             las: LasSettings::default(),
             force: false,

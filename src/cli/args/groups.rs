@@ -75,6 +75,10 @@ pub struct OutputArgs {
     /// Write part, primitive and true range into las, laz and ply, too; csv, arrow and parquet have them anyway.
     #[arg(long, help_heading = "Output")]
     pub labels: bool,
+    /// Write positions without errors of navigation (TrueX, TrueY, TrueZ) into las and laz, too; the columns of csv, arrow and
+    /// parquet are chosen with --columns.
+    #[arg(long, help_heading = "Output")]
+    pub true_positions: bool,
     /// Write pulses without echoes, too: 0 returns, at the beam's origin, with the beam's direction.
     #[arg(long, help_heading = "Output")]
     pub misses: bool,

@@ -237,6 +237,7 @@ fn with_settings(args: &OutputArgs, set: &OutputSettings) -> OutputArgs {
         pulses: args.pulses || set.pulses,
         columns: args.columns.clone().or(set.columns.clone()),
         labels: args.labels || set.labels,
+        true_positions: args.true_positions || set.true_positions,
         misses: args.misses || set.misses,
         las_at_most: args.las_at_most.clone().or(set.las_at_most.clone()),
         las_scale: args.las_scale.or(set.las_scale),
@@ -299,6 +300,7 @@ fn output(
         },
         misses: args.misses,
         labels: args.labels,
+        true_positions: args.true_positions,
         live: matches!(survey.platform.kind, PlatformKind::Stream(_)),
         las: LasSettings {
             version: if args.las10 { LasVersion::V10 } else { LasVersion::V14 },

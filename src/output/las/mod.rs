@@ -28,6 +28,7 @@ use crate::geom::{Aabb, DVec3};
 use crate::scene::Scene;
 use crate::survey::Scanner;
 use packets::WavePackets;
+use vlr::Groups;
 
 /// What all LAS files of a run have in common.
 #[derive(Debug)]
@@ -45,10 +46,8 @@ pub(super) struct LasFormat {
     pub at_most: Option<u64>,
     /// Box of the scene as integers, for the headers of such streams.
     reach: Aabb,
-    /// Whether the extra bytes hold part, primitive and true range.
-    pub labels: bool,
-    /// Whether they hold the beam's direction.
-    pub directions: bool,
+    /// What else the extra bytes hold.
+    pub groups: Groups,
     /// How waveforms become packets, where they are asked for.
     pub packets: Option<WavePackets>,
     creation: (u16, u16),
@@ -77,9 +76,14 @@ impl LasFormat {
                 format!("expected an amplitude of full intensity greater than 0, found {full_scale}"),
             );
         }
+        let groups = Groups {
+            labels: request.labels,
+            directions: request.misses,
+            true_positions: request.true_positions,
+        };
         let mut vlrs = Vec::new();
         if settings.extra != ExtraDimensions::None {
-            vlrs.push(vlr::extra_bytes(settings.extra, request.labels, request.misses));
+            vlrs.push(vlr::extra_bytes(settings.extra, groups));
         }
         vlrs.extend(crs.and_then(|wkt| vlr::crs(settings.version, wkt, problems)));
         let packets = settings.packets.and_then(|place| {
@@ -117,8 +121,7 @@ impl LasFormat {
             intensity: settings.intensity,
             extra: settings.extra,
             creation: request.creation,
-            labels: request.labels,
-            directions: request.misses,
+            groups,
             packets,
             system: scanner.name.clone(),
             vlrs,
@@ -145,7 +148,7 @@ impl LasFormat {
 
     /// Extra bytes of a point.
     pub fn extra_length(&self) -> u16 {
-        vlr::extra_length(self.extra, self.labels, self.directions)
+        vlr::extra_length(self.extra, self.groups)
     }
 
     /// Bytes of a point.

@@ -30,7 +30,7 @@ fn whole(x: f64) -> f64 {
 }
 
 /// Bytes of the longest record.
-const LONGEST: usize = 88;
+const LONGEST: usize = 112;
 
 impl PointCodec for LasCodec<'_> {
     const SIZE: usize = LONGEST;
@@ -122,7 +122,7 @@ impl LasCodec<'_> {
         record.put((echo.range as f32).to_le_bytes());
         // incidence_angle
         record.put(incidence_degrees(echo).to_le_bytes());
-        if self.format.labels {
+        if self.format.groups.labels {
             // part
             record.put(echo.part.to_le_bytes());
             // primitive
@@ -130,9 +130,14 @@ impl LasCodec<'_> {
             // true_range
             record.put((echo.true_range as f32).to_le_bytes());
         }
-        if self.format.directions {
+        if self.format.groups.directions {
             // BeamDirectionX, BeamDirectionY, BeamDirectionZ
             echo.direction.to_array().into_iter().for_each(|d| record.put((d as f32).to_le_bytes()));
+        }
+        if self.format.groups.true_positions {
+            // TrueX, TrueY, TrueZ; the format's offset and shift together are the scene's shift.
+            let place = echo.true_position() + self.format.offset + self.format.shift;
+            place.to_array().into_iter().for_each(|c| record.put(c.to_le_bytes()));
         }
     }
 }

@@ -37,10 +37,27 @@ const DIRECTIONS: [(u8, u16, &str, &str); 3] = [
     (F32, 4, "BeamDirectionZ", "unit vector of the beam"),
 ];
 
+/// Where points are with the pose that was flown.
+const TRUE_POSITIONS: [(u8, u16, &str, &str); 3] = [
+    (F64, 8, "TrueX", "position without navigation errors"),
+    (F64, 8, "TrueY", "position without navigation errors"),
+    (F64, 8, "TrueZ", "position without navigation errors"),
+];
+
+/// Groups of extra dimensions that a run may ask for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Groups {
+    /// Part, primitive and true range.
+    pub labels: bool,
+    /// The beam's direction.
+    pub directions: bool,
+    /// Position with the pose that was flown.
+    pub true_positions: bool,
+}
+
 fn dimensions(
     extra: ExtraDimensions,
-    labels: bool,
-    directions: bool,
+    groups: Groups,
 ) -> impl Iterator<Item = &'static (u8, u16, &'static str, &'static str)> {
     let usual = match extra {
         ExtraDimensions::All => &DIMENSIONS[..],
@@ -48,20 +65,21 @@ fn dimensions(
         ExtraDimensions::None => &[],
     };
     let all = extra == ExtraDimensions::All;
-    let labels = if all && labels { &LABELS[..] } else { &[] };
-    let directions = if all && directions { &DIRECTIONS[..] } else { &[] };
-    usual.iter().chain(labels).chain(directions)
+    let of = |wanted: bool, group: &'static [_]| if all && wanted { group } else { &[] };
+    let labels = of(groups.labels, &LABELS);
+    let directions = of(groups.directions, &DIRECTIONS);
+    usual.iter().chain(labels).chain(directions).chain(of(groups.true_positions, &TRUE_POSITIONS))
 }
 
 /// Extra bytes of a point.
-pub(super) fn extra_length(extra: ExtraDimensions, labels: bool, directions: bool) -> u16 {
-    dimensions(extra, labels, directions).map(|d| d.1).sum()
+pub(super) fn extra_length(extra: ExtraDimensions, groups: Groups) -> u16 {
+    dimensions(extra, groups).map(|d| d.1).sum()
 }
 
 /// The record that describes the extra bytes, 192 bytes for each dimension.
-pub(super) fn extra_bytes(extra: ExtraDimensions, labels: bool, directions: bool) -> Vec<u8> {
+pub(super) fn extra_bytes(extra: ExtraDimensions, groups: Groups) -> Vec<u8> {
     let mut data = Vec::new();
-    for (data_type, _, name, description) in dimensions(extra, labels, directions) {
+    for (data_type, _, name, description) in dimensions(extra, groups) {
         // reserved, data type, options
         data.extend([0, 0, *data_type, 0]);
         data.extend(fixed_text::<32>(name));

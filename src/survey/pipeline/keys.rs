@@ -55,6 +55,8 @@ pub struct PipelineKeys {
     pub columns: Key<toml::Value>,
     /// Part, primitive and true range in las, laz and ply, too. Default: false.
     pub labels: Option<bool>,
+    /// Positions without errors of navigation (TrueX, TrueY, TrueZ) as extra bytes of las and laz. Default: false.
+    pub true_positions: Option<bool>,
     /// Pulses without echoes, too: 0 returns, at the beam's origin. Default: false.
     pub misses: Option<bool>,
     /// LAS leaves through a pipe at once, with this number of points in its header: a whole number, or a text such as

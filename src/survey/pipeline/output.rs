@@ -38,6 +38,8 @@ pub struct OutputSettings {
     pub columns: Option<String>,
     /// Labels for learning.
     pub labels: bool,
+    /// Positions without errors of navigation in LAS and LAZ.
+    pub true_positions: bool,
     /// Pulses without echoes.
     pub misses: bool,
     /// Most points of LAS streams as typed.
@@ -63,6 +65,7 @@ pub(super) fn read_output(context: &Context, source: &Source, keys: &PipelineKey
         pulses: is(keys.pulses),
         columns: read_names(context, source, &keys.columns),
         labels: is(keys.labels),
+        true_positions: is(keys.true_positions),
         misses: is(keys.misses),
         las_at_most: read_count(context, source, &keys.las_at_most),
         las_scale: keys.las_scale,
