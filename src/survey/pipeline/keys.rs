@@ -154,8 +154,10 @@ pub struct TrajectoryKeys {
     pub angles: Key<String>,
     /// Angles are degrees: true is the same as `angles = "deg"`, false as `angles = "rad"`.
     pub degrees: Option<bool>,
-    /// How the angles compose: `heading` or `arinc705` (clockwise from north, nose up; the default), `yaw`
-    /// (counter-clockwise from east), `ros` (the same, nose down) or `canonical`.
+    /// What the angles of text are: `heading` or `arinc705` (clockwise from north, nose up, roll innermost), `yaw`
+    /// (counter-clockwise from east, otherwise the same), `ros` (as `yaw`, nose down), `helios` (as `heading`, but pitch
+    /// innermost) or `canonical` (about x, y, z). Default: `helios` for files as HELIOS++ reads and writes them, else
+    /// `heading`.
     pub rotation: Key<String>,
     /// UTM zone to which latitudes and longitudes are projected, such as `32N`. Default: that of the scene's `crs`, else
     /// that of the first pose.
