@@ -10,7 +10,7 @@ use std::path::Path;
 const PIPELINE: &str = "scene = 'ground.obj'\nseed = 5\n[platform]\nkind = 'linear_path'\n\
     mount = { offset_m = [0, 0, -0.5], rotate_deg = [{ x = -90 }, { z = 90 }] }\n\
     [scanner]\nid = 's'\noptics = 'rotating'\npulse_freqs_hz = [2000]\nscan_angle_max_deg = 30\n\
-    scan_angle_effective_max_deg = 20\nscan_freq_max_hz = 100\naccuracy_m = 0\n[settings]\nscan_freq_hz = 20\n\
+    scan_angle_effective_max_deg = 20\nscan_freq_max_hz = 100\naccuracy_m = 0\nrange_min_m = 1\n[settings]\nscan_freq_hz = 20\n\
     scan_angle_deg = 20\n[[leg]]\nposition_m = [0, -20, 100]\nspeed_m_per_s = 40\n[[leg]]\nposition_m = [0, 20, 100]\nactive = false\n";
 
 fn write(dir: &Path, errors: &str) {
