@@ -51,7 +51,7 @@ fn refined_physics_and_small_blocks_change_nothing() {
     let refined = ["--physics", "refined", "--echo-width", "--seed", "9"];
     let direct =
         succeed(dir.path(), &[&["run", &s, "-q", "-o", "-", "--format", "xyz"], &refined[..]].concat());
-    let pulses = succeed(dir.path(), &["pulses", &s, "-q", "--seed", "9"]).stdout;
+    let pulses = succeed(dir.path(), &["pulses", &s, "-q", "--physics", "refined", "--seed", "9"]).stdout;
     for size in ["7", "100000"] {
         let args = [&["trace", "-q", "--scanner", &s, "--chunk-size", size], &refined[..]].concat();
         let traced = feed(dir.path(), &args, &pulses);

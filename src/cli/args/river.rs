@@ -135,7 +135,8 @@ these names, whole or floating-point, is recognised by its first bytes; units ar
 (key unit).
 
 With a survey as --scanner the echoes are those of `vlscan run`, bit for bit; seed, legs and strips come from it. With \
-the scanner alone they are, too, when --seed and the options of the physics are those of the run."
+the scanner alone they are, too, when --seed and the options of the physics are those of the run; --physics and --correct are for `vlscan pulses` as well, whose \
+kinematics they change."
 )]
 pub struct TraceArgs {
     /// The pulses; - for stdin.

@@ -282,6 +282,7 @@ fn what_moved_out_of_the_scene_s_box_vanishes_unless_corrected() {
 fn positions_lie_on_the_exact_axis_and_errors_count() {
     let mut p = pulse(Rotation::IDENTITY);
     p.exact_attitude = Rotation::about_x(radians(1.0));
+    p.reported_attitude = p.exact_attitude;
     p.range_error = 0.25;
     p.origin = DVec3::new(0.0, 10.0, 0.0);
     let batch =
