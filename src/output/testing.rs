@@ -138,6 +138,7 @@ fn leg(number: u32, strip: Option<&str>) -> Leg {
             head_start: 0.0,
             head_stop: 0.0,
             beam_divergence: 0.0003,
+            written_divergence: None,
             trajectory_interval: 0.0,
             max_duration: None,
             warmup: 0.0,

@@ -314,7 +314,7 @@ impl Tracing<'_> {
         survey.legs.truncate(1);
         survey.legs.extend(survey.legs.first().cloned());
         for (l, divergence) in survey.legs.iter_mut().zip([start, leg]) {
-            l.scanner.beam_divergence = divergence;
+            (l.scanner.beam_divergence, l.scanner.written_divergence) = (divergence, None);
         }
         survey
     }

@@ -163,7 +163,7 @@ mod tests {
         // spec pulse-physics §4.12 (j)
         let mut instrument = tls_instrument(4.0);
         let settings = WaveformSettings { bin: 1.0, window: 1.0, quality: 1, max_range: 0.0 };
-        instrument.shape = crate::pulse::shape::PulseShape::new(4.0, &settings);
+        instrument.shape = crate::pulse::shape::PulseShape::new(4.0, false, &settings);
         instrument.rule.window = 1;
         let found = returns(&[(50.0, 1.0)], &instrument);
         let expected = [(50.0, 0.5322), (50.2998, 0.3699), (50.5996, 0.1446)];
@@ -233,7 +233,7 @@ mod tests {
             let waveform = received(&map, &instrument);
             let (f, peaks) = plain(&map, &instrument);
             let mut all = Vec::new();
-            waveform.append_to(&mut all);
+            waveform.append_to(&mut all, 0);
             prop_assert_eq!(all.len(), f.len());
             for (a, b) in all.iter().zip(&f) {
                 prop_assert_eq!(a.to_bits(), b.to_bits());

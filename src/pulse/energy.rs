@@ -1,15 +1,13 @@
 //! Received power of one reflection (spec pulse-physics §3).
 
 use super::options::{Corrections, PhysicsOptions};
+use super::radiometry::{LidarEquation, NANO};
 use super::subray::{rays_in_ring, ring_angle};
 use crate::survey::Beam;
 use crate::tree::RayGroup;
 use libm::{pow, sin};
 use std::array::from_fn;
 use std::f64::consts::PI;
-
-/// Watts to the nanowatt-like unit of intensities.
-const NANO: f64 = 1e9;
 
 /// The beam's state that an energy model is computed for.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +22,8 @@ pub(super) struct BeamState<'a> {
     pub start_divergence: f64,
     /// Divergence of the current leg, rad.
     pub leg_divergence: f64,
+    /// Pulse rate of the current leg, Hz.
+    pub frequency: f64,
 }
 
 /// The energy model of a device.
@@ -40,16 +40,22 @@ enum Law {
     Legacy,
     /// Spec §3.4.
     Improved(Improved),
+    /// The lidar equation in watts, subrays of equal energy.
+    Lidar(LidarEquation),
 }
 
 impl Energy {
-    /// The model that a run uses for a device.
-    pub fn new(state: BeamState, multi_channel: bool, options: &PhysicsOptions) -> Energy {
-        let legacy = options.legacy_energy && !multi_channel;
-        Energy {
-            law: if legacy { Law::Legacy } else { Law::Improved(Improved::new(state, &options.corrections)) },
-            legacy: Legacy::new(state, &options.corrections),
-        }
+    /// The model that a run uses for a device whose beam has so many subrays.
+    pub fn new(state: BeamState, subrays: usize, multi_channel: bool, options: &PhysicsOptions) -> Energy {
+        let corrections = &options.corrections;
+        let law = if corrections.radiometry {
+            Law::Lidar(LidarEquation::new(state.beam, state.frequency, subrays, corrections))
+        } else if options.legacy_energy && !multi_channel {
+            Law::Legacy
+        } else {
+            Law::Improved(Improved::new(state, corrections))
+        };
+        Energy { law, legacy: Legacy::new(state, corrections) }
     }
 
     /// Gains of the subrays of one pulse, [`LANES`] at a time: the intensity that a reflectance factor of 1 would have at
@@ -66,6 +72,11 @@ impl Energy {
             Law::Improved(law) => {
                 for ((range, out), ring) in ranges.iter().zip(out).zip(&law.lanes) {
                     law.gains(ring, range, out);
+                }
+            }
+            Law::Lidar(law) => {
+                for (range, out) in ranges.iter().zip(out) {
+                    law.gains(range, out);
                 }
             }
         }
@@ -89,6 +100,7 @@ impl Energy {
         match &self.law {
             Law::Legacy => self.legacy.gains(&Profiles::of(&self.legacy.profile, rings), range, &mut out),
             Law::Improved(law) => law.gains(&Rings::of(&law.rings, rings), range, &mut out),
+            Law::Lidar(law) => law.gains(range, &mut out),
         }
         out
     }
@@ -121,8 +133,9 @@ pub(super) fn half_angle(divergence: f64, corrections: &Corrections) -> f64 {
 }
 
 /// Extinction by the atmosphere, per metre as the models apply it (§3.1).
-fn extinction(beam: &Beam, corrections: &Corrections) -> f64 {
+pub(super) fn extinction(beam: &Beam, corrections: &Corrections) -> f64 {
     let v = beam.visibility;
+    let wavelength = if corrections.channel_haze { beam.wavelength } else { beam.atmosphere_wavelength };
     let clear = if corrections.atmosphere_units { v >= 50.0 } else { v > 50.0 };
     let q = if clear {
         1.6
@@ -132,9 +145,9 @@ fn extinction(beam: &Beam, corrections: &Corrections) -> f64 {
         0.585 * pow(v, 0.33)
     };
     if corrections.atmosphere_units {
-        (3.91 / v) * pow(beam.atmosphere_wavelength * 1e-3 / 0.55, -q) * 1e-3
+        (3.91 / v) * pow(wavelength * 1e-3 / 0.55, -q) * 1e-3
     } else {
-        (3.91 / v) * pow(beam.atmosphere_wavelength / 0.55, -q)
+        (3.91 / v) * pow(wavelength / 0.55, -q)
     }
 }
 
@@ -363,10 +376,10 @@ impl Ring {
 }
 
 /// Arguments below this need only a short series.
-const SMALL: f64 = 1.0 / 16.0;
+pub(super) const SMALL: f64 = 1.0 / 16.0;
 
 /// e^x. Near 0, where most arguments of these laws lie, a series of 10 terms is exact to the last digit.
-fn exponential(x: f64) -> f64 {
+pub(super) fn exponential(x: f64) -> f64 {
     if x.abs() < SMALL { 1.0 + x * series(x) } else { libm::exp(x) }
 }
 
@@ -377,7 +390,7 @@ fn exponential_minus_one(x: f64) -> f64 {
 
 /// (e^x − 1)/x for small x: Σ x^k/(k+1)!.
 #[inline(always)]
-fn series(x: f64) -> f64 {
+pub(super) fn series(x: f64) -> f64 {
     const C: [f64; 10] = [
         1.0,
         1.0 / 2.0,
@@ -411,6 +424,7 @@ mod tests {
             range_min,
             start_divergence: beam.divergence,
             leg_divergence: beam.divergence,
+            frequency: 1e5,
         }
     }
 
@@ -534,7 +548,7 @@ mod tests {
     fn voxels_with_a_leaf_angle_table_follow_their_own_law() {
         // spec pulse-physics §3.6: σ = 0.5, Q = 1, amplitude of a 5 ns pulse
         let beam = tls_beam();
-        let energy = Energy::new(state(&beam, 1, 1.5), false, &PhysicsOptions::helios());
+        let energy = Energy::new(state(&beam, 1, 1.5), 1, false, &PhysicsOptions::helios());
         for (range, amplitude) in [(99.0, 221051.9156), (101.0, 204048.6845)] {
             near(energy.of_cross_section(0, range, 0.5) * 0.540032849, amplitude, 3e-9);
         }
@@ -546,7 +560,7 @@ mod tests {
         for options in
             [PhysicsOptions::helios(), PhysicsOptions { legacy_energy: true, ..PhysicsOptions::helios() }]
         {
-            let energy = Energy::new(state(&beam, 3, 1.5), false, &options);
+            let energy = Energy::new(state(&beam, 3, 1.5), 19, false, &options);
             let rings = Subrays::new(3e-4, 3).ring;
             let ranges: Vec<f64> = (0..19).map(|i| 0.3 + 7.0 * f64::from(i * i)).collect();
             let mut together = vec![0.5; 19];

@@ -66,6 +66,11 @@ impl Facet {
         })
     }
 
+    /// Unit normal.
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
     /// Cosines of the incidence angles (spec pulse-physics §2.4) of those directions where `same` is 1.
     #[inline(always)]
     pub fn cosines(&self, [x, y, z]: [&Block; 3], same: &[u8; LANES], out: &mut Block) {

@@ -1,18 +1,24 @@
 //! What the pulse physics needs to know of a device, computed once.
 
+use super::cluster::ClusterRule;
 use super::energy::{BeamState, Energy, half_angle};
+use super::footprint::Footprint;
 use super::lone::Lone;
 use super::options::{Corrections, PhysicsOptions};
 use super::peaks::PeakRule;
+use super::radiometry::NANO;
 use super::shape::{PulseShape, sample_count};
 use super::subray::Subrays;
 use crate::geom::LIGHT_SPEED;
-use crate::survey::{Device, Formula, Survey};
+use crate::survey::{Device, Formula, ScannerSettings, Survey};
 use crate::{Error, Result};
 use std::collections::HashMap;
 
 /// Most rings of subrays: 512 rings are 822,000 rays per pulse.
 const MOST_RINGS: u32 = 512;
+/// The threshold of instruments that name none. As 1e-4 W no instrument would see anything: it counts as not given, and is in
+/// nanowatts with and without the correction of the unit.
+const DEFAULT_THRESHOLD: f64 = 1e-4;
 /// Most bins of an outgoing pulse.
 const MOST_PULSE_BINS: f64 = (1u32 << 20) as f64;
 
@@ -23,12 +29,16 @@ pub(super) struct Instrument {
     pub subrays: Subrays,
     /// Radar equation.
     pub energy: Energy,
+    /// Half angle of the beam, the larger one of an elliptical beam, rad.
+    pub footprint_angle: f64,
     /// Outgoing pulse.
     pub shape: PulseShape,
     /// Detection rule.
     pub rule: PeakRule,
     /// The same for pulses that return from one bin, if ranges are not read between bins and nothing cuts waveforms off.
     pub lone: Option<Lone>,
+    /// The fast path of ranges that are read between bins.
+    pub clusters: Option<ClusterRule>,
     /// Most returns per pulse, 0 = unlimited.
     pub max_returns: u32,
     /// Nearest range R0, m.
@@ -50,7 +60,7 @@ pub(super) struct Instrument {
 }
 
 impl Instrument {
-    fn new(device: &Device, divergence: Divergence, context: &Context) -> Instrument {
+    fn new(device: &Device, divergence: Divergence, frequency: f64, context: &Context) -> Instrument {
         let (o, c) = (context.options, context.options.corrections);
         let state = BeamState {
             beam: &device.beam,
@@ -58,15 +68,23 @@ impl Instrument {
             range_min: device.detector.range_min,
             start_divergence: divergence.start,
             leg_divergence: divergence.leg,
+            frequency,
         };
-        let shape = PulseShape::new(device.beam.pulse_length, &device.waveform);
+        let across = device.beam.divergence_y.unwrap_or(divergence.start);
+        let half_angles = [half_angle(divergence.start, &c), half_angle(across, &c)];
+        let subrays = subrays(device, half_angles, &c);
+        let shape = PulseShape::new(device.beam.pulse_length, c.whole_pulse, &device.waveform);
         let rule = peak_rule(device, &c);
         let is_plain =
             !c.fractional_bins && !c.clip_dead_zone && !o.echo_width && device.waveform.max_range <= 0.0;
+        let is_smooth =
+            c.fractional_bins && c.clip_dead_zone && !o.echo_width && device.waveform.max_range <= 0.0;
         Instrument {
-            subrays: Subrays::new(half_angle(divergence.start, &c), device.waveform.quality),
-            energy: Energy::new(state, context.multi_channel, o),
+            energy: Energy::new(state, subrays.len(), context.multi_channel, o),
+            subrays,
             lone: if is_plain { Lone::new(&shape, &rule) } else { None },
+            clusters: if is_smooth { ClusterRule::new(&shape, &rule) } else { None },
+            footprint_angle: half_angles.into_iter().fold(0.0, f64::max),
             shape,
             rule,
             max_returns: device.detector.max_returns,
@@ -82,10 +100,25 @@ impl Instrument {
     }
 }
 
+fn subrays(device: &Device, half_angles: [f64; 2], c: &Corrections) -> Subrays {
+    let rings = device.waveform.quality;
+    if c.equal_energy {
+        let exit_radius = device.beam.aperture * 0.5;
+        Subrays::of_equal_energy(&Footprint { profile: device.beam.profile, half_angles, exit_radius }, rings)
+    } else {
+        Subrays::new(half_angles[0], rings)
+    }
+}
+
 fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
     let bins = device.waveform.window / device.waveform.bin;
     PeakRule {
-        threshold: device.detector.threshold,
+        threshold: match &device.detector {
+            d if c.threshold_in_watts && d.threshold_given && d.threshold != DEFAULT_THRESHOLD => {
+                d.threshold * NANO
+            }
+            d => d.threshold,
+        },
         // The allowance lifts quotients that rounding left just below a whole number.
         window: if c.peak_neighbours { ((bins + 1e-9) as u64).max(2) } else { bins as u64 },
         weak_neighbours: c.weak_neighbours,
@@ -129,12 +162,15 @@ impl Fleet {
             first_accuracy: devices.first().map_or(0.0, |d| d.detector.accuracy),
         };
         let mut fleet = Fleet { instruments: Vec::new(), devices: devices.len(), used: Vec::new() };
-        let mut known: HashMap<(usize, u64), u32> = HashMap::new();
+        let mut known: HashMap<(usize, u64, u32), u32> = HashMap::new();
         for leg in &survey.legs {
             for (i, device) in devices.iter().enumerate() {
-                let divergence = divergence(survey, leg.scanner.beam_divergence, i, device, options);
-                let index = known.entry((i, divergence.leg.to_bits())).or_insert_with(|| {
-                    fleet.instruments.push(Instrument::new(device, divergence, &context));
+                let divergence = divergence(survey, &leg.scanner, i, device, options);
+                // Only the lidar equation depends on the pulse rate.
+                let rate = if options.corrections.radiometry { leg.scanner.pulse_freq } else { 0 };
+                let index = known.entry((i, divergence.leg.to_bits(), rate)).or_insert_with(|| {
+                    let frequency = f64::from(leg.scanner.pulse_freq.max(1));
+                    fleet.instruments.push(Instrument::new(device, divergence, frequency, &context));
                     fleet.instruments.len() as u32 - 1
                 });
                 fleet.used.push(*index);
@@ -172,7 +208,7 @@ impl Fleet {
 /// Leg settings reach device 0 only, and the rays only before the first leg (spec pulse-physics §5.3, trap 8).
 fn divergence(
     survey: &Survey,
-    of_leg: f64,
+    leg: &ScannerSettings,
     i: usize,
     device: &Device,
     options: &PhysicsOptions,
@@ -180,8 +216,12 @@ fn divergence(
     if i > 0 {
         return Divergence { start: device.beam.divergence, leg: device.beam.divergence };
     }
+    if options.corrections.divergence_per_leg {
+        let own = leg.written_divergence.unwrap_or(leg.beam_divergence);
+        return Divergence { start: own, leg: own };
+    }
     let first = survey.legs.first().map_or(device.beam.divergence, |l| l.scanner.beam_divergence);
-    Divergence { start: if options.corrections.divergence_per_leg { of_leg } else { first }, leg: of_leg }
+    Divergence { start: first, leg: leg.beam_divergence }
 }
 
 fn check(device: &Device) -> Result<()> {

@@ -136,16 +136,21 @@ fn rank<const BLOCKS: usize>(keys: &[f64; FEW], n: usize, ranks: &mut [u64; FEW]
     }
 }
 
-#[cfg(test)]
 impl Light {
+    /// Replaces the light by (range, intensity) pairs, ascending.
+    pub fn set(&mut self, pairs: &[(f64, f64)]) {
+        self.make_room(pairs.len());
+        self.len = pairs.len();
+        for (i, (range, intensity)) in pairs.iter().enumerate() {
+            (self.range.as_flattened_mut()[i], self.intensity[i]) = (*range, *intensity);
+        }
+    }
+
     /// Light of (range, intensity) pairs, ascending.
+    #[cfg(test)]
     pub fn of(pairs: &[(f64, f64)]) -> Light {
         let mut light = Light::default();
-        light.make_room(pairs.len());
-        light.len = pairs.len();
-        for (i, (range, intensity)) in pairs.iter().enumerate() {
-            (light.range.as_flattened_mut()[i], light.intensity[i]) = (*range, *intensity);
-        }
+        light.set(pairs);
         light
     }
 }

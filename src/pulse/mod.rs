@@ -8,6 +8,7 @@
 //! ```
 
 mod batch;
+mod cluster;
 mod continuum;
 mod detect;
 mod echo;
@@ -15,6 +16,7 @@ mod energy;
 mod facet;
 mod fit;
 mod foliage;
+mod footprint;
 mod instrument;
 mod light;
 mod lone;
@@ -22,12 +24,15 @@ mod medium;
 mod options;
 mod peaks;
 mod physics;
+mod radiometry;
 mod range_noise;
 mod recorded;
 mod reflect;
 mod reflections;
 mod shape;
 mod sight;
+mod slope;
+mod starts;
 mod subray;
 #[cfg(test)]
 mod testkit;

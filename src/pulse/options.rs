@@ -155,6 +155,22 @@ corrections! {
     /// Foliage is met at the mean angle of leaves that face all directions alike, wherever the ray entered its voxel; in the
     /// reference it is met like the voxel's nearest face, so that an echo from an edge may vanish (§10).
     foliage_incidence: true,
+    /// Subrays share the energy of the whole Gaussian beam evenly, in a pattern that keeps its radius, its edge and its second
+    /// moments, and that is turned from pulse to pulse; the reference's rings hold 86 % of the energy and are 0.7 times as wide.
+    equal_energy: true,
+    /// Amplitudes are received power in nanowatts by the lidar equation, at any range and divergence; the energy of a pulse
+    /// falls with the pulse rate and does not depend on the pulse length; the beam quality does not change a given divergence.
+    radiometry: true,
+    /// Haze dims each channel as it does its own wavelength, not that of the scanner (trap 9).
+    channel_haze: true,
+    /// The detection threshold is in watts of received power; in the reference watts are compared with nanowatts. The default
+    /// of 0.0001, with which no watt would be seen, counts as not given and stays in nanowatts.
+    threshold_in_watts: true,
+    /// A pulse fades out; in the reference it ends with 8 % of its peak power, which makes steps in waveforms.
+    whole_pulse: true,
+    /// Subrays that meet one slope return one broad echo, as the whole of the beam does; with few subrays each becomes an echo
+    /// of its own once they are farther apart in range than the pulse is long.
+    smooth_slopes: true,
     /// Every material with a specular colour has its specular share; in the reference only the last one of an MTL file and
     /// those with a spectrum do (spec input-formats §10, trap 56).
     specular_shares: true,

@@ -1,5 +1,6 @@
 //! The whole way of a pulse: expand → trace → reflect → receive → detect → emit.
 
+use super::cluster::Clusters;
 use super::detect::{Return, attribute, detect};
 use super::foliage::FreePaths;
 use super::instrument::{Fleet, Instrument};
@@ -8,6 +9,8 @@ use super::range_noise;
 use super::reflect::{Probe, View};
 use super::reflections::Reflections;
 use super::sight::{Shot, Sights};
+use super::slope::Slopes;
+use super::subray::Subrays;
 use super::waveform::Waveform;
 use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
 use crate::flight::Pulse;
@@ -16,7 +19,7 @@ use crate::pulse::Batch;
 use crate::rng::{self, Purpose, Stream};
 use crate::scene::{Actor, Change, Scene, Stage};
 use crate::survey::Survey;
-use crate::tree::{Hits, Level, RayGroup, Tree};
+use crate::tree::{Geometry, Hits, Level, RayGroup, Tree};
 use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Arc;
@@ -35,6 +38,7 @@ pub struct Physics<'a> {
     range_noise: Stream,
     waveform_noise: Stream,
     free_paths: Stream,
+    pattern_turns: Stream,
 }
 
 impl<'a> Physics<'a> {
@@ -60,6 +64,7 @@ impl<'a> Physics<'a> {
             range_noise: Stream::new(o.seed, Purpose::Range),
             waveform_noise: Stream::new(o.seed, Purpose::Waveform),
             free_paths: Stream::new(o.seed, Purpose::FreePath),
+            pattern_turns: Stream::new(o.seed, Purpose::PatternTurn),
         })
     }
 
@@ -157,6 +162,34 @@ pub enum Lap {
 struct Volley {
     rays: RayGroup,
     hits: Hits,
+    /// Where each ray leaves the instrument, pulse by pulse, m; empty where all rays of a pulse leave its origin.
+    exits: Vec<DVec3>,
+    /// The same rays one by one, and what they hit, if they do not leave the origin.
+    single: Box<(RayGroup, Hits)>,
+}
+
+impl Volley {
+    fn trace(&mut self, tree: &Tree, geometry: &Geometry) {
+        if self.exits.is_empty() {
+            return tree.trace_group(geometry, &self.rays, &mut self.hits);
+        }
+        let (rays, n, stride) = (&self.rays, self.rays.rays(), self.rays.stride());
+        let (single, hits) = &mut *self.single;
+        single.clear(1);
+        for (i, exit) in self.exits.iter().enumerate() {
+            let d = rays.direction(i / n, i % n);
+            single.push(*exit, |x, y, z| (x[0], y[0], z[0]) = (d.x, d.y, d.z));
+        }
+        tree.trace_group(geometry, single, hits);
+        self.hits.t.clear();
+        self.hits.t.resize(rays.len() * stride, f64::INFINITY);
+        self.hits.primitive.clear();
+        self.hits.primitive.resize(rays.len() * stride, Hits::MISS);
+        for i in 0..self.exits.len() {
+            let (to, from) = (i / n * stride + i % n, i * single.stride());
+            (self.hits.t[to], self.hits.primitive[to]) = (hits.t[from], hits.primitive[from]);
+        }
+    }
 }
 
 /// Memory of everything behind the tracing.
@@ -166,6 +199,8 @@ struct Receiver {
     probe: Probe,
     reflections: Reflections,
     light: Light,
+    slopes: Slopes,
+    clusters: Clusters,
     waveform: Waveform,
     returns: Vec<Return>,
 }
@@ -282,11 +317,16 @@ impl Shooter<'_> {
                 places.push(None);
                 continue;
             }
-            let rays = &mut volleys[pulse.device as usize].rays;
+            let Volley { rays, exits: exits_of_device, .. } = &mut volleys[pulse.device as usize];
             if rays.is_empty() {
+                exits_of_device.clear();
                 rays.clear(subrays.len());
             }
-            subrays.expand(&pulse.attitude, rays.add(pulse.origin));
+            let pattern = pattern(physics, subrays, pulse);
+            subrays.expand(pattern, &pulse.attitude, rays.add(pulse.origin));
+            if let Some(exits) = subrays.exits(pattern) {
+                exits_of_device.extend(exits.iter().map(|exit| pulse.origin + pulse.attitude.apply(*exit)));
+            }
             places.push(Some(rays.len() - 1));
         }
         Ok(())
@@ -295,7 +335,7 @@ impl Shooter<'_> {
     fn trace(&mut self) {
         let View { scene, tree, .. } = self.physics.view;
         for volley in self.volleys.iter_mut().filter(|v| !v.rays.is_empty()) {
-            tree.trace_group(&scene.geometry, &volley.rays, &mut volley.hits);
+            volley.trace(tree, &scene.geometry);
         }
     }
 
@@ -310,8 +350,13 @@ impl Shooter<'_> {
             // Pulses of a device have places one after the other.
             let rows = first..own.next_back().unwrap_or(first) + 1;
             apart.rays.copy_from(&volley.rays, rows.clone());
+            apart.exits.clear();
+            if !volley.exits.is_empty() {
+                let n = volley.rays.rays();
+                apart.exits.extend_from_slice(&volley.exits[rows.start * n..rows.end * n]);
+            }
             for actor in moving {
-                actor.tree.trace_group(&actor.scene.geometry, &apart.rays, &mut apart.hits);
+                apart.trace(&actor.tree, &actor.scene.geometry);
                 let first = rows.start * apart.rays.stride();
                 let (number, order) = (|i| actor.global(i), |i| scene.number_when_stored(i));
                 volley.hits.take_nearer(first, &apart.hits, number, order);
@@ -402,6 +447,15 @@ struct Arrived<'a> {
     moving: &'a [Actor],
 }
 
+/// The pattern of subrays that a pulse has.
+#[inline(always)]
+fn pattern(physics: &Physics, subrays: &Subrays, pulse: &Pulse) -> usize {
+    match subrays.patterns() {
+        1 => 0,
+        n => physics.pattern_turns.bits(pulse.device, pulse.number, 0)[0] as usize % n,
+    }
+}
+
 /// Direction of the beam as it is traced; no component is a negative zero.
 fn axis(pulse: &Pulse) -> DVec3 {
     pulse.attitude.forward() + DVec3::ZERO
@@ -448,16 +502,16 @@ impl Receiver {
         self.returns.clear();
         let kept =
             |range: f64| !corrections.count_kept_returns || !too_near(range + pulse.range_error, instrument);
-        let lone = instrument.lone.as_ref().filter(|_| !physics.options.record_waveforms);
-        match lone.and_then(|lone| lone.detect(&self.light, instrument)) {
-            Some(found) => self.returns.extend(found.filter(|r| kept(r.range))),
-            None => {
-                if !self.waveform.receive(&self.light, instrument) {
-                    return Ok(());
-                }
-                let width = physics.options.echo_width;
-                detect::<WIDE>(&self.waveform, instrument, width, kept, &mut self.returns);
+        if corrections.smooth_slopes {
+            let facets = &mut self.probe.facets;
+            self.slopes.merge(view, instrument, seen, &self.reflections, facets, &mut self.light);
+        }
+        if physics.options.record_waveforms || !self.detect_without_waveform(instrument, kept) {
+            if !self.waveform.receive(&self.light, instrument) {
+                return Ok(());
             }
+            let width = physics.options.echo_width;
+            detect::<WIDE>(&self.waveform, instrument, width, kept, &mut self.returns);
         }
         if self.returns.is_empty() {
             return Ok(());
@@ -467,6 +521,17 @@ impl Receiver {
             self.emit_waveform(physics, instrument, pulse, batch)?;
         }
         Ok(())
+    }
+
+    /// The returns that show without adding up a waveform; `false` if they do not.
+    #[inline(always)]
+    fn detect_without_waveform(&mut self, instrument: &Instrument, kept: impl Fn(f64) -> bool) -> bool {
+        if let Some(rule) = &instrument.clusters {
+            return self.clusters.detect(rule, &self.light, instrument, kept, &mut self.returns);
+        }
+        let found = instrument.lone.as_ref().and_then(|lone| lone.detect(&self.light, instrument));
+        self.returns.extend(found.into_iter().flatten().filter(|r| kept(r.range)));
+        found.is_some()
     }
 
     /// Errors and attribution of each return (spec pulse-physics §4.7–4.9).
@@ -530,7 +595,11 @@ impl Receiver {
             )));
         }
         let first_sample = batch.samples.len();
-        waveform.append_to(&mut batch.samples);
+        let skipped = match instrument.corrections.clip_dead_zone {
+            true => waveform.first_beyond(instrument.range_min, instrument),
+            false => 0,
+        };
+        waveform.append_to(&mut batch.samples, skipped);
         if instrument.waveform_noise != 0.0 {
             for (j, sample) in (0..).zip(&mut batch.samples[first_sample..]) {
                 *sample +=
@@ -542,11 +611,11 @@ impl Receiver {
             device: pulse.device,
             origin: pulse.origin,
             direction: axis(pulse),
-            start_ns: waveform.start,
+            start_ns: waveform.start + skipped as f64 * instrument.shape.bin,
             end_ns: waveform.end(instrument.shape.bin),
             time_ns: pulse.time_ns,
             first_sample,
-            samples: waveform.bins as usize,
+            samples: batch.samples.len() - first_sample,
         });
         Ok(())
     }

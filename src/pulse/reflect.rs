@@ -462,7 +462,7 @@ mod tests {
         let view =
             View { scene, tree: &tree, moving: &[], limits: None, fixed_incidence: false, largest_cube: 1.0 };
         let mut rays = RayGroup::new(instrument.subrays.len());
-        instrument.subrays.expand(turn, rays.add(-scene.shift));
+        instrument.subrays.expand(0, turn, rays.add(-scene.shift));
         let mut hits = Hits::default();
         tree.trace_group(&scene.geometry, &rays, &mut hits);
         let (shot, mut sights) = (Shot::of(&rays, &hits, 0), Sights::default());

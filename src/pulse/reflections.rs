@@ -102,6 +102,11 @@ impl Reflections {
         self.is_plain = true;
     }
 
+    /// Whether all of them are reflected where the rays entered opaque triangles.
+    pub fn is_plain(&self) -> bool {
+        self.is_plain
+    }
+
     /// How many there are.
     pub fn count(&self) -> usize {
         self.count

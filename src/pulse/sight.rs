@@ -95,7 +95,12 @@ impl Sights {
         let (first, end) = (self.ranges.len(), self.ranges.len() + shot.t.len());
         self.ranges.resize(end, [0.0; LANES]);
         self.gains.resize(end, [0.0; LANES]);
-        shot.measure(&mut self.ranges[first..]);
+        if instrument.corrections.radiometry {
+            // Directions are unit vectors: no rounding by coordinates.
+            self.ranges[first..].copy_from_slice(shot.t);
+        } else {
+            shot.measure(&mut self.ranges[first..]);
+        }
         instrument.energy.gains(&self.ranges[first..], &mut self.gains[first..]);
     }
 

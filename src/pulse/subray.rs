@@ -1,16 +1,19 @@
-//! The beam as rings of subrays (spec pulse-physics §1).
+//! The beam as subrays: the reference's rings (spec pulse-physics §1), or a pattern of equal energies ([`super::footprint`]).
 
 use super::energy::{Block, LANES};
-use crate::geom::Rotation;
+use super::footprint::{self, Footprint, Subray};
+use crate::geom::{DVec3, Rotation};
 use std::array::from_fn;
 use std::f64::consts::TAU;
 
-/// The subrays of a device relative to its beam axis, ring by ring from the axis outwards.
+/// The subrays of a device relative to its beam axis, from the axis outwards.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Subrays {
-    /// Quaternions, w, x, y and z apart; the last one fills the last block.
-    turns: Vec<[Block; 4]>,
-    /// Ring of each subray.
+    /// Quaternions of each pattern, w, x, y and z apart; the last one fills the last block. Pulses take turns at them.
+    patterns: Vec<Vec<[Block; 4]>>,
+    /// Where the subrays of each pattern leave the instrument, m, beam frame; empty where all leave its origin.
+    exits: Vec<Vec<DVec3>>,
+    /// Ring of each subray; 0 where all have the same energy.
     pub ring: Vec<u32>,
 }
 
@@ -36,12 +39,31 @@ impl Subrays {
                 ring.push(i);
             }
         }
-        let block = |some: &[Rotation]| {
-            let lane = |i: usize| some[i.min(some.len() - 1)];
-            let (w, u) = (from_fn(|i| lane(i).w), |axis: usize| from_fn(|i| lane(i).u[axis]));
-            [w, u(0), u(1), u(2)]
+        Subrays { patterns: vec![in_blocks(&turns)], exits: Vec::new(), ring }
+    }
+
+    /// As many subrays of equal energy as `rings` rings have, see [`footprint::patterns`].
+    pub fn of_equal_energy(beam: &Footprint, rings: u32) -> Subrays {
+        let count: u32 = (0..rings).map(rays_in_ring).sum();
+        let turn = |subray: &Subray| {
+            let [x, z] = subray.angles;
+            Rotation::about_y(libm::atan2(x, z)).after(Rotation::about_x(libm::hypot(x, z)))
         };
-        Subrays { turns: turns.chunks(LANES).map(block).collect(), ring }
+        let exit = |subray: &Subray| DVec3::new(subray.exit[0], 0.0, subray.exit[1]);
+        let mut subrays = Subrays { ring: vec![0; count as usize], ..Subrays::default() };
+        for pattern in footprint::patterns(beam, count as usize) {
+            subrays.patterns.push(in_blocks(&pattern.iter().map(turn).collect::<Vec<_>>()));
+            if beam.exit_radius > 0.0 {
+                subrays.exits.push(pattern.iter().map(exit).collect());
+            }
+        }
+        subrays
+    }
+
+    /// Where the subrays of a pattern leave the instrument, m, beam frame; `None` where all leave its origin.
+    #[inline(always)]
+    pub fn exits(&self, pattern: usize) -> Option<&[DVec3]> {
+        self.exits.get(pattern).map(Vec::as_slice)
     }
 
     /// Number of subrays.
@@ -49,15 +71,22 @@ impl Subrays {
         self.ring.len()
     }
 
-    /// Writes x, y and z of the directions of all subrays under `attitude`, the last of which fills the last block.
+    /// Number of patterns that pulses draw from: a power of two.
+    #[inline(always)]
+    pub fn patterns(&self) -> usize {
+        self.patterns.len()
+    }
+
+    /// Writes x, y and z of the directions of all subrays of a pattern under `attitude`, the last of which fills the last
+    /// block.
     ///
     /// The direction is the image of +Y under the product of the quaternions, rounded in the order of
     /// [`Rotation::after`] and [`Rotation::apply`]: which subrays of a symmetric surface tie in range depends on the
     /// last digits (§4.2). A zero component is always +0, so that no slab test takes the sign of a zero for a side.
     #[inline(always)]
-    pub fn expand(&self, attitude: &Rotation, [dx, dy, dz]: [&mut [Block]; 3]) {
+    pub fn expand(&self, pattern: usize, attitude: &Rotation, [dx, dy, dz]: [&mut [Block]; 3]) {
         let (aw, a) = (attitude.w, attitude.u);
-        for (((turns, dx), dy), dz) in self.turns.iter().zip(dx).zip(dy).zip(dz) {
+        for (((turns, dx), dy), dz) in self.patterns[pattern].iter().zip(dx).zip(dy).zip(dz) {
             // Blocks of its own, that no store could be meant for what is still to be read.
             let ([w, x, y, z], mut d) = (*turns, [[0.0; LANES]; 3]);
             for i in 0..LANES {
@@ -74,17 +103,26 @@ impl Subrays {
     }
 }
 
+/// The parts of quaternions apart, in whole blocks.
+fn in_blocks(turns: &[Rotation]) -> Vec<[Block; 4]> {
+    let block = |some: &[Rotation]| {
+        let lane = |i: usize| some[i.min(some.len() - 1)];
+        let (w, u) = (from_fn(|i| lane(i).w), |axis: usize| from_fn(|i| lane(i).u[axis]));
+        [w, u(0), u(1), u(2)]
+    };
+    turns.chunks(LANES).map(block).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::DVec3;
     use proptest::prelude::*;
 
     fn fan(divergence: f64, rings: u32, attitude: Rotation) -> Vec<DVec3> {
         let subrays = Subrays::new(divergence, rings);
         let n = subrays.len();
         let mut rows = [(); 3].map(|()| vec![[0.0; LANES]; n.div_ceil(LANES)]);
-        subrays.expand(&attitude, rows.each_mut().map(Vec::as_mut_slice));
+        subrays.expand(0, &attitude, rows.each_mut().map(Vec::as_mut_slice));
         let [x, y, z] = rows.each_ref().map(|row| row.as_flattened());
         (0..n).map(|i| DVec3::new(x[i], y[i], z[i])).collect()
     }

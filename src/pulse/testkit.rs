@@ -76,6 +76,7 @@ pub fn survey(devices: Vec<Device>) -> Survey {
         head_start: 0.0,
         head_stop: 0.0,
         beam_divergence: devices[0].beam.divergence,
+        written_divergence: None,
         trajectory_interval: 0.0,
         max_duration: None,
         warmup: 0.0,

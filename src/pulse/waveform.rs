@@ -3,6 +3,7 @@
 use super::energy::{Block, LANES};
 use super::instrument::Instrument;
 use super::light::Light;
+use super::starts::Starts;
 
 /// Bins without any light that are still stored when light surrounds them; longer gaps only exist as a difference of
 /// bin numbers, so that a leaf at 5 m and a wall at 5 km take no more memory than two leaves.
@@ -21,6 +22,8 @@ pub(super) struct Waveform {
     samples: Vec<f64>,
     /// Where the returns lie, in bins.
     positions: Vec<Block>,
+    /// Where pulses begin within bins.
+    starts: Starts,
 }
 
 /// Samples that are cleared at a time.
@@ -49,8 +52,8 @@ impl Waveform {
         let (shape, corrections) = (&instrument.shape, &instrument.corrections);
         let (c, bin) = (instrument.light_speed, shape.bin);
         let lead = shape.peak as f64 * bin;
-        let mut start = nearest / c - lead;
-        let mut end = farthest / c + shape.length - lead + bin;
+        let start = nearest / c - lead;
+        let mut end = farthest / c + shape.duration - lead + bin;
         let mut count = light.ranges().len();
         if instrument.longest > 0.0 && end - start > instrument.longest {
             end = start + instrument.longest;
@@ -58,19 +61,16 @@ impl Waveform {
             count = light.ranges().iter().take_while(|range| **range <= limit).count();
         }
         let blind = instrument.range_min / c;
-        if blind > start {
-            if !corrections.clip_dead_zone {
-                return false;
-            }
-            // Rounding must not put the first bin before the minimum range.
-            start = if c * blind < instrument.range_min { blind.next_up() } else { blind };
+        // Where it clips, the detector sees the pulse from its beginning, and records begin at the minimum range.
+        if blind > start && !corrections.clip_dead_zone {
+            return false;
         }
         self.start = start;
         self.bins = ((end / bin).ceil() - (start / bin).ceil()) as u64;
-        self.place(light.blocks(), instrument);
         if corrections.fractional_bins {
-            self.add_between_bins(count, light.intensities(), instrument);
+            self.add_between_bins(count, light, instrument);
         } else {
+            self.place(light.blocks(), instrument);
             self.add_in_bins(count, light.intensities(), instrument);
         }
         self.store_tail();
@@ -81,12 +81,8 @@ impl Waveform {
     #[inline(always)]
     fn place(&mut self, ranges: &[Block], instrument: &Instrument) {
         let (c, bin, start) = (instrument.light_speed, instrument.shape.bin, self.start);
-        // Only the blind zone may cut off a pulse's front; otherwise rounding must not.
-        let least = if instrument.corrections.clip_dead_zone {
-            f64::NEG_INFINITY
-        } else {
-            instrument.shape.peak as f64
-        };
+        // Rounding must not cut off the front of the first pulse.
+        let least = instrument.shape.peak as f64;
         self.positions.resize(ranges.len(), [0.0; LANES]);
         let positions = self.positions.iter_mut().zip(ranges);
         match instrument.shape.bins_per_ns {
@@ -121,27 +117,26 @@ impl Waveform {
         }
     }
 
-    /// Adds pulses that begin within bins.
-    #[inline(never)]
-    fn add_between_bins(&mut self, count: usize, intensities: &[f64], instrument: &Instrument) {
+    /// Adds pulses that begin within bins; those of the same bin together.
+    #[inline(always)]
+    fn add_between_bins(&mut self, count: usize, light: &Light, instrument: &Instrument) {
         let shape = &instrument.shape;
+        let mut starts = std::mem::take(&mut self.starts);
+        starts.compute(light, instrument, self.start);
         let mut i = 0;
         while i < count {
-            let bin = self.positions.as_flattened()[i] as i64;
-            let mut sums = [0.0; 3];
-            while i < count && self.positions.as_flattened()[i] as i64 == bin {
-                let late = shape.late(self.positions.as_flattened()[i].fract());
-                for (sum, late) in sums.iter_mut().zip(late) {
-                    *sum += intensities[i] * late;
-                }
-                i += 1;
+            let (next, late) = starts.of_one_bin(i, count, light.intensities());
+            let bin = starts.bin(i);
+            let room = usize::try_from(self.bins.saturating_sub(bin as u64)).unwrap_or(usize::MAX);
+            let len = shape.samples.len().min(room);
+            if len > 0 {
+                let segment = self.segment_for(bin as u64, len);
+                let offset = segment.at + (bin as u64 - segment.first) as usize;
+                shape.add_late(&late, &mut self.samples[offset..offset + len]);
             }
-            let from = bin.saturating_sub(shape.peak as i64);
-            for (pulse, sum) in [&shape.samples, &shape.lateness[0], &shape.lateness[1]].into_iter().zip(sums)
-            {
-                self.add(pulse, from, sum);
-            }
+            i = next;
         }
+        self.starts = starts;
     }
 
     /// Adds `intensity` times the pulse from bin `from` on; what lies before bin 0 or behind the last is cut off. Later
@@ -249,13 +244,21 @@ impl Waveform {
         self.start + (self.bins as f64 - 1.0) * bin
     }
 
-    /// Appends all bins, gaps included.
-    pub fn append_to(&self, samples: &mut Vec<f64>) {
+    /// Appends all bins from number `skipped` on, gaps included.
+    pub fn append_to(&self, samples: &mut Vec<f64>, skipped: u64) {
         let base = samples.len();
-        samples.resize(base + self.bins as usize, 0.0);
+        samples.resize(base + self.bins.saturating_sub(skipped) as usize, 0.0);
         for (first, bins) in self.segments() {
-            let at = base + first as usize;
+            let cut = skipped.saturating_sub(first).min(bins.len() as u64);
+            let at = base + (first + cut).saturating_sub(skipped) as usize;
+            let bins = &bins[cut as usize..];
             samples[at..at + bins.len()].copy_from_slice(bins);
         }
+    }
+
+    /// Number of the first bin that is not nearer than `range_min`, m.
+    pub fn first_beyond(&self, range_min: f64, instrument: &Instrument) -> u64 {
+        let bins = (range_min / instrument.light_speed - self.start) / instrument.shape.bin;
+        bins.ceil().max(0.0) as u64
     }
 }

@@ -40,6 +40,8 @@ pub enum Purpose {
     Material = 12,
     /// Procedural scenes.
     SceneMaking = 13,
+    /// Turn of the pattern of subrays about the beam's axis.
+    PatternTurn = 14,
     /// Errors of navigation: of position, attitude, boresight and lever arm.
     Navigation = 32,
 }

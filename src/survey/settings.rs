@@ -20,6 +20,8 @@ pub(super) struct ScannerLayer {
     head_start: f64,
     head_stop: f64,
     pub beam_divergence: f64,
+    /// As `beam_divergence`, NaN where nothing is written: no value of its own counts as "not given".
+    own_divergence: f64,
     trajectory_interval: f64,
     max_duration: f64,
     warmup: f64,
@@ -40,6 +42,7 @@ impl ScannerLayer {
         head_start: 0.0,
         head_stop: 0.0,
         beam_divergence: 0.003,
+        own_divergence: f64::NAN,
         trajectory_interval: 0.0,
         max_duration: -1.0,
         warmup: 0.0,
@@ -50,7 +53,7 @@ impl ScannerLayer {
     /// The scanner's own values.
     pub fn of_scanner(pulse_freq: u32, beam_divergence: f64) -> ScannerLayer {
         let pulse_freq = i32::try_from(pulse_freq).unwrap_or(i32::MAX);
-        ScannerLayer { pulse_freq, beam_divergence, ..ScannerLayer::DEFAULT }
+        ScannerLayer { pulse_freq, beam_divergence, own_divergence: beam_divergence, ..ScannerLayer::DEFAULT }
     }
 
     /// Reads a `<scannerSettings>` on top of `base`.
@@ -70,6 +73,7 @@ impl ScannerLayer {
         };
         let vertical_min = angle_or_nan("verticalAngleMin_deg", base.vertical_min);
         let vertical_max = angle_or_nan("verticalAngleMax_deg", base.vertical_max);
+        let beam_divergence = fields.positive("beamDivergence_rad", base.beam_divergence);
         let layer = ScannerLayer {
             active: fields.flag("active", base.active),
             pulse_freq: fields.whole("pulseFreq_hz", base.pulse_freq),
@@ -80,7 +84,12 @@ impl ScannerLayer {
             head_rate: fields.angle("headRotatePerSec_deg", base.head_rate),
             head_start: fields.angle("headRotateStart_deg", base.head_start),
             head_stop: fields.angle("headRotateStop_deg", base.head_stop),
-            beam_divergence: fields.positive("beamDivergence_rad", base.beam_divergence),
+            beam_divergence,
+            own_divergence: if fields.has("beamDivergence_rad") {
+                beam_divergence
+            } else {
+                base.own_divergence
+            },
             trajectory_interval: fields.not_negative("trajectoryTimeInterval_s", base.trajectory_interval),
             max_duration: read_duration(context, &mut fields, base.max_duration),
             warmup: fields.not_negative("opticsWarmupPhase_s", base.warmup),
@@ -121,9 +130,11 @@ impl ScannerLayer {
     pub fn merged(&self, template: Option<&ScannerLayer>, scanner: &ScannerLayer) -> ScannerLayer {
         let default = &ScannerLayer::DEFAULT;
         let template = template.unwrap_or(default);
+        let own_divergence =
+            if self.own_divergence.is_nan() { scanner.own_divergence } else { self.own_divergence };
         macro_rules! pick {
             ($($field:ident),*) => {
-                ScannerLayer { $($field: {
+                ScannerLayer { own_divergence, $($field: {
                     if self.$field != template.$field {
                         self.$field
                     } else if template.$field != default.$field {
@@ -167,6 +178,9 @@ impl ScannerLayer {
             head_start: self.head_start,
             head_stop: self.head_stop,
             beam_divergence: self.beam_divergence,
+            written_divergence: (self.own_divergence != self.beam_divergence
+                && !self.own_divergence.is_nan())
+            .then_some(self.own_divergence),
             trajectory_interval: self.trajectory_interval,
             max_duration: (self.max_duration > 0.0).then_some(self.max_duration),
             warmup: self.warmup,

@@ -159,7 +159,9 @@ impl Setting {
             device.detector.max_returns = i.max_returns.unwrap_or(device.detector.max_returns);
         }
         for leg in &mut self.survey.legs {
-            leg.scanner.beam_divergence = divergence.unwrap_or(leg.scanner.beam_divergence);
+            if let Some(divergence) = divergence {
+                (leg.scanner.beam_divergence, leg.scanner.written_divergence) = (divergence, None);
+            }
             leg.scanner.pulse_freq = i.pulse_rate.unwrap_or(leg.scanner.pulse_freq);
         }
         Ok(())

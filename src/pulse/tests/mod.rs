@@ -1,5 +1,6 @@
 //! Whole pulses over small scenes: the worked examples of spec pulse-physics §4.12, §5.6 and of the traps.
 
+mod beam;
 mod continuum;
 mod foliage;
 mod moving;

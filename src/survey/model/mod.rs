@@ -264,6 +264,8 @@ pub struct ScannerSettings {
     pub head_stop: f64,
     /// Beam divergence of device 0, rad.
     pub beam_divergence: f64,
+    /// Divergence that the leg asks for, rad, where the reference takes its value for "not given" (0.003).
+    pub written_divergence: Option<f64>,
     /// Spacing of trajectory samples, s; 0 = none.
     pub trajectory_interval: f64,
     /// Ends the leg after that simulated time, s.

@@ -1,0 +1,240 @@
+//! The fast path of ranges that are read between bins: no waveform, only the samples where there is light.
+//!
+//! Light whose pulses do not overlap with others is a cluster by itself. Most clusters have so little depth that their sum has
+//! one peak only, and only the samples around it are computed; of others, all samples. They are those that
+//! [`super::waveform::Waveform::receive`] adds up, digit by digit.
+
+use super::detect::Return;
+use super::instrument::Instrument;
+use super::light::Light;
+use super::peaks::PeakRule;
+use super::shape::PulseShape;
+use super::starts::Starts;
+
+/// What is known beforehand of clusters.
+#[derive(Clone, Debug)]
+pub(super) struct ClusterRule {
+    /// Bins between the first and the last beginning of a pulse within which there is one peak only.
+    reach: i64,
+    /// Bins between the beginnings of pulses from which on they belong to different clusters.
+    gap: i64,
+    threshold: f64,
+    window: usize,
+}
+
+/// Most bins of a cluster with one peak.
+const MAX_REACH: i64 = 6;
+/// Windows beyond which waveforms are searched in another way, bins.
+const MAX_WINDOW: u64 = 1 << 16;
+
+impl ClusterRule {
+    /// `None` where peaks are compared with the threshold in another way, or bins are too wide for a peak to show.
+    pub fn new(shape: &PulseShape, rule: &PeakRule) -> Option<ClusterRule> {
+        let is_simple = rule.weak_neighbours
+            && rule.first_bin
+            && (2..MAX_WINDOW).contains(&rule.window)
+            && rule.threshold > 0.0
+            && shape.peak >= 1
+            && shape.peak + 2 < shape.samples.len();
+        is_simple.then(|| ClusterRule {
+            // The last pulse may begin almost a bin later than its bin.
+            reach: (shape.concave_reach() as i64 - 1).clamp(0, MAX_REACH),
+            gap: shape.samples.len() as i64 + rule.window as i64,
+            threshold: rule.threshold,
+            window: rule.window as usize,
+        })
+    }
+}
+
+/// Memory for clusters.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Clusters {
+    starts: Starts,
+    samples: Vec<f64>,
+}
+
+/// A sample that tops its neighbours, with those next to it.
+struct Top {
+    bin: i64,
+    before: f64,
+    top: f64,
+    after: f64,
+}
+
+impl Clusters {
+    /// Appends what is detected of `light`, nearest first, at most as many returns as the instrument reports. `kept` says of
+    /// a range whether it counts. `false`, and nothing appended, if an intensity is no number.
+    #[inline(always)]
+    pub fn detect(
+        &mut self,
+        rule: &ClusterRule,
+        light: &Light,
+        instrument: &Instrument,
+        kept: impl Fn(f64) -> bool,
+        out: &mut Vec<Return>,
+    ) -> bool {
+        let (shape, c) = (&instrument.shape, instrument.light_speed);
+        let Some(nearest) = light.ranges().first() else { return true };
+        if !light.intensities().iter().sum::<f64>().is_finite() {
+            return false;
+        }
+        let start = nearest / c - shape.peak as f64 * shape.bin;
+        self.starts.compute(light, instrument, start);
+        let count = light.ranges().len();
+        let most = if instrument.max_returns > 0 { instrument.max_returns as usize } else { usize::MAX };
+        let mut report = |t: Top| {
+            let position = t.bin as f64 + shape.offset(t.before, t.after);
+            let range = c * (position * shape.bin + start);
+            if kept(range) && out.len() < most {
+                out.push(Return { range, amplitude: t.top, width: 0.0 });
+            }
+        };
+        let mut i = 0;
+        while i < count {
+            let (first, mut end) = (self.starts.bin(i), i + 1);
+            let mut last = first;
+            while end < count && self.starts.bin(end) - last < rule.gap {
+                last = self.starts.bin(end);
+                end += 1;
+            }
+            if last - first <= rule.reach {
+                self.single_top(rule, shape, light.intensities(), i..end).into_iter().for_each(&mut report);
+            } else {
+                self.tops(rule, shape, light.intensities(), i..end, &mut report);
+            }
+            i = end;
+        }
+        true
+    }
+
+    /// The only peak of a cluster of little depth.
+    #[inline(always)]
+    fn single_top(
+        &self,
+        rule: &ClusterRule,
+        shape: &PulseShape,
+        intensities: &[f64],
+        cluster: std::ops::Range<usize>,
+    ) -> Option<Top> {
+        // From the bin before the peak of the first pulse to the second behind that of the last.
+        let mut samples = [0.0; MAX_REACH as usize + 4];
+        let first = self.starts.bin(cluster.start);
+        let mut i = cluster.start;
+        let mut len = 0;
+        while i < cluster.end {
+            let by = (self.starts.bin(i) - first) as usize;
+            let (next, late) = self.starts.of_one_bin(i, cluster.end, intensities);
+            len = by + 4;
+            for (j, sample) in samples.iter_mut().enumerate() {
+                // Before the pulse begins this wraps round to numbers that no sample has.
+                let k = (shape.peak - 1 + j).wrapping_sub(by);
+                if k < shape.samples.len() {
+                    *sample += shape.late_sample(k, &late);
+                }
+            }
+            i = next;
+        }
+        let mut at = 1;
+        while at + 2 < len && samples[at + 1] > samples[at] {
+            at += 1;
+        }
+        (samples[at] >= rule.threshold).then(|| Top {
+            bin: first + (shape.peak - 1 + at) as i64,
+            before: samples[at - 1],
+            top: samples[at],
+            after: samples[at + 1],
+        })
+    }
+
+    /// Tells of all peaks of a cluster.
+    #[inline(always)]
+    fn tops(
+        &mut self,
+        rule: &ClusterRule,
+        shape: &PulseShape,
+        intensities: &[f64],
+        cluster: std::ops::Range<usize>,
+        report: &mut impl FnMut(Top),
+    ) {
+        let n = shape.samples.len();
+        let first = self.starts.bin(cluster.start);
+        let depth = (self.starts.bin(cluster.end - 1) - first) as usize;
+        self.samples.clear();
+        // One more, dark, behind the last pulse.
+        self.samples.resize(depth + n + 1, 0.0);
+        let mut i = cluster.start;
+        while i < cluster.end {
+            let by = (self.starts.bin(i) - first) as usize;
+            let (next, late) = self.starts.of_one_bin(i, cluster.end, intensities);
+            shape.add_late(&late, &mut self.samples[by..by + n]);
+            i = next;
+        }
+        let samples = self.samples.as_slice();
+        for at in 1..samples.len() - 1 {
+            let (before, top, after) = (samples[at - 1], samples[at], samples[at + 1]);
+            if !(top > before && top > after && top >= rule.threshold) {
+                continue;
+            }
+            let around = at.saturating_sub(rule.window - 1)..(at + rule.window).min(samples.len());
+            let is_highest = samples[around.start..at].iter().all(|s| *s < top)
+                && samples[at + 1..around.end].iter().all(|s| *s < top);
+            if is_highest {
+                report(Top { bin: first + at as i64, before, top, after });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pulse::detect::detect;
+    use crate::pulse::options::Corrections;
+    use crate::pulse::testkit::{received, tls_instrument};
+    use proptest::prelude::*;
+
+    /// An instrument that reads between bins.
+    fn instrument(length: f64, threshold: f64, window: u64) -> Instrument {
+        let mut instrument = tls_instrument(length);
+        instrument.corrections =
+            Corrections { fractional_bins: true, clip_dead_zone: true, ..instrument.corrections };
+        instrument.rule =
+            PeakRule { threshold, weak_neighbours: true, first_bin: true, window, ..instrument.rule };
+        instrument
+    }
+
+    proptest! {
+        #[test]
+        fn clusters_show_what_the_waveform_shows(
+            nearest in 2.0..3000.0f64,
+            near in prop::collection::vec((0.0..0.3f64, 1e-6..1.0f64), 0..20),
+            behind in prop::collection::vec((0.0..30.0f64, 1e-6..1.0f64), 0..20),
+            length in prop::sample::select(vec![2.0, 4.0, 5.0, 7.3]),
+            threshold in prop::sample::select(vec![1e-5, 1e-3, 0.3]),
+            window in 2u64..9,
+        ) {
+            let mut map = vec![(nearest, 1e-4)];
+            map.extend(near.iter().chain(&behind).map(|(by, i)| (nearest + by, *i)));
+            map.sort_by(|a, b| a.0.total_cmp(&b.0));
+            map.dedup_by(|a, b| a.0 == b.0);
+            let instrument = instrument(length, threshold, window);
+            let rule = ClusterRule::new(&instrument.shape, &instrument.rule).expect("a fast path");
+            let (mut found, mut all) = (Vec::new(), Vec::new());
+            prop_assert!(Clusters::default().detect(&rule, &Light::of(&map), &instrument, |_| true, &mut found));
+            detect::<false>(&received(&map, &instrument), &instrument, false, |_| true, &mut all);
+            prop_assert_eq!(all, found);
+        }
+    }
+
+    #[test]
+    fn no_more_returns_than_the_instrument_reports() {
+        let mut instrument = instrument(4.0, 1e-9, 4);
+        instrument.max_returns = 2;
+        let rule = ClusterRule::new(&instrument.shape, &instrument.rule).expect("a fast path");
+        let mut found = Vec::new();
+        let light = Light::of(&[(100.0, 1.0), (110.0, 1.0), (120.0, 1.0)]);
+        assert!(Clusters::default().detect(&rule, &light, &instrument, |r| r > 105.0, &mut found));
+        let ranges: Vec<f64> = found.iter().map(|r| r.range.round()).collect();
+        assert_eq!(ranges, [110.0, 120.0]);
+    }
+}
