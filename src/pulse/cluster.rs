@@ -79,7 +79,7 @@ impl Clusters {
             return false;
         }
         let start = nearest / c - shape.peak as f64 * shape.bin;
-        self.starts.compute(light, instrument, start);
+        self.starts.compute(light, instrument);
         let count = light.ranges().len();
         let most = if instrument.max_returns > 0 { instrument.max_returns as usize } else { usize::MAX };
         let mut report = |t: Top| {
@@ -120,12 +120,11 @@ impl Clusters {
         let mut samples = [0.0; MAX_REACH as usize + 4];
         let first = self.starts.bin(cluster.start);
         let mut i = cluster.start;
-        let mut len = 0;
+        let len = ((self.starts.bin(cluster.end - 1) - first) as usize + 4).min(samples.len());
         while i < cluster.end {
             let by = (self.starts.bin(i) - first) as usize;
             let (next, late) = self.starts.of_one_bin(i, cluster.end, intensities);
-            len = by + 4;
-            for (j, sample) in samples.iter_mut().enumerate() {
+            for (j, sample) in samples[..len].iter_mut().enumerate() {
                 // Before the pulse begins this wraps round to numbers that no sample has.
                 let k = (shape.peak - 1 + j).wrapping_sub(by);
                 if k < shape.samples.len() {

@@ -2,8 +2,8 @@
 //!
 //! The energy within a radius r of the footprint is F(r): 1 − e^(−2r²/w²) of a Gaussian beam of 1/e² radius w, (r/w)² of a top
 //! hat. N subrays stand for N annuli of equal energy, each at the root mean square radius of its annulus and turned against
-//! the one before by the golden angle (Vogel 1979, "A better way to construct the sunflower head"), so that the subrays
-//! spread evenly over radii and directions: what an edge, a wire or a plate cuts off is known to a fraction of a subray.
+//! the one before by the golden angle (Vogel 1979, "A better way to construct the sunflower head") or one near by, so that the
+//! subrays spread evenly over radii and directions: what an edge, a wire or a plate cuts off is known to a fraction of a subray.
 //! Last, the pattern is moved and stretched by a few per cent so that its centre is on the axis and its second moments are
 //! exactly the beam's, in all directions: then the mean range of a plane and the broadening of its echo are exact for any
 //! number of subrays.
@@ -67,9 +67,13 @@ pub(super) fn patterns(beam: &Footprint, count: usize) -> impl Iterator<Item = V
 
 /// Points of a sunflower: in units of the beam's radius.
 fn spiral(profile: BeamProfile, count: usize) -> Vec<[f64; 2]> {
-    let golden = PI * (3.0 - 5f64.sqrt());
+    // The golden angle is best for many points; of few, other angles cut edges better: found by trying 2500 of them.
+    let twist = match count {
+        16 => 1.7146,
+        _ => PI * (3.0 - 5f64.sqrt()),
+    };
     let point = |i: usize| {
-        let (radius, angle) = (annulus_radius(profile, i, count), golden * i as f64);
+        let (radius, angle) = (annulus_radius(profile, i, count), twist * i as f64);
         [radius * cos(angle), radius * sin(angle)]
     };
     (0..count).map(point).collect()
@@ -116,7 +120,7 @@ fn with_exact_moments(mut points: Vec<[f64; 2]>, deviation: f64) -> Vec<[f64; 2]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pulse::subray::rays_in_ring;
+    use crate::pulse::subray::equal_subrays;
     use libm::exp;
 
     const UNIT: Footprint =
@@ -127,7 +131,7 @@ mod tests {
     }
 
     fn counts() -> impl Iterator<Item = usize> {
-        (2..9).map(|rings| (0..rings).map(rays_in_ring).sum::<u32>() as usize)
+        (2..9).map(equal_subrays)
     }
 
     fn normal_cdf(x: f64) -> f64 {
@@ -177,7 +181,7 @@ mod tests {
     #[test]
     fn edges_and_discs_cut_off_what_they_cut_off_of_a_gaussian() {
         // Bounds: the reference's rings are off by 0.243, 0.161, 0.121, 0.096, 0.079 across edges.
-        let edges = [0.24, 0.13, 0.085, 0.06, 0.05];
+        let edges = [0.23, 0.13, 0.08, 0.06, 0.05];
         for (count, bound) in counts().zip(edges) {
             for points in angles(&UNIT, count) {
                 let worst = (0..36).map(|k| {

@@ -116,16 +116,17 @@ impl PulseShape {
     }
 }
 
-/// Arguments up to which [`rise`] is exact.
+/// Arguments up to which [`rise`] is exact enough.
 const MAX_SERIES: f64 = 1.0;
 
-/// e^x for x from 0 to [`MAX_SERIES`]: a Taylor series of 18 terms, whose rest is below 2e-16.
+/// e^x for x from 0 to [`MAX_SERIES`]: a Taylor series of 12 terms, whose rest is below 3e-9, and
+/// below 2e-12 up to 0.5: ranges move by nanometres.
 #[inline(always)]
 fn rise(x: f64) -> f64 {
-    const C: [f64; 18] = {
-        let mut c = [1.0; 18];
+    const C: [f64; 12] = {
+        let mut c = [1.0; 12];
         let mut k = 1;
-        while k < 18 {
+        while k < 12 {
             c[k] = c[k - 1] / k as f64;
             k += 1;
         }
@@ -136,9 +137,7 @@ fn rise(x: f64) -> f64 {
     let low = (C[0] + C[1] * x) + x2 * (C[2] + C[3] * x);
     let middle = (C[4] + C[5] * x) + x2 * (C[6] + C[7] * x);
     let high = (C[8] + C[9] * x) + x2 * (C[10] + C[11] * x);
-    let top = (C[12] + C[13] * x) + x2 * (C[14] + C[15] * x);
-    let last = C[16] + C[17] * x;
-    low + x4 * (middle + x4 * (high + x4 * (top + x4 * last)))
+    low + x4 * (middle + x4 * high)
 }
 
 /// 1/x if no product with it rounds otherwise than the quotient with x: if x is a power of two.
@@ -193,10 +192,10 @@ mod tests {
             (0..16).map(|k| a * s.samples[k] + b * s.lateness[0][k] + c * s.lateness[1][k]).collect();
         for (k, f) in late.iter().enumerate().skip(1) {
             let t = (k as f64 - by) * 0.25 / tau;
-            assert!((f - t * t * exp(-t)).abs() < 1e-15);
+            assert!((f - t * t * exp(-t)).abs() < 1e-13);
         }
         assert_eq!(late[0], 0.0);
-        assert!((s.offset(late[4], late[6]) - by).abs() < 1e-12);
+        assert!((s.offset(late[4], late[6]) - by).abs() < 1e-11);
         assert!(s.offset(s.samples[4], s.samples[6]).abs() < 1e-12);
         assert_eq!(s.offset(0.0, 1.0), 0.0, "nonsense moves nothing");
     }
@@ -205,7 +204,7 @@ mod tests {
     fn the_series_of_the_rise_is_exact() {
         for i in 0..2000 {
             let x = f64::from(i) * 5e-4;
-            assert!((rise(x) / exp(x) - 1.0).abs() < 4e-16, "{x}");
+            assert!((rise(x) / exp(x) - 1.0).abs() < if x < 0.5 { 2e-12 } else { 3e-9 }, "{x}");
         }
     }
 

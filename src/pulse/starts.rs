@@ -17,19 +17,19 @@ pub(super) struct Starts {
 }
 
 impl Starts {
-    /// Computes those of `light` in a waveform from `start`, ns.
+    /// Computes those of `light` in a waveform whose first pulse begins with bin 0.
     #[inline(always)]
-    pub fn compute(&mut self, light: &Light, instrument: &Instrument, start: f64) {
-        let (c, shape) = (instrument.light_speed, &instrument.shape);
+    pub fn compute(&mut self, light: &Light, instrument: &Instrument) {
+        let Some(nearest) = light.ranges().first() else { return };
+        let shape = &instrument.shape;
+        let bins_per_metre = 1.0 / (instrument.light_speed * shape.bin);
         let blocks = light.blocks().len();
         self.bins.resize(blocks, [0.0; LANES]);
         self.late.resize(blocks, [[0.0; LANES]; 3]);
         for ((range, bins), late) in light.blocks().iter().zip(&mut self.bins).zip(&mut self.late) {
             let mut by = [0.0; LANES];
             for i in 0..LANES {
-                let position = (range[i] / c - start) / shape.bin - shape.peak as f64;
-                // Rounding must not cut off the front of the first pulse.
-                let position = if position > 0.0 { position } else { 0.0 };
+                let position = (range[i] - nearest) * bins_per_metre;
                 bins[i] = (position + SNAP).floor();
                 by[i] = position - bins[i];
             }

@@ -22,6 +22,13 @@ pub(super) fn rays_in_ring(i: u32) -> u32 {
     ((TAU * f64::from(i)) as u32).max(1)
 }
 
+/// Number of subrays of equal energy for a beam sample quality: about as many as the reference's rings have, but whole
+/// registers of them: 1, 8, 16, 40, 64, 96 …
+pub(super) fn equal_subrays(rings: u32) -> usize {
+    let of_rings = (0..rings).map(rays_in_ring).sum::<u32>() as usize;
+    if of_rings <= 1 { of_rings } else { ((of_rings + LANES / 2) / LANES * LANES).max(LANES) }
+}
+
 /// Angle of ring `i` of `rings` off the axis, rad.
 pub(super) fn ring_angle(half_angle: f64, rings: u32, i: u32) -> f64 {
     f64::from(i) * (half_angle / f64::from(rings))
@@ -42,16 +49,16 @@ impl Subrays {
         Subrays { patterns: vec![in_blocks(&turns)], exits: Vec::new(), ring }
     }
 
-    /// As many subrays of equal energy as `rings` rings have, see [`footprint::patterns`].
+    /// Subrays of equal energy for the beam sample quality `rings`, see [`footprint::patterns`].
     pub fn of_equal_energy(beam: &Footprint, rings: u32) -> Subrays {
-        let count: u32 = (0..rings).map(rays_in_ring).sum();
+        let count = equal_subrays(rings);
         let turn = |subray: &Subray| {
             let [x, z] = subray.angles;
             Rotation::about_y(libm::atan2(x, z)).after(Rotation::about_x(libm::hypot(x, z)))
         };
         let exit = |subray: &Subray| DVec3::new(subray.exit[0], 0.0, subray.exit[1]);
-        let mut subrays = Subrays { ring: vec![0; count as usize], ..Subrays::default() };
-        for pattern in footprint::patterns(beam, count as usize) {
+        let mut subrays = Subrays { ring: vec![0; count], ..Subrays::default() };
+        for pattern in footprint::patterns(beam, count) {
             subrays.patterns.push(in_blocks(&pattern.iter().map(turn).collect::<Vec<_>>()));
             if beam.exit_radius > 0.0 {
                 subrays.exits.push(pattern.iter().map(exit).collect());
@@ -135,6 +142,11 @@ mod tests {
         }
         let per_ring: Vec<u32> = (0..10).map(rays_in_ring).collect();
         assert_eq!(per_ring, [1, 6, 12, 18, 25, 31, 37, 43, 50, 56]);
+    }
+
+    #[test]
+    fn subrays_of_equal_energy_fill_registers() {
+        assert_eq!([0, 1, 2, 3, 4, 5, 6].map(equal_subrays), [0, 1, 8, 16, 40, 64, 96]);
     }
 
     #[test]

@@ -122,7 +122,7 @@ impl Waveform {
     fn add_between_bins(&mut self, count: usize, light: &Light, instrument: &Instrument) {
         let shape = &instrument.shape;
         let mut starts = std::mem::take(&mut self.starts);
-        starts.compute(light, instrument, self.start);
+        starts.compute(light, instrument);
         let mut i = 0;
         while i < count {
             let (next, late) = starts.of_one_bin(i, count, light.intensities());

@@ -102,7 +102,7 @@ fn wires_and_plates_return_their_share_of_the_beam_on_average() {
         let seen = sums(&wire, &lab(1e-3, 3), at, n).iter().sum::<f64>() / n as f64 / full;
         let below = |x: f64| 0.5 * libm::erfc(-(2f64.sqrt()) * x / 0.05);
         let expected = (1..=n).map(|i| below(at(i).x + half) - below(at(i).x - half)).sum::<f64>() / n as f64;
-        assert!((seen / expected - 1.0).abs() < 0.06, "wire of {half} m: {seen} for {expected}");
+        assert!((seen / expected - 1.0).abs() < 0.1, "wire of {half} m: {seen} for {expected}");
         // In the far field of a plate the amplitude falls with R⁻⁴: its share of the beam with R⁻².
         let plate = rectangles(half_white(), &[board(100.0, half, half)]);
         let at = |i: u64| {
