@@ -4,6 +4,7 @@
 mod common;
 
 use common::{folder, text};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -72,9 +73,64 @@ impl Desk {
                 text(&done.stderr)
             );
             assert!(!text(&done.stderr).contains("warning"), "{page}:\n{example}\n{}", text(&done.stderr));
+            self.look_at_clouds(page, example);
             ran += 1;
         }
         ran
+    }
+
+    /// Every point cloud that lies here has points, and an extent in three dimensions.
+    fn look_at_clouds(&self, page: &str, example: &str) {
+        for entry in fs::read_dir(self.path()).unwrap() {
+            let path = entry.unwrap().path();
+            let cloud = match path.extension().and_then(|e| e.to_str()) {
+                Some("las" | "laz") => Cloud::of_las(&fs::read(&path).unwrap()),
+                Some("xyz") => Cloud::of_rows(&fs::read_to_string(&path).unwrap(), ' '),
+                _ => continue,
+            };
+            let name = path.display();
+            assert!(cloud.count >= 500, "{name} of {page} has {} points:\n{example}", cloud.count);
+            let size: Vec<f64> = (0..3).map(|axis| cloud.max[axis] - cloud.min[axis]).collect();
+            assert!(size.iter().all(|s| *s > 0.5), "{name} of {page} is {size:?} m large:\n{example}");
+        }
+    }
+}
+
+/// What is looked at of a point cloud.
+struct Cloud {
+    count: usize,
+    min: [f64; 3],
+    max: [f64; 3],
+    classes: BTreeSet<u8>,
+}
+
+impl Cloud {
+    /// From the header of LAS 1.4.
+    fn of_las(bytes: &[u8]) -> Cloud {
+        let number = |at: usize| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+        let count = u64::from_le_bytes(bytes[247..255].try_into().unwrap()) as usize;
+        Cloud {
+            count,
+            max: [179, 195, 211].map(number),
+            min: [187, 203, 219].map(number),
+            classes: BTreeSet::new(),
+        }
+    }
+
+    /// From lines of x, y, z and perhaps a class; a header is passed over.
+    fn of_rows(text: &str, separator: char) -> Cloud {
+        let [mut min, mut max] = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        let (mut count, mut classes) = (0, BTreeSet::new());
+        for line in text.lines().filter(|line| !line.starts_with(char::is_alphabetic)) {
+            let fields: Vec<f64> = line.split(separator).map_while(|f| f.parse().ok()).collect();
+            for axis in 0..3 {
+                min[axis] = min[axis].min(fields[axis]);
+                max[axis] = max[axis].max(fields[axis]);
+            }
+            classes.insert(fields.get(3).map_or(0, |class| *class as u8));
+            count += 1;
+        }
+        Cloud { count, min, max, classes }
     }
 }
 
@@ -252,6 +308,44 @@ fn every_pipeline_runs_as_it_is() {
             };
             assert!(bytes > 1000, "{name}: {output} has {bytes} bytes");
         }
+    }
+}
+
+/// What a pipeline shows: least number of points, box of the points, classes.
+type Shown = (&'static str, usize, [f64; 3], [f64; 3], &'static [u8]);
+
+/// What was seen when each was looked at as a picture.
+const SHOWN: [Shown; 7] = [
+    ("airborne.toml", 190_000, [475_880.0, 5_428_880.0, -15.5], [476_120.0, 5_429_120.0, 9.3], &[2, 6, 64]),
+    ("als.toml", 140_000, [-74.8, -120.0, -7.9], [73.0, -37.5, 7.4], &[2, 64]),
+    ("dataset.toml", 37_000, [-23.0, -22.8, 0.4], [14.7, 22.3, 24.2], &[2, 3, 4, 5]),
+    ("mobile.toml", 420_000, [-20.0, -20.4, 0.0], [19.8, 9.6, 9.4], &[6, 11, 15]),
+    ("own_scanner.toml", 920_000, [-23.1, -23.1, 0.4], [22.1, 22.6, 25.0], &[2, 3, 4, 5]),
+    ("tls.toml", 1_560_000, [-4.4, -3.5, 0.0], [4.4, 3.5, 2.8], &[2, 5, 6, 64, 65, 66]),
+    ("voxels.toml", 36_000, [-19.8, -20.0, -0.1], [10.2, 20.0, 10.0], &[2, 5]),
+];
+
+#[test]
+fn every_pipeline_shows_what_it_says() {
+    let flight: Vec<u8> = fs::read(root().join("fixtures/flight.csv")).unwrap();
+    let flight: Vec<u8> = flight.split_inclusive(|b| *b == b'\n').take(400).flatten().copied().collect();
+    let shipped = fs::read_dir(root().join("pipelines")).unwrap().map(|e| e.unwrap().path());
+    assert_eq!(shipped.filter(|path| path.extension().is_some_and(|e| e == "toml")).count(), SHOWN.len());
+    for (name, least, min, max, classes) in SHOWN {
+        let desk = Desk::new();
+        let path = root().join("pipelines").join(name);
+        let args =
+            ["run", path.to_str().unwrap(), "--strict", "-o", "a.csv", "--columns", "X,Y,Z,Classification"];
+        let done = common::feed(desk.path(), &args, &flight);
+        let said = text(&done.stderr);
+        assert!(done.status.success() && !said.contains("warning"), "{name}: {said}");
+        let cloud = Cloud::of_rows(&fs::read_to_string(desk.path().join("a.csv")).unwrap(), ',');
+        assert!((least..least * 5 / 4).contains(&cloud.count), "{name}: {} points", cloud.count);
+        for axis in 0..3 {
+            let off = (cloud.min[axis] - min[axis]).abs().max((cloud.max[axis] - max[axis]).abs());
+            assert!(off < 1.0, "{name}: {:?} to {:?}", cloud.min, cloud.max);
+        }
+        assert_eq!(cloud.classes, classes.iter().copied().collect(), "{name}");
     }
 }
 

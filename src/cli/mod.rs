@@ -16,6 +16,7 @@ mod pack;
 mod preview;
 mod run;
 mod scene;
+mod slips;
 mod stages;
 mod unzip;
 mod watch;

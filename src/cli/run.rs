@@ -6,11 +6,11 @@ pub mod speed;
 
 use super::args::RunArgs;
 use super::watch::{amount, duration, watched};
-use super::{Console, Verbosity, interrupt};
+use super::{Console, Verbosity, interrupt, slips};
 use crate::error::{Error, Result};
 use crate::flight::FlightPlan;
 use crate::output::{FileKind, FileSummary, OutputContext, OutputPlan, OutputRequest, Summary};
-use crate::pipeline::{self, Ended, Progress};
+use crate::pipeline::{self, Ended, Moment, Progress};
 use crate::platform::{PoseReader, Told};
 use crate::pulse::Physics;
 use crate::scene::{self, Movers, Scene, Stand};
@@ -19,6 +19,7 @@ use crate::survey::{PlatformKind, PoseStream};
 use crate::tree::Tree;
 pub use job::{Job, count};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 /// Runs `vlscan run`.
@@ -42,10 +43,20 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let ground = |x, y| stage.scene.ground_height(x, y);
     let (flight, warnings) = FlightPlan::new(&job.survey, stage.scene.shift, &ground, &job.flight)?;
     console.warnings(&warnings.finish(job.strict)?);
+    let slipped = slips::before_flight(&job.survey, &stage, &flight).finish(job.strict)?;
+    console.warnings(&slipped);
+    let told = Arc::new(AtomicBool::new(!slipped.is_empty()));
     let context = OutputContext { survey: &job.survey, scene: &stage.scene };
     let output = Arc::new(OutputPlan::new(OutputRequest { plays, ..job.output.clone() }, &context)?);
     let first = Stand::of(&stage.scene);
-    let mut poses = stream.map(|stream| open_poses(stream, &job, console)).transpose()?;
+    let mut poses = match stream {
+        Some(stream) => {
+            let mut watch =
+                slips::PoseWatch::new(stream, stage.scene.bounds.moved(stage.scene.shift), told.clone());
+            Some(open_poses(stream, &job, console)?.observed(move |seen| watch.see(seen)))
+        }
+        None => None,
+    };
 
     let progress = Progress::default();
     let recorder = job.schedule_log.is_some().then(Recorder::new);
@@ -53,6 +64,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let mut play = 0;
     let summary = loop {
         let physics = Physics::new(&stage.scene, &stage.tree, &job.survey, job.physics)?;
+        let judge = judge(&job, &stage, console, (stream.is_some(), told.clone()));
         let run = pipeline::Run {
             flight: &flight,
             physics: &physics,
@@ -63,6 +75,8 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
             recorder: recorder.as_ref(),
             stop: &interrupt::STOP,
             progress: &progress,
+            target: slips::target(&job.survey, &stage.scene),
+            judge: Some(&judge),
         };
         let took_off = Instant::now();
         let legs = job.survey.legs.len();
@@ -81,6 +95,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
             Ended::Play(interval) => before = Some(interval),
         }
         // One play's scene at a time.
+        drop(judge);
         drop(stage);
         play += 1;
         console.detail(format!("play {} of {plays}", play + 1));
@@ -104,6 +119,35 @@ pub fn open_poses(stream: &PoseStream, job: &Job, console: &Console) -> Result<P
         Told::Detail(detail) => console.detail(detail),
     };
     Ok(PoseReader::open(stream)?.patient(job.latency).telling(job.strict, tell))
+}
+
+/// Tells of too few points: at the end, or of a `live` flight while it goes on; not where its cause has been `told`. With
+/// `--strict` that ends the run.
+pub fn judge<'a>(
+    job: &'a Job,
+    stage: &'a Stage,
+    console: &'a Console,
+    (live, told): (bool, Arc<AtomicBool>),
+) -> impl Fn(&Progress, Moment) -> Result<()> + Sync + 'a {
+    move |progress, moment| {
+        if told.load(Relaxed) || moment == Moment::Early && !live {
+            return Ok(());
+        }
+        let (done, aim) = (progress.snapshot(), progress.aim());
+        let target = slips::target(&job.survey, &stage.scene);
+        let run = slips::Yield {
+            pulses: done.pulses,
+            echoes: done.echoes,
+            aim: &aim,
+            target,
+            mount: job.survey.platform.mount,
+        };
+        if let Some(slip) = slips::judge_yield(&run, stage, moment) {
+            told.store(true, Relaxed);
+            console.warnings(&slip.warning(None).finish(job.strict)?);
+        }
+        Ok(())
+    }
 }
 
 /// Says what an interrupted run leaves behind.
@@ -224,9 +268,10 @@ pub fn report(console: &Console, summary: &Summary, pulses: u64, flying: f64, wh
     console.took(
         Verbosity::Normal,
         format!(
-            "{} pulses, {} points in {} ({} pulses/s; {} with loading)",
+            "{} pulses, {} points ({:.2} per pulse) in {} ({} pulses/s; {} with loading)",
             amount(pulses as f64),
             amount(summary.points as f64),
+            summary.points as f64 / (pulses as f64).max(1.0),
             duration(flying),
             amount(pulses as f64 / flying.max(1e-9)),
             duration(whole)

@@ -1,7 +1,7 @@
 //! The last stage: what the workers encoded goes to the sinks, in chunk order.
 
-use super::Progress;
 use super::worker::Measured;
+use super::{Judge, Moment, Progress};
 use crate::error::Result;
 use crate::output::{Summary, Writer};
 use crate::schedule::Collect;
@@ -14,6 +14,27 @@ pub struct Collector<'a> {
     pub progress: &'a Progress,
     /// No play follows.
     pub is_last: bool,
+    judge: Option<Judge<'a>>,
+    judged_early: bool,
+}
+
+/// Pulses after which a run is looked at while it goes on.
+const EARLY_PULSES: u64 = 20_000;
+
+impl<'a> Collector<'a> {
+    /// A collector that has taken nothing.
+    pub fn new(
+        writer: Writer,
+        progress: &'a Progress,
+        is_last: bool,
+        judge: Option<Judge<'a>>,
+    ) -> Collector<'a> {
+        Collector { writer, progress, is_last, judge, judged_early: false }
+    }
+
+    fn judge(&self, moment: Moment) -> Result<()> {
+        self.judge.map_or(Ok(()), |judge| judge(self.progress, moment))
+    }
 }
 
 /// What is left of the sinks at the end of a play.
@@ -36,11 +57,17 @@ impl Collect<Measured> for Collector<'_> {
             self.writer.flush()?;
         }
         self.progress.add(m.pulses, m.echoes, m.leg, m.done);
+        self.progress.add_aim(&m.aim);
+        if !self.judged_early && self.progress.snapshot().pulses >= EARLY_PULSES {
+            self.judged_early = true;
+            self.judge(Moment::Early)?;
+        }
         Ok(())
     }
 
     fn finish(mut self) -> Result<Closed> {
         if self.is_last {
+            self.judge(Moment::End)?;
             return self.writer.finish().map(Closed::Whole);
         }
         self.writer.next_play()?;

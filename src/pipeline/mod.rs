@@ -1,6 +1,7 @@
 //! The wiring of the river, short enough to read in a minute: [`fly`] joins the flight's chunks, the workers and the
 //! sinks. [`emit`] and [`trace`] are its two halves with a stream of pulses between them.
 
+mod aim;
 mod chunk;
 mod collector;
 mod emit;
@@ -8,6 +9,7 @@ mod progress;
 mod trace;
 mod worker;
 
+pub use aim::{Aim, AimLog, AimTarget};
 pub use chunk::{Chunk, Outlet, produce};
 pub use emit::{Emission, Emitted, emit};
 pub use progress::{Progress, Snapshot};
@@ -45,6 +47,22 @@ pub struct Run<'a> {
     pub stop: &'a Stop,
     /// What has been done so far, for whoever watches.
     pub progress: &'a Progress,
+    /// What beams are compared with.
+    pub target: AimTarget,
+    /// Looks at what was measured before the outputs get their names.
+    pub judge: Option<Judge<'a>>,
+}
+
+/// Looks at a run for results that cannot be meant; an error ends it before its outputs are complete.
+pub type Judge<'a> = &'a (dyn Fn(&Progress, Moment) -> Result<()> + Sync);
+
+/// When a run is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// After the first ten thousands of pulses.
+    Early,
+    /// When everything is measured.
+    End,
 }
 
 /// What goes on from one play of a survey with swapped parts to the next.
@@ -79,18 +97,18 @@ pub fn fly(run: Run<'_>, after: Option<Box<Interval>>, is_last: bool) -> Result<
             (writer, state)
         }
     };
-    let Run { flight, physics, movers, output, poses, .. } = run;
+    let Run { flight, physics, movers, output, poses, target, .. } = run;
     let closed = schedule::run(
         run.schedule,
         &jobs,
         run.stop,
         run.recorder,
         || {
-            let mut worker = Worker::new(flight, physics, movers, &output);
+            let mut worker = Worker::new(flight, physics, movers, &output, target);
             move |chunk| worker.measure(chunk)
         },
         |feed| produce(flight, movers.map(|(plan, _)| plan), &mut state, poses, run.stop, feed),
-        Collector { writer, progress: run.progress, is_last },
+        Collector::new(writer, run.progress, is_last, run.judge),
     )?;
     Ok(match closed {
         Closed::Whole(summary) => Ended::Whole(summary),

@@ -1,5 +1,7 @@
 //! What has been done so far: plain atomics that the collector writes and a watcher reads.
 
+use super::{Aim, AimLog};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// Counters of a running flight.
@@ -9,6 +11,7 @@ pub struct Progress {
     echoes: AtomicU64,
     leg: AtomicU32,
     done: AtomicU64,
+    aim: Mutex<AimLog>,
 }
 
 /// The counters at one moment.
@@ -31,6 +34,18 @@ impl Progress {
         self.echoes.fetch_add(echoes, Relaxed);
         self.leg.store(leg, Relaxed);
         self.done.store(done.to_bits(), Relaxed);
+    }
+
+    /// Adds where the beams of a chunk point.
+    pub fn add_aim(&self, piece: &Aim) {
+        if let Ok(mut log) = self.aim.lock() {
+            log.add(piece);
+        }
+    }
+
+    /// Where beams have pointed so far.
+    pub fn aim(&self) -> AimLog {
+        self.aim.lock().map(|log| log.clone()).unwrap_or_default()
     }
 
     /// The counters now.

@@ -1,8 +1,8 @@
 //! The river's second half by itself: [`trace`] takes pulses from a stream instead of a flight.
 
-use super::Progress;
 use super::collector::{Closed, Collector};
 use super::worker::Measured;
+use super::{Aim, AimTarget, Judge, Progress};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::Pulse;
@@ -50,6 +50,10 @@ pub struct Tracing<'a> {
     pub stop: &'a Stop,
     /// What has been done so far, for whoever watches.
     pub progress: &'a Progress,
+    /// What beams are compared with.
+    pub target: AimTarget,
+    /// Looks at what was measured before the outputs get their names.
+    pub judge: Option<Judge<'a>>,
 }
 
 impl Tasks for Block {
@@ -115,7 +119,8 @@ pub fn trace(
         }
     };
     let (stop, shared) = (tracing.stop, &tracing);
-    let collector = Ordered { inner: Collector { writer, progress: tracing.progress, is_last }, leg: 0 };
+    let collector =
+        Ordered { inner: Collector::new(writer, tracing.progress, is_last, tracing.judge), leg: 0 };
     let closed = schedule::run(
         tracing.schedule,
         &jobs,
@@ -239,6 +244,7 @@ impl<'a> Tracer<'a> {
             echoes: self.batch.echoes.len() as u64,
             leg: first.leg,
             done: f64::NAN,
+            aim: Aim::of(&self.tracing.target, &self.pulses),
         })
     }
 

@@ -1,6 +1,6 @@
 //! A worker: replays a chunk, fires its pulses, encodes what they measured.
 
-use super::Chunk;
+use super::{Aim, AimTarget, Chunk};
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
 use crate::output::{Encoded, OutputPlan};
@@ -21,20 +21,23 @@ pub struct Measured {
     pub leg: u32,
     /// Done part of the survey, see [`Chunk::done`].
     pub done: f64,
+    /// Where its beams point.
+    pub aim: Aim,
 }
 
 impl Outcome for Measured {
     fn join(&mut self, next: Measured) -> Option<Measured> {
-        let Measured { encoded, pulses, echoes, leg, done } = next;
+        let Measured { encoded, pulses, echoes, leg, done, aim } = next;
         if leg != self.leg {
-            return Some(Measured { encoded, pulses, echoes, leg, done });
+            return Some(Measured { encoded, pulses, echoes, leg, done, aim });
         }
         match self.encoded.join(encoded) {
             None => {
                 (self.pulses, self.echoes, self.done) = (self.pulses + pulses, self.echoes + echoes, done);
+                self.aim.add(&aim);
                 None
             }
-            Some(encoded) => Some(Measured { encoded, pulses, echoes, leg, done }),
+            Some(encoded) => Some(Measured { encoded, pulses, echoes, leg, done, aim }),
         }
     }
 }
@@ -43,6 +46,7 @@ impl Outcome for Measured {
 pub struct Worker<'a> {
     flight: &'a FlightPlan,
     output: &'a OutputPlan,
+    target: AimTarget,
     shooter: Shooter<'a>,
     scenery: Option<Scenery<'a>>,
     pulses: Vec<Pulse>,
@@ -79,6 +83,7 @@ impl<'a> Worker<'a> {
         physics: &'a Physics<'a>,
         movers: Option<(&'a Movers, &'a BuildOptions)>,
         output: &'a OutputPlan,
+        target: AimTarget,
     ) -> Worker<'a> {
         let scenery = movers.map(|(plan, trees)| Scenery {
             plan,
@@ -88,6 +93,7 @@ impl<'a> Worker<'a> {
         Worker {
             flight,
             output,
+            target,
             shooter: physics.shooter(),
             scenery,
             pulses: Vec::new(),
@@ -113,6 +119,7 @@ impl<'a> Worker<'a> {
             echoes: self.batch.echoes.len() as u64,
             leg,
             done,
+            aim: Aim::of(&self.target, &self.pulses),
         })
     }
 

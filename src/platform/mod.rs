@@ -19,7 +19,7 @@ mod trajectory_file;
 
 pub use course::{LegCourse, Span};
 pub use interpolated::InterpolatedState;
-pub use poses::{Pose, PoseReader, Told, Waited};
+pub use poses::{Pose, PoseReader, Seen, Told, Waited};
 pub(crate) use rows::Separator;
 use stream::StreamPlan;
 pub use stream::{Readiness, StreamState};
@@ -138,6 +138,14 @@ impl PlatformPlan {
     /// Whether the platform never moves within a leg.
     pub fn is_static(&self) -> bool {
         matches!(self.kind, KindPlan::Static)
+    }
+
+    /// The recorded poses that the platform follows, if they are known before the run.
+    pub fn table(&self) -> Option<&TrajectoryTable> {
+        match &self.kind {
+            KindPlan::Interpolated(table) => Some(table),
+            _ => None,
+        }
     }
 
     /// Whether the platform flies straight.

@@ -111,6 +111,14 @@ impl TrajectoryTable {
         DVec3::new(at(3), at(4), at(5))
     }
 
+    /// Roll, pitch and yaw (rad) and position (m) of every row.
+    pub fn poses(&self) -> impl Iterator<Item = ([f64; 3], DVec3)> {
+        self.rows.iter().map(|row| {
+            let [roll, pitch, yaw, x, y, z] = row.values;
+            ([roll, pitch, yaw], DVec3::new(x, y, z))
+        })
+    }
+
     pub(super) fn rows(&self) -> &[TableRow] {
         &self.rows
     }

@@ -86,7 +86,8 @@ fn projected(
     frame: &mut Frame,
 ) -> std::result::Result<Pose, Problem> {
     let attitude = composed(settings.rotation_spec, roll, pitch, yaw);
-    frame.pose(&Fix { time, place: FixPlace::Geographic([latitude, longitude, height]), attitude })
+    let place = FixPlace::Geographic([latitude, longitude, height]);
+    frame.pose(&Fix { time, place, attitude, unitless_angles: None })
 }
 
 /// Poses as rows of the table: angles as the survey composes them, each near the one before it so that nothing turns about.

@@ -3,6 +3,7 @@
 use super::{Flight, Matrix, name};
 use crate::cli::args::TreeKind;
 use crate::cli::run::Job;
+use crate::cli::slips;
 use crate::cli::{Console, RunArgs, interrupt};
 use crate::error::{Error, Result};
 use crate::flight::FlightPlan;
@@ -277,6 +278,8 @@ impl Bench {
             recorder: Some(&recorder),
             stop,
             progress: &progress,
+            target: slips::target(&self.job.survey, &self.scene),
+            judge: None,
         };
         let started = Instant::now();
         if let Ended::Cut(_) = pipeline::fly(run, None, true)? {

@@ -2,7 +2,8 @@
 
 use crate::cli::args::{FlightArgs, RunArgs, SurveyArgs, TraceArgs};
 use crate::cli::inputs::{holds_survey, read_survey};
-use crate::cli::run::{Job, Stage, interrupted, load_and_build, report, tell_rescued};
+use crate::cli::run::{Job, Stage, interrupted, judge, load_and_build, report, tell_rescued};
+use crate::cli::slips;
 use crate::cli::watch::watched;
 use crate::cli::{Console, interrupt};
 use crate::diag::Diagnostics;
@@ -53,6 +54,7 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
         let took_off = Instant::now();
         let Stage { scene, tree, movers } = &stage;
         let physics = Physics::new(scene, tree, &job.survey, job.physics)?;
+        let judge = judge(&job, &stage, console, (false, Arc::default()));
         let tracing = Tracing {
             survey: &job.survey,
             physics: &physics,
@@ -64,6 +66,8 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
             schedule: job.schedule,
             stop: &interrupt::STOP,
             progress: &progress,
+            target: slips::target(&job.survey, scene),
+            judge: Some(&judge),
         };
         let legs = job.survey.legs.len();
         let ended = watched(console, job.progress_lines, legs, &progress, || {
@@ -80,6 +84,7 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
                 return Err(interrupted(console, &summary));
             }
         }
+        drop(judge);
         drop(stage);
         play += 1;
         stage = load_and_build(&job, console, play, Some(first))?;

@@ -181,7 +181,12 @@ fn sbet_fix(bytes: &[u8]) -> Result<Fix, Problem> {
         ("wander angle", wander),
     ])?;
     let attitude = Rotation::of_heading(roll, pitch, heading - wander);
-    Ok(Fix { time, place: FixPlace::Geographic([latitude, longitude, height]), attitude })
+    Ok(Fix {
+        time,
+        place: FixPlace::Geographic([latitude, longitude, height]),
+        attitude,
+        unitless_angles: None,
+    })
 }
 
 fn terrascan_fix(bytes: &[u8]) -> Result<Fix, Problem> {
@@ -196,7 +201,7 @@ fn terrascan_fix(bytes: &[u8]) -> Result<Fix, Problem> {
         ("pitch", pitch),
     ])?;
     let attitude = Rotation::of_heading(radians(roll), radians(pitch), radians(heading));
-    Ok(Fix { time, place: FixPlace::Local([x, y, z]), attitude })
+    Ok(Fix { time, place: FixPlace::Local([x, y, z]), attitude, unitless_angles: None })
 }
 
 /// Whether the bytes could be the first record of an SBET.

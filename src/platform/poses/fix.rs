@@ -14,6 +14,8 @@ pub struct Fix {
     pub place: FixPlace,
     /// Attitude over the local horizon; on [`FixPlace::Geographic`] headings count from true north.
     pub attitude: Rotation,
+    /// Roll, pitch and yaw as they stand in text that names no unit for them.
+    pub unitless_angles: Option<[f64; 3]>,
 }
 
 /// Where a fix is.

@@ -30,6 +30,11 @@ impl Frame {
         Frame { grid, height_offset: 0.0, lever_arm: DVec3::ZERO, boresight: None }
     }
 
+    /// What is added to all heights, m.
+    pub fn height_offset(&self) -> f64 {
+        self.height_offset
+    }
+
     /// The zone of what has been projected.
     pub fn zone(&self) -> Option<UtmZone> {
         match self.grid {
@@ -92,7 +97,12 @@ mod tests {
     use crate::geom::radians;
 
     fn fix(place: FixPlace, heading: f64) -> Fix {
-        Fix { time: 1.0, place, attitude: Rotation::of_heading(0.0, 0.0, radians(heading)) }
+        Fix {
+            time: 1.0,
+            place,
+            attitude: Rotation::of_heading(0.0, 0.0, radians(heading)),
+            unitless_angles: None,
+        }
     }
 
     #[test]
@@ -124,6 +134,7 @@ mod tests {
                 time: 0.0,
                 place: FixPlace::Local([1000.0, 2000.0, 500.0]),
                 attitude: Rotation::of_heading(eighth, eighth, quarter),
+                unitless_angles: None,
             })
             .unwrap();
         let scanner = DVec3::new(1001.052628, 1999.753590, 500.176795);

@@ -64,6 +64,15 @@ pub enum Told {
     Detail(String),
 }
 
+/// What an observer of a trajectory sees.
+#[derive(Clone, Copy, Debug)]
+pub enum Seen {
+    /// The next pose, with its angles as they stand in text that names no unit for them.
+    Pose(Pose, Option<[f64; 3]>),
+    /// No more poses will come.
+    End,
+}
+
 /// Why no more poses can be read.
 enum Failure {
     Input(Box<Diagnostics>),
@@ -92,6 +101,7 @@ pub struct PoseReader {
     ended: bool,
     strict: bool,
     tell: Box<dyn FnMut(Told) + Send>,
+    observe: Box<dyn FnMut(Seen) -> Diagnostics + Send>,
     latency: Duration,
 }
 
@@ -136,6 +146,7 @@ impl PoseReader {
             ended: false,
             strict: false,
             tell: Box::new(|_| ()),
+            observe: Box::new(|_| Diagnostics::default()),
             latency: Duration::ZERO,
         }
     }
@@ -148,6 +159,11 @@ impl PoseReader {
     /// The same reader, which tells `tell` what it meets as it meets it. With `strict` a warning is an error.
     pub fn telling(self, strict: bool, tell: impl FnMut(Told) + Send + 'static) -> PoseReader {
         PoseReader { strict, tell: Box::new(tell), ..self }
+    }
+
+    /// The same reader, which shows every pose to `observe` as it arrives and tells what that finds.
+    pub fn observed(self, observe: impl FnMut(Seen) -> Diagnostics + Send + 'static) -> PoseReader {
+        PoseReader { observe: Box::new(observe), ..self }
     }
 
     /// How long what is flown along its poses may wait for more of them.
@@ -266,21 +282,29 @@ impl PoseReader {
             Err(problem) => return self.fail(mark, problem),
         };
         if self.poses == 0 {
-            self.introduce(&pose);
+            self.introduce(&pose, matches!(fix.place, FixPlace::Geographic(_)));
         }
         if let Some(note) = self.order.course(&pose) {
             (self.tell)(Told::Note(format!("{}: {note}", self.path.display())));
         }
+        self.show(Seen::Pose(pose, fix.unitless_angles));
         self.poses += 1;
         self.arrived.push_back(pose);
     }
 
     /// Says what the first pose was understood to be.
-    fn introduce(&mut self, pose: &Pose) {
+    fn introduce(&mut self, pose: &Pose, geographic: bool) {
         let (path, p) = (self.path.display(), pose.position);
         if let Some(zone) = self.frame.zone().filter(|_| self.zone_is_found) {
             (self.tell)(Told::Note(format!(
                 "{path}: poses are projected to UTM zone {zone}, that of the first one; --utm-zone names another"
+            )));
+        }
+        if geographic && self.frame.height_offset() == 0.0 {
+            (self.tell)(Told::Note(format!(
+                "{path}: heights are taken as they are, the first is {:.1} m; where they count from the ellipsoid and the \
+                 scene's from a geoid, --height-offset brings them together",
+                p.z
             )));
         }
         let heading = libm::atan2(pose.attitude.forward().x, pose.attitude.forward().y).to_degrees();
@@ -295,8 +319,21 @@ impl PoseReader {
         )));
     }
 
+    fn show(&mut self, seen: Seen) {
+        let found = (self.observe)(seen);
+        if found.is_empty() {
+            return;
+        }
+        match found.finish(self.strict) {
+            Ok(warnings) => (self.tell)(Told::Warnings(warnings)),
+            Err(Error::Input(problems)) => self.failure = Some(Failure::Input(problems)),
+            Err(_) => {}
+        }
+    }
+
     /// Judges the trajectory as a whole.
     fn look_back(&mut self) {
+        self.show(Seen::End);
         if self.poses > 0 {
             let (poses, path) = (self.poses, self.path.display());
             return (self.tell)(Told::Detail(format!("{path}: {poses} poses")));

@@ -151,7 +151,10 @@ impl Lines {
             None => values[q as usize],
         };
         let [time, .., x, y, z] = values;
+        let angles = [Quantity::Roll, Quantity::Pitch, Quantity::Yaw];
+        let unitless = angles.iter().all(|&q| layout.factors[q as usize].is_none());
         Fix {
+            unitless_angles: unitless.then(|| angles.map(|q| values[q as usize])),
             time: time * layout.factors[Quantity::Time as usize].unwrap_or(1.0),
             place: match layout.geographic {
                 true => FixPlace::Geographic([in_radians(Quantity::Y), in_radians(Quantity::X), z]),

@@ -9,6 +9,10 @@ use tiff::tags::Tag;
 
 const RASTER_TYPE_KEY: u16 = 1025;
 const PIXEL_IS_POINT: u16 = 2;
+const MODEL_TYPE_KEY: u16 = 1024;
+const MODEL_IS_GEOGRAPHIC: u16 = 2;
+/// Pixels as small as this, in what should be metres, are those of rasters in degrees: 1 km is 0.009°.
+const MAX_DEGREE_STEP: f64 = 0.01;
 
 /// Position of the pixel centres: x = origin.0 + column·step.0, y = origin.1 + row·step.1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,11 +78,29 @@ fn doubles<R: Read + Seek>(decoder: &mut Decoder<R>, tag: Tag) -> Result<Option<
 }
 
 fn raster_type<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<Option<u16>, String> {
+    geo_key(decoder, RASTER_TYPE_KEY)
+}
+
+/// Whether the raster's coordinates are degrees of longitude and latitude: its keys say so (OGC GeoTIFF 1.1, §7.1.2), or,
+/// where they say nothing, its pixels are as small and lie as near to the origin as only those of degrees do.
+pub(super) fn is_geographic<R: Read + Seek>(decoder: &mut Decoder<R>, at: &Georeference) -> bool {
+    match geo_key(decoder, MODEL_TYPE_KEY) {
+        Ok(Some(kind)) => kind == MODEL_IS_GEOGRAPHIC,
+        _ => {
+            let (x, y) = at.origin;
+            let small = |step: f64| step.abs() < MAX_DEGREE_STEP;
+            small(at.step.0) && small(at.step.1) && x.abs() <= 180.0 && y.abs() <= 90.0
+        }
+    }
+}
+
+/// The value of a GeoKey that stands in the directory itself.
+fn geo_key<R: Read + Seek>(decoder: &mut Decoder<R>, key: u16) -> Result<Option<u16>, String> {
     let tag = Tag::GeoKeyDirectoryTag;
     let keys = decoder.find_tag(tag).and_then(|value| value.map(|v| v.into_u16_vec()).transpose());
     let keys = keys.map_err(|e| format!("its {tag:?} cannot be read: {e}"))?.unwrap_or_default();
     // A header of four numbers, then entries of four: key, location (0 = here), count, value.
-    Ok(keys.chunks_exact(4).skip(1).find(|k| k[0] == RASTER_TYPE_KEY && k[1] == 0).map(|k| k[3]))
+    Ok(keys.chunks_exact(4).skip(1).find(|k| k[0] == key && k[1] == 0).map(|k| k[3]))
 }
 
 /// The six lines of an ESRI world file, which speak of pixel centres.

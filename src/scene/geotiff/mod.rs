@@ -169,6 +169,14 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
         warnings.push("it does not say where it lies; pixels of 1 m from the origin are assumed".to_owned());
         Georeference { origin: (0.5, 0.5), step: (1.0, 1.0) }
     });
+    if georeference::is_geographic(&mut decoder, &georeference) {
+        let ((x0, y0), far) = (georeference.origin, georeference.centre(columns - 1, rows - 1, 0.0));
+        warnings.push(format!(
+            "its coordinates are degrees (longitude {x0:.4} to {:.4}, latitude {y0:.4} to {:.4}), which are taken as metres; \
+             project it first: gdalwarp -t_srs EPSG:32632 in.tif out.tif, with the code of its zone",
+            far.x, far.y
+        ));
+    }
     if !georeference.is_near(columns, rows) {
         return Err(format!("it reaches beyond {FARTHEST:e} m, where coordinates cannot be computed"));
     }

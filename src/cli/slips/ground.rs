@@ -1,0 +1,89 @@
+//! Rays straight up and down from places of a flight.
+
+use super::boxes::heights;
+use super::{Slip, metres};
+use crate::cli::run::Stage;
+use crate::geom::{Aabb, DVec3};
+
+/// Share of the places over the scene that may lie below the ground, as in a valley of a coarse terrain.
+const MAX_SHARE_BELOW: f64 = 0.1;
+/// Share of the places that must lie on a surface for the flight to run on it.
+const MIN_SHARE_ON: f64 = 0.9;
+/// Nearer to the surface than this a scanner lies on it, m.
+const ON_SURFACE: f64 = 0.05;
+/// Rays around a place that tell a terrain from a crown or a bridge, and how many of them must agree.
+const RING: usize = 8;
+const MIN_AGREEING: usize = 7;
+
+/// Where a place is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Side {
+    /// There is a surface below.
+    Above,
+    /// It lies on a surface.
+    On,
+    /// So many metres below a surface that goes on around it, with nothing below.
+    Below(f64),
+    /// There is nothing above or below, or what is above is no terrain.
+    Elsewhere,
+}
+
+/// Finds places of the scanner (scene frame) below the terrain, and flights on its surface. The scanner is `mount` metres above
+/// its platform.
+pub(super) fn check(who: &str, stage: &Stage, places: &[DVec3], mount: f64) -> Option<Slip> {
+    let sides: Vec<Side> = places.iter().map(|&place| side(stage, place)).collect();
+    let over = sides.iter().filter(|side| **side != Side::Elsewhere).count() as f64;
+    let mut depths: Vec<f64> = sides
+        .iter()
+        .filter_map(|side| if let Side::Below(depth) = side { Some(*depth) } else { None })
+        .collect();
+    let flight = Aabb::around(places.iter().map(|&place| stage.scene.to_world(place)));
+    let platform = flight.moved(DVec3::Z * -mount);
+    if !depths.is_empty() && depths.len() as f64 > MAX_SHARE_BELOW * over {
+        depths.sort_by(f64::total_cmp);
+        let depth = depths[depths.len() / 2];
+        let where_ = match places.len() {
+            1 => format!("{who} stands {} below the terrain, with nothing beneath it", metres(depth)),
+            n => {
+                format!("{who} is below the terrain at {} of {n} places, by {}", depths.len(), metres(depth))
+            }
+        };
+        let message =
+            format!("{where_}: its height is {:.1}, the ground's {:.1}", flight.max.z, flight.max.z + depth);
+        return Some(Slip::new(message, heights(&platform, depth)));
+    }
+    let on = sides.iter().filter(|side| **side == Side::On).count() as f64;
+    let moves = flight.size().x.hypot(flight.size().y) > 1.0;
+    (moves && over > 0.0 && on >= MIN_SHARE_ON * over).then(|| {
+        let message = format!(
+            "{who} runs on the surface of the scene, at height {:.1}: nothing is below it",
+            flight.min.z
+        );
+        Slip::new(message, heights(&platform, 0.0))
+    })
+}
+
+fn side(stage: &Stage, place: DVec3) -> Side {
+    let bounds = &stage.scene.bounds;
+    let within = |p: DVec3| {
+        (bounds.min.x..=bounds.max.x).contains(&p.x) && (bounds.min.y..=bounds.max.y).contains(&p.y)
+    };
+    if !within(place) || !place.is_finite() {
+        return Side::Elsewhere;
+    }
+    let cast = |from: DVec3, way: DVec3| {
+        stage.tree.nearest_where(&stage.scene.geometry, from, way, |_| true).map(|hit| hit.t)
+    };
+    if let Some(below) = cast(place + DVec3::Z * 2.0 * ON_SURFACE, -DVec3::Z) {
+        return if below < 3.0 * ON_SURFACE { Side::On } else { Side::Above };
+    }
+    let Some(depth) = cast(place, DVec3::Z) else { return Side::Elsewhere };
+    let radius = 0.02 * bounds.size().x.hypot(bounds.size().y);
+    let around = (0..RING).map(|i| {
+        let (sin, cos) = (i as f64 * std::f64::consts::TAU / RING as f64).sin_cos();
+        place + DVec3::new(cos, sin, 0.0) * radius
+    });
+    let roofed = |p: DVec3| !within(p) || cast(p, DVec3::Z).is_some() && cast(p, -DVec3::Z).is_none();
+    let agreeing = around.filter(|&p| roofed(p)).count();
+    if agreeing >= MIN_AGREEING { Side::Below(depth) } else { Side::Elsewhere }
+}

@@ -1,0 +1,519 @@
+//! Slips that are easy to make: each ends with an error, or with a warning that `--strict` makes an error, whose text names
+//! the cause. What is right runs without a word.
+
+mod common;
+
+use common::{feed, fixture, folder, text};
+use std::fs;
+use std::path::Path;
+
+/// A mistake, and what the program must say about it.
+struct Slip {
+    name: &'static str,
+    /// Files that stand in the folder, beside those of `fixtures/terrain`.
+    files: Vec<(&'static str, Vec<u8>)>,
+    line: &'static str,
+    stdin: String,
+    answer: &'static str,
+    /// A note that does not end a run with `--strict`.
+    is_note: bool,
+}
+
+/// A slip of a command line over files that are there already.
+fn typed(name: &'static str, line: &'static str, answer: &'static str) -> Slip {
+    Slip { name, files: Vec::new(), line, stdin: String::new(), answer, is_note: false }
+}
+
+/// A slip in a file.
+fn written(
+    name: &'static str,
+    file: &'static str,
+    content: impl AsRef<[u8]>,
+    line: &'static str,
+    answer: &'static str,
+) -> Slip {
+    Slip { files: vec![(file, content.as_ref().to_vec())], ..typed(name, line, answer) }
+}
+
+/// A slip in a stream of poses over a scene.
+fn flown(name: &'static str, line: &'static str, poses: String, answer: &'static str) -> Slip {
+    Slip { stdin: poses, ..typed(name, line, answer) }
+}
+
+const HEADER: &str = "time,x,y,z,roll,pitch,yaw\n";
+
+/// A second of flight to the east through `middle`, 60 m/s.
+fn poses(middle: [f64; 3], angles: [f64; 3]) -> String {
+    along(middle, [0.6, 0.0, 0.0], angles)
+}
+
+/// A hundred poses with `step` metres from one to the next.
+fn along(middle: [f64; 3], step: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> String {
+    let mut text = HEADER.to_owned();
+    for i in 0..100 {
+        let at = |axis: usize| middle[axis] + (f64::from(i) - 50.0) * step[axis];
+        let time = 1000.0 + f64::from(i) * 0.01;
+        text += &format!("{time},{},{},{},{roll},{pitch},{yaw}\n", at(0), at(1), at(2));
+    }
+    text
+}
+
+/// A pipeline over the terrain with an airborne scanner and its mount; `rest` follows.
+fn pipeline(scene: &str, rest: &str) -> String {
+    format!(
+        "scene = \"{scene}\"\n{rest}\n[platform]\ncatalogue = \"data/platforms.xml#sr22\"\n[scanner]\n\
+         catalogue = \"data/scanners_als.xml#riegl_lms-q780\"\n[settings]\npulse_freq_hz = 100000\nscan_freq_hz = 80\n\
+         scan_angle_deg = 20\nmax_duration_s = 2\n"
+    )
+}
+
+fn stream(scene: &str) -> String {
+    pipeline(scene, "[trajectory]\npath = \"-\"")
+}
+
+/// The terrain in UTM zone 32N, 300 m high.
+fn utm_scene() -> String {
+    let terrain = fs::read_to_string(fixture("terrain/scene.xml")).unwrap();
+    let moved = "<filter type=\"translate\"><param type=\"vec3\" key=\"offset\" value=\"476000;5429000;300\"/></filter>";
+    terrain.replace("</part>", &format!("{moved}</part>"))
+}
+
+fn survey() -> String {
+    fs::read_to_string(fixture("terrain/survey.xml")).unwrap()
+}
+
+/// A tripod on the terrain whose head turns once.
+fn tripod(place: &str) -> String {
+    format!(
+        "<document><survey name=\"t\" scene=\"scene.xml#terrain\" platform=\"data/platforms.xml#tripod\" \
+         scanner=\"data/scanners_tls.xml#riegl_vz400\"><leg><platformSettings {place}/><scannerSettings active=\"true\" \
+         pulseFreq_hz=\"100000\" scanAngle_deg=\"50\" scanFreq_hz=\"60\" headRotatePerSec_deg=\"180\" headRotateStart_deg=\"0\" \
+         headRotateStop_deg=\"360\" trajectoryTimeInterval_s=\"1\"/></leg></survey></document>"
+    )
+}
+
+/// An interpolated flight that a survey names.
+fn recorded(more: &str) -> String {
+    format!(
+        "<document><platformSettings id=\"p\"/><survey name=\"t\" scene=\"scene.xml#terrain\" platform=\"interpolated\" \
+         basePlatform=\"data/platforms.xml#sr22\" scanner=\"data/scanners_als.xml#riegl_lms-q780\"><leg>\
+         <platformSettings trajectory=\"flown.csv\" tIndex=\"0\" xIndex=\"1\" yIndex=\"2\" zIndex=\"3\" rollIndex=\"4\" \
+         pitchIndex=\"5\" yawIndex=\"6\" {more}/><scannerSettings active=\"true\" pulseFreq_hz=\"100000\" scanAngle_deg=\"20\" \
+         scanFreq_hz=\"80\"/></leg></survey></document>"
+    )
+}
+
+/// A GeoTIFF of 8 x 8 heights, 32-bit floats, whose first pixel is at `origin` and whose pixels are `step` wide.
+fn raster(origin: [f64; 2], step: f64) -> Vec<u8> {
+    let (entries, data) = (12u16, 8 + 2 + 12 * 12 + 4);
+    let scale_at = data + 8 * 8 * 4;
+    let tie_at = scale_at + 24;
+    let mut tiff = b"II*\0\x08\0\0\0".to_vec();
+    tiff.extend(entries.to_le_bytes());
+    let mut entry = |tag: u16, kind: u16, count: u32, value: u32| {
+        tiff.extend(tag.to_le_bytes());
+        tiff.extend(kind.to_le_bytes());
+        tiff.extend(count.to_le_bytes());
+        tiff.extend(value.to_le_bytes());
+    };
+    for (tag, kind, value) in [
+        (256, 4, 8),
+        (257, 4, 8),
+        (258, 3, 32),
+        (259, 3, 1),
+        (262, 3, 1),
+        (273, 4, data as u32),
+        (277, 3, 1),
+        (278, 4, 8),
+        (279, 4, 256),
+        (339, 3, 3),
+    ] {
+        entry(tag, kind, 1, value);
+    }
+    entry(33550, 12, 3, scale_at as u32);
+    entry(33922, 12, 6, tie_at as u32);
+    tiff.extend(0u32.to_le_bytes());
+    (0..64).for_each(|i| tiff.extend((300.0 + i as f32).to_le_bytes()));
+    [step, step, 0.0, 0.0, 0.0, 0.0, origin[0], origin[1], 0.0]
+        .iter()
+        .for_each(|v| tiff.extend(v.to_le_bytes()));
+    tiff
+}
+
+fn raster_scene() -> &'static str {
+    "<document><scene id=\"dem\"><part><filter type=\"geotiffloader\"><param type=\"string\" key=\"filepath\" \
+     value=\"dem.tif\"/></filter></part></scene></document>"
+}
+
+const TO_EAST: [f64; 3] = [0.0, 0.0, 90.0];
+const UTM: [f64; 3] = [476_000.0, 5_429_000.0, 700.0];
+const STREAM: &str = "run local.toml -o a.xyz";
+const OVER_UTM: &str = "run utm.toml -o a.xyz";
+
+fn plausible_numbers() -> Vec<Slip> {
+    let [x, y, z] = UTM;
+    vec![
+        flown("a UTM scene under a local flight", OVER_UTM, poses([0.0, 0.0, 700.0], TO_EAST), "local ones"),
+        flown("a local scene under a UTM flight", STREAM, poses(UTM, TO_EAST), "local ones"),
+        flown("the zone to the west", OVER_UTM, poses([x - 433_000.0, y, z], TO_EAST), "the scene"),
+        flown(
+            "the zone to the east",
+            OVER_UTM,
+            poses([x + 433_000.0, y + 3000.0, z], TO_EAST),
+            "neighbouring UTM zones",
+        ),
+        flown("the southern hemisphere", OVER_UTM, poses([x, y + 1e7, z], TO_EAST), "southern hemisphere"),
+        flown("northing before easting", OVER_UTM, along([y, x, z], [0.0, 0.6, 0.0], TO_EAST), "exchanged"),
+        flown("feet", OVER_UTM, along([x / 0.3048, y / 0.3048, z], [2.0, 0.0, 0.0], TO_EAST), "as feet"),
+        flown(
+            "millimetres",
+            OVER_UTM,
+            along([x * 1e3, y * 1e3, z], [600.0, 0.0, 0.0], TO_EAST),
+            "as millimetres",
+        ),
+        flown("a minus too many", OVER_UTM, poses([x, -y, z], TO_EAST), "other sign of y"),
+        flown(
+            "longitude and latitude without names",
+            OVER_UTM,
+            along([8.67, 49.01, 700.0], [1e-5, 0.0, 0.0], TO_EAST),
+            "lon and lat",
+        ),
+        flown("all heights 0", STREAM, poses([0.0; 3], TO_EAST), "all heights of the flight are 0"),
+        flown(
+            "all heights 0 under a scene at 300 m",
+            OVER_UTM,
+            poses([x, y, 0.0], TO_EAST),
+            "all heights of the flight are 0",
+        ),
+        flown(
+            "heights above the ground, not above the sea",
+            OVER_UTM,
+            poses([x, y, 120.0], TO_EAST),
+            "same level",
+        ),
+        flown("the geoid's height taken off twice", OVER_UTM, poses([x, y, 255.0], TO_EAST), "ellipsoid"),
+        flown("far above the scanner's range", STREAM, poses([0.0, 0.0, 9000.0], TO_EAST), "the scanner"),
+        flown("a strip past the scene", STREAM, poses([0.0, 2500.0, 400.0], TO_EAST), "beside the scene"),
+        flown(
+            "radians without a word",
+            STREAM,
+            poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.5708]),
+            "look like radians",
+        ),
+        flown(
+            "radians to the north",
+            STREAM,
+            along([0.0, 0.0, 400.0], [0.0, 0.6, 0.0], [0.01, 0.02, 0.0]),
+            "look like radians",
+        ),
+        flown(
+            "degrees called radians",
+            "run local.toml -o a.xyz --trajectory-angles rad",
+            poses([0.0, 0.0, 400.0], TO_EAST),
+            "look like degrees",
+        ),
+        flown(
+            "upside down",
+            "run local.toml -o a.xyz --boresight 180,0,0",
+            poses([0.0, 0.0, 400.0], TO_EAST),
+            "point upwards",
+        ),
+        flown(
+            "no platform to carry the scanner",
+            "run bare.toml -o a.xyz",
+            poses([0.0, 0.0, 400.0], TO_EAST),
+            "mount",
+        ),
+        Slip {
+            is_note: true,
+            ..flown("headings across the course", STREAM, poses([0.0, 0.0, 400.0], [0.0; 3]), "heads for")
+        },
+        Slip {
+            is_note: true,
+            ..flown(
+                "ellipsoidal heights without a word",
+                "run wgs.toml -o a.xyz",
+                along([8.671_6, 49.012, 700.0], [8e-6, 0.0, 0.0], TO_EAST).replace("x,y", "lon,lat"),
+                "--height-offset",
+            )
+        },
+        written(
+            "a raster in degrees",
+            "dem.tif",
+            raster([11.25, 49.01], 0.0003),
+            "run dem.toml -o a.xyz",
+            "are degrees",
+        ),
+        written(
+            "a tripod below the terrain",
+            "t.xml",
+            tripod("x=\"0\" y=\"0\" z=\"-12\""),
+            "run t.xml -o a.xyz",
+            "below the terrain",
+        ),
+        written(
+            "a tripod in another system",
+            "t.xml",
+            tripod("x=\"476000\" y=\"5429000\" z=\"300\""),
+            "run t.xml -o a.xyz",
+            "local ones",
+        ),
+        written(
+            "a tripod beside the ground",
+            "t.xml",
+            tripod("x=\"900\" y=\"0\" z=\"0\" onGround=\"true\""),
+            "run t.xml -o a.xyz",
+            "no ground at x 900",
+        ),
+        written(
+            "waypoints at height 0",
+            "s.xml",
+            survey().replace("z=\"396.9\"", "z=\"0\""),
+            "run s.xml -o a.xyz",
+            "all heights of the flight are 0",
+        ),
+        written(
+            "waypoints beyond the range",
+            "s.xml",
+            survey().replace("z=\"396.9\"", "z=\"39690\""),
+            "run s.xml -o a.xyz",
+            "above the scene",
+        ),
+        written(
+            "no leg is active",
+            "s.xml",
+            survey().replace("active=\"true\"", "active=\"false\""),
+            "run s.xml -o a.xyz",
+            "no pulse was fired",
+        ),
+        Slip {
+            files: vec![
+                ("t.xml", recorded("").into_bytes()),
+                ("flown.csv", poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.5708]).into_bytes()),
+            ],
+            ..typed("a recorded flight in radians", "run t.xml -o a.xyz", "look like radians")
+        },
+        Slip {
+            files: vec![
+                ("t.xml", recorded("toRadians=\"false\"").into_bytes()),
+                ("flown.csv", poses([0.0, 0.0, 400.0], TO_EAST).into_bytes()),
+            ],
+            ..typed("a recorded flight in degrees called radians", "run t.xml -o a.xyz", "look like degrees")
+        },
+        Slip {
+            files: vec![
+                ("t.xml", recorded("").into_bytes()),
+                ("flown.csv", poses(UTM, TO_EAST).into_bytes()),
+            ],
+            ..typed("a recorded flight elsewhere", "run t.xml -o a.xyz", "local ones")
+        },
+    ]
+}
+
+fn words_and_files() -> Vec<Slip> {
+    let good = || poses([0.0, 0.0, 400.0], TO_EAST);
+    let wrong_line = |from: &str, to: &str| good().replacen(from, to, 1);
+    vec![
+        flown("nothing on standard input", STREAM, String::new(), "is empty"),
+        flown("a header and no poses", STREAM, HEADER.to_owned(), "0 poses"),
+        flown("times that go back", STREAM, wrong_line("1000.5,", "900,"), "goes back"),
+        flown("a gap in the poses", STREAM, good() + "1009,1,0,400,0,0,90\n", "no pose for"),
+        flown(
+            "the same pose twice",
+            STREAM,
+            good().replacen("1000,-30", "1000,-30,0,400,0,0,90\n1000,-30", 1),
+            "the same pose again",
+        ),
+        flown("a word for a number", STREAM, wrong_line("1000.5,0", "1000.5,none"), "none"),
+        flown("a column too few", STREAM, good().replacen(",yaw", "", 1), "no column for yaw"),
+        flown("an unknown unit", STREAM, good().replacen("yaw", "yaw[gon]", 1), "gon"),
+        flown(
+            "columns that are none",
+            "run local.toml -o a.xyz --trajectory-columns time,x,y,z",
+            good(),
+            "no column for",
+        ),
+        typed("no such survey", "run nofile.xml -o a.xyz", "nofile.xml"),
+        typed("a scene for a survey", "run scene.xml -o a.xyz", "it holds a <scene>"),
+        typed("a folder for a survey", "run . -o a.xyz", "folder"),
+        typed("no such trajectory", "run survey.xml --trajectory none.csv -o a.xyz", "none.csv"),
+        typed("an unknown format", "run survey.xml -o a.e57", "no format is called"),
+        typed("a CRS that is none", "run survey.xml -o a.laz --crs 25832x", "--crs"),
+        typed("an unknown correction", "run survey.xml -o a.xyz --correct foo", "no correction is called"),
+        typed("a seed that is none", "run survey.xml -o a.xyz --seed tomorrow-ish", "--seed"),
+        typed("too little memory", "run survey.xml -o a.xyz --max-memory 10k", "the limit is"),
+        typed(
+            "trajectory options without a trajectory",
+            "run survey.xml -o a.xyz --height-offset -48",
+            "there is none",
+        ),
+        typed("a zone that is none", "run survey.xml --trajectory - --utm-zone 77X -o a.xyz", "77X"),
+        typed("a file that exists", "run survey.xml -o taken.xyz", "--force"),
+        typed("a survey for points", "preview survey.xml -o a.png", "vlscan run"),
+        typed("pulses without a scanner's scene", "trace - --scanner riegl_vz400", "--scene is missing"),
+        written(
+            "a misspelt attribute",
+            "s.xml",
+            survey().replace("scanFreq_hz", "scanFreq_Hz"),
+            "run s.xml -o a.xyz",
+            "scanFreq_Hz",
+        ),
+        written(
+            "a scene id that is none",
+            "s.xml",
+            survey().replace("#terrain", "#terain"),
+            "run s.xml -o a.xyz",
+            "terain",
+        ),
+        written(
+            "a scanner that is none",
+            "s.xml",
+            survey().replace("#als_oscillating", "#als_osc"),
+            "run s.xml -o a.xyz",
+            "als_osc",
+        ),
+        written(
+            "a comma for a point",
+            "s.xml",
+            survey().replace("396.9", "396,9"),
+            "run s.xml -o a.xyz",
+            "396,9",
+        ),
+        written("XML that is cut off", "s.xml", &survey()[..900], "run s.xml -o a.xyz", "s.xml:"),
+        written(
+            "a scan too fast for the scanner",
+            "s.xml",
+            survey().replace("scanFreq_hz=\"15\"", "scanFreq_hz=\"9000\""),
+            "run s.xml -o a.xyz",
+            "outside the scanner's limits",
+        ),
+        written(
+            "a pulse frequency that is not listed",
+            "s.xml",
+            survey().replace("\"4500\"", "\"4501\""),
+            "run s.xml -o a.xyz",
+            "not among those of the scanner",
+        ),
+        written(
+            "a head that does not turn",
+            "t.xml",
+            tripod("z=\"5\"").replace("\"180\"", "\"0\""),
+            "run t.xml -o a.xyz",
+            "never end",
+        ),
+        written(
+            "a misspelt key",
+            "p.toml",
+            stream("scene.xml#terrain").replace("pulse_freq_hz", "puls_freq_hz"),
+            "run p.toml -o a.xyz",
+            "puls_freq_hz",
+        ),
+        written(
+            "a mesh that is not there",
+            "scene.xml",
+            fs::read_to_string(fixture("terrain/scene.xml")).unwrap().replace("houses.obj", "house.obj"),
+            "run survey.xml -o a.xyz",
+            "house.obj",
+        ),
+        written("faces without vertices", "houses.obj", "f 1 2 3\n", "run survey.xml -o a.xyz", "houses.obj"),
+    ]
+}
+
+/// Lays the files of a slip and runs its command.
+fn make(slip: &Slip, strict: bool) -> std::process::Output {
+    let dir = folder();
+    let lay = |name: &str, content: &[u8]| fs::write(dir.path().join(name), content).unwrap();
+    for entry in fs::read_dir(fixture("terrain")).unwrap() {
+        let path = entry.unwrap().path();
+        lay(path.file_name().unwrap().to_str().unwrap(), &fs::read(&path).unwrap());
+    }
+    lay("utm.xml", utm_scene().as_bytes());
+    lay("local.toml", stream("scene.xml#terrain").as_bytes());
+    lay("utm.toml", stream("utm.xml#terrain").as_bytes());
+    lay("wgs.toml", stream("utm.xml#terrain").as_bytes());
+    let bare =
+        stream("scene.xml#terrain").replace("[platform]\ncatalogue = \"data/platforms.xml#sr22\"\n", "");
+    lay("bare.toml", bare.as_bytes());
+    lay("dem.xml", raster_scene().as_bytes());
+    let legs = "[[leg]]\nposition_m = [0, 0, 900]\nspeed_m_per_s = 60\n[[leg]]\nposition_m = [60, 0, 900]\nactive = false\n";
+    lay("dem.toml", (pipeline("dem.xml#dem", "") + legs).as_bytes());
+    lay("taken.xyz", b"1 2 3\n");
+    slip.files.iter().for_each(|(name, content)| lay(name, content));
+    let strict = ["--strict"].into_iter().filter(|_| strict && slip.line.starts_with("run "));
+    let words: Vec<&str> = slip.line.split(' ').chain(strict).collect();
+    feed(dir.path(), &words, slip.stdin.as_bytes())
+}
+
+fn check(slips: &[Slip]) {
+    let mut wrong = Vec::new();
+    for slip in slips {
+        let done = make(slip, false);
+        let said = text(&done.stderr);
+        let warned = !done.status.success() || slip.is_note || said.contains("warning:");
+        if !(warned && said.contains(slip.answer)) {
+            wrong.push(format!("{} ({}): no {:?} in\n{said}", slip.name, done.status, slip.answer));
+        }
+        let status = make(slip, true).status.code();
+        if !slip.is_note && !matches!(status, Some(1..=3)) {
+            wrong.push(format!("{}: status {status:?} with --strict", slip.name));
+        }
+    }
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), slips.len(), wrong.join("\n"));
+}
+
+#[test]
+fn numbers_that_cannot_be_meant_are_answered_with_their_cause() {
+    check(&plausible_numbers());
+}
+
+#[test]
+fn words_and_files_that_are_wrong_are_answered_with_their_cause() {
+    check(&words_and_files());
+    assert!(plausible_numbers().len() + words_and_files().len() >= 47);
+}
+
+#[test]
+fn what_is_right_runs_without_a_word() {
+    let right = [
+        flown("a flight", STREAM, poses([0.0, 0.0, 400.0], TO_EAST), ""),
+        flown("a flight in UTM", OVER_UTM, poses(UTM, TO_EAST), ""),
+        flown(
+            "an approach from 20 km away",
+            STREAM,
+            along([-10_000.0, 0.0, 400.0], [210.0, 0.0, 0.0], TO_EAST),
+            "",
+        ),
+        flown("a level flight to the north", STREAM, along([0.0, 0.0, 400.0], [0.0, 0.6, 0.0], [0.0; 3]), ""),
+        flown(
+            "a flight in radians that says so",
+            STREAM,
+            poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.5708])
+                .replace("roll,pitch,yaw", "roll_rad,pitch_rad,yaw_rad"),
+            "",
+        ),
+        flown(
+            "the same by an option",
+            "run local.toml -o a.xyz --trajectory-angles rad",
+            poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.5708]),
+            "",
+        ),
+        written(
+            "a tripod on the ground",
+            "t.xml",
+            tripod("x=\"0\" y=\"0\" onGround=\"true\""),
+            "run t.xml -o a.xyz",
+            "",
+        ),
+        written("a raster in metres", "dem.tif", raster([0.0, 30.0], 10.0), "run dem.toml -o a.xyz", ""),
+    ];
+    for slip in &right {
+        let done = make(slip, true);
+        let said = text(&done.stderr);
+        assert!(
+            done.status.success() && !said.contains("warning") && !said.contains("error"),
+            "{}: {said}",
+            slip.name
+        );
+    }
+    assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/terrain").exists());
+}
