@@ -197,7 +197,7 @@ fn plausible_numbers() -> Vec<Slip> {
         flown(
             "radians without a word",
             STREAM,
-            poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.5708]),
+            poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.56]),
             "look like radians",
         ),
         flown(
@@ -289,7 +289,7 @@ fn plausible_numbers() -> Vec<Slip> {
         Slip {
             files: vec![
                 ("t.xml", recorded("").into_bytes()),
-                ("flown.csv", poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.5708]).into_bytes()),
+                ("flown.csv", poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.56]).into_bytes()),
             ],
             ..typed("a recorded flight in radians", "run t.xml -o a.xyz", "look like radians")
         },
@@ -487,14 +487,14 @@ fn what_is_right_runs_without_a_word() {
         flown(
             "a flight in radians that says so",
             STREAM,
-            poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.5708])
+            poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.56])
                 .replace("roll,pitch,yaw", "roll_rad,pitch_rad,yaw_rad"),
             "",
         ),
         flown(
             "the same by an option",
             "run local.toml -o a.xyz --trajectory-angles rad",
-            poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.5708]),
+            poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.56]),
             "",
         ),
         written(

@@ -140,8 +140,8 @@ mod tests {
     #[test]
     fn radians_that_are_read_as_degrees_contradict_the_course() {
         let east = DVec3::X;
-        assert!(fly(true, [0.02, -0.3, 1.5708], east).unwrap().contains("look like radians"));
-        assert!(fly(true, [0.0, 0.0, 1.5708], east).unwrap().contains("look like radians"));
+        assert!(fly(true, [0.02, -0.3, 1.56], east).unwrap().contains("look like radians"));
+        assert!(fly(true, [0.0, 0.0, 1.56], east).unwrap().contains("look like radians"));
         assert!(
             fly(true, [0.01, 0.02, 0.0], DVec3::Y).unwrap().contains("look like radians"),
             "to the north"

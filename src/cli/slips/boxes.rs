@@ -1,7 +1,7 @@
 //! The box of a flight and the box of its scene, in world coordinates.
 
 use super::{Slip, metres};
-use crate::geom::{Aabb, DVec3};
+use crate::geom::{Aabb, DVec3, UtmZone};
 
 /// Farther than this no scanner sees, whatever its settings say, m.
 pub(super) const MAX_REACH: f64 = 20_000.0;
@@ -51,7 +51,7 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
     if is_degrees(scene) && !is_degrees(flight) {
         return "the scene's coordinates look like degrees of longitude and latitude; project it to metres first".to_owned();
     }
-    if is_degrees(flight) && is_grid(s) {
+    if is_projected_onto(f, s) {
         return "the flight's x and y look like longitude and latitude; name its columns lon and lat, so that they are \
                 projected (--trajectory-columns)"
             .to_owned();
@@ -134,6 +134,14 @@ fn swap(p: DVec3) -> DVec3 {
 /// Whether the boxes meet as seen from above.
 fn overlaps(a: &Aabb, b: &Aabb) -> bool {
     a.min.x <= b.max.x && b.min.x <= a.max.x && a.min.y <= b.max.y && b.min.y <= a.max.y
+}
+
+/// Whether longitude and latitude `p` (degrees), projected to their UTM zone, lie near the place `grid`.
+fn is_projected_onto(p: DVec3, grid: DVec3) -> bool {
+    const MAX_DISTANCE: f64 = 300_000.0;
+    let (latitude, longitude) = (p.y.to_radians(), p.x.to_radians());
+    let place = UtmZone::of(latitude, longitude).and_then(|zone| zone.project(latitude, longitude));
+    place.is_some_and(|q| (q.easting - grid.x).hypot(q.northing - grid.y) < MAX_DISTANCE)
 }
 
 /// Easting and northing of a projected system: six or seven digits.
