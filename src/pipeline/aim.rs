@@ -50,6 +50,8 @@ impl Aim {
     }
 
     fn look(&mut self, target: &AimTarget, origin: DVec3, direction: DVec3) {
+        // A direction of -0 would turn the slabs about.
+        let direction = direction + DVec3::ZERO;
         self.sampled += 1;
         self.upwards += u64::from(direction.z > 0.0);
         self.origins = self.origins.with(origin);
