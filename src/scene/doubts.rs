@@ -9,6 +9,8 @@ pub(super) enum Doubt {
     Missing,
     /// It is above 1, or a spectrum has a negative one.
     NoFraction,
+    /// It is so large that it is taken as per cent.
+    PerCent,
 }
 
 /// Materials with doubts, in the order of first use.
@@ -26,7 +28,7 @@ impl Doubts {
         }
     }
 
-    /// One warning per file and doubt, with the names of the materials and their number.
+    /// One message per file and doubt, with the names of the materials and their number.
     pub fn report(&self, diagnostics: &mut Diagnostics) {
         for (i, (doubt, _, place)) in self.0.iter().enumerate() {
             let alike = |(d, _, p): &&(Doubt, String, Place)| d == doubt && p.path == place.path;
@@ -60,6 +62,14 @@ impl Doubts {
                     ),
                     "helios_reflectance 0.3 reflects 30 per cent",
                 ),
+                (Doubt::PerCent, n) => {
+                    let (whose, are) = if n == 1 { ("reflectance", "is") } else { ("reflectances", "are") };
+                    diagnostics.note(
+                        Some(place.clone()),
+                        format!("the {whose} of {listed} {are} above 2 and taken as per cent"),
+                    );
+                    continue;
+                }
             };
             diagnostics.warn(Some(place.clone()), message).help(help);
         }

@@ -15,6 +15,8 @@ use std::path::{Path, PathBuf};
 /// The name of the material of faces that name none; no file can redefine it.
 pub(super) const DEFAULT: &str = "default";
 
+/// Reflectances above this are per cent; between 1 and this they may be those of retroreflectors.
+const MAX_FRACTION: f64 = 2.0;
 /// Most randomised variants of one material.
 const MOST_VARIANTS: u32 = 10_000;
 
@@ -174,6 +176,12 @@ impl Library {
         }
         let is_fraction = self.rules.reflectance_fraction;
         let reflectance = match d.reflectance {
+            Some(per_cent) if is_fraction && per_cent > MAX_FRACTION => {
+                if let Some(place) = place() {
+                    self.doubts.add(Doubt::PerCent, &d.name, place);
+                }
+                per_cent / 100.0
+            }
             Some(fraction) => fraction,
             None if is_fraction => from_spectrum.unwrap_or(50.0) / 100.0,
             None => from_spectrum.unwrap_or(50.0),
@@ -402,7 +410,7 @@ mod tests {
             "a spectrum in per cent"
         );
         assert_eq!(f.material(&mut library, "last").reflectance, 0.3);
-        assert_eq!(f.material(&mut library, "matte").reflectance, 50.0, "used as it stands, but told");
+        assert_eq!(f.material(&mut library, "matte").reflectance, 0.5, "50 is per cent, and told");
         assert_eq!(f.material(&mut library, "plain").reflectance, 0.5);
         assert_eq!(f.material(&mut library, "mirror").reflectance, 0.5);
         assert_eq!(f.material(&mut library, "nowhere").reflectance, 0.5);
