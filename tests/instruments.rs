@@ -13,7 +13,7 @@ fn every_example_of_the_documentation_runs() {
     let page = fs::read_to_string(root.join("docs/instruments.md")).unwrap();
     let examples: Vec<&str> =
         page.split("```toml\n").skip(1).map(|rest| rest.split_once("```").unwrap().0).collect();
-    assert_eq!(examples.len(), 3);
+    assert_eq!(examples.len(), 4);
     let dir = folder();
     for (number, example) in examples.iter().enumerate() {
         // paths are relative to the pipeline file

@@ -86,7 +86,7 @@ impl Clusters {
             let position = t.bin as f64 + shape.offset(t.before, t.after);
             let range = c * (position * shape.bin + start);
             if kept(range) && out.len() < most {
-                out.push(Return { range, amplitude: t.top, width: 0.0 });
+                out.push(Return { range, amplitude: t.top, width: 0.0, is_noise: false });
             }
         };
         let mut i = 0;

@@ -18,6 +18,8 @@ pub(super) struct Return {
     pub amplitude: f64,
     /// Width of the fit, ns, or 0.
     pub width: f64,
+    /// Noise of the receiver alone made it.
+    pub is_noise: bool,
 }
 
 /// Appends what the detector reports of `waveform`, nearest first, at most as many as it can. `kept` says of a range
@@ -45,13 +47,18 @@ pub(super) fn detect<const WIDE: bool>(
         };
         let mut position = bin as f64;
         if corrections.fractional_bins && bin > 0 {
-            position += shape.offset(waveform.at(bin - 1), waveform.at(bin + 1));
+            let calibrated = instrument.receiver.as_ref().and_then(|r| r.offset(waveform, bin));
+            position +=
+                calibrated.unwrap_or_else(|| shape.offset(waveform.at(bin - 1), waveform.at(bin + 1)));
         }
-        let range = instrument.light_speed * (position * shape.bin + waveform.start);
+        let mut range = instrument.light_speed * (position * shape.bin + waveform.start);
+        if let Some(receiver) = &instrument.receiver {
+            range += receiver.walk(amplitude);
+        }
         if !kept(range) {
             continue;
         }
-        out.push(Return { range, amplitude, width });
+        out.push(Return { range, amplitude, width, is_noise: false });
         if most > 0 && out.len() >= most {
             return;
         }

@@ -82,6 +82,14 @@ impl Energy {
         }
     }
 
+    /// Intensity of all `subrays` of a pulse together that a reflectance factor of 1 has at `range` m.
+    pub fn of_beam(&self, subrays: usize, range: f64) -> f64 {
+        let ranges = vec![[range; LANES]; subrays.div_ceil(LANES)];
+        let mut gains = vec![[0.0; LANES]; ranges.len()];
+        self.gains(&ranges, &mut gains);
+        gains.as_flattened()[..subrays].iter().sum()
+    }
+
     /// Turns reflectance factors f(θ) into intensities: of a reflection in `rings[i]` at `ranges[i]` m.
     pub fn apply(&self, rings: &[u32], ranges: &[f64], factors: &mut [f64]) {
         let blocks = rings.chunks(LANES).zip(ranges.chunks(LANES)).zip(factors.chunks_mut(LANES));

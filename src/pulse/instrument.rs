@@ -4,15 +4,19 @@ use super::cluster::ClusterRule;
 use super::energy::{BeamState, Energy, half_angle};
 use super::footprint::Footprint;
 use super::lone::Lone;
+use super::noise::{ReceiverNoise, signal_to_noise};
 use super::options::{Corrections, PhysicsOptions};
 use super::peaks::PeakRule;
 use super::radiometry::NANO;
+use super::receiver::{ReceiverModel, receiver_noise};
+use super::sampled;
 use super::shape::{PulseShape, sample_count};
 use super::subray::Subrays;
 use crate::geom::LIGHT_SPEED;
-use crate::survey::{Device, Formula, ScannerSettings, Survey};
+use crate::survey::{Beam, Device, Formula, Receiver, ReferenceTarget, ScannerSettings, Survey};
 use crate::{Error, Result};
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 /// Most rings of subrays: 512 rings are 822,000 rays per pulse.
 const MOST_RINGS: u32 = 512;
@@ -54,16 +58,27 @@ pub(super) struct Instrument {
     /// Factor on the range noise.
     pub distance_error: Option<Formula>,
     /// Noise of recorded waveforms.
-    pub waveform_noise: f64,
+    pub waveform_noise: WaveformNoise,
+    /// What the receiver does if it is not ideal.
+    pub receiver: Option<ReceiverModel>,
+    /// Samples lie on a grid of bins counted from the emission.
+    pub digitiser_clock: bool,
     /// Corrections that hold.
     pub corrections: Corrections,
 }
 
 impl Instrument {
-    fn new(device: &Device, divergence: Divergence, frequency: f64, context: &Context) -> Instrument {
+    fn new(device: &Device, divergence: Divergence, frequency: f64, context: &Context) -> Result<Instrument> {
         let (o, c) = (context.options, context.options.corrections);
+        let ideal = Receiver::default();
+        let receiver = if c.receiver { &device.receiver } else { &ideal };
+        let shape = match &receiver.pulse_shape {
+            Some(pulse) => PulseShape::measured(pulse, device.waveform.bin),
+            None => PulseShape::new(device.beam.pulse_length, c.whole_pulse, &device.waveform),
+        };
+        let beam = Beam { pulse_length: shape.length_of_equal_energy(), ..device.beam };
         let state = BeamState {
-            beam: &device.beam,
+            beam: &beam,
             rings: device.waveform.quality,
             range_min: device.detector.range_min,
             start_divergence: divergence.start,
@@ -73,13 +88,45 @@ impl Instrument {
         let across = device.beam.divergence_y.unwrap_or(divergence.start);
         let half_angles = [half_angle(divergence.start, &c), half_angle(across, &c)];
         let subrays = subrays(device, half_angles, &c);
-        let shape = PulseShape::new(device.beam.pulse_length, c.whole_pulse, &device.waveform);
+        let light_speed = if c.two_way_time { LIGHT_SPEED * 0.5 } else { LIGHT_SPEED };
+        let amplitude_of = |target: &ReferenceTarget| {
+            let frequency = target.pulse_freq.unwrap_or(context.first_frequency);
+            let energy =
+                Energy::new(BeamState { frequency, ..state }, subrays.len(), context.multi_channel, o);
+            energy.of_beam(subrays.len(), target.range) * target.reflectance * shape.top
+        };
+        let noise = receiver_noise(receiver, &shape, amplitude_of);
+        let is_noisy = noise.is_some();
         let rule = peak_rule(device, &c);
-        let is_plain =
-            !c.fractional_bins && !c.clip_dead_zone && !o.echo_width && device.waveform.max_range <= 0.0;
-        let is_smooth =
-            c.fractional_bins && c.clip_dead_zone && !o.echo_width && device.waveform.max_range <= 0.0;
-        Instrument {
+        let rule =
+            PeakRule { threshold: threshold(device, receiver, noise.as_ref(), &rule, amplitude_of), ..rule };
+        // No longer than until the next pulse.
+        let farthest = device.detector.range_max.min(LIGHT_SPEED * 0.5e9 / frequency);
+        let gate = (device.detector.range_min / light_speed, farthest / light_speed);
+        let model = ReceiverModel::new(receiver, noise, &shape, rule.threshold, gate, o.seed)
+            .map_err(|problem| Error::input(format!("device {}: {problem}", device.id)))?;
+        let waveform_noise = match (o.waveform_noise, c.receiver) {
+            (false, _) => WaveformNoise::None,
+            (true, false) => WaveformNoise::Amplitude(device.detector.accuracy * 0.5),
+            // It is in the samples already.
+            (true, true) if is_noisy => WaveformNoise::None,
+            (true, true) => {
+                let ratio = signal_to_noise(shape.width() * light_speed, device.detector.accuracy);
+                WaveformNoise::OverPeak(1.0 / ratio)
+            }
+        };
+        let is_ideal = model.is_none() && !receiver.digitiser_clock;
+        let is_plain = is_ideal
+            && !c.fractional_bins
+            && !c.clip_dead_zone
+            && !o.echo_width
+            && device.waveform.max_range <= 0.0;
+        let is_smooth = is_ideal
+            && c.fractional_bins
+            && c.clip_dead_zone
+            && !o.echo_width
+            && device.waveform.max_range <= 0.0;
+        Ok(Instrument {
             energy: Energy::new(state, subrays.len(), context.multi_channel, o),
             subrays,
             lone: if is_plain { Lone::new(&shape, &rule) } else { None },
@@ -91,12 +138,14 @@ impl Instrument {
             range_min: device.detector.range_min,
             range_max: device.detector.range_max,
             longest: device.waveform.max_range,
-            light_speed: if c.two_way_time { LIGHT_SPEED * 0.5 } else { LIGHT_SPEED },
+            light_speed,
             range_accuracy: if c.own_accuracy { device.detector.accuracy } else { context.first_accuracy },
             distance_error: device.detector.distance_error.clone(),
-            waveform_noise: if o.waveform_noise { device.detector.accuracy * 0.5 } else { 0.0 },
+            waveform_noise,
+            receiver: model,
+            digitiser_clock: receiver.digitiser_clock,
             corrections: c,
-        }
+        })
     }
 }
 
@@ -126,6 +175,43 @@ fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
     }
 }
 
+/// Detection threshold, nW: by the instrument's maximum range, else as [`peak_rule`] has it, unless the instrument names none
+/// but has noise, which it then stays above. `amplitude_of` tells the peak of a target's echo, nW.
+fn threshold(
+    device: &Device,
+    receiver: &Receiver,
+    noise: Option<&ReceiverNoise>,
+    rule: &PeakRule,
+    amplitude_of: impl Fn(&ReferenceTarget) -> f64,
+) -> f64 {
+    match (&receiver.max_range, noise) {
+        (Some(target), _) => amplitude_of(target),
+        (None, Some(noise)) if !device.detector.threshold_given => noise.usual_threshold(),
+        _ => rule.threshold,
+    }
+}
+
+/// Noise that is added to recorded waveforms on request; points never see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum WaveformNoise {
+    None,
+    /// Standard deviation as an amplitude.
+    Amplitude(f64),
+    /// Standard deviation relative to the waveform's peak.
+    OverPeak(f64),
+}
+
+impl WaveformNoise {
+    /// Standard deviation on `samples`.
+    pub fn sigma(self, samples: &[f64]) -> f64 {
+        match self {
+            WaveformNoise::None => 0.0,
+            WaveformNoise::Amplitude(sigma) => sigma,
+            WaveformNoise::OverPeak(share) => share * samples.iter().copied().fold(0.0, f64::max),
+        }
+    }
+}
+
 /// Beam divergence, rad.
 #[derive(Clone, Copy, Debug)]
 struct Divergence {
@@ -140,6 +226,8 @@ struct Context<'a> {
     options: &'a PhysicsOptions,
     multi_channel: bool,
     first_accuracy: f64,
+    /// Pulse rate at which figures of data sheets hold that name none, Hz.
+    first_frequency: f64,
 }
 
 /// The instruments of a survey by leg and device.
@@ -160,6 +248,7 @@ impl Fleet {
             options,
             multi_channel: survey.scanner.multi_channel,
             first_accuracy: devices.first().map_or(0.0, |d| d.detector.accuracy),
+            first_frequency: survey.scanner.pulse_freqs.first().map_or(1.0, |f| f64::from(*f)),
         };
         let mut fleet = Fleet { instruments: Vec::new(), devices: devices.len(), used: Vec::new() };
         let mut known: HashMap<(usize, u64, u32), u32> = HashMap::new();
@@ -168,12 +257,15 @@ impl Fleet {
                 let divergence = divergence(survey, &leg.scanner, i, device, options);
                 // Only the lidar equation depends on the pulse rate.
                 let rate = if options.corrections.radiometry { leg.scanner.pulse_freq } else { 0 };
-                let index = known.entry((i, divergence.leg.to_bits(), rate)).or_insert_with(|| {
-                    let frequency = f64::from(leg.scanner.pulse_freq.max(1));
-                    fleet.instruments.push(Instrument::new(device, divergence, frequency, &context));
-                    fleet.instruments.len() as u32 - 1
-                });
-                fleet.used.push(*index);
+                let index = match known.entry((i, divergence.leg.to_bits(), rate)) {
+                    Entry::Occupied(known) => *known.get(),
+                    Entry::Vacant(new) => {
+                        let frequency = f64::from(leg.scanner.pulse_freq.max(1));
+                        fleet.instruments.push(Instrument::new(device, divergence, frequency, &context)?);
+                        *new.insert(fleet.instruments.len() as u32 - 1)
+                    }
+                };
+                fleet.used.push(index);
             }
         }
         Ok(fleet)
@@ -225,7 +317,8 @@ fn divergence(
 }
 
 fn check(device: &Device) -> Result<()> {
-    let (w, length) = (&device.waveform, device.beam.pulse_length);
+    let (w, shape) = (&device.waveform, &device.receiver.pulse_shape);
+    let length = device.beam.pulse_length.max(shape.as_ref().map_or(0.0, |s| sampled::duration(s)));
     let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
         format!("binSize_ns is {}, expected a positive number", w.bin)
     } else if !(length.is_finite() && length / w.bin <= MOST_PULSE_BINS) {

@@ -73,7 +73,7 @@ impl Lone {
         let stands_out =
             amplitude >= self.threshold && self.least.is_none_or(|least| least * intensity >= self.threshold);
         let range = light_speed * (peak * shape.bin + start);
-        Some(stands_out.then_some(Return { range, amplitude, width: 0.0 }))
+        Some(stands_out.then_some(Return { range, amplitude, width: 0.0, is_noise: false }))
     }
 }
 

@@ -171,6 +171,10 @@ corrections! {
     /// Subrays that meet one slope return one broad echo, as the whole of the beam does; with few subrays each becomes an echo
     /// of its own once they are farther apart in range than the pulse is long.
     smooth_slopes: true,
+    /// The receiver of an instrument does what the instrument says of it: noise and false alarms, saturation, range walk, the
+    /// digitiser's clock, the shape of the pulse, the detector, and the maximum range that sets the threshold. The reference
+    /// knows none of them.
+    receiver: true,
     /// Every material with a specular colour has its specular share; in the reference only the last one of an MTL file and
     /// those with a spectrum do (spec input-formats §10, trap 56).
     specular_shares: true,

@@ -6,6 +6,7 @@ use super::foliage::FreePaths;
 use super::instrument::{Fleet, Instrument};
 use super::light::Light;
 use super::range_noise;
+use super::receiver::ReceiverModel;
 use super::reflect::{Probe, View};
 use super::reflections::Reflections;
 use super::sight::{Shot, Sights};
@@ -25,7 +26,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Longest waveform that is recorded, samples (1,250 km of 0.25 ns bins).
-const LONGEST_RECORD: u64 = 1 << 24;
+pub(super) const LONGEST_RECORD: u64 = 1 << 24;
 
 /// The pulse physics of a survey over a scene: immutable, shared by all workers.
 #[derive(Clone, Debug)]
@@ -495,14 +496,15 @@ impl Receiver {
             FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
         let seen = (shot, self.sights.of(first, &shot));
         view.reflect(instrument, seen, &mut paths, &mut self.probe, &mut self.reflections);
-        if self.reflections.is_empty() {
+        let model = instrument.receiver.as_ref();
+        if self.reflections.is_empty() && !model.is_some_and(ReceiverModel::has_false_alarms) {
             return Ok(());
         }
         self.light.order::<WIDE>(&self.reflections, corrections.sum_equal_ranges);
         self.returns.clear();
         let kept =
             |range: f64| !corrections.count_kept_returns || !too_near(range + pulse.range_error, instrument);
-        if corrections.smooth_slopes {
+        if corrections.smooth_slopes && !self.reflections.is_empty() {
             let facets = &mut self.probe.facets;
             self.slopes.merge(view, instrument, seen, &self.reflections, facets, &mut self.light);
         }
@@ -510,14 +512,20 @@ impl Receiver {
             if !self.waveform.receive(&self.light, instrument) {
                 return Ok(());
             }
-            let width = physics.options.echo_width;
+            let (width, of) = (physics.options.echo_width, (pulse.device, pulse.number));
+            if let Some(model) = model {
+                model.distort(&mut self.waveform, physics.options.record_waveforms, of);
+            }
             detect::<WIDE>(&self.waveform, instrument, width, kept, &mut self.returns);
+            if let Some(model) = model {
+                model.add_false_alarms(&self.waveform, instrument, of, &mut self.returns);
+            }
         }
         if self.returns.is_empty() {
             return Ok(());
         }
         self.emit_echoes(view, instrument, pulse, batch);
-        if physics.options.record_waveforms {
+        if physics.options.record_waveforms && self.waveform.bins > 0 {
             self.emit_waveform(physics, instrument, pulse, batch)?;
         }
         Ok(())
@@ -541,7 +549,15 @@ impl Receiver {
         let origin = pulse.origin + pulse.origin_error;
         let true_beam = [pulse.origin, pulse.exact_attitude.forward()];
         for (number, r) in (1..).zip(&self.returns) {
+            if r.is_noise {
+                batch.echoes.push(self.false_alarm(pulse, number, r));
+                continue;
+            }
             let source = attribute(&self.reflections, r.range);
+            if instrument.receiver.is_some() && self.is_far_from(source, r, instrument) {
+                batch.echoes.push(self.false_alarm(pulse, number, r));
+                continue;
+            }
             let primitive = self.reflections.primitives()[source];
             let range = r.range + pulse.range_error;
             if too_near(range, instrument) {
@@ -578,6 +594,26 @@ impl Receiver {
         }
     }
 
+    /// Whether a return lies farther from a reflection than a pulse is long, so that only noise can have made it.
+    fn is_far_from(&self, reflection: usize, r: &Return, instrument: &Instrument) -> bool {
+        let pulse_depth = instrument.light_speed * instrument.shape.duration;
+        (self.reflections.ranges()[reflection] - r.range).abs() > pulse_depth
+    }
+
+    /// An echo of nothing: it has a range, but neither part nor primitive.
+    #[inline(never)]
+    fn false_alarm(&self, pulse: &Pulse, number: u32, r: &Return) -> Echo {
+        Echo {
+            direction: pulse.exact_attitude.forward(),
+            range: r.range + pulse.range_error,
+            intensity: r.amplitude,
+            echo_width: r.width,
+            return_number: number,
+            number_of_returns: self.returns.len() as u32,
+            ..Echo::miss(&pulse_record(pulse))
+        }
+    }
+
     #[inline(never)]
     fn emit_waveform(
         &self,
@@ -600,10 +636,10 @@ impl Receiver {
             false => 0,
         };
         waveform.append_to(&mut batch.samples, skipped);
-        if instrument.waveform_noise != 0.0 {
+        let sigma = instrument.waveform_noise.sigma(&batch.samples[first_sample..]);
+        if sigma != 0.0 {
             for (j, sample) in (0..).zip(&mut batch.samples[first_sample..]) {
-                *sample +=
-                    instrument.waveform_noise * physics.waveform_noise.normal(pulse.device, pulse.number, j);
+                *sample += sigma * physics.waveform_noise.normal(pulse.device, pulse.number, j);
             }
         }
         batch.waveforms.push(WaveformRecord {

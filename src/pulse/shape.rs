@@ -1,10 +1,12 @@
 //! The outgoing pulse, digitised (spec pulse-physics §4.1).
 
 use super::energy::{Block, LANES};
-use crate::survey::WaveformSettings;
+use super::sampled;
+use crate::survey::{PulseSamples, WaveformSettings, pulse_length_of_width, width_of_pulse_length};
 use libm::exp;
 
-/// Samples of the pulse's power over time: a gamma-like curve `(t/τ)²·exp(−t/τ)` with τ = τp/7, cut at t = τp.
+/// Samples of the pulse's power over time: a gamma-like curve `(t/τ)²·exp(−t/τ)` with τ = τp/7, cut at t = τp, or a pulse of
+/// measured shape.
 #[derive(Clone, Debug)]
 pub(super) struct PulseShape {
     /// One sample per bin, from the start of the pulse.
@@ -15,17 +17,25 @@ pub(super) struct PulseShape {
     pub bin: f64,
     /// Bins per nanosecond if that is exact, so that times can be multiplied by it instead of divided by `bin`.
     pub bins_per_ns: Option<f64>,
-    /// Pulse length τp, ns.
+    /// Pulse length τp, ns; of a measured shape that of a gamma-like curve as wide at half maximum.
     pub length: f64,
     /// How long there are samples, ns.
     pub duration: f64,
-    /// Bins per τ, inverted: x = Δ/τ.
+    /// Largest power between the samples.
+    pub top: f64,
+    /// Integral of the power, ns.
+    integral: f64,
+    /// Bins per τ, inverted: x = Δ/τ; 0 for a measured shape.
     decay: f64,
     /// e^x.
     growth: f64,
-    /// What late starts add, see [`PulseShape::late`]: −2kx²e^(−kx) and x²e^(−kx), 0 in bin 0.
+    /// What late starts add, see [`PulseShape::late`]: −2kx²e^(−kx) and x²e^(−kx), 0 in bin 0; see [`sampled::in_bins`] for a
+    /// measured shape.
     pub lateness: [Vec<f64>; 2],
 }
+
+/// Pulse length over the integral of the gamma-like curve, which is 2τ.
+const LENGTH_OVER_INTEGRAL: f64 = 3.5;
 
 impl PulseShape {
     /// The shape of a pulse of `length` ns, cut there or, if `whole`, where 3e-4 of its peak are left.
@@ -41,12 +51,7 @@ impl PulseShape {
                 x * x * exp(-x)
             })
             .collect();
-        let mut peak = 0;
-        for (k, s) in samples.iter().enumerate() {
-            if *s > samples[peak] {
-                peak = k;
-            }
-        }
+        let peak = first_largest(&samples);
         let late = |weight: fn(f64) -> f64| {
             let of_bin = |k: usize| weight(k as f64) * decay * decay * exp(-(k as f64) * decay);
             (0..count).map(|k| if k == 0 { 0.0 } else { of_bin(k) }).collect()
@@ -59,10 +64,40 @@ impl PulseShape {
             bins_per_ns: exact_inverse(bin),
             length,
             duration,
+            top: 4.0 * exp(-2.0),
+            integral: length / LENGTH_OVER_INTEGRAL,
             decay,
             growth: exp(decay),
             lateness,
         }
+    }
+
+    /// A pulse of measured shape.
+    pub fn measured(pulse: &PulseSamples, bin: f64) -> PulseShape {
+        let (samples, lateness) = sampled::in_bins(pulse, bin);
+        PulseShape {
+            peak: first_largest(&samples),
+            samples,
+            bin,
+            bins_per_ns: exact_inverse(bin),
+            length: pulse_length_of_width(sampled::width(pulse)),
+            duration: sampled::duration(pulse),
+            top: 1.0,
+            integral: sampled::integral(pulse),
+            decay: 0.0,
+            growth: 1.0,
+            lateness,
+        }
+    }
+
+    /// Full width at half maximum, ns.
+    pub fn width(&self) -> f64 {
+        width_of_pulse_length(self.length)
+    }
+
+    /// Length of the gamma-like curve that has the integral of this pulse, ns.
+    pub fn length_of_equal_energy(&self) -> f64 {
+        self.integral * LENGTH_OVER_INTEGRAL
     }
 
     /// Factors of `samples` and of both `lateness` whose sum is the pulse that starts `by` bins (0 to 1) late:
@@ -114,6 +149,17 @@ impl PulseShape {
         let offset = start + self.peak as f64;
         if offset.abs() <= 1.0 { offset } else { 0.0 }
     }
+}
+
+/// Index of the largest sample, the first one of equal ones.
+fn first_largest(samples: &[f64]) -> usize {
+    let mut peak = 0;
+    for (k, s) in samples.iter().enumerate() {
+        if *s > samples[peak] {
+            peak = k;
+        }
+    }
+    peak
 }
 
 /// Arguments up to which [`rise`] is exact enough.
@@ -206,6 +252,24 @@ mod tests {
             let x = f64::from(i) * 5e-4;
             assert!((rise(x) / exp(x) - 1.0).abs() < if x < 0.5 { 2e-12 } else { 3e-9 }, "{x}");
         }
+    }
+
+    #[test]
+    fn a_measured_shape_has_its_own_width_and_energy() {
+        // A triangle of base 6 ns: width and area 3 ns.
+        let pulse = PulseSamples { times: vec![0.0, 2.0, 6.0], powers: vec![0.0, 1.0, 0.0] };
+        let s = PulseShape::measured(&pulse, 0.25);
+        assert_eq!((s.peak, s.top, s.samples[s.peak], s.duration), (8, 1.0, 1.0, 6.0));
+        assert!((s.width() - 3.0).abs() < 1e-12 && (s.length_of_equal_energy() - 10.5).abs() < 1e-12);
+        let late = s.late(&[0.5; LANES]).map(|factor| factor[0]);
+        assert!((s.late_sample(4, &late) - 3.5 / 8.0).abs() < 1e-12);
+        // The default shape in its own terms.
+        let s = shape(4.0, 0.25);
+        let area: f64 =
+            (0..4000).map(|i| f64::from(i) * 0.01 / (4.0 / 7.0)).map(|x| x * x * exp(-x) * 0.01).sum();
+        assert!((s.length_of_equal_energy() - 4.0).abs() < 1e-15 && (area * 3.5 - 4.0).abs() < 1e-4);
+        let half = |t: f64| (7.0 * t / 4.0).powi(2) * exp(-7.0 * t / 4.0) - 0.5 * s.top;
+        assert!(half(0.43499) < 1e-5 && half(0.43499 + s.width()).abs() < 1e-4, "{}", s.width());
     }
 
     #[test]

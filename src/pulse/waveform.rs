@@ -52,7 +52,10 @@ impl Waveform {
         let (shape, corrections) = (&instrument.shape, &instrument.corrections);
         let (c, bin) = (instrument.light_speed, shape.bin);
         let lead = shape.peak as f64 * bin;
-        let start = nearest / c - lead;
+        let mut start = nearest / c - lead;
+        if instrument.digitiser_clock {
+            start = (start / bin).floor() * bin;
+        }
         let mut end = farthest / c + shape.duration - lead + bin;
         let mut count = light.ranges().len();
         if instrument.longest > 0.0 && end - start > instrument.longest {
@@ -200,6 +203,26 @@ impl Waveform {
             s.len += tail as usize;
             let stored = s.at + s.len;
             self.clear_to(stored);
+        }
+    }
+
+    /// Stores all bins without gaps if there are at most `most`.
+    pub fn store_gaps(&mut self, most: u64) {
+        let stored: usize = self.segments.iter().map(|s| s.len).sum();
+        if self.bins > most || self.bins == stored as u64 {
+            return;
+        }
+        let mut samples = Vec::new();
+        self.append_to(&mut samples, 0);
+        self.segments.clear();
+        self.segments.push(Segment { first: 0, at: 0, len: samples.len() });
+        self.samples = samples;
+    }
+
+    /// Lets `change` change the bins of each stored run; it is told the number of the first of them.
+    pub fn change_segments(&mut self, mut change: impl FnMut(u64, &mut [f64])) {
+        for s in &self.segments {
+            change(s.first, &mut self.samples[s.at..s.at + s.len]);
         }
     }
 

@@ -42,6 +42,10 @@ pub enum Purpose {
     SceneMaking = 13,
     /// Turn of the pattern of subrays about the beam's axis.
     PatternTurn = 14,
+    /// Noise of the receiver on a sample.
+    ReceiverNoise = 15,
+    /// Echoes of nothing but noise.
+    FalseAlarm = 16,
     /// Errors of navigation: of position, attitude, boresight and lever arm.
     Navigation = 32,
 }
@@ -81,6 +85,11 @@ impl Stream {
         // The sign of the angle's half decides nothing; one of the pair's two values is enough.
         if b[3] & 1 == 0 { radius * cos(angle) } else { radius * sin(angle) }
     }
+}
+
+/// Uniform in (0, 1] with 53 bits of two words, so that its logarithm is finite.
+pub fn open_unit(high: u32, low: u32) -> f64 {
+    1.0 - unit_interval(high, low)
 }
 
 #[inline(always)]

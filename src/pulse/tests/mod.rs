@@ -4,6 +4,8 @@ mod beam;
 mod continuum;
 mod foliage;
 mod moving;
+mod ranges;
+mod receivers;
 mod slabs;
 
 use super::testkit::*;

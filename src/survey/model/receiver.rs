@@ -99,6 +99,11 @@ pub fn pulse_length_of_width(fwhm: f64) -> f64 {
     7.0 * fwhm / GAMMA_WIDTH
 }
 
+/// Full width at half maximum (ns) of the reference's pulse of `length` ns.
+pub fn width_of_pulse_length(length: f64) -> f64 {
+    length * GAMMA_WIDTH / 7.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -117,5 +122,6 @@ mod tests {
         assert!((width - GAMMA_WIDTH).abs() < 1e-13, "{width:.16}");
         let length = pulse_length_of_width(3.0);
         assert!((length * width / 7.0 - 3.0).abs() < 1e-12);
+        assert!((width_of_pulse_length(length) - 3.0).abs() < 1e-12);
     }
 }

@@ -1,0 +1,190 @@
+//! The receiver between light and detection: noise, saturation, range walk, and where an echo is within its bins.
+//!
+//! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise comes on the
+//! samples, then the receiver saturates, then echoes are detected.
+
+use super::detect::Return;
+use super::energy::LANES;
+use super::instrument::Instrument;
+use super::noise::{FalseAlarm, PulseDraws, ReceiverNoise, matched_bandwidth, shot_variance};
+use super::physics::LONGEST_RECORD;
+use super::radiometry::NANO;
+use super::ranging::RangeReader;
+use super::shape::PulseShape;
+use super::waveform::Waveform;
+use crate::rng::{Purpose, Stream};
+use crate::survey::{AmplifierNoise, Ranging, Receiver, ReferenceTarget};
+use libm::sqrt;
+
+/// Most false alarms of a pulse, on the mean, that anybody can want.
+const MAX_ALARMS: f64 = 10_000.0;
+/// Waveforms of at most so many bins have noise on all of them; longer ones where light is.
+const MAX_FILLED: u64 = 4096;
+
+/// Noise of a receiver in nanowatts; `None` for an ideal one. `amplitude_of` tells the peak of a target's echo, nW.
+pub(super) fn receiver_noise(
+    receiver: &Receiver,
+    shape: &PulseShape,
+    amplitude_of: impl Fn(&ReferenceTarget) -> f64,
+) -> Option<ReceiverNoise> {
+    let amplifier = match receiver.noise {
+        None => 0.0,
+        Some(AmplifierNoise::Power(power)) => power * NANO,
+        Some(AmplifierNoise::Ratio { target, value }) => amplitude_of(&target) / value,
+    };
+    let bandwidth = receiver.bandwidth.unwrap_or(matched_bandwidth(shape.width()) * 1e9);
+    // W² per W to nW² per nW.
+    let per_light = receiver.shot.map_or(0.0, |s| shot_variance(bandwidth, s.responsivity) * NANO);
+    let background = receiver.shot.map_or(0.0, |s| s.background * NANO);
+    let dark = amplifier * amplifier + per_light * background;
+    (dark > 0.0 || per_light > 0.0).then(|| ReceiverNoise::new(dark, per_light, bandwidth * 1e-9, shape.bin))
+}
+
+/// Output of a receiver that saturates at `limit`: v/√(1 + (v/limit)²), linear below and never above (Rapp 1991, "Effects of
+/// HPA-nonlinearity on a 4-DPSK/OFDM-signal for a digital sound broadcasting system", with the smoothness 1). The order of
+/// amplitudes stays, so that a peak stays a peak.
+pub(super) fn saturated(value: f64, limit: f64) -> f64 {
+    let ratio = value / limit;
+    if ratio > 0.0 { value / sqrt(1.0 + ratio * ratio) } else { value }
+}
+
+/// Shift of a measured range by the amplitude, m: a timer that stops where a linearly rising edge crosses the threshold stops
+/// the later the weaker the echo is, in proportion to threshold over amplitude (Amann et al. 2001, "Laser ranging: a critical
+/// review of usual techniques for distance measurement", Optical Engineering 40(1), walk error). `walk` is the shift of
+/// an echo right at the threshold.
+pub(super) fn range_walk(walk: f64, threshold: f64, amplitude: f64) -> f64 {
+    if amplitude > threshold { walk * threshold / amplitude } else { walk }
+}
+
+/// What a device's receiver does, as far as it is not ideal.
+#[derive(Clone, Debug)]
+pub(super) struct ReceiverModel {
+    noise: Option<ReceiverNoise>,
+    /// Amplitude at which it saturates.
+    limit: f64,
+    /// Shift of the range of an echo at the threshold, m.
+    walk: f64,
+    threshold: f64,
+    /// Travel times between which it listens, ns.
+    gate: (f64, f64),
+    reader: Option<RangeReader>,
+    samples: Stream,
+    alarms: Stream,
+}
+
+impl ReceiverModel {
+    /// The model of a receiver; `None` if it is ideal. `gate` are the travel times between which echoes count, ns.
+    ///
+    /// # Errors
+    /// A threshold so low that noise alone makes more echoes than anybody can want, in words.
+    pub fn new(
+        receiver: &Receiver,
+        noise: Option<ReceiverNoise>,
+        shape: &PulseShape,
+        threshold: f64,
+        gate: (f64, f64),
+        seed: u64,
+    ) -> Result<Option<ReceiverModel>, String> {
+        let reader = read_by(receiver, shape);
+        let limit = receiver.saturation.map_or(f64::INFINITY, |power| power * NANO);
+        if noise.is_none() && limit == f64::INFINITY && receiver.range_walk == 0.0 && reader.is_none() {
+            return Ok(None);
+        }
+        if let Some(noise) = &noise {
+            let expected = noise.alarm_rate(threshold) * (gate.1 - gate.0);
+            if expected > MAX_ALARMS {
+                return Err(format!(
+                    "a threshold of {:.3e} W over noise of {:.3e} W makes about {expected:.0} false alarms per pulse, at most \
+                     {MAX_ALARMS} are allowed; raise the threshold or limit the range",
+                    threshold / NANO,
+                    noise.dark_sigma() / NANO,
+                ));
+            }
+        }
+        Ok(Some(ReceiverModel {
+            noise,
+            limit,
+            walk: receiver.range_walk,
+            threshold,
+            gate,
+            reader,
+            samples: Stream::new(seed, Purpose::ReceiverNoise),
+            alarms: Stream::new(seed, Purpose::FalseAlarm),
+        }))
+    }
+
+    /// Whether pulses may have echoes though nothing came back.
+    pub fn has_false_alarms(&self) -> bool {
+        self.noise.as_ref().is_some_and(|noise| noise.alarm_rate(self.threshold) > 0.0)
+    }
+
+    /// Adds noise to the samples of a pulse, and saturates. Noise is on all bins of waveforms that will be recorded, and of
+    /// others where that is not much work; else where bins are stored.
+    pub fn distort(&self, waveform: &mut Waveform, is_recorded: bool, (device, pulse): (u32, u64)) {
+        if let Some(noise) = &self.noise {
+            waveform.store_gaps(if is_recorded { LONGEST_RECORD } else { MAX_FILLED });
+            let (draws, mut white) = (self.draws(device, pulse), Vec::new());
+            waveform.change_segments(|first, samples| noise.add(samples, first, &draws, &mut white));
+        }
+        if self.limit < f64::INFINITY {
+            waveform.change_segments(|_, samples| {
+                samples.iter_mut().for_each(|sample| *sample = saturated(*sample, self.limit));
+            });
+        }
+    }
+
+    /// Bins from the beginning of bin `peak` to where the echo is by this receiver's detector; `None` for the default one.
+    pub fn offset(&self, waveform: &Waveform, peak: u64) -> Option<f64> {
+        let reader = self.reader.as_ref()?;
+        Some(reader.offset(|k| peak.checked_add_signed(k).map_or(0.0, |bin| waveform.at(bin))))
+    }
+
+    /// Shift of a range that was read at this amplitude, m.
+    pub fn walk(&self, amplitude: f64) -> f64 {
+        if self.walk == 0.0 { 0.0 } else { range_walk(self.walk, self.threshold, amplitude) }
+    }
+
+    /// Inserts the false alarms of a pulse among its returns, which are ascending in range, and leaves as many as the
+    /// instrument reports.
+    #[inline(never)]
+    pub fn add_false_alarms(
+        &self,
+        waveform: &Waveform,
+        instrument: &Instrument,
+        (device, pulse): (u32, u64),
+        returns: &mut Vec<Return>,
+    ) {
+        let Some(noise) = &self.noise else { return };
+        let time = |at: u64| waveform.start + at as f64 * instrument.shape.bin;
+        let lit = waveform.segments().map(|(first, bins)| (time(first), time(first + bins.len() as u64)));
+        let mut alarms = Vec::new();
+        noise.add_alarms(self.threshold, self.gate, lit, &self.draws(device, pulse), &mut alarms);
+        if alarms.is_empty() {
+            return;
+        }
+        let echo = |alarm: FalseAlarm| {
+            let amplitude = saturated(alarm.amplitude, self.limit);
+            let range = instrument.light_speed * alarm.time + self.walk(amplitude);
+            Return { range, amplitude, width: noise.alarm_width(), is_noise: true }
+        };
+        returns.extend(alarms.into_iter().map(echo));
+        returns.sort_by(|a, b| a.range.total_cmp(&b.range));
+        if instrument.max_returns > 0 {
+            returns.truncate(instrument.max_returns as usize);
+        }
+    }
+
+    fn draws(&self, device: u32, pulse: u64) -> PulseDraws {
+        PulseDraws { samples: self.samples, alarms: self.alarms, device, pulse }
+    }
+}
+
+/// The detector that is calibrated for the pulse; `None` where the exact formula for the default pulse does.
+fn read_by(receiver: &Receiver, shape: &PulseShape) -> Option<RangeReader> {
+    let is_default = receiver.ranging == Ranging::Peak && receiver.pulse_shape.is_none();
+    let pulse = |k: i64, by: f64| {
+        let at = shape.peak.checked_add_signed(k as isize).filter(|at| *at < shape.samples.len());
+        at.map_or(0.0, |at| shape.late_sample(at, &shape.late(&[by; LANES]).map(|factor| factor[0])))
+    };
+    (!is_default).then(|| RangeReader::new(receiver.ranging, shape.width() / shape.bin, pulse))
+}

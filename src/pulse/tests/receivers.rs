@@ -1,0 +1,302 @@
+//! Receivers that are not ideal, by their closed forms: whole pulses at a wall that faces the beam.
+
+use super::*;
+use crate::pulse::{Echo, Physics};
+use crate::survey::{AmplifierNoise, PulseSamples, Ranging, Receiver, ReferenceTarget, ShotNoise};
+use libm::erfc;
+use std::sync::Arc;
+
+/// Amplitude of half-white walls at 100 m in clear air, nW: 4/e²·P_t·ρ·D²·η/(4R²) with P_t = 4 W at 100 kHz.
+const AT_100_M: f64 = 0.541_341_132_946_45 * 4e9 * 0.5 * 0.15 * 0.15 * 0.99 / 4e4;
+
+/// An instrument of 4 ns, 100 kHz and 1 ring in air without haze.
+fn instrument(change: impl Fn(&mut Device)) -> Survey {
+    let mut device = tls_device(4.0);
+    (device.beam.visibility, device.waveform.quality) = (1e30, 1);
+    (device.detector.threshold, device.detector.threshold_given) = (1e-12, true);
+    change(&mut device);
+    let mut survey = survey(vec![device]);
+    survey.scanner.pulse_freqs = vec![100_000];
+    survey.legs[0].scanner.pulse_freq = 100_000;
+    survey
+}
+
+/// What `count` pulses yield.
+fn fire_many(scene: &Scene, survey: &Survey, count: u64, options: PhysicsOptions) -> Batch {
+    let tree = tree(scene);
+    let physics = Physics::new(scene, &tree, survey, options).unwrap();
+    let pulses: Vec<_> = (1..=count)
+        .map(|number| in_frame(scene, &crate::flight::Pulse { number, ..pulse(Rotation::IDENTITY) }))
+        .collect();
+    let mut batch = Batch::default();
+    physics.shooter().fire_all(0, &pulses, &mut batch).unwrap();
+    batch
+}
+
+fn wall_at(range: f64) -> Scene {
+    rectangles(half_white(), &[wall(-20.0, 20.0, range)])
+}
+
+fn one(range: f64, survey: &Survey) -> Option<Echo> {
+    fire(&wall_at(range), survey, PhysicsOptions::refined()).echoes.first().copied()
+}
+
+fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let n = values.clone().count() as f64;
+    let mean = values.clone().sum::<f64>() / n;
+    (mean, (values.map(|v| (v - mean) * (v - mean)).sum::<f64>() / n).sqrt())
+}
+
+fn noisy(nep: f64) -> impl Fn(&mut Device) {
+    move |d: &mut Device| d.receiver.noise = Some(AmplifierNoise::Power(nep * 1e-9))
+}
+
+#[test]
+fn the_maximum_range_is_that_of_the_data_sheet() {
+    let target = |pulse_freq| ReferenceTarget { range: 300.0, reflectance: 0.5, pulse_freq };
+    let mut survey = instrument(|d| d.receiver.max_range = Some(target(None)));
+    assert!(one(298.0, &survey).is_some() && one(302.0, &survey).is_none());
+    // At 1/4 of the pulse rate pulses have four times the energy and reach twice as far.
+    survey.legs[0].scanner.pulse_freq = 25_000;
+    assert!(one(596.0, &survey).is_some() && one(604.0, &survey).is_none());
+    let survey = instrument(|d| d.receiver.max_range = Some(target(Some(25_000.0))));
+    assert!(one(149.0, &survey).is_some() && one(151.0, &survey).is_none());
+}
+
+#[test]
+fn noise_of_a_signal_to_noise_ratio_shows_in_amplitudes_and_ranges() {
+    let (ratio, n) = (20.0, 4000);
+    let target = ReferenceTarget { range: 100.0, reflectance: 0.5, pulse_freq: None };
+    let survey = instrument(|d| {
+        d.receiver.noise = Some(AmplifierNoise::Ratio { target, value: ratio });
+        d.detector.threshold_given = false;
+    });
+    let echoes = fire_many(&wall_at(100.0), &survey, n, PhysicsOptions::refined()).echoes;
+    assert_eq!(echoes.len() as u64, n, "no pulse is lost, none has two echoes");
+    let (mean, sigma) = moments(echoes.iter().map(|e| e.intensity));
+    assert!(
+        (mean / AT_100_M - 1.0).abs() < 0.01 && (sigma * ratio / AT_100_M - 1.0).abs() < 0.05,
+        "{mean} ± {sigma}"
+    );
+    // The peak moves by n'/(A·s''): n' has the standard deviation σ/(√2σ_h), the pulse (t/τ)²e^(−t/τ) the relative
+    // curvature 1/(2τ²) at its peak, and the matched receiver √2σ_h = fwhm/√(8·ln 2).
+    let tau = 4.0 / 7.0;
+    let correlation = 3.394_680_67 * tau / (8.0 * 2f64.ln()).sqrt();
+    let expected = 0.149_896_229 * 2.0 * tau * tau / correlation / ratio;
+    let (mean, sigma) = moments(echoes.iter().map(|e| e.range));
+    assert!(
+        (mean - 100.0).abs() < 1e-3 && (sigma / expected - 1.0).abs() < 0.1,
+        "{mean} ± {sigma}, not {expected}"
+    );
+}
+
+#[test]
+fn the_probability_of_detection_is_the_tail_beyond_the_threshold() {
+    let n = 4000;
+    for over in [-1.5, -0.5, 0.0, 1.0] {
+        let sigma = AT_100_M / 12.0;
+        let survey = instrument(|d| {
+            noisy(sigma)(d);
+            d.detector.threshold = (AT_100_M + over * sigma) * 1e-9;
+        });
+        let seen = fire_many(&wall_at(100.0), &survey, n, PhysicsOptions::refined()).echoes.len() as f64;
+        let expected = 0.5 * erfc(over / std::f64::consts::SQRT_2);
+        assert!(
+            (seen / n as f64 - expected).abs() < 0.05,
+            "T = A + {over}σ: {} for {expected}",
+            seen / n as f64
+        );
+    }
+}
+
+#[test]
+fn noise_alone_makes_echoes_of_nothing() {
+    // Nothing but a wall behind the instrument.
+    let scene = rectangles(half_white(), &[wall(-20.0, 20.0, -50.0)]);
+    let survey = instrument(|d| {
+        noisy(1.0)(d);
+        d.detector.threshold = 4e-9;
+    });
+    let n = 1000;
+    let batch = fire_many(&scene, &survey, n, PhysicsOptions::refined());
+    // √(−ρ''(0))/2π·exp(−T²/2σ²) per ns, from the minimum range of 1.5 m to the next pulse 10 µs later.
+    let correlation = 3.394_680_67 * (4.0 / 7.0) / (8.0 * 2f64.ln()).sqrt();
+    let gate = 1e4 - 1.5 / 0.149_896_229;
+    let expected = n as f64 * gate * (-8f64).exp() / (2.0 * std::f64::consts::PI * correlation);
+    let found = batch.echoes.len() as f64;
+    assert!((found - expected).abs() < 4.0 * expected.sqrt(), "{found} for {expected}");
+    for e in &batch.echoes {
+        assert!((e.part, e.primitive) == (u32::MAX, u32::MAX) && e.intensity >= 4.0 && e.return_number >= 1);
+        assert!((e.position - (e.origin + e.direction * e.range)).length() < 1e-9 && e.range >= 1.5);
+    }
+    let again = fire_many(&scene, &survey, n, PhysicsOptions::refined());
+    assert_eq!(again.echoes, batch.echoes);
+    // The range and the number of returns limit them.
+    let near = instrument(|d| {
+        noisy(1.0)(d);
+        (d.detector.threshold, d.detector.range_max, d.detector.max_returns) = (3e-9, 150.0, 1);
+    });
+    let few = fire_many(&scene, &near, n, PhysicsOptions::refined()).echoes;
+    assert!(!few.is_empty() && few.iter().all(|e| e.range <= 150.0 && e.number_of_returns == 1));
+}
+
+#[test]
+fn a_threshold_within_the_noise_is_refused() {
+    let mut survey = instrument(|d| {
+        noisy(1.0)(d);
+        d.detector.threshold = 1e-9;
+    });
+    survey.legs[0].scanner.pulse_freq = 1000;
+    let scene = wall_at(100.0);
+    let error = Physics::new(&scene, &tree(&scene), &survey, PhysicsOptions::refined()).unwrap_err();
+    assert!(error.to_string().contains("false alarms per pulse"), "{error}");
+}
+
+#[test]
+fn without_a_threshold_of_its_own_a_noisy_receiver_stays_above_its_noise() {
+    let at = |sigma: f64| {
+        let survey = instrument(|d| {
+            noisy(sigma)(d);
+            d.detector.threshold_given = false;
+        });
+        fire_many(&wall_at(100.0), &survey, 200, PhysicsOptions::refined()).echoes.len()
+    };
+    assert_eq!((at(AT_100_M / 12.0), at(AT_100_M / 2.0)), (200, 0));
+}
+
+#[test]
+fn background_light_makes_shot_noise() {
+    // 2qB·P/r: of 1 µW of sunlight and the echo's own light at 0.5 A/W and 200 MHz.
+    let survey = instrument(|d| {
+        d.receiver.shot = Some(ShotNoise { background: 1e-6, responsivity: 0.5 });
+        d.receiver.bandwidth = Some(2e8);
+        d.detector.threshold_given = false;
+    });
+    let echoes = fire_many(&wall_at(100.0), &survey, 4000, PhysicsOptions::refined()).echoes;
+    let expected = (2.0 * 1.602_176_634e-19 * 2e8 * (1e-6 + AT_100_M * 1e-9) / 0.5).sqrt() * 1e9;
+    let (_, sigma) = moments(echoes.iter().map(|e| e.intensity));
+    assert!((sigma / expected - 1.0).abs() < 0.06, "{sigma} is not {expected}");
+}
+
+#[test]
+fn strong_echoes_saturate_and_stay_where_they_are() {
+    let survey = instrument(|d| d.receiver.saturation = Some(AT_100_M * 1e-9));
+    for (range, share) in [(10.0, 100.0), (100.0, 1.0), (1000.0, 0.01)] {
+        let echo = one(range, &survey).expect("an echo");
+        let expected = AT_100_M * share / (1.0 + share * share).sqrt();
+        assert!((echo.intensity / expected - 1.0).abs() < 0.02, "{range} m: {} nW", echo.intensity);
+        assert!(echo.intensity <= AT_100_M && (echo.range - range).abs() < 0.03, "{range} m: {}", echo.range);
+    }
+}
+
+#[test]
+fn weak_echoes_walk() {
+    let survey = instrument(|d| {
+        d.receiver.range_walk = 0.08;
+        d.detector.threshold = AT_100_M * 1e-9 / 4.0;
+    });
+    for (range, walk) in [(100.0, 0.02), (50.0, 0.005), (190.0, 0.08 * 3.61 / 4.0)] {
+        let echo = one(range, &survey).expect("an echo");
+        assert!((echo.range - range - walk).abs() < 2e-3, "{range} m: {}", echo.range - range);
+    }
+}
+
+#[test]
+fn a_digitiser_with_its_own_clock_samples_on_its_grid() {
+    let survey = instrument(|d| d.receiver.digitiser_clock = true);
+    let options = PhysicsOptions { record_waveforms: true, ..PhysicsOptions::refined() };
+    let mut tops = Vec::new();
+    for i in 0..40 {
+        let range = 100.0 + f64::from(i) * 0.0093;
+        let batch = fire(&wall_at(range), &survey, options);
+        let ticks = batch.waveforms[0].start_ns / 0.25;
+        assert_eq!(ticks, ticks.round());
+        assert!((batch.echoes[0].range - range).abs() < 1e-6, "{range}: {}", batch.echoes[0].range);
+        tops.push(batch.echoes[0].intensity * range * range);
+    }
+    // The largest sample is not always the peak.
+    let (least, most) =
+        (tops.iter().copied().fold(f64::INFINITY, f64::min), tops.iter().copied().fold(0.0, f64::max));
+    assert!((0.98..0.999).contains(&(least / most)), "{least} of {most}");
+}
+
+#[test]
+fn every_detector_finds_walls_with_pulses_of_any_shape() {
+    // A triangle of 1 µJ: 1 µJ/3 ns = 333 W at the peak.
+    let pulse = Arc::new(PulseSamples { times: vec![0.0, 2.0, 6.0], powers: vec![0.0, 1.0, 0.0] });
+    for ranging in [Ranging::Peak, Ranging::Centroid, Ranging::Gaussian] {
+        for clock in [false, true] {
+            for shape in [None, Some(pulse.clone())] {
+                let survey = instrument(|d| {
+                    d.receiver = Receiver {
+                        ranging,
+                        digitiser_clock: clock,
+                        pulse_shape: shape.clone(),
+                        ..Receiver::default()
+                    };
+                    d.beam.pulse_energy = Some(1e-6);
+                });
+                for range in [20.0, 100.013, 333.1] {
+                    let echo = one(range, &survey).expect("an echo");
+                    let error = echo.range - range;
+                    assert!(error.abs() < 1.5e-3, "{ranging:?} {clock} at {range}: {error}");
+                    if shape.is_some() {
+                        let top = 1e-6 / 3e-9 * 1e9 * 0.5 * 0.15 * 0.15 * 0.99 / (4.0 * range * range);
+                        let seen = echo.intensity / top;
+                        assert!((0.93..1.0001).contains(&seen), "{range} m: {seen} of the peak");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn recorded_waveforms_have_the_noise_of_the_stated_accuracy() {
+    // 4 ns: 1.9398 ns at half maximum, 0.12347 m of standard deviation; 5 mm of it in an echo need a ratio of 24.69.
+    let options =
+        PhysicsOptions { record_waveforms: true, waveform_noise: true, ..PhysicsOptions::refined() };
+    let of = |accuracy: f64, change: &dyn Fn(&mut Device)| {
+        let survey = instrument(|d| {
+            d.detector.accuracy = accuracy;
+            change(d);
+        });
+        fire_many(&wall_at(100.0), &survey, 1000, options).samples
+    };
+    let (noisy_samples, clean) = (of(0.005, &|_| ()), of(0.0, &|_| ()));
+    let (_, sigma) = moments(noisy_samples.iter().zip(&clean).map(|(a, b)| a - b));
+    let top = clean.iter().copied().fold(0.0, f64::max);
+    assert!((top / sigma / 24.69 - 1.0).abs() < 0.02, "{}", top / sigma);
+    // A receiver with noise of its own gets no more.
+    let own = |d: &mut Device| {
+        noisy(10.0)(d);
+        d.detector.threshold_given = false;
+    };
+    assert_eq!(of(0.005, &own), of(0.0, &own));
+}
+
+#[test]
+fn the_reference_knows_no_receiver() {
+    let change = |d: &mut Device| {
+        noisy(1e3)(d);
+        d.receiver.max_range = Some(ReferenceTarget { range: 1.0, reflectance: 0.5, pulse_freq: None });
+        d.receiver.saturation = Some(1e-12);
+        (d.receiver.digitiser_clock, d.receiver.range_walk, d.receiver.ranging) =
+            (true, 1.0, Ranging::Gaussian);
+        d.beam.pulse_energy = Some(1.0);
+    };
+    let options = PhysicsOptions { record_waveforms: true, ..PhysicsOptions::helios() };
+    let (with, without) = (
+        fire(&wall_at(100.0), &instrument(change), options),
+        fire(&wall_at(100.0), &instrument(|_| ()), options),
+    );
+    assert_eq!((with.echoes, with.samples), (without.echoes, without.samples));
+    let mut options = PhysicsOptions::refined();
+    options.corrections.receiver = false;
+    let without_energy = |d: &mut Device| {
+        change(d);
+        d.beam.pulse_energy = None;
+    };
+    let switched_off = fire(&wall_at(100.0), &instrument(without_energy), options).echoes;
+    assert_eq!(switched_off, fire(&wall_at(100.0), &instrument(|_| ()), PhysicsOptions::refined()).echoes);
+}
