@@ -79,7 +79,7 @@ impl Clusters {
             return false;
         }
         let start = nearest / c - shape.peak as f64 * shape.bin;
-        self.starts.compute(light, instrument);
+        self.starts.compute(light, instrument, 0.0);
         let count = light.ranges().len();
         let most = if instrument.max_returns > 0 { instrument.max_returns as usize } else { usize::MAX };
         let mut report = |t: Top| {

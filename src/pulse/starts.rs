@@ -17,9 +17,9 @@ pub(super) struct Starts {
 }
 
 impl Starts {
-    /// Computes those of `light` in a waveform whose first pulse begins with bin 0.
+    /// Computes those of `light` in a waveform whose first pulse begins `first` bins behind the beginning of bin 0.
     #[inline(always)]
-    pub fn compute(&mut self, light: &Light, instrument: &Instrument) {
+    pub fn compute(&mut self, light: &Light, instrument: &Instrument, first: f64) {
         let Some(nearest) = light.ranges().first() else { return };
         let shape = &instrument.shape;
         let bins_per_metre = 1.0 / (instrument.light_speed * shape.bin);
@@ -29,7 +29,7 @@ impl Starts {
         for ((range, bins), late) in light.blocks().iter().zip(&mut self.bins).zip(&mut self.late) {
             let mut by = [0.0; LANES];
             for i in 0..LANES {
-                let position = (range[i] - nearest) * bins_per_metre;
+                let position = (range[i] - nearest) * bins_per_metre + first;
                 bins[i] = (position + SNAP).floor();
                 by[i] = position - bins[i];
             }

@@ -52,10 +52,8 @@ impl Waveform {
         let (shape, corrections) = (&instrument.shape, &instrument.corrections);
         let (c, bin) = (instrument.light_speed, shape.bin);
         let lead = shape.peak as f64 * bin;
-        let mut start = nearest / c - lead;
-        if instrument.digitiser_clock {
-            start = (start / bin).floor() * bin;
-        }
+        let begin = nearest / c - lead;
+        let start = if instrument.digitiser_clock { (begin / bin).floor() * bin } else { begin };
         let mut end = farthest / c + shape.duration - lead + bin;
         let mut count = light.ranges().len();
         if instrument.longest > 0.0 && end - start > instrument.longest {
@@ -71,7 +69,7 @@ impl Waveform {
         self.start = start;
         self.bins = ((end / bin).ceil() - (start / bin).ceil()) as u64;
         if corrections.fractional_bins {
-            self.add_between_bins(count, light, instrument);
+            self.add_between_bins(count, light, (begin - start) / bin, instrument);
         } else {
             self.place(light.blocks(), instrument);
             self.add_in_bins(count, light.intensities(), instrument);
@@ -120,12 +118,13 @@ impl Waveform {
         }
     }
 
-    /// Adds pulses that begin within bins; those of the same bin together.
+    /// Adds pulses that begin within bins, the first one `first` bins behind the beginning of bin 0; those of the same bin
+    /// together.
     #[inline(always)]
-    fn add_between_bins(&mut self, count: usize, light: &Light, instrument: &Instrument) {
+    fn add_between_bins(&mut self, count: usize, light: &Light, first: f64, instrument: &Instrument) {
         let shape = &instrument.shape;
         let mut starts = std::mem::take(&mut self.starts);
-        starts.compute(light, instrument);
+        starts.compute(light, instrument, first);
         let mut i = 0;
         while i < count {
             let (next, late) = starts.of_one_bin(i, count, light.intensities());
