@@ -103,6 +103,14 @@ columns! {
     TrueX F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
     TrueY F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
     TrueZ F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
+    SurfaceX F64 4 "m" "Where the strongest subray of the echo met a surface, world frame.";
+    SurfaceY F64 4 "m" "Where the strongest subray of the echo met a surface, world frame.";
+    SurfaceZ F64 4 "m" "Where the strongest subray of the echo met a surface, world frame.";
+    NormalX F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels.";
+    NormalY F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels.";
+    NormalZ F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels.";
+    FootprintFraction F32 6 "" "Share of the beam's subrays that are part of the echo.";
+    Subray U32 0 "" "Number of the strongest subray within the beam, from 0.";
 }
 
 impl Column {
@@ -110,6 +118,11 @@ impl Column {
     pub fn usual(with_misses: bool) -> Vec<Column> {
         let last = if with_misses { Column::BeamDirectionZ } else { Column::Primitive };
         Column::ALL.iter().copied().filter(|c| *c <= last && *c != Column::SurfaceClass).collect()
+    }
+
+    /// Whether its values are known only where the truth of echoes is recorded.
+    pub fn is_truth(self) -> bool {
+        self >= Column::SurfaceX
     }
 
     /// The columns of a list of names separated by commas; capitals do not matter.
@@ -191,6 +204,14 @@ impl ColumnCodec<'_> {
             Column::TrueX => f64s(out, echoes, |e| e.true_position().x + shift.x),
             Column::TrueY => f64s(out, echoes, |e| e.true_position().y + shift.y),
             Column::TrueZ => f64s(out, echoes, |e| e.true_position().z + shift.z),
+            Column::SurfaceX => f64s(out, echoes, |e| e.truth.surface.x + shift.x),
+            Column::SurfaceY => f64s(out, echoes, |e| e.truth.surface.y + shift.y),
+            Column::SurfaceZ => f64s(out, echoes, |e| e.truth.surface.z + shift.z),
+            Column::NormalX => f32s(out, echoes, |e| e.truth.normal.x as f32),
+            Column::NormalY => f32s(out, echoes, |e| e.truth.normal.y as f32),
+            Column::NormalZ => f32s(out, echoes, |e| e.truth.normal.z as f32),
+            Column::FootprintFraction => f32s(out, echoes, |e| e.truth.fraction as f32),
+            Column::Subray => u32s(out, echoes, |e| e.truth.subray),
         }
     }
 }

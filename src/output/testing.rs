@@ -17,6 +17,7 @@ pub(super) fn echo(number: u32, of: u32) -> Echo {
         origin: DVec3::new(0.0, 0.0, 100.0),
         direction: DVec3::NEG_Z,
         true_beam: [DVec3::ZERO, DVec3::NEG_Z],
+        truth: crate::pulse::EchoTruth::default(),
         range: 100.0,
         true_range: 100.0,
         intensity: 1.0,

@@ -96,7 +96,7 @@ mod tests {
         let mut all = Reflections::default();
         all.clear(of.len());
         for (range, intensity) in of {
-            all.add(0, (*range, *range), 0, 1.0, *intensity);
+            all.add((0, 0), (*range, *range), 0, 1.0, *intensity);
         }
         all
     }

@@ -41,6 +41,21 @@ pub struct Echo {
     pub scan_angle: f64,
     /// Emission time, ns of the GPS week.
     pub time_ns: f64,
+    /// What really sent it; default unless it was asked for.
+    pub truth: EchoTruth,
+}
+
+/// What really sent an echo.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EchoTruth {
+    /// Where its strongest subray met a surface, m, scene frame: beside the beam's axis, where the point is put.
+    pub surface: DVec3,
+    /// Unit normal there, towards the instrument; 0 in voxels.
+    pub normal: DVec3,
+    /// Share of the beam's subrays that are part of the echo.
+    pub fraction: f64,
+    /// Number of the strongest subray within the beam, from 0.
+    pub subray: u32,
 }
 
 impl Echo {
@@ -65,6 +80,7 @@ impl Echo {
             incidence_cosine: 1.0,
             scan_angle: pulse.scan_angle,
             time_ns: pulse.time_ns,
+            truth: EchoTruth::default(),
         }
     }
 

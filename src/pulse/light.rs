@@ -164,7 +164,7 @@ mod tests {
         let mut reflections = Reflections::default();
         reflections.clear(of.len());
         for (range, intensity) in of {
-            reflections.add(0, (*range, *range), 0, 1.0, *intensity);
+            reflections.add((0, 0), (*range, *range), 0, 1.0, *intensity);
         }
         let pairs = |l: &Light| l.ranges().iter().copied().zip(l.intensities().iter().copied()).collect();
         let mut light = Light::default();

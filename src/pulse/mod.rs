@@ -42,10 +42,11 @@ mod subray;
 mod testkit;
 #[cfg(test)]
 mod tests;
+mod truth;
 mod waveform;
 
 pub use batch::Batch;
-pub use echo::{Echo, PulseRecord, WaveformRecord};
+pub use echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
 pub use options::{Corrections, PhysicsOptions};
 pub use physics::{Equipment, Lap, Physics, Shooter};
 pub use recorded::{RecordedEcho, recorded_echoes};

@@ -20,6 +20,10 @@ pub struct PhysicsOptions {
     pub record_waveforms: bool,
     /// Append a record to the batch for every pulse, with or without echoes.
     pub record_pulses: bool,
+    /// Find out what really sent every echo ([`super::EchoTruth`]).
+    pub record_truth: bool,
+    /// Append the reflections of all subrays to the batch instead of echoes.
+    pub record_subrays: bool,
     /// Where the physics departs from the reference's.
     pub corrections: Corrections,
 }
@@ -35,6 +39,8 @@ impl PhysicsOptions {
             waveform_noise: false,
             record_waveforms: false,
             record_pulses: false,
+            record_truth: false,
+            record_subrays: false,
             corrections: Corrections::NONE,
         }
     }

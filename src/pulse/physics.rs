@@ -12,8 +12,9 @@ use super::reflections::Reflections;
 use super::sight::{Shot, Sights};
 use super::slope::Slopes;
 use super::subray::Subrays;
+use super::truth::Truths;
 use super::waveform::Waveform;
-use super::{Echo, PhysicsOptions, PulseRecord, WaveformRecord};
+use super::{Echo, EchoTruth, PhysicsOptions, PulseRecord, WaveformRecord};
 use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3};
 use crate::pulse::Batch;
@@ -201,6 +202,7 @@ struct Receiver {
     reflections: Reflections,
     light: Light,
     slopes: Slopes,
+    truths: Truths,
     clusters: Clusters,
     waveform: Waveform,
     returns: Vec<Return>,
@@ -432,6 +434,11 @@ impl Shooter<'_> {
                 }
             }
         }
+        if physics.options.record_subrays {
+            // They are where the surfaces are: no noise.
+            batch.echoes[first_echo..].iter_mut().for_each(|e| e.position = e.truth.surface);
+            return Ok(());
+        }
         for echoes in batch.echoes[first_echo..].chunks_mut(rng::LANES) {
             range_noise::disturb(echoes, &physics.range_noise, &self.fleet, volley.leg)?;
         }
@@ -521,10 +528,18 @@ impl Receiver {
                 model.add_false_alarms(&self.waveform, instrument, of, &mut self.returns);
             }
         }
+        if physics.options.record_truth || physics.options.record_subrays {
+            let seen = (&shot, &self.sights.of(first, &shot));
+            self.truths.assign(instrument, seen, &self.reflections, &self.returns);
+        }
+        if physics.options.record_subrays {
+            self.emit_subrays(view, &shot, pulse, batch);
+            return Ok(());
+        }
         if self.returns.is_empty() {
             return Ok(());
         }
-        self.emit_echoes(view, instrument, pulse, batch);
+        self.emit_echoes(view, instrument, physics.options.record_truth.then_some(&shot), pulse, batch);
         if physics.options.record_waveforms && self.waveform.bins > 0 {
             self.emit_waveform(physics, instrument, pulse, batch)?;
         }
@@ -544,7 +559,14 @@ impl Receiver {
 
     /// Errors and attribution of each return (spec pulse-physics §4.7–4.9).
     #[inline(always)]
-    fn emit_echoes(&mut self, view: &View, instrument: &Instrument, pulse: &Pulse, batch: &mut Batch) {
+    fn emit_echoes(
+        &mut self,
+        view: &View,
+        instrument: &Instrument,
+        truth_of: Option<&Shot>,
+        pulse: &Pulse,
+        batch: &mut Batch,
+    ) {
         let direction = pulse.reported_attitude.forward();
         let origin = pulse.origin + pulse.origin_error;
         let true_beam = [pulse.origin, pulse.exact_attitude.forward()];
@@ -570,7 +592,12 @@ impl Receiver {
                     (surface.part, view.scene.materials[surface.material as usize].classification)
                 }
             };
+            let truth = truth_of.map_or(EchoTruth::default(), |shot| {
+                let found = (&self.reflections, &mut self.probe.facets);
+                self.truths.of_return(number, source, view, (shot, pulse.origin), found)
+            });
             batch.echoes.push(Echo {
+                truth,
                 // Comes with the noise.
                 position: origin,
                 origin,
@@ -590,6 +617,34 @@ impl Receiver {
                 incidence_cosine: self.reflections.cosines()[source],
                 scan_angle: pulse.scan_angle,
                 time_ns: pulse.time_ns,
+            });
+        }
+    }
+
+    /// Appends every reflection of a subray as an echo at the place of the surface, in the order of the subrays. It bears the
+    /// number of the return that it is part of, or 0.
+    #[inline(never)]
+    fn emit_subrays(&mut self, view: &View, shot: &Shot, pulse: &Pulse, batch: &mut Batch) {
+        for i in 0..self.reflections.count() {
+            let found = (&self.reflections, &mut self.probe.facets);
+            let truth = self.truths.of_reflection(i, view, (shot, pulse.origin), found);
+            let primitive = self.reflections.primitives()[i];
+            let surface = view.scene.surface(primitive);
+            let (range, direction) = (self.reflections.ranges()[i], shot.direction(truth.subray as usize));
+            batch.echoes.push(Echo {
+                direction,
+                true_beam: [pulse.origin, direction],
+                range,
+                true_range: range,
+                intensity: self.reflections.intensities()[i],
+                return_number: self.truths.return_of(i),
+                number_of_returns: self.returns.len().max(1) as u32,
+                part: surface.part,
+                primitive,
+                classification: view.scene.materials[surface.material as usize].classification,
+                incidence_cosine: self.reflections.cosines()[i],
+                truth,
+                ..Echo::miss(&pulse_record(pulse))
             });
         }
     }

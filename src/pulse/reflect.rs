@@ -139,7 +139,7 @@ impl<'a> View<'a> {
             if !asks && is_triangle(primitive) && in_range {
                 face.turn_to(self, primitive);
                 let cosine = if self.fixed_incidence { 1.0 } else { face.plane_cosine(direction) };
-                out.add(*ring, (*range, *range), primitive, cosine, face.factor(cosine));
+                out.add((i as u32, *ring), (*range, *range), primitive, cosine, face.factor(cosine));
             } else if primitive != Hits::MISS || !around.is_empty() {
                 let first = Encounter { from: shot.origin, t: t[i], primitive, range: *range, stop: *range };
                 let end = if spreads {
@@ -156,7 +156,7 @@ impl<'a> View<'a> {
                     probe.foliage.push((out.count(), sigma));
                 }
                 let entry = if c.voxel_stop_point { at.stop } else { at.range };
-                out.add(*ring, (at.stop, entry), at.primitive, cosine, factor);
+                out.add((i as u32, *ring), (at.stop, entry), at.primitive, cosine, factor);
             }
         }
         out.illuminate(instrument, &probe.foliage);

@@ -17,6 +17,7 @@ pub(super) struct Reflections {
     cosine: Vec<f64>,
     primitive: Vec<u32>,
     ring: Vec<u32>,
+    subray: Vec<u32>,
 }
 
 impl Reflections {
@@ -35,11 +36,19 @@ impl Reflections {
             }
             self.primitive.resize(most, Hits::MISS);
             self.ring.resize(most, 0);
+            self.subray.resize(most, 0);
         }
     }
 
-    /// Adds one; its reflectance factor becomes an intensity later.
-    pub fn add(&mut self, ring: u32, (range, entry): (f64, f64), primitive: u32, cosine: f64, factor: f64) {
+    /// Adds one of a subray in a ring; its reflectance factor becomes an intensity later.
+    pub fn add(
+        &mut self,
+        (subray, ring): (u32, u32),
+        (range, entry): (f64, f64),
+        primitive: u32,
+        cosine: f64,
+        factor: f64,
+    ) {
         let i = self.count;
         self.range[i] = range;
         self.entry[i] = entry;
@@ -47,6 +56,7 @@ impl Reflections {
         self.cosine[i] = cosine;
         self.primitive[i] = primitive;
         self.ring[i] = ring;
+        self.subray[i] = subray;
         self.count += 1;
     }
 
@@ -55,7 +65,7 @@ impl Reflections {
         if self.count == self.range.len() {
             self.make_room(2 * self.count + LANES);
         }
-        self.add(0, (range, range), primitive, cosine, intensity);
+        self.add((0, 0), (range, range), primitive, cosine, intensity);
     }
 
     /// Adds those of a block's subrays that `which` names; their entries and rings are not filled in.
@@ -135,6 +145,11 @@ impl Reflections {
     /// Cosines of the incidence angles.
     pub fn cosines(&self) -> &[f64] {
         &self.cosine[..self.count]
+    }
+
+    /// Numbers of the subrays; `None` if every subray that meets a triangle within the range has its reflection, in order.
+    pub fn subrays(&self) -> Option<&[u32]> {
+        (!self.is_plain).then(|| &self.subray[..self.count])
     }
 
     /// Numbers of the primitives.

@@ -79,6 +79,11 @@ pub struct OutputArgs {
     /// parquet are chosen with --columns.
     #[arg(long, help_heading = "Output")]
     pub true_positions: bool,
+    /// Write what each subray met instead of points, at its place on the surface, with the number of the return that it is part
+    /// of (0 = none): for leaf area and machine learning. The columns Subray, SurfaceX, NormalX, FootprintFraction and their
+    /// like are chosen with --columns, with and without this.
+    #[arg(long, help_heading = "Output")]
+    pub subrays: bool,
     /// Write pulses without echoes, too: 0 returns, at the beam's origin, with the beam's direction.
     #[arg(long, help_heading = "Output")]
     pub misses: bool,

@@ -183,6 +183,8 @@ fn physics(
     for name in &args.profile.correct {
         correct(&mut corrections, name)?;
     }
+    // Light from all along a way belongs to no place of a subray.
+    corrections.foliage_continuum &= !output.subrays;
     let flag = |typed: bool, written: Option<bool>| typed || written.unwrap_or(false);
     Ok(PhysicsOptions {
         seed,
@@ -192,6 +194,8 @@ fn physics(
         waveform_noise: flag(args.waveform_noise, set.waveform_noise),
         record_waveforms: output.waveforms || output.wave_packets.is_some(),
         record_pulses: output.pulses || output.misses,
+        record_truth: has_truth_columns(output),
+        record_subrays: output.subrays,
         corrections,
     })
 }
@@ -230,6 +234,12 @@ fn correct(corrections: &mut Corrections, name: &str) -> Result<()> {
     Ok(())
 }
 
+/// Whether columns are chosen that need the truth of echoes. Wrong names are reported elsewhere.
+fn has_truth_columns(output: &OutputArgs) -> bool {
+    let chosen = output.columns.as_deref().map(Column::list);
+    chosen.is_some_and(|columns| columns.is_ok_and(|c| c.iter().any(|c| c.is_truth())))
+}
+
 /// What is typed together with what the pipeline file says.
 fn with_settings(args: &OutputArgs, set: &OutputSettings) -> OutputArgs {
     OutputArgs {
@@ -238,6 +248,7 @@ fn with_settings(args: &OutputArgs, set: &OutputSettings) -> OutputArgs {
         columns: args.columns.clone().or(set.columns.clone()),
         labels: args.labels || set.labels,
         true_positions: args.true_positions || set.true_positions,
+        subrays: args.subrays || set.subrays,
         misses: args.misses || set.misses,
         las_at_most: args.las_at_most.clone().or(set.las_at_most.clone()),
         las_scale: args.las_scale.or(set.las_scale),

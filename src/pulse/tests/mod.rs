@@ -7,6 +7,7 @@ mod moving;
 mod ranges;
 mod receivers;
 mod slabs;
+mod truth;
 
 use super::testkit::*;
 use super::{Corrections, PhysicsOptions};

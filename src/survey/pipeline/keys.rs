@@ -57,6 +57,8 @@ pub struct PipelineKeys {
     pub labels: Option<bool>,
     /// Positions without errors of navigation (TrueX, TrueY, TrueZ) as extra bytes of las and laz. Default: false.
     pub true_positions: Option<bool>,
+    /// What each subray met instead of points. Default: false.
+    pub subrays: Option<bool>,
     /// Pulses without echoes, too: 0 returns, at the beam's origin. Default: false.
     pub misses: Option<bool>,
     /// LAS leaves through a pipe at once, with this number of points in its header: a whole number, or a text such as

@@ -40,6 +40,8 @@ pub struct OutputSettings {
     pub labels: bool,
     /// Positions without errors of navigation in LAS and LAZ.
     pub true_positions: bool,
+    /// Subrays instead of points.
+    pub subrays: bool,
     /// Pulses without echoes.
     pub misses: bool,
     /// Most points of LAS streams as typed.
@@ -66,6 +68,7 @@ pub(super) fn read_output(context: &Context, source: &Source, keys: &PipelineKey
         columns: read_names(context, source, &keys.columns),
         labels: is(keys.labels),
         true_positions: is(keys.true_positions),
+        subrays: is(keys.subrays),
         misses: is(keys.misses),
         las_at_most: read_count(context, source, &keys.las_at_most),
         las_scale: keys.las_scale,

@@ -1,0 +1,52 @@
+//! What really sent echoes, and the table of subrays.
+
+use super::*;
+use crate::pulse::testkit::*;
+
+/// A board that covers the right half of a beam along +y at 100 m, turned by 30°, before a wall at 130 m.
+fn half_covered() -> Scene {
+    let (s, c) = radians(30.0).sin_cos();
+    let board = [DVec3::new(0.0, 100.0, -20.0), DVec3::new(c, s, 0.0) * 10.0, DVec3::Z * 40.0];
+    rectangles(half_white(), &[board, wall(-20.0, 20.0, 130.0)])
+}
+
+#[test]
+fn echoes_know_the_surface_normal_and_share_of_their_strongest_subray() {
+    let options = PhysicsOptions { record_truth: true, ..PhysicsOptions::refined() };
+    let mut survey = tls();
+    survey.legs[0].scanner.beam_divergence = 2e-3;
+    let scene = half_covered();
+    let batch = fire(&scene, &survey, options);
+    assert_eq!(batch.echoes.len(), 2);
+    let (near, far) = (&batch.echoes[0], &batch.echoes[1]);
+    assert!((near.truth.fraction + far.truth.fraction - 1.0).abs() < 1e-12);
+    assert!((0.3..0.7).contains(&near.truth.fraction), "{}", near.truth.fraction);
+    let at = near.truth.surface + scene.shift;
+    // On the board's plane y = 100 + x·tan 30°, and within the beam.
+    assert!((at.y - 100.0 - at.x * radians(30.0).tan()).abs() < 1e-9 && at.x > 0.0 && at.x < 0.3, "{at}");
+    assert!((near.truth.normal - DVec3::new(0.5, -radians(30.0).cos(), 0.0)).length() < 1e-12);
+    assert!(
+        (far.truth.surface + scene.shift).y == 130.0
+            || ((far.truth.surface + scene.shift).y - 130.0).abs() < 1e-9
+    );
+    assert_eq!(far.truth.normal, DVec3::NEG_Y);
+}
+
+#[test]
+fn the_table_of_subrays_has_every_one_with_its_return() {
+    let mut survey = tls();
+    survey.legs[0].scanner.beam_divergence = 2e-3;
+    let scene = half_covered();
+    let options = PhysicsOptions { record_subrays: true, ..PhysicsOptions::refined() };
+    let batch = fire(&scene, &survey, options);
+    assert_eq!(batch.echoes.len(), 16);
+    for (i, e) in (0..).zip(&batch.echoes) {
+        assert_eq!((e.truth.subray, e.return_number, e.number_of_returns), (i, e.part + 1, 2));
+        assert!((e.position - e.origin - e.direction * e.range).length() < 1e-12);
+    }
+    let echoes = fire(&scene, &survey, PhysicsOptions::refined()).echoes;
+    let sum = |part: u32| batch.echoes.iter().filter(|e| e.part == part).map(|e| e.intensity).sum::<f64>();
+    // The peak of the pulse in its bins, stretched a little by the slope of the board.
+    let peak = |part: u32| echoes[part as usize].intensity / sum(part);
+    assert!((0.5..0.545).contains(&peak(0)) && (0.53..0.545).contains(&peak(1)), "{} {}", peak(0), peak(1));
+}
