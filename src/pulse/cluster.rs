@@ -197,8 +197,7 @@ mod tests {
         let mut instrument = tls_instrument(length);
         instrument.corrections =
             Corrections { fractional_bins: true, clip_dead_zone: true, ..instrument.corrections };
-        instrument.rule =
-            PeakRule { threshold, weak_neighbours: true, first_bin: true, window, ..instrument.rule };
+        instrument.rule = PeakRule { threshold, weak_neighbours: true, first_bin: true, window };
         instrument
     }
 

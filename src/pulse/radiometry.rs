@@ -68,7 +68,8 @@ impl LidarEquation {
         for i in 0..LANES {
             x[i] = -(range[i] * self.double_extinction);
             out[i] = self.scale * (1.0 + x[i] * series(x[i])) / (range[i] * range[i]);
-            other |= u32::from(!(x[i].abs() < SMALL) & range[i].is_finite());
+            let small = x[i].abs() < SMALL;
+            other |= u32::from(!small & range[i].is_finite());
         }
         if other != 0 {
             for i in 0..LANES {

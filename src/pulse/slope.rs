@@ -145,8 +145,8 @@ impl Slopes {
         }
         let mean = first / sum;
         let deviation = (second / sum - mean * mean).max(0.0).sqrt();
-        // Written so that what is no number is left alone.
-        if count < MIN_SUBRAYS || !(deviation >= MIN_DEPTH * pulse_depth) || !deviation.is_finite() {
+        let is_deep = deviation >= MIN_DEPTH * pulse_depth && deviation.is_finite();
+        if count < MIN_SUBRAYS || !is_deep {
             return;
         }
         self.points.iter_mut().filter(|p| on_plane(p)).for_each(|p| p.is_merged = true);
