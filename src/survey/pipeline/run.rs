@@ -13,7 +13,7 @@ use toml::{Spanned, Value};
 /// those of the keys of [`PipelineKeys`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunSettings {
-    /// They come from a pipeline file, whose kinematics are always the corrected ones.
+    /// They come from a pipeline file with a flight of its own, whose kinematics are always the corrected ones.
     pub pipeline: bool,
     /// Seed.
     pub seed: Option<u64>,
@@ -74,7 +74,7 @@ pub(super) fn read_settings(context: &Context, source: &Source, keys: &PipelineK
         Some(*key.get_ref())
     };
     RunSettings {
-        pipeline: true,
+        pipeline: keys.survey.is_none() || !keys.leg.is_empty(),
         seed: read_seed(context, source, &keys.seed),
         gps_start: keys.gps_start.clone(),
         threads: schedule.threads,
