@@ -183,6 +183,9 @@ fn physics(
     for name in &args.profile.correct {
         correct(&mut corrections, name)?;
     }
+    if output.subrays && (output.waveforms || output.wave_packets.is_some()) {
+        return Err(Error::input("subrays have no waveforms: leave out either --subrays or the waveforms"));
+    }
     // Light from all along a way belongs to no place of a subray.
     corrections.foliage_continuum &= !output.subrays;
     let flag = |typed: bool, written: Option<bool>| typed || written.unwrap_or(false);
