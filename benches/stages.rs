@@ -11,6 +11,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vlscan::flight::{FlightOptions, FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
+use vlscan::generate;
 use vlscan::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
 use vlscan::pulse::{Batch, Lap, Physics, PhysicsOptions};
 use vlscan::scene::{self, LoadOptions, Scene};
@@ -239,9 +240,9 @@ fn forest() -> Result<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("forest-1m");
     let survey = folder.join("survey.xml");
     if !survey.exists() {
-        let options = scene::make::MakeOptions::new(scene::make::Kind::Forest, 1_000_000);
-        let options = scene::make::MakeOptions { overwrite: true, ..options };
-        scene::make::make(&options, &folder, |_| ())?;
+        let options = generate::SceneOptions::new(generate::Kind::Forest, 1_000_000);
+        let options = generate::SceneOptions { overwrite: true, ..options };
+        generate::write_scene(&options, &folder, |_| ())?;
     }
     Ok(survey)
 }

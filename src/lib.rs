@@ -22,7 +22,8 @@
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
 //! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, arrivals |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
-//! | [`scene`] | loads, places and freezes what is scanned; tells what moves, and what another play swaps | survey, tree |
+//! | [`scene`] | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree |
+//! | [`generate`] | procedural scenes with the surveys that scan them | geom, rng |
 //! | [`platform`] | the movers: position and attitude per step; recorded trajectories in every layout | survey, geom |
 //! | [`scanner`] | heads and deflectors per step | survey, geom |
 //! | [`flight`] | the clock: legs, steps, pulses; cheap to replay from a snapshot | platform, scanner |
@@ -41,7 +42,7 @@
 //!   random draw is a function of what it is for ([`rng`]), and what a ray hits is decided by that ray and that primitive
 //!   alone ([`tree`]);
 //! * a scene is never changed: a chunk holds the state of its moving parts as it holds that of the platform, workers replay
-//!   both, and every play of a survey with swapped parts is flown over a scene of its own;
+//!   both, and every epoch of a scene with swapped parts has a scene of its own;
 //! * coordinates are `f64` in the scene frame, which is the world's minus the scene's centre;
 //! * points go to stdout and nothing else does.
 
@@ -51,6 +52,7 @@ mod damage;
 pub mod diag;
 pub mod error;
 pub mod flight;
+pub mod generate;
 pub mod geom;
 pub mod output;
 pub mod pipeline;

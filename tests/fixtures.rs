@@ -4,19 +4,19 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use vlscan::generate::{FlightOptions, GridPlace, Kind, SceneOptions, write_flight, write_sbet, write_scene};
 use vlscan::geom::UtmZone;
-use vlscan::scene::make::{FlightOptions, GridPlace, Kind, MakeOptions, make, write_flight, write_sbet};
 
 fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures")
 }
 
-fn options(kind: Kind) -> MakeOptions {
-    let of = |triangles, pulses, extent_m| MakeOptions {
+fn options(kind: Kind) -> SceneOptions {
+    let of = |triangles, pulses, extent_m| SceneOptions {
         pulses: Some(pulses),
         extent_m,
         overwrite: true,
-        ..MakeOptions::new(kind, triangles)
+        ..SceneOptions::new(kind, triangles)
     };
     match kind {
         Kind::Forest => of(4000, 60_000, None),
@@ -42,10 +42,10 @@ fn scenes_are_what_the_generator_writes() {
     for kind in Kind::ALL {
         let kept = fixtures().join(kind.name());
         if updating() {
-            make(&options(kind), &kept, |_| ()).unwrap();
+            write_scene(&options(kind), &kept, |_| ()).unwrap();
         }
         let folder = tempfile::tempdir().unwrap();
-        make(&options(kind), folder.path(), |_| ()).unwrap();
+        write_scene(&options(kind), folder.path(), |_| ()).unwrap();
         let (kept, made) = (files_of(&kept), files_of(folder.path()));
         let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
         assert_eq!(names(&kept), names(&made), "{kind:?}");

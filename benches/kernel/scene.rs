@@ -1,6 +1,6 @@
 //! The forests.
 
-use vlscan::scene::make::{Kind, MakeOptions, make};
+use vlscan::generate::{Kind, SceneOptions, write_scene};
 use vlscan::scene::{LoadOptions, load};
 use vlscan::survey::{ReadOptions, read_survey};
 use vlscan::tree::Geometry;
@@ -13,7 +13,7 @@ pub fn forest(size: &str) -> Geometry {
     };
     let triangles = triangles.unwrap_or_else(|e| panic!("{size} is no number of triangles: {e}"));
     let folder = tempfile::tempdir().expect("a place for the scene");
-    let made = make(&MakeOptions::new(Kind::Forest, triangles), folder.path(), |_| {});
+    let made = write_scene(&SceneOptions::new(Kind::Forest, triangles), folder.path(), |_| {});
     let survey = made.and_then(|made| read_survey(&made.survey, &ReadOptions::default()));
     let scene = survey.and_then(|(survey, _)| load(&survey.scene, &LoadOptions::default()));
     scene.unwrap_or_else(|e| panic!("the forest cannot be made: {e}")).0.geometry

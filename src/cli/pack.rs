@@ -44,9 +44,9 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let loaded = started.elapsed().as_secs_f64();
     let started = Instant::now();
     open(&out)?;
-    let plays = if packed.plays > 1 { format!(" in {} plays", packed.plays) } else { String::new() };
+    let epochs = if packed.epochs > 1 { format!(" in {} epochs", packed.epochs) } else { String::new() };
     console.say(format!(
-        "{}  {} primitives{plays}, {}B; packed in {loaded:.1} s, opens in {:.1} ms",
+        "{}  {} primitives{epochs}, {}B; packed in {loaded:.1} s, opens in {:.1} ms",
         out.display(),
         amount(packed.primitives as f64),
         amount(packed.bytes as f64),

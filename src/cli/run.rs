@@ -13,7 +13,7 @@ use crate::output::{FileKind, FileSummary, OutputContext, OutputPlan, OutputRequ
 use crate::pipeline::{self, Ended, Moment, Progress};
 use crate::platform::{PoseReader, Told};
 use crate::pulse::Physics;
-use crate::scene::{self, Movers, Scene, Stand};
+use crate::scene::{self, MotionPlan, Scene, SceneFrame};
 use crate::schedule::Recorder;
 use crate::survey::{PlatformKind, PoseStream};
 use crate::tree::Tree;
@@ -28,7 +28,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let (job, warnings) = Job::resolve(args)?;
     console.warnings(&warnings);
-    let plays = scene::plays(&job.survey.scene)?;
+    let plays = scene::count_epochs(&job.survey.scene)?;
     let stream = match &job.survey.platform.kind {
         PlatformKind::Stream(_) if plays > 1 => {
             return Err(Error::input(format!(
@@ -48,7 +48,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let told = Arc::new(AtomicBool::new(!slipped.is_empty()));
     let context = OutputContext { survey: &job.survey, scene: &stage.scene };
     let output = Arc::new(OutputPlan::new(OutputRequest { plays, ..job.output.clone() }, &context)?);
-    let first = Stand::of(&stage.scene);
+    let first = SceneFrame::of(&stage.scene);
     let mut poses = match stream {
         Some(stream) => {
             let mut watch =
@@ -174,15 +174,15 @@ pub struct Stage {
     pub scene: Scene,
     /// Over what stands still.
     pub tree: Tree,
-    pub movers: Option<Movers>,
+    pub movers: Option<MotionPlan>,
 }
 
 /// Loads the scene of a play and builds its tree. `first` is where the first play's scene stands.
-pub fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Stand>) -> Result<Stage> {
+pub fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<SceneFrame>) -> Result<Stage> {
     let started = Instant::now();
     let recipe = &job.survey.scene;
     foretell_rasters(job, console)?;
-    let (scene, warnings) = scene::load_play(recipe, &job.load, play, first)?;
+    let (scene, warnings) = scene::load_epoch(recipe, &job.load, play, first)?;
     console.warnings(&warnings.finish(job.strict)?);
     console.took(
         Verbosity::Verbose,
@@ -202,7 +202,7 @@ pub fn load_and_build(job: &Job, console: &Console, play: u32, first: Option<Sta
         format!("tree: {:.1} MB, {:.2} s", tree.memory() as f64 / 1e6, started.elapsed().as_secs_f64()),
     );
     let pulse_rate = job.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq));
-    let movers = Movers::new(&scene, pulse_rate);
+    let movers = MotionPlan::new(&scene, pulse_rate);
     if interrupt::STOP.asked() {
         return Err(Error::Interrupted);
     }

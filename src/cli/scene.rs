@@ -4,7 +4,7 @@ use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
 use super::watch::amount;
 use super::{Console, info, pack};
 use crate::error::{Error, Result};
-use crate::scene::make::{Kind, MakeOptions, make};
+use crate::generate::{Kind, SceneOptions, write_scene};
 
 /// Runs `vlscan scene`.
 pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
@@ -32,7 +32,7 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         super::run::count(text)
             .ok_or_else(|| Error::input(format!("--voxels: expected a number such as 40k, found {text:?}")))
     });
-    let options = MakeOptions {
+    let options = SceneOptions {
         kind,
         triangles,
         seed: args.seed,
@@ -43,7 +43,7 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         voxels: voxels.transpose()?,
         overwrite: args.force,
     };
-    let made = make(&options, &args.out, |_| {})?;
+    let made = write_scene(&options, &args.out, |_| {})?;
     console.say(format!(
         "{} triangles{} in {}; scan them ({} pulses) with: vlscan run {}",
         amount(made.triangles as f64),

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
 use crate::platform::{PoseReader, Waited};
-use crate::scene::{MoverState, Movers};
+use crate::scene::{MotionPlan, MotionState};
 use crate::schedule::{Feed, Outcome, Stop, Tasks};
 use std::time::{Duration, Instant};
 
@@ -19,7 +19,7 @@ pub struct Chunk {
     /// Platform and devices as they were before the first step.
     pub start: FlightState,
     /// Moving parts of the scene as they were then, if there are any.
-    pub movers: Option<MoverState>,
+    pub movers: Option<MotionState>,
     /// Number of steps.
     pub steps: u32,
     /// Pulses among them.
@@ -40,7 +40,7 @@ impl Tasks for Chunk {
 
 impl Chunk {
     /// No steps yet.
-    fn begin(plan: &FlightPlan, state: &FlightState, movers: Option<&MoverState>) -> Chunk {
+    fn begin(plan: &FlightPlan, state: &FlightState, movers: Option<&MotionState>) -> Chunk {
         Chunk {
             start: state.clone(),
             movers: movers.cloned(),
@@ -58,7 +58,7 @@ impl Chunk {
     }
 
     /// Takes off its first pulse, with the steps that lead to it, as a chunk of its own.
-    fn split_first(&mut self, plan: &FlightPlan, movers: Option<&Movers>) -> Result<Chunk> {
+    fn split_first(&mut self, plan: &FlightPlan, movers: Option<&MotionPlan>) -> Result<Chunk> {
         let mut first = Chunk { steps: 0, pulses: 0, poses: 0, ..self.clone() };
         let mut count = Count::default();
         while count.pulses == 0 && first.steps < self.steps {
@@ -140,13 +140,13 @@ impl<R: Outcome, W: FnMut(Chunk) -> Result<R>> Outlet for Feed<'_, Chunk, R, W> 
 /// keeps it waiting for longer than the stream of poses allows. Returns early when `stop` is asked.
 pub fn produce(
     plan: &FlightPlan,
-    movers: Option<&Movers>,
+    movers: Option<&MotionPlan>,
     state: &mut FlightState,
     mut poses: Option<PoseReader>,
     stop: &Stop,
     outlet: &mut impl Outlet,
 ) -> Result<()> {
-    let mut moving = movers.map(MoverState::start);
+    let mut moving = movers.map(MotionState::start);
     let mut chunk = Chunk::begin(plan, state, moving.as_ref());
     loop {
         let size = outlet.size();

@@ -20,7 +20,7 @@ use crate::flight::{FlightPlan, FlightState};
 use crate::output::{Offload, OutputPlan, Summary, Writer};
 use crate::platform::PoseReader;
 use crate::pulse::Physics;
-use crate::scene::Movers;
+use crate::scene::MotionPlan;
 use crate::schedule::{self, Job, JobQueue, Recorder, Stop};
 use crate::tree::BuildOptions;
 use collector::{Closed, Collector};
@@ -34,7 +34,7 @@ pub struct Run<'a> {
     /// Scene, tree, instruments.
     pub physics: &'a Physics<'a>,
     /// Parts of the scene that move, if any do, and how their trees are built.
-    pub movers: Option<(&'a Movers, &'a BuildOptions)>,
+    pub movers: Option<(&'a MotionPlan, &'a BuildOptions)>,
     /// Sinks.
     pub output: Arc<OutputPlan>,
     /// Poses of a streamed platform as they arrive.

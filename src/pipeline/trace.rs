@@ -9,7 +9,7 @@ use crate::flight::Pulse;
 use crate::geom::DVec3;
 use crate::output::{OutputPlan, Writer};
 use crate::pulse::{Batch, Equipment, Physics, PhysicsOptions, Shooter};
-use crate::scene::{Change, MoverState, Movers, Stage};
+use crate::scene::{DynamicScene, MotionPlan, MotionState, ObjectUpdate};
 use crate::schedule::{self, Collect, JobQueue, Outcome, Stop, Tasks};
 use crate::streams::{Block, Column, PulseReader, PulseRow};
 use crate::survey::Survey;
@@ -39,7 +39,7 @@ pub struct Tracing<'a> {
     /// World position of the scene frame's origin.
     pub shift: DVec3,
     /// Parts of the scene that move, if any do, and how their trees are built.
-    pub movers: Option<(&'a Movers, &'a BuildOptions)>,
+    pub movers: Option<(&'a MotionPlan, &'a BuildOptions)>,
     /// What the legs are.
     pub legs: LegRule,
     /// Sinks.
@@ -177,11 +177,11 @@ struct Tracer<'a> {
 
 /// What moves in the scene, and how far this worker has followed it.
 struct Scenery<'a> {
-    plan: &'a Movers,
-    stage: Stage<'a>,
-    state: MoverState,
+    plan: &'a MotionPlan,
+    stage: DynamicScene<'a>,
+    state: MotionState,
     step: u64,
-    changes: Vec<Change>,
+    changes: Vec<ObjectUpdate>,
 }
 
 /// More instruments than that are computed anew.
@@ -193,8 +193,8 @@ impl<'a> Tracer<'a> {
     fn new(tracing: &'a Tracing<'a>) -> Tracer<'a> {
         let scenery = tracing.movers.map(|(plan, trees)| Scenery {
             plan,
-            stage: Stage::new(plan, trees.clone()),
-            state: MoverState::start(plan),
+            stage: DynamicScene::new(plan, trees.clone()),
+            state: MotionState::start(plan),
             step: 0,
             changes: Vec::new(),
         });
@@ -277,19 +277,20 @@ impl Scenery<'_> {
         self.changes.clear();
         let first = rows[0].step;
         if first < self.step {
-            (self.state, self.step) = (MoverState::start(self.plan), 0);
+            (self.state, self.step) = (MotionState::start(self.plan), 0);
         }
         while self.step < first {
             self.state.step(self.plan, |_, _| ());
             self.step += 1;
         }
-        self.stage.set(&self.state);
+        self.stage.set_state(&self.state);
         for (before, row) in rows.iter().enumerate() {
             // Rows that go back within a block see the scene as the one before them.
             while self.step < row.step {
                 let changes = &mut self.changes;
-                self.state
-                    .step(self.plan, |part, place| changes.push(Change { before, part, place: *place }));
+                self.state.step(self.plan, |object, transform| {
+                    changes.push(ObjectUpdate { first_pulse: before, object, transform: *transform })
+                });
                 self.step += 1;
             }
         }

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
 use crate::output::{Encoded, OutputPlan};
 use crate::pulse::{Batch, Physics, Shooter};
-use crate::scene::{Change, Movers, Stage};
+use crate::scene::{DynamicScene, MotionPlan, ObjectUpdate};
 use crate::schedule::Outcome;
 use crate::tree::BuildOptions;
 
@@ -55,9 +55,9 @@ pub struct Worker<'a> {
 
 /// What moves in the scene.
 struct Scenery<'a> {
-    plan: &'a Movers,
-    stage: Stage<'a>,
-    changes: Vec<Change>,
+    plan: &'a MotionPlan,
+    stage: DynamicScene<'a>,
+    changes: Vec<ObjectUpdate>,
 }
 
 /// Keeps what the replayed steps yield.
@@ -81,13 +81,13 @@ impl<'a> Worker<'a> {
     pub fn new(
         flight: &'a FlightPlan,
         physics: &'a Physics<'a>,
-        movers: Option<(&'a Movers, &'a BuildOptions)>,
+        movers: Option<(&'a MotionPlan, &'a BuildOptions)>,
         output: &'a OutputPlan,
         target: AimTarget,
     ) -> Worker<'a> {
         let scenery = movers.map(|(plan, trees)| Scenery {
             plan,
-            stage: Stage::new(plan, trees.clone()),
+            stage: DynamicScene::new(plan, trees.clone()),
             changes: Vec::new(),
         });
         Worker {
@@ -130,12 +130,14 @@ impl<'a> Worker<'a> {
         let (Some(s), Some(mut movers)) = (&mut self.scenery, movers) else {
             return (0..steps).try_for_each(|_| state.step(self.flight, &mut replay).map(drop));
         };
-        s.stage.set(&movers);
+        s.stage.set_state(&movers);
         s.changes.clear();
         for _ in 0..steps {
             state.step(self.flight, &mut replay)?;
             let before = replay.pulses.len();
-            movers.step(s.plan, |part, place| s.changes.push(Change { before, part, place: *place }));
+            movers.step(s.plan, |object, transform| {
+                s.changes.push(ObjectUpdate { first_pulse: before, object, transform: *transform })
+            });
         }
         Ok(())
     }

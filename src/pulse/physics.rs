@@ -19,7 +19,7 @@ use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3};
 use crate::pulse::Batch;
 use crate::rng::{self, Purpose, Stream};
-use crate::scene::{Actor, Change, Scene, Stage};
+use crate::scene::{DynamicObject, DynamicScene, ObjectUpdate, Scene};
 use crate::survey::Survey;
 use crate::tree::{Geometry, Hits, Level, RayGroup, Tree};
 use crate::{Error, Result};
@@ -100,7 +100,7 @@ fn limits(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
     let (b, g) = (scene.bounds, &scene.geometry);
     let within = |p: DVec3, half: f64| (p - half).cmpge(b.min).all() && (p + half).cmple(b.max).all();
     let all = g.vertices.iter().all(|v| within(*v, 0.0)) && g.cubes.iter().all(|c| within(c.centre, c.half));
-    let may_leave = !all || !scene.movers.is_empty();
+    let may_leave = !all || !scene.moving_parts.is_empty();
     (!o.corrections.unbounded_scene && may_leave).then_some(b)
 }
 
@@ -249,8 +249,8 @@ impl Shooter<'_> {
         &mut self,
         leg: u32,
         pulses: &[Pulse],
-        stage: &mut Stage,
-        changes: &[Change],
+        stage: &mut DynamicScene,
+        changes: &[ObjectUpdate],
         batch: &mut Batch,
     ) -> Result<()> {
         let (mut fired, mut changes) = (0, changes.iter().peekable());
@@ -259,11 +259,12 @@ impl Shooter<'_> {
             self.trace();
             let mut done = 0;
             while done < volley.len() {
-                while let Some(change) = changes.next_if(|c| c.before <= fired + done) {
-                    stage.change(change);
+                while let Some(change) = changes.next_if(|c| c.first_pulse <= fired + done) {
+                    stage.apply(change);
                 }
-                let until = changes.peek().map_or(volley.len(), |c| (c.before - fired).min(volley.len()));
-                let moving = stage.show();
+                let until =
+                    changes.peek().map_or(volley.len(), |c| (c.first_pulse - fired).min(volley.len()));
+                let moving = stage.rebuild_moved();
                 self.trace_moving(moving, volley, done..until);
                 self.receive(leg, volley, done..until, moving, batch)?;
                 done = until;
@@ -343,7 +344,7 @@ impl Shooter<'_> {
     }
 
     /// Lets some of the pulses hit moving parts where these are nearer than what stands still.
-    fn trace_moving(&mut self, moving: &[Actor], pulses: &[Pulse], some: Range<usize>) {
+    fn trace_moving(&mut self, moving: &[DynamicObject], pulses: &[Pulse], some: Range<usize>) {
         let Shooter { physics, volleys, apart, places, .. } = self;
         let scene = physics.view.scene;
         for (device, volley) in volleys.iter_mut().enumerate() {
@@ -361,7 +362,7 @@ impl Shooter<'_> {
             for actor in moving {
                 apart.trace(&actor.tree, &actor.scene.geometry);
                 let first = rows.start * apart.rays.stride();
-                let (number, order) = (|i| actor.global(i), |i| scene.number_when_stored(i));
+                let (number, order) = (|i| actor.to_scene_index(i), |i| scene.number_when_stored(i));
                 volley.hits.take_nearer(first, &apart.hits, number, order);
             }
         }
@@ -373,7 +374,7 @@ impl Shooter<'_> {
         leg: u32,
         pulses: &[Pulse],
         some: Range<usize>,
-        moving: &[Actor],
+        moving: &[DynamicObject],
         batch: &mut Batch,
     ) -> Result<()> {
         self.receiver.probe.facets.forget_moving();
@@ -452,7 +453,7 @@ struct Arrived<'a> {
     pulses: &'a [Pulse],
     /// Where they stand among those that were aimed together.
     places: Range<usize>,
-    moving: &'a [Actor],
+    moving: &'a [DynamicObject],
 }
 
 /// The pattern of subrays that a pulse has.

@@ -9,7 +9,7 @@ use super::options::Corrections;
 use super::reflections::{Lanes, Reflections};
 use super::sight::{Shot, Sight};
 use crate::geom::{Aabb, DVec3, unit};
-use crate::scene::{Actor, Material, Scene, Voxel};
+use crate::scene::{DynamicObject, Material, Scene, Voxel};
 use crate::tree::{Hit, Hits, Tree};
 
 /// How far behind a surface a ray goes on, m.
@@ -25,7 +25,7 @@ pub(super) struct View<'a> {
     /// Finds what is hit of it, other than the moving parts.
     pub tree: &'a Tree,
     /// The moving parts where they are seen now.
-    pub moving: &'a [Actor],
+    pub moving: &'a [DynamicObject],
     /// The scene's box, outside of which nothing is visible; `None` when nothing lies outside, or may be seen there.
     pub limits: Option<Aabb>,
     /// All surfaces face the beam.
@@ -206,7 +206,7 @@ impl<'a> View<'a> {
             return Vec::new();
         }
         let moving = self.moving.iter().flat_map(|a| {
-            around(&a.scene, &a.tree).into_iter().map(|voxel| a.global(voxel)).collect::<Vec<_>>()
+            around(&a.scene, &a.tree).into_iter().map(|voxel| a.to_scene_index(voxel)).collect::<Vec<_>>()
         });
         around(self.scene, self.tree).into_iter().chain(moving).collect()
     }
@@ -214,13 +214,13 @@ impl<'a> View<'a> {
     /// The scene that shows primitive `i` where it is now, and its number there.
     #[inline]
     pub fn shown(&self, i: u32) -> (&'a Scene, u32) {
-        let moving = self.moving.iter().find_map(|a| Some((&a.scene, a.local(i)?)));
+        let moving = self.moving.iter().find_map(|a| Some((&a.scene, a.to_object_index(i)?)));
         moving.unwrap_or((self.scene, i))
     }
 
     /// Whether primitive `i` belongs to a moving part.
     pub fn moves(&self, i: u32) -> bool {
-        self.moving.iter().any(|a| a.local(i).is_some())
+        self.moving.iter().any(|a| a.to_object_index(i).is_some())
     }
 
     /// Follows a subray from what it met first to what reflects it (§2.7), or `None`.
@@ -299,9 +299,9 @@ impl<'a> View<'a> {
     ) -> Encounter {
         let hit = self.tree.nearest_where(&self.scene.geometry, from, direction, &accept);
         let nearest = self.moving.iter().fold(hit, |best, actor| {
-            let accept = |i| accept(actor.global(i));
+            let accept = |i| accept(actor.to_scene_index(i));
             let hit = actor.tree.nearest_where(&actor.scene.geometry, from, direction, accept);
-            nearer(best, hit.map(|h| Hit { primitive: actor.global(h.primitive), ..h }))
+            nearer(best, hit.map(|h| Hit { primitive: actor.to_scene_index(h.primitive), ..h }))
         });
         let Some(hit) = nearest else {
             return Encounter {

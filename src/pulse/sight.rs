@@ -42,7 +42,7 @@ impl<'a> Shot<'a> {
             let primitive = *primitive as usize;
             if let Some(triangle) = scene.geometry.triangles.get(primitive) {
                 prefetch(triangle);
-                scene.surface_of.prefetch(primitive);
+                scene.surface_ids.prefetch(primitive);
             }
         }
     }

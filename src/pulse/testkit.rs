@@ -148,7 +148,7 @@ pub fn rectangles(material: Material, of: &[[DVec3; 3]]) -> Scene {
         geometry.vertices.extend([*corner, *corner + *e1, *corner + *e1 + *e2, *corner + *e2]);
         geometry.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         scene.surfaces.push(Surface { part, material: 0 });
-        scene.surface_of.extend([part, part]);
+        scene.surface_ids.extend([part, part]);
         scene.parts.push(Part { id: (part + 1).to_string(), lad: None });
     }
     scene.materials.push(material);
@@ -173,7 +173,7 @@ pub fn foliage(cubes: &[(f64, f64, VoxelKind)], lad: Option<LadTable>) -> Scene 
     for (y, density, kind) in cubes {
         scene.geometry.cubes.push(Cube { centre: first + DVec3::new(0.0, y + 0.5, 0.0), half: 0.5 });
         scene.voxels.push(Voxel::of_plants(*density, *kind));
-        scene.surface_of.push(scene.surfaces.len() as u32 - 1);
+        scene.surface_ids.push(scene.surfaces.len() as u32 - 1);
     }
     scene.bounds = scene.geometry.bounds();
     scene

@@ -4,7 +4,7 @@ use super::instances::Stock;
 use super::library::Library;
 use super::load::LoadOptions;
 use super::voxel::Voxel;
-use super::{MaterialRules, Mover, Part, Surface};
+use super::{MaterialRules, MovingPart, Part, Surface};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
@@ -38,7 +38,7 @@ pub(super) struct Assembly<'a> {
     /// Parts that hold at least one primitive.
     pub parts: Vec<Part>,
     /// Those of them that move.
-    pub movers: Vec<Mover>,
+    pub moving_parts: Vec<MovingPart>,
     /// Materials.
     pub library: Library,
     /// Meshes that are shared by parts.
@@ -89,7 +89,7 @@ impl<'a> Assembly<'a> {
             cube_surfaces: Vec::new(),
             surfaces: Vec::new(),
             parts: Vec::new(),
-            movers: Vec::new(),
+            moving_parts: Vec::new(),
             library,
             stock: Stock::default(),
             sources: Vec::new(),

@@ -4,7 +4,7 @@
 use super::assembly::{Assembly, FARTHEST, MOST_NUMBERS};
 use super::ground;
 use super::library::Names;
-use super::{Surface, load, play};
+use super::{Surface, epoch, load};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use crate::store::Store;
@@ -31,7 +31,7 @@ const MUCH: u64 = 64 << 20;
 
 /// The instances of a scene.
 #[derive(Clone, Debug, Default)]
-pub struct Placed {
+pub struct InstanceSet {
     /// Meshes and places.
     pub instances: Arc<Instances>,
     /// The material of each triangle of each model.
@@ -40,7 +40,7 @@ pub struct Placed {
     pub parts: Vec<u32>,
 }
 
-impl Placed {
+impl InstanceSet {
     /// What triangle `i` belongs to and is made of; `None` for a primitive that is stored.
     pub fn surface(&self, i: u32) -> Option<Surface> {
         let (instance, triangle) = self.instances.locate(i)?;
@@ -75,10 +75,10 @@ pub(super) struct Stock {
 }
 
 impl Stock {
-    /// Finds the files that are to be shared in a play.
-    pub fn plan(&mut self, recipe: &SceneRecipe, play: u32, sharing: Sharing) {
+    /// Finds the files that are to be shared in an epoch.
+    pub fn plan(&mut self, recipe: &SceneRecipe, epoch: u32, sharing: Sharing) {
         let mut users: HashMap<Key, u64> = HashMap::new();
-        let parts = recipe.parts.iter().filter_map(|part| play::state(part, play));
+        let parts = recipe.parts.iter().filter_map(|part| epoch::part_in_epoch(part, epoch));
         for key in parts.filter_map(|part| key_of(&part)) {
             *users.entry(key).or_default() += 1;
         }
@@ -169,7 +169,7 @@ fn read_model(scene: &mut Assembly, part: &PartRecipe, file: &Path) -> Result<u3
 }
 
 /// Numbers the instances on from the scene's own primitives, in a frame moved by `shift`; `None` when there are none.
-pub(super) fn freeze(stock: Stock, own: usize) -> Result<Option<Placed>> {
+pub(super) fn freeze(stock: Stock, own: usize) -> Result<Option<InstanceSet>> {
     if stock.places.is_empty() {
         return Ok(None);
     }
@@ -182,7 +182,7 @@ pub(super) fn freeze(stock: Stock, own: usize) -> Result<Option<Placed>> {
             MOST_NUMBERS
         )));
     };
-    Ok(Some(Placed {
+    Ok(Some(InstanceSet {
         instances: Arc::new(instances),
         materials: stock.materials.into_iter().map(Store::from).collect(),
         parts: stock.parts,

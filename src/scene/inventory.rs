@@ -49,7 +49,7 @@ impl Inventory {
             of_material: vec![0; scene.materials.len()],
             ..Inventory::default()
         };
-        for surface in scene.surface_of.iter() {
+        for surface in scene.surface_ids.iter() {
             let Surface { part, material } = scene.surfaces[surface as usize];
             all.of_part[part as usize] += 1;
             all.of_material[material as usize] += 1;
@@ -58,20 +58,20 @@ impl Inventory {
         let cubes = scene.geometry.cubes.iter();
         all.duplicate_cubes =
             repeated(cubes.map(|c| bits(&[c.centre.x, c.centre.y, c.centre.z, c.half])).collect());
-        let Some(placed) = &scene.placed else { return all };
-        all.instanced_triangles = u64::from(placed.instances.triangles());
-        all.instances = placed.instances.all.len() as u64;
-        all.models = placed.instances.models.len() as u64;
-        let mut uses = vec![0u64; placed.materials.len()];
-        for (instance, &part) in placed.instances.all.iter().zip(&placed.parts) {
+        let Some(set) = &scene.instances else { return all };
+        all.instanced_triangles = u64::from(set.instances.triangles());
+        all.instances = set.instances.all.len() as u64;
+        all.models = set.instances.models.len() as u64;
+        let mut uses = vec![0u64; set.materials.len()];
+        for (instance, &part) in set.instances.all.iter().zip(&set.parts) {
             uses[instance.model as usize] += 1;
-            all.of_part[part as usize] += placed.materials[instance.model as usize].len() as u64;
+            all.of_part[part as usize] += set.materials[instance.model as usize].len() as u64;
         }
-        for (materials, uses) in placed.materials.iter().zip(uses) {
+        for (materials, uses) in set.materials.iter().zip(uses) {
             materials.iter().for_each(|&m| all.of_material[m as usize] += uses);
         }
-        placed.instances.models.iter().for_each(|m| all.add_faults(&m.geometry));
-        let places = placed.instances.all.iter().map(|i| {
+        set.instances.models.iter().for_each(|m| all.add_faults(&m.geometry));
+        let places = set.instances.all.iter().map(|i| {
             let (p, r) = (i.placement, i.placement.rotation);
             let map = [r.w, r.u.x, r.u.y, r.u.z, p.scale, p.offset.x, p.offset.y, p.offset.z, p.raise];
             (i.model, bits(&map))

@@ -2,13 +2,13 @@
 //! stand on the ground, move the whole to its centre.
 
 use super::assembly::{Assembly, Extent, FARTHEST, PartSource};
+use super::epoch::{self, SceneFrame};
 use super::ground::{self, Body, PlacedPart};
 use super::instances::{self, Sharing};
 use super::library::{Library, Names};
-use super::play::{self, Stand};
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{LadTable, MaterialRules, Mover, Pack, Part, Scene, geotiff, obj, place, vox, xyz};
+use super::{LadTable, MaterialRules, MovingPart, Pack, Part, Scene, geotiff, obj, place, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, UpAxis, VoxelMode};
@@ -53,46 +53,46 @@ impl Default for LoadOptions {
 /// Loads, places, shifts and freezes a scene. The warnings come with it; all problems of all files are collected before
 /// an error ends the run. The result does not depend on the number of threads. Moving parts stand where they do at first.
 pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
-    load_play(recipe, options, 0, None)
+    load_epoch(recipe, options, 0, None)
 }
 
-/// Like [`load`], in the state of play number `play`, from 0. Later plays share the frame of the `first`. Parts have the
-/// same numbers in all plays: a swapped part keeps its number, and its one id, also while it is absent.
-pub fn load_play(
+/// Like [`load`], of the given epoch, counted from 0. Later epochs share the frame of the `first`. Parts have the
+/// same numbers in all epochs: a swapped part keeps its number, and its one id, also while it is absent.
+pub fn load_epoch(
     recipe: &SceneRecipe,
     options: &LoadOptions,
-    play: u32,
-    first: Option<Stand>,
+    epoch: u32,
+    first: Option<SceneFrame>,
 ) -> Result<(Scene, Diagnostics)> {
     if let Some(path) = &recipe.packed {
-        return Ok((Pack::open(path)?.scene(options, play)?, Diagnostics::default()));
+        return Ok((Pack::open(path)?.scene(options, epoch)?, Diagnostics::default()));
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.jobs)
         .build()
         .map_err(|e| Error::Internal(format!("cannot start the threads that load the scene: {e}")))?;
-    pool.install(|| load_state(recipe, options, play, first))
+    pool.install(|| load_state(recipe, options, epoch, first))
 }
 
 fn load_state(
     recipe: &SceneRecipe,
     options: &LoadOptions,
-    play: u32,
-    first: Option<Stand>,
+    epoch: u32,
+    first: Option<SceneFrame>,
 ) -> Result<(Scene, Diagnostics)> {
     let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
     let library = Library::new(spectra, options.rules, options.seed);
     let mut scene = Assembly::new(options, library);
-    scene.stock.plan(recipe, play, options.sharing);
+    scene.stock.plan(recipe, epoch, options.sharing);
     let mut placed = Vec::new();
     let mut ids = Ids::default();
     for part in &recipe.parts {
-        match play::state(part, play) {
+        match epoch::part_in_epoch(part, epoch) {
             Some(part) => load_part(&mut scene, &part, &mut ids, &mut placed)?,
             None => scene.parts.push(Part { id: ids.one_of(part), lad: None }),
         }
     }
-    if placed.is_empty() && play == 0 && !scene.diagnostics.is_fatal(false) {
+    if placed.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
         scene
             .diagnostics
             .error(None, format!("scene \"{}\" of {} is empty", recipe.id, recipe.path.display()));
@@ -103,7 +103,7 @@ fn load_state(
         scene.library.doubts.report(&mut scene.diagnostics);
     }
     ground::settle(&mut scene, &placed);
-    let (scene, warnings) = freeze(scene, first, play::keeps_frame(recipe))?;
+    let (scene, warnings) = freeze(scene, first, epoch::keeps_frame(recipe))?;
     Ok((Scene { dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
 }
 
@@ -166,7 +166,7 @@ fn load_part(
         if let Body::Stored(extent) = &body
             && !part.motions.is_empty()
         {
-            scene.movers.push(Mover {
+            scene.moving_parts.push(MovingPart {
                 part: scene.parts.len() as u32,
                 vertices: extent.vertices.clone(),
                 triangles: extent.triangles.clone(),
@@ -299,7 +299,7 @@ fn check_coordinates(scene: &mut Assembly, id: &str, body: &Body, place: Option<
     }
 }
 
-fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Scene, Diagnostics)> {
+fn freeze(scene: Assembly, first: Option<SceneFrame>, keep_frame: bool) -> Result<(Scene, Diagnostics)> {
     let Assembly {
         mut geometry,
         mut voxels,
@@ -307,7 +307,7 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Sc
         cube_surfaces,
         surfaces,
         parts,
-        movers,
+        moving_parts,
         library,
         stock,
         diagnostics,
@@ -315,44 +315,44 @@ fn freeze(scene: Assembly, first: Option<Stand>, keep_frame: bool) -> Result<(Sc
         leaf_tables,
         ..
     } = scene;
-    let mut placed = instances::freeze(stock, geometry.len())?;
+    let mut instance_set = instances::freeze(stock, geometry.len())?;
     let all =
         Extent { vertices: 0..geometry.vertices.len(), triangles: 0..0, cubes: 0..geometry.cubes.len() };
     let own = ground::bounds(&geometry, &all);
-    let world = placed.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
-    let shift = first.map_or_else(|| world.centre(), |first| first.shift());
+    let world = instance_set.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
+    let shift = first.map_or_else(|| world.centre(), |first| first.shift);
     geometry.vertices.par_iter_mut().for_each(|v| *v -= shift);
     geometry.cubes.par_iter_mut().for_each(|c| c.centre -= shift);
-    if let Some(instances) = placed.as_mut().and_then(|p| Arc::get_mut(&mut p.instances)) {
+    if let Some(instances) = instance_set.as_mut().and_then(|p| Arc::get_mut(&mut p.instances)) {
         instances.shift = shift;
     }
     geometry.vertices.to_mut().shrink_to_fit();
     geometry.triangles.to_mut().shrink_to_fit();
     geometry.cubes.to_mut().shrink_to_fit();
     voxels.shrink_to_fit();
-    let mut surface_of = triangle_surfaces;
-    surface_of.extend(cube_surfaces);
+    let mut surface_ids = triangle_surfaces;
+    surface_ids.extend(cube_surfaces);
     let own = ground::bounds(&geometry, &all);
-    let found = placed.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
+    let found = instance_set.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
     let bounds = first.map_or(found, |first| first.bounds(found, keep_frame));
     let ruled = library.ruled.or(leaf_tables);
     sources.extend(library.files());
     sources.sort();
     sources.dedup();
     let materials = library.materials;
-    let surface_of = surface_of.into();
+    let surface_ids = surface_ids.into();
     let voxels = voxels.into();
     let scene = Scene {
         shift,
         bounds,
         geometry,
-        surface_of,
+        surface_ids,
         surfaces,
         parts,
         materials,
         voxels,
-        movers,
-        placed,
+        moving_parts,
+        instances: instance_set,
         ruled,
         sources,
         ..Scene::default()

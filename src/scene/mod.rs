@@ -5,12 +5,12 @@
 //!                          └ mtl, spectra ─► library (materials at the scanner's wavelength)
 //! ```
 //!
-//! A scene never changes. What moves is told by a plan and a state beside it (`motion`), and swapped parts give every play
-//! a scene of its own (`play`):
+//! A scene never changes. What moves is told by a plan and a state beside it (`motion`), and swapped parts give every epoch
+//! a scene of its own (`epoch`):
 //!
 //! ```text
-//! SceneRecipe, Scene ─► Movers, MoverState ─► Stage: moving parts where rays see them
-//! SceneRecipe ─ load_play(0, 1, …) ─► a Scene per play
+//! SceneRecipe, Scene ─► MotionPlan, MotionState ─► DynamicScene: moving parts where rays see them
+//! SceneRecipe ─ load_epoch(0, 1, …) ─► a Scene per epoch
 //! ```
 
 mod assembly;
@@ -24,7 +24,8 @@ mod inventory;
 mod lad;
 mod library;
 mod load;
-pub mod make;
+
+mod epoch;
 mod material;
 mod model;
 mod motion;
@@ -34,10 +35,9 @@ mod obj;
 mod pack;
 mod place;
 mod plane;
-mod play;
 mod rules;
 mod spectra;
-mod surface_of;
+mod surface_ids;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -45,16 +45,16 @@ mod vox;
 mod voxel;
 mod xyz;
 
+pub use epoch::{SceneFrame, count_epochs};
 pub use geotiff::{RasterNeed, raster_needs};
-pub use instances::{Placed, Sharing};
+pub use instances::{InstanceSet, Sharing};
 pub use inventory::Inventory;
 pub use lad::LadTable;
-pub use load::{LoadOptions, load, load_play};
+pub use load::{LoadOptions, load, load_epoch};
 pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
-pub use model::{Mover, Part, ReadyTree, Scene, Surface};
-pub use motion::{Actor, Change, MoverState, Movers, Stage};
+pub use model::{MovingPart, Part, ReadyTree, Scene, Surface};
+pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate};
 pub use pack::{Conditions, Pack, Packed, pack};
-pub use play::{Stand, plays};
 pub use rules::MaterialRules;
-pub use surface_of::SurfaceOf;
+pub use surface_ids::SurfaceIds;
 pub use voxel::{Voxel, VoxelKind};

@@ -1,6 +1,6 @@
 //! The frozen scene that workers share.
 
-use super::{LadTable, Material, MaterialRules, Placed, SurfaceOf, Voxel};
+use super::{InstanceSet, LadTable, Material, MaterialRules, SurfaceIds, Voxel};
 use crate::geom::{Aabb, DVec3};
 use crate::store::Store;
 use crate::survey::{MotionSequence, MotionTiming};
@@ -20,7 +20,7 @@ pub struct Scene {
     /// Primitives, local frame.
     pub geometry: Geometry,
     /// For each primitive its index in `surfaces`.
-    pub surface_of: SurfaceOf,
+    pub surface_ids: SurfaceIds,
     /// Distinct (part, material) pairs.
     pub surfaces: Vec<Surface>,
     /// Parts in document order.
@@ -30,10 +30,10 @@ pub struct Scene {
     /// Attributes of the cubes, parallel to `geometry.cubes`.
     pub voxels: Store<Voxel>,
     /// Parts that move, in document order; everything above shows them where they stand at first.
-    pub movers: Vec<Mover>,
+    pub moving_parts: Vec<MovingPart>,
     /// Instances of shared meshes, if there are any: their triangles are numbered on from the primitives of `geometry`.
     /// Moving parts are never among them.
-    pub placed: Option<Placed>,
+    pub instances: Option<InstanceSet>,
     /// Simulation steps from one update of the moving parts to the next.
     pub dyn_step: u32,
     /// The same in seconds; overrides all steps.
@@ -55,9 +55,9 @@ pub struct ReadyTree {
     pub tree: Tree,
 }
 
-/// A part that moves during the survey, see [`Movers`](super::Movers).
+/// A part that moves during the survey, see [`MotionPlan`](super::MotionPlan).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mover {
+pub struct MovingPart {
     /// Index in [`Scene::parts`].
     pub part: u32,
     /// Its vertices, which no other part uses.
@@ -103,33 +103,33 @@ impl Scene {
             return ready.tree.clone();
         }
         let tree = Tree::build_of(&self.geometry, options, |i| self.is_still(i));
-        match &self.placed {
-            Some(placed) => tree.with_instances(&placed.instances, options),
+        match &self.instances {
+            Some(set) => tree.with_instances(&set.instances, options),
             None => tree,
         }
     }
 
     /// About how many bytes [`Scene::tree`] takes, see [`Tree::forecast`]; models of instances have a tree each.
     pub fn tree_forecast(&self, builder: Builder) -> u64 {
-        let placed = self.placed.as_ref().map_or(0, |p| {
+        let set = self.instances.as_ref().map_or(0, |p| {
             let models = p.instances.models.iter().map(|m| m.geometry.len() as u64).sum::<u64>();
             Tree::forecast(models, builder) + Tree::forecast(p.instances.all.len() as u64, Builder::Bvh)
         });
         match &self.ready {
             Some(_) => 0,
-            None => Tree::forecast(self.geometry.len() as u64, builder).saturating_add(placed),
+            None => Tree::forecast(self.geometry.len() as u64, builder).saturating_add(set),
         }
     }
 
     /// Number of primitives, those of instances included.
     pub fn primitives(&self) -> usize {
-        self.geometry.len() + self.placed.as_ref().map_or(0, |p| p.instances.triangles() as usize)
+        self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
     }
 
     /// What primitive `i` belongs to and is made of. Panics if there is no such primitive.
     #[inline]
     pub fn surface(&self, i: u32) -> Surface {
-        match self.surface_of.get(i as usize) {
+        match self.surface_ids.get(i as usize) {
             Some(surface) => self.surfaces[surface as usize],
             None => self.surface_of_instance(i),
         }
@@ -137,7 +137,7 @@ impl Scene {
 
     #[cold]
     fn surface_of_instance(&self, i: u32) -> Surface {
-        let surface = self.placed.as_ref().and_then(|p| p.surface(i));
+        let surface = self.instances.as_ref().and_then(|p| p.surface(i));
         surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives()))
     }
 
@@ -147,14 +147,14 @@ impl Scene {
         if (i as usize) < self.geometry.triangles.len() {
             return Some(self.geometry.triangle(i as usize));
         }
-        self.placed.as_ref().and_then(|p| p.instances.triangle(i))
+        self.instances.as_ref().and_then(|p| p.instances.triangle(i))
     }
 
     /// The number that primitive `i` has in the same scene without instances, where parts are numbered in their order,
     /// cubes last.
     pub fn number_when_stored(&self, i: u32) -> u32 {
         let own = self.geometry.triangles.len();
-        self.placed.as_ref().map_or(i, |p| p.instances.number_when_stored(i, own))
+        self.instances.as_ref().map_or(i, |p| p.instances.number_when_stored(i, own))
     }
 
     /// The material of primitive `i`.
@@ -185,7 +185,7 @@ impl Scene {
     /// Whether primitive `i` stays where it is.
     pub fn is_still(&self, i: u32) -> bool {
         let (i, triangles) = (i as usize, self.geometry.triangles.len());
-        !self.movers.iter().any(|m| match i.checked_sub(triangles) {
+        !self.moving_parts.iter().any(|m| match i.checked_sub(triangles) {
             None => m.triangles.contains(&i),
             Some(cube) => m.cubes.contains(&cube),
         })
@@ -197,12 +197,12 @@ impl Scene {
             + self.parts.iter().map(|p| p.id.capacity()).sum::<usize>();
         size_of::<Scene>()
             + names
-            + self.placed.as_ref().map_or(0, Placed::memory)
+            + self.instances.as_ref().map_or(0, InstanceSet::memory)
             + self.geometry.vertices.memory()
             + self.geometry.triangles.memory()
             + self.geometry.cubes.memory()
             + self.voxels.memory()
-            + self.surface_of.memory()
+            + self.surface_ids.memory()
             + self.surfaces.capacity() * size_of::<Surface>()
             + self.parts.capacity() * size_of::<Part>()
             + self.materials.capacity() * size_of::<Material>()
@@ -214,7 +214,7 @@ impl Scene {
         let is_ground_material: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
         let is_ground: Vec<bool> =
             self.surfaces.iter().map(|s| is_ground_material[s.material as usize]).collect();
-        let ground = |i: usize| self.surface_of.get(i).is_some_and(|s| is_ground[s as usize]);
+        let ground = |i: usize| self.surface_ids.get(i).is_some_and(|s| is_ground[s as usize]);
         let count = self.geometry.triangles.len();
         // What is hit from below, and the height that counts then.
         let triangles = (0..count).filter(|&i| ground(i)).filter_map(|i| {
@@ -237,16 +237,16 @@ impl Scene {
 impl Scene {
     /// Heights of the triangles of instances over (x, y) whose material is one of `wanted`.
     fn instances_over(&self, wanted: &[bool], x: f64, y: f64) -> impl Iterator<Item = f64> {
-        self.placed.iter().flat_map(move |placed| {
+        self.instances.iter().flat_map(move |set| {
             let has_wanted: Vec<bool> =
-                placed.materials.iter().map(|of| of.iter().any(|&m| wanted[m as usize])).collect();
-            let instances = &placed.instances;
+                set.materials.iter().map(|of| of.iter().any(|&m| wanted[m as usize])).collect();
+            let instances = &set.instances;
             let below = instances.all.iter().filter(move |i| has_wanted[i.model as usize]).filter(move |i| {
                 let b = instances.bounds_of(i);
                 (b.min.x..=b.max.x).contains(&x) && (b.min.y..=b.max.y).contains(&y)
             });
             below.flat_map(move |instance| {
-                let materials = placed.materials[instance.model as usize].iter().enumerate();
+                let materials = set.materials[instance.model as usize].iter().enumerate();
                 materials
                     .filter(|(_, m)| wanted[**m as usize])
                     .filter_map(move |(k, _)| height_in_triangle(instances.corners(instance, k), x, y))
@@ -282,7 +282,7 @@ mod tests {
                 triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [8, 9, 10]].into(),
                 cubes: vec![Cube { centre: DVec3::new(6.0, 1.0, 0.0), half: 0.5 }].into(),
             },
-            surface_of: vec![0, 0, 0, 1, 0].into(),
+            surface_ids: vec![0, 0, 0, 1, 0].into(),
             surfaces: vec![Surface { part: 0, material: 0 }, Surface { part: 0, material: 1 }],
             materials: vec![
                 Material { is_ground: true, ..Material::unnamed("soil", MaterialRules::default()) },

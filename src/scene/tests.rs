@@ -1,7 +1,7 @@
 //! Whole scenes: parts, ids, ground, shift, limits.
 
 use super::fixture::{Fixture, report};
-use super::{Scene, Stand, load_play};
+use super::{Scene, SceneFrame, load_epoch};
 use crate::geom::{Aabb, DVec3};
 use crate::survey::{Loader, MotionSequence, Swap, UpAxis};
 
@@ -71,25 +71,25 @@ fn parts_keep_their_numbers_and_ids_in_all_plays() {
     f.obj("a.obj", TRIANGLE);
     let swapped = f.file("wide.obj", "v 0 0 0\nv 30 0 0\nv 0 1 0\nv 0 2 0\nf 1 2 3\nf 1 2 4\n");
     let gate = f.obj("c.obj", TRIANGLE);
-    let swap = Swap { plays: 1, keep_crs: true, vanish: true, loader: None, scale: None, offset: None };
+    let swap = Swap { epochs: 1, keep_crs: true, vanish: true, loader: None, scale: None, offset: None };
     let wide = Loader::Obj { files: vec![swapped], up: UpAxis::Z };
     gate.swaps = vec![swap.clone(), Swap { vanish: false, loader: Some(wide), ..swap }];
     f.obj("e.obj", TRIANGLE);
     let first = f.scene();
-    let stand = Stand::of(&first);
-    for (play, triangles) in [(0, [1, 1, 1]), (1, [1, 0, 1]), (2, [1, 2, 1]), (3, [1, 2, 1])] {
-        let (scene, warnings) = load_play(&f.recipe(), &f.options, play, Some(stand)).unwrap();
+    let stand = SceneFrame::of(&first);
+    for (epoch, triangles) in [(0, [1, 1, 1]), (1, [1, 0, 1]), (2, [1, 2, 1]), (3, [1, 2, 1])] {
+        let (scene, warnings) = load_epoch(&f.recipe(), &f.options, epoch, Some(stand)).unwrap();
         assert!(warnings.items().is_empty());
         let ids: Vec<&str> = scene.parts.iter().map(|p| p.id.as_str()).collect();
         assert_eq!((ids, scene.shift), (vec!["0", "1", "2"], first.shift));
         let mut found = [0; 3];
         (0..scene.geometry.len() as u32).for_each(|i| found[scene.part_of(i) as usize] += 1);
-        assert_eq!(found, triangles, "play {play}");
-        let reach = if play < 2 { 0.5 } else { 29.5 };
+        assert_eq!(found, triangles, "epoch {epoch}");
+        let reach = if epoch < 2 { 0.5 } else { 29.5 };
         assert_eq!((scene.bounds.min.x, scene.bounds.max.x), (-reach, reach));
     }
     f.parts[1].swaps[1].keep_crs = false;
-    let (scene, _) = load_play(&f.recipe(), &f.options, 2, Some(stand)).unwrap();
+    let (scene, _) = load_epoch(&f.recipe(), &f.options, 2, Some(stand)).unwrap();
     assert_eq!((scene.bounds.min.x, scene.bounds.max.x), (-0.5, 29.5), "a box of its own");
 }
 
@@ -184,8 +184,8 @@ fn sharing_a_mesh_changes_nothing() {
         }
     }
     let [stored, shared] = both_ways(&mut f);
-    assert!(stored.placed.is_none() && shared.geometry.is_empty());
-    assert_eq!(shared.placed.as_ref().unwrap().instances.models.len(), 3);
+    assert!(stored.instances.is_none() && shared.geometry.is_empty());
+    assert_eq!(shared.instances.as_ref().unwrap().instances.models.len(), 3);
     assert_eq!((shared.shift, shared.bounds), (stored.shift, stored.bounds));
     assert_eq!(shared.parts, stored.parts);
     assert_eq!(shared.primitives(), stored.primitives());
@@ -224,14 +224,14 @@ fn instances_stay_instances_beside_parts_that_move_or_are_swapped() {
     }
     f.parts[1].motions =
         vec![MotionSequence { id: "m".to_owned(), loops: 0, next: None, motions: Vec::new() }];
-    let swap = Swap { plays: 1, keep_crs: true, vanish: true, loader: None, scale: None, offset: None };
+    let swap = Swap { epochs: 1, keep_crs: true, vanish: true, loader: None, scale: None, offset: None };
     f.parts[2].swaps = vec![swap];
     f.options.sharing = super::Sharing::Always;
     let first = f.scene();
-    for (play, expected) in [(0, vec![0, 2, 3]), (1, vec![0, 3])] {
-        let (scene, _) = load_play(&f.recipe(), &f.options, play, Some(Stand::of(&first))).unwrap();
-        assert_eq!(scene.placed.as_ref().unwrap().parts, expected, "play {play}");
-        let moving = &scene.movers[0];
+    for (epoch, expected) in [(0, vec![0, 2, 3]), (1, vec![0, 3])] {
+        let (scene, _) = load_epoch(&f.recipe(), &f.options, epoch, Some(SceneFrame::of(&first))).unwrap();
+        assert_eq!(scene.instances.as_ref().unwrap().parts, expected, "epoch {epoch}");
+        let moving = &scene.moving_parts[0];
         assert_eq!((moving.part, &moving.triangles, scene.geometry.triangles.len()), (1, &(0..1), 1));
     }
 }

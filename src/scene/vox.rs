@@ -366,7 +366,7 @@ mod tests {
         // spec pulse-physics §2.8 (f) with PAD/PAD_max = 1/4
         assert_eq!(scene.geometry.cubes.len(), 1, "a voxel without density has no size");
         assert!((scene.geometry.cubes[0].half - 0.125).abs() < 1e-15);
-        assert_eq!((scene.voxels.len(), scene.surface_of.len()), (1, 1));
+        assert_eq!((scene.voxels.len(), scene.surface_ids.len()), (1, 1));
         let (mut f, loader) = fixture(&text.replace("#max_pad:4.0", ""), VoxelMode::Scaled(0.5));
         assert_eq!(
             load(&mut f, loader).geometry.cubes[0].half,
@@ -417,7 +417,7 @@ mod tests {
             name: None,
         };
         let scene = load(&mut f, loader);
-        assert_eq!(scene.surface_of, vec![0, 1, 2, 0, 1, 2].into());
+        assert_eq!(scene.surface_ids, vec![0, 1, 2, 0, 1, 2].into());
         assert_ne!(scene.material_of(1).reflection, scene.material_of(2).reflection);
     }
 

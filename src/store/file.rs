@@ -7,11 +7,11 @@
 //! ```
 //!
 //! Opening checks the header and the table, which takes microseconds whatever the arrays hold: their sums would need all of
-//! them to be read, so that is done by [`Archive::verify`] only. What opening does find is every file of another kind,
+//! them to be read, so that is done by [`ArrayFile::verify`] only. What opening does find is every file of another kind,
 //! version or byte order, one that is cut short or has grown, and damage outside of the arrays.
 
 use super::Store;
-use super::words::{Cut, Reader, Words};
+use super::bytes::{ByteReader, ByteWriter, UnexpectedEnd};
 use crate::error::{Error, Result};
 use bytemuck::{AnyBitPattern, NoUninit};
 use memmap2::Mmap;
@@ -37,7 +37,7 @@ const HEADER: usize = 64;
 const ALIGNMENT: u64 = 64;
 
 /// A file that is being written. It stands under its name when it is complete; until then it is `NAME.part`.
-pub struct Writer {
+pub struct ArrayFileWriter {
     path: PathBuf,
     part: PathBuf,
     out: BufWriter<File>,
@@ -53,14 +53,14 @@ struct Entry {
     sum: u64,
 }
 
-impl Writer {
+impl ArrayFileWriter {
     /// Begins a file.
-    pub fn create(path: &Path) -> Result<Writer> {
+    pub fn create(path: &Path) -> Result<ArrayFileWriter> {
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
         let part = PathBuf::from(part);
         let file = File::create(&part).map_err(|e| Error::io("create", &part, e))?;
-        let mut writer = Writer {
+        let mut writer = ArrayFileWriter {
             path: path.to_path_buf(),
             part,
             out: BufWriter::with_capacity(1 << 20, file),
@@ -85,7 +85,7 @@ impl Writer {
 
     /// Completes the file. Returns its length.
     pub fn finish(mut self) -> Result<u64> {
-        let mut table = Words::default();
+        let mut table = ByteWriter::default();
         table.list(&self.table, |w, e| {
             w.text(&e.name);
             [e.bytes.start, e.bytes.end, e.element, e.sum].into_iter().for_each(|n| w.u64(n));
@@ -99,7 +99,7 @@ impl Writer {
             header.extend(number.to_ne_bytes());
         }
         header.extend(xxh3_64(&header).to_ne_bytes());
-        let Writer { path, part, mut out, at, .. } = self;
+        let ArrayFileWriter { path, part, mut out, at, .. } = self;
         let write = |out: &mut BufWriter<File>| {
             out.seek(SeekFrom::Start(0))?;
             out.write_all(&header)?;
@@ -120,7 +120,7 @@ impl Writer {
 
 /// An open file.
 #[derive(Debug)]
-pub struct Archive {
+pub struct ArrayFile {
     path: PathBuf,
     map: Arc<Mmap>,
     table: Vec<Entry>,
@@ -132,12 +132,12 @@ impl std::fmt::Debug for Entry {
     }
 }
 
-impl Archive {
+impl ArrayFile {
     /// Maps a file and checks everything but its arrays.
     ///
     /// # Errors
     /// [`Error::Input`] with the reason why the file cannot be used; [`Error::Io`] when it cannot be read.
-    pub fn open(path: &Path) -> Result<Archive> {
+    pub fn open(path: &Path) -> Result<ArrayFile> {
         let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
         let length = file.metadata().map_err(|e| Error::io("read", path, e))?.len();
         if length < HEADER as u64 {
@@ -146,7 +146,7 @@ impl Archive {
         // SAFETY: the mapping is read-only and private to this process; see `Store` for what it is trusted with.
         let map = unsafe { Mmap::map(&file) }.map_err(|e| Error::io("map", path, e))?;
         let table = read_table(&map).map_err(|reason| refuse(path, &reason))?;
-        Ok(Archive { path: path.to_path_buf(), map: Arc::new(map), table })
+        Ok(ArrayFile { path: path.to_path_buf(), map: Arc::new(map), table })
     }
 
     /// The file.
@@ -226,16 +226,16 @@ fn read_table(map: &[u8]) -> std::result::Result<Vec<Entry>, String> {
     }
     let range = start as usize..start.saturating_add(length) as usize;
     let bytes = map.get(range).filter(|b| xxh3_64(b) == sum).ok_or("its table is damaged")?;
-    let entry = |r: &mut Reader| {
+    let entry = |r: &mut ByteReader| {
         let name = r.text()?;
         let bytes = r.u64()?..r.u64()?;
         let (element, sum) = (r.u64()?, r.u64()?);
         if bytes.start > bytes.end || bytes.end > start {
-            return Err(Cut);
+            return Err(UnexpectedEnd);
         }
         Ok(Entry { name, bytes, element, sum })
     };
-    Reader(bytes).list(entry).map_err(|Cut| "its table is damaged".to_owned())
+    ByteReader(bytes).list(entry).map_err(|UnexpectedEnd| "its table is damaged".to_owned())
 }
 
 #[cfg(test)]
@@ -243,7 +243,7 @@ mod tests {
     use super::*;
 
     fn write(path: &Path) {
-        let mut w = Writer::create(path).unwrap();
+        let mut w = ArrayFileWriter::create(path).unwrap();
         w.array("letters", b"abc").unwrap();
         w.array("numbers", &[1.5f64, -2.5]).unwrap();
         w.array::<u32>("none", &[]).unwrap();
@@ -251,7 +251,7 @@ mod tests {
     }
 
     fn reason(path: &Path) -> String {
-        Archive::open(path).unwrap_err().to_string()
+        ArrayFile::open(path).unwrap_err().to_string()
     }
 
     #[test]
@@ -259,7 +259,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.vlscene");
         write(&path);
-        let archive = Archive::open(&path).unwrap();
+        let archive = ArrayFile::open(&path).unwrap();
         assert_eq!(archive.array::<f64>("numbers").unwrap(), [1.5, -2.5]);
         assert_eq!(archive.checked("letters").unwrap(), *b"abc");
         assert!(archive.array::<u32>("none").unwrap().is_empty());
@@ -294,7 +294,7 @@ mod tests {
         for at in 0..whole.len() {
             with(&|b| b[at] ^= 16);
             // Padding says nothing; anything else is found, in an array at the latest by its sum.
-            let found = Archive::open(&path).and_then(|a| a.verify());
+            let found = ArrayFile::open(&path).and_then(|a| a.verify());
             let is_padding = whole[at] == 0 && (56..whole.len() - 140).contains(&at);
             assert!(found.is_err() || is_padding, "a change of byte {at} is not found");
         }

@@ -4,12 +4,12 @@
 //! |---|---|
 //! | `array` | [`Store`]: a `Vec`, or a part of a mapped file, seen as a slice |
 //! | `file` | the container: named arrays behind a checked header and table |
-//! | `words` | small values, one after the other |
+//! | `bytes` | small values, one after the other |
 
 mod array;
+mod bytes;
 mod file;
-mod words;
 
 pub use array::Store;
-pub use file::{Archive, Writer};
-pub use words::{Cut, Reader, Words};
+pub use bytes::{ByteReader, ByteWriter, UnexpectedEnd};
+pub use file::{ArrayFile, ArrayFileWriter};

@@ -258,7 +258,7 @@ fn read_swaps(context: &Context, part: &Element, on_ground: i64) -> Vec<Swap> {
     let mut swaps = Vec::new();
     for element in part.named("swap") {
         let mut fields = Fields::new(context, &element);
-        let plays = fields.whole_within("swapStep", 1, 1..=u32::MAX);
+        let epochs = fields.whole_within("swapStep", 1, 1..=u32::MAX);
         keep_crs = fields.flag("keepCRS", keep_crs);
         let vanish = fields.text("force_null").is_some();
         if fields.has("swapIndices") {
@@ -279,7 +279,7 @@ fn read_swaps(context: &Context, part: &Element, on_ground: i64) -> Vec<Swap> {
         }
         on_ground = chain.on_ground.unwrap_or(on_ground);
         swaps.push(Swap {
-            plays,
+            epochs,
             keep_crs,
             vanish,
             scale: chain.scale,

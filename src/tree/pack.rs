@@ -10,26 +10,26 @@ use super::placed::Placed;
 use super::{Geometry, Tree};
 use crate::error::Result;
 use crate::geom::{Aabb, Rotation};
-use crate::store::{Archive, Cut, Reader, Words, Writer};
+use crate::store::{ArrayFile, ArrayFileWriter, ByteReader, ByteWriter, UnexpectedEnd};
 use std::sync::Arc;
 
 /// Why something cannot be read from a file.
 pub type Reason = String;
 
-fn cut(Cut: Cut) -> Reason {
+fn cut(UnexpectedEnd: UnexpectedEnd) -> Reason {
     "its contents end too early".to_owned()
 }
 
 impl Geometry {
     /// Writes the arrays under names that begin with `name`.
-    pub fn pack(&self, name: &str, out: &mut Writer) -> Result<()> {
+    pub fn pack(&self, name: &str, out: &mut ArrayFileWriter) -> Result<()> {
         out.array(format!("{name}.vertices"), &self.vertices)?;
         out.array(format!("{name}.triangles"), &self.triangles)?;
         out.array(format!("{name}.cubes"), &self.cubes)
     }
 
     /// The arrays of [`Geometry::pack`], mapped.
-    pub fn unpack(name: &str, file: &Archive) -> std::result::Result<Geometry, Reason> {
+    pub fn unpack(name: &str, file: &ArrayFile) -> std::result::Result<Geometry, Reason> {
         Ok(Geometry {
             vertices: file.array(&format!("{name}.vertices"))?,
             triangles: file.array(&format!("{name}.triangles"))?,
@@ -46,7 +46,7 @@ impl Geometry {
 
 impl Tree {
     /// Writes the tree without its instances: arrays to `out` under names that begin with `name`, the rest to `words`.
-    pub fn pack(&self, name: &str, out: &mut Writer, words: &mut Words) -> Result<()> {
+    pub fn pack(&self, name: &str, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
         words.vector(self.frame.origin);
         words.f64(self.frame.scale);
         self.bounds.as_flattened().iter().for_each(|x| words.f64(f64::from(*x)));
@@ -56,7 +56,7 @@ impl Tree {
             .for_each(|n| words.u64(n as u64));
         words.f64(s.root_area);
         words.f64(s.cost);
-        words.option(s.booked_cost, Words::f64);
+        words.option(s.booked_cost, ByteWriter::f64);
         words.flag(matches!(self.nodes, Nodes::Wide(_)));
         match &self.nodes {
             Nodes::Kd(nodes) => out.array(format!("{name}.nodes"), nodes)?,
@@ -66,7 +66,7 @@ impl Tree {
     }
 
     /// What [`Tree::pack`] wrote.
-    pub fn unpack(name: &str, file: &Archive, words: &mut Reader) -> std::result::Result<Tree, Reason> {
+    pub fn unpack(name: &str, file: &ArrayFile, words: &mut ByteReader) -> std::result::Result<Tree, Reason> {
         let mut head = || {
             let frame = Frame { origin: words.vector()?, scale: words.f64()? };
             let mut bounds = [[0.0f32; 3]; 2];
@@ -83,7 +83,7 @@ impl Tree {
                 min_leaf: words.size()?,
                 root_area: words.f64()?,
                 cost: words.f64()?,
-                booked_cost: words.option(Reader::f64)?,
+                booked_cost: words.option(ByteReader::f64)?,
             };
             Ok((frame, bounds, statistics, words.flag()?))
         };
@@ -98,7 +98,7 @@ impl Tree {
     }
 
     /// Writes the trees of the instances.
-    pub fn pack_instances(&self, out: &mut Writer, words: &mut Words) -> Result<()> {
+    pub fn pack_instances(&self, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
         let Some(placed) = &self.placed else { return Ok(()) };
         placed.top.pack("top", out, words)?;
         placed.models.iter().enumerate().try_for_each(|(i, m)| m.pack(&format!("model {i}"), out, words))
@@ -108,8 +108,8 @@ impl Tree {
     pub fn unpack_instances(
         mut self,
         instances: &Arc<Instances>,
-        file: &Archive,
-        words: &mut Reader,
+        file: &ArrayFile,
+        words: &mut ByteReader,
     ) -> std::result::Result<Tree, Reason> {
         let top = Tree::unpack("top", file, words)?;
         let models = (0..instances.models.len()).map(|i| Tree::unpack(&format!("model {i}"), file, words));
@@ -121,7 +121,7 @@ impl Tree {
 
 impl Instances {
     /// Writes models and places.
-    pub fn pack(&self, out: &mut Writer, words: &mut Words) -> Result<()> {
+    pub fn pack(&self, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
         words.vector(self.shift);
         words.u64(u64::from(self.first));
         words.list(&self.models, |w, m| {
@@ -142,7 +142,7 @@ impl Instances {
     }
 
     /// What [`Instances::pack`] wrote.
-    pub fn unpack(file: &Archive, words: &mut Reader) -> std::result::Result<Instances, Reason> {
+    pub fn unpack(file: &ArrayFile, words: &mut ByteReader) -> std::result::Result<Instances, Reason> {
         let mut head = || {
             let (shift, first) = (words.vector()?, words.u32()?);
             let models = words.list(|r| {
@@ -212,14 +212,14 @@ mod tests {
             let tree = Tree::build(&own, &options).with_instances(&instances, &options);
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("t.vlscene");
-            let (mut out, mut words) = (Writer::create(&path).unwrap(), Words::default());
+            let (mut out, mut words) = (ArrayFileWriter::create(&path).unwrap(), ByteWriter::default());
             own.pack("own", &mut out).unwrap();
             tree.pack("tree", &mut out, &mut words).unwrap();
             instances.pack(&mut out, &mut words).unwrap();
             tree.pack_instances(&mut out, &mut words).unwrap();
             out.finish().unwrap();
-            let file = Archive::open(&path).unwrap();
-            let mut reader = Reader(words.bytes());
+            let file = ArrayFile::open(&path).unwrap();
+            let mut reader = ByteReader(words.bytes());
             let again = Geometry::unpack("own", &file).unwrap();
             assert!(again.is_sound());
             let mapped = Tree::unpack("tree", &file, &mut reader).unwrap();

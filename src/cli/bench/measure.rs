@@ -10,7 +10,7 @@ use crate::flight::FlightPlan;
 use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
 use crate::pipeline::{self, Ended, Progress};
 use crate::pulse::Physics;
-use crate::scene::{self, Movers, Scene};
+use crate::scene::{self, MotionPlan, Scene};
 use crate::schedule::{self, Log, Overheads, Policy, Recorder, Settings, SizeChange, Stop, Workload};
 use crate::survey::PlatformKind;
 use crate::tree::{BuildOptions, Tree};
@@ -26,7 +26,7 @@ pub struct Bench {
     pub load_s: f64,
     pub format: String,
     flight: FlightPlan,
-    movers: Option<Movers>,
+    movers: Option<MotionPlan>,
     /// Where the points of the runs go, until the end.
     folder: tempfile::TempDir,
 }
@@ -110,14 +110,14 @@ impl Bench {
             ));
         }
         let started = Instant::now();
-        let (scene, warnings) = scene::load_play(&job.survey.scene, &job.load, 0, None)?;
+        let (scene, warnings) = scene::load_epoch(&job.survey.scene, &job.load, 0, None)?;
         console.warnings(&warnings.finish(job.strict)?);
         let load_s = started.elapsed().as_secs_f64();
-        if scene::plays(&job.survey.scene)? > 1 {
+        if scene::count_epochs(&job.survey.scene)? > 1 {
             console.say("the scene's swaps ask for several flights; the first is compared");
         }
         let pulse_rate = job.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq));
-        let movers = Movers::new(&scene, pulse_rate);
+        let movers = MotionPlan::new(&scene, pulse_rate);
         let ground = |x, y| scene.ground_height(x, y);
         let (flight, warnings) = FlightPlan::new(&job.survey, scene.shift, &ground, &job.flight)?;
         console.warnings(&warnings.finish(job.strict)?);

@@ -177,7 +177,7 @@ fn fly(
     let (mut job, warnings) = Job::resolve(args)?;
     console.warnings(&warnings);
     change(&mut job.survey);
-    let plays = scene::plays(&job.survey.scene)?;
+    let plays = scene::count_epochs(&job.survey.scene)?;
     let poses = match &job.survey.platform.kind {
         PlatformKind::Stream(_) if plays > 1 => {
             return Err(Error::input(format!(

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, Target};
 use crate::pipeline::{LegRule, Progress, PulseSource, TraceEnded, Tracing, trace};
 use crate::pulse::Physics;
-use crate::scene::{self, Stand};
+use crate::scene::{self, SceneFrame};
 use crate::streams::PulseReader;
 use crate::survey::{
     self, Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, ReadOptions, RunSettings,
@@ -41,11 +41,11 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
 
     // Opened before the scene is loaded, so that a wrong name costs no wait.
     let reader = PulseReader::open(&args.stream, job.schedule.policy.size() as usize)?;
-    let plays = scene::plays(&job.survey.scene)?;
+    let plays = scene::count_epochs(&job.survey.scene)?;
     let mut stage = load_and_build(&job, console, 0, None)?;
     let context = OutputContext { survey: &job.survey, scene: &stage.scene };
     let output = Arc::new(OutputPlan::new(OutputRequest { plays, ..job.output.clone() }, &context)?);
-    let first = Stand::of(&stage.scene);
+    let first = SceneFrame::of(&stage.scene);
 
     let progress = Progress::default();
     let mut source = PulseSource::new(reader);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::pulse::Physics;
-use crate::scene::{Change, Mover, MoverState, Movers, Stage};
+use crate::scene::{DynamicScene, MotionPlan, MotionState, MovingPart, ObjectUpdate};
 use crate::survey::*;
 use crate::tree::{BuildOptions, Tree};
 
@@ -13,7 +13,7 @@ fn echoes(by: f64, options: PhysicsOptions) -> Vec<(f64, u32)> {
     let motion =
         Motion { kind: MotionKind::Translation { by: DVec3::Y * by }, about_self: false, auto_crs: 0.0 };
     scene.dyn_step = 1;
-    scene.movers = vec![Mover {
+    scene.moving_parts = vec![MovingPart {
         part: 0,
         vertices: 0..4,
         triangles: 0..2,
@@ -21,17 +21,19 @@ fn echoes(by: f64, options: PhysicsOptions) -> Vec<(f64, u32)> {
         motions: vec![MotionSequence { id: "m".to_owned(), loops: 0, next: None, motions: vec![motion] }],
         timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
     }];
-    let movers = Movers::new(&scene, 1000.0).unwrap();
+    let movers = MotionPlan::new(&scene, 1000.0).unwrap();
     let tree = Tree::build_of(&scene.geometry, &BuildOptions::default(), |i| scene.is_still(i));
     let physics = Physics::new(&scene, &tree, &survey, options).unwrap();
     let pulses: Vec<_> = (1..=5)
         .map(|number| in_frame(&scene, &crate::flight::Pulse { number, ..pulse(Rotation::IDENTITY) }))
         .collect();
-    let (mut state, mut changes) = (MoverState::start(&movers), Vec::new());
+    let (mut state, mut changes) = (MotionState::start(&movers), Vec::new());
     for before in 1..=pulses.len() {
-        state.step(&movers, |part, place| changes.push(Change { before, part, place: *place }));
+        state.step(&movers, |object, transform| {
+            changes.push(ObjectUpdate { first_pulse: before, object, transform: *transform })
+        });
     }
-    let mut stage = Stage::new(&movers, BuildOptions::default());
+    let mut stage = DynamicScene::new(&movers, BuildOptions::default());
     let mut batch = Batch::default();
     physics.shooter().fire_moving(0, &pulses, &mut stage, &changes, &mut batch).unwrap();
     assert_eq!(batch.echoes.len(), 5);

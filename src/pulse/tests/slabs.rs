@@ -38,7 +38,7 @@ fn slab(layers: usize, density: f64, lad: Option<LadTable>) -> Scene {
         let centre = DVec3::new(aside(x), FRONT + (y as f64 + 0.5) * EDGE, aside(z));
         scene.geometry.cubes.push(Cube { centre: centre - scene.shift, half: 0.5 * EDGE });
         scene.voxels.push(Voxel::of_plants(density, VoxelKind::Transmittive));
-        scene.surface_of.push(scene.surfaces.len() as u32 - 1);
+        scene.surface_ids.push(scene.surfaces.len() as u32 - 1);
     }
     scene.bounds = scene.geometry.bounds();
     scene
@@ -155,7 +155,7 @@ fn overlapping_voxels_add_up() {
         if y < 3.0 {
             scene.geometry.cubes.push(Cube { centre: cube.centre + DVec3::Y * (0.5 * EDGE), ..cube });
             scene.voxels.push(scene.voxels[i]);
-            scene.surface_of.push(1);
+            scene.surface_ids.push(1);
         }
     }
     let both = |_: &Pulse| 4.0 * EDGE + 3.0 * EDGE;
@@ -231,7 +231,7 @@ fn a_trunk_within_a_voxel_is_seen_through_its_leaves() {
     scene.surfaces.push(Surface { part: 1, material: 0 });
     scene.geometry.cubes.push(Cube { centre: DVec3::Y * 20.25 - scene.shift, half: 0.25 });
     scene.voxels.push(Voxel::of_plants(2.0, VoxelKind::Transmittive));
-    scene.surface_of.push(1);
+    scene.surface_ids.push(1);
     let survey = tls_with(|d| d.waveform.quality = 1);
     let tree = tree(&scene);
     let physics = Physics::new(&scene, &tree, &survey, refined()).unwrap();

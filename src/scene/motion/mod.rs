@@ -1,22 +1,22 @@
 //! Moving parts (spec input-formats §3.7, pulse-physics §6).
 //!
 //! ```text
-//! SceneRecipe, Scene ─► Movers (what moves how and when; shared)
-//!                          │ start, step: one call for every simulation step
+//! SceneRecipe, Scene ─► MotionPlan (how and when parts move; shared by all threads)
+//!                          │ start, step: called once per simulation step
 //!                          ▼
-//!                      MoverState (small; a chunk holds the one it begins with) ─► Stage (a worker's copy of the moving
-//!                                                                                   parts, where rays see them)
+//!                      MotionState (small; every chunk holds its initial one) ─► DynamicScene (a worker's transformed
+//!                                                                                 copy of the parts with their trees)
 //! ```
 //!
-//! A part's motions are multiplied up, step by step, to one map of the part as it stood at first, so that a state is small
-//! and its copies go on alike wherever they are replayed.
+//! A part's motions are multiplied, step by step, into one transform of its initial pose. A state is therefore small, and
+//! replaying a copy of it gives the same bits on every thread.
 
+mod object;
 mod plan;
-mod stage;
 mod state;
 #[cfg(test)]
 mod tests;
 
-pub use plan::Movers;
-pub use stage::{Actor, Change, Stage};
-pub use state::MoverState;
+pub use object::{DynamicObject, DynamicScene, ObjectUpdate};
+pub use plan::MotionPlan;
+pub use state::MotionState;

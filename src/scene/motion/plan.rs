@@ -1,34 +1,34 @@
-//! What moves how and when.
+//! How and when parts move.
 
 use crate::geom::{Affine, DVec3, Rotation};
-use crate::scene::{Mover, Part, Scene, Surface};
+use crate::scene::{MovingPart, Part, Scene, Surface};
 use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming};
 use crate::tree::Geometry;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// The moving parts of a scene: immutable, shared by the producer and all workers.
+/// The moving parts of a scene and their motions: immutable, shared by the producer and all workers.
 #[derive(Clone, Debug)]
-pub struct Movers {
+pub struct MotionPlan {
     /// Simulation steps from one update of the scene to the next; 0: only the first step updates it.
-    pub(super) every: u64,
-    pub(super) parts: Vec<MovingPart>,
-    /// Triangles of the whole scene.
+    pub(super) update_interval: u64,
+    pub(super) parts: Vec<PlannedPart>,
+    /// Number of triangles of the whole scene.
     pub(super) triangles: usize,
 }
 
-/// One of them.
+/// A moving part with its motions in the scene's frame.
 #[derive(Clone, Debug)]
-pub(super) struct MovingPart {
+pub(super) struct PlannedPart {
     pub sequences: Vec<Sequence>,
     /// Scene updates from one move to the next.
-    pub every: u64,
+    pub move_interval: u64,
     /// Moves from one refresh of what rays see to the next.
-    pub refresh_every: u64,
-    /// What it turns about by itself, and what moves with it: the centre of the box around it as it stands at first. The
-    /// reference does not look for the centre again when the part has turned.
+    pub refresh_interval: u64,
+    /// Centre of rotations about the part itself: that of its bounding box in the initial pose, moved along with the part.
+    /// The reference does not compute the box again after the part has turned.
     pub centre: DVec3,
-    /// The part alone, as it stands at first, numbered from 0.
+    /// The part alone in its initial pose, numbered from 0.
     pub rest: Scene,
     /// Numbers of its triangles in the whole scene.
     pub triangles: Range<usize>,
@@ -39,7 +39,7 @@ pub(super) struct MovingPart {
 /// A `<dmotion>`.
 #[derive(Clone, Debug)]
 pub(super) struct Sequence {
-    /// Repetitions; 0: for ever.
+    /// Repetitions; 0: endless.
     pub loops: u32,
     pub next: Option<usize>,
     pub moves: Vec<Move>,
@@ -53,38 +53,38 @@ pub(super) struct Move {
     pub about_self: bool,
 }
 
-impl Movers {
+impl MotionPlan {
     /// The moving parts of `scene`; `None` if nothing moves. `pulse_rate` is the first leg's, in Hz: time steps count in
     /// its periods.
-    pub fn new(scene: &Scene, pulse_rate: f64) -> Option<Movers> {
-        if scene.movers.is_empty() {
+    pub fn new(scene: &Scene, pulse_rate: f64) -> Option<MotionPlan> {
+        if scene.moving_parts.is_empty() {
             return None;
         }
         let period = scene.dyn_time_step;
         let parts = scene
-            .movers
+            .moving_parts
             .iter()
-            .map(|mover| {
-                let (every, refresh_every) = intervals(&mover.timing, period);
-                let rest = alone(scene, mover);
-                MovingPart {
-                    sequences: sequences(&mover.motions, scene.shift),
-                    every,
-                    refresh_every,
+            .map(|part| {
+                let (move_interval, refresh_interval) = intervals(&part.timing, period);
+                let rest = extract_part(scene, part);
+                PlannedPart {
+                    sequences: sequences(&part.motions, scene.shift),
+                    move_interval,
+                    refresh_interval,
                     centre: rest.geometry.bounds().centre(),
                     rest,
-                    triangles: mover.triangles.clone(),
-                    cubes: mover.cubes.clone(),
+                    triangles: part.triangles.clone(),
+                    cubes: part.cubes.clone(),
                 }
             })
             .collect();
-        let every = period.map_or(u64::from(scene.dyn_step), |t| whole(pulse_rate * t));
-        Some(Movers { every, parts, triangles: scene.geometry.triangles.len() })
+        let update_interval = period.map_or(u64::from(scene.dyn_step), |t| whole_steps(pulse_rate * t));
+        Some(MotionPlan { update_interval, parts, triangles: scene.geometry.triangles.len() })
     }
 }
 
-/// A quotient of times as a number of steps, rounded down. What is no number or below 1 becomes 0.
-fn whole(quotient: f64) -> u64 {
+/// A quotient of times as a number of steps, rounded down. NaN and values below 1 become 0.
+fn whole_steps(quotient: f64) -> u64 {
     quotient as u64
 }
 
@@ -96,19 +96,19 @@ fn intervals(timing: &MotionTiming, scene_period: Option<f64>) -> (u64, u64) {
     };
     let part = timing.dyn_time_step.unwrap_or(scene);
     let tree = timing.tree_time_step.unwrap_or(part);
-    (whole(part / scene), whole(tree / part))
+    (whole_steps(part / scene), whole_steps(tree / part))
 }
 
 fn sequences(motions: &[MotionSequence], shift: DVec3) -> Vec<Sequence> {
-    let moves = |motion: &Motion| Move { map: map(motion, shift), about_self: motion.about_self };
+    let moves = |motion: &Motion| Move { map: transform_of(motion, shift), about_self: motion.about_self };
     motions
         .iter()
         .map(|s| Sequence { loops: s.loops, next: s.next, moves: s.motions.iter().map(moves).collect() })
         .collect()
 }
 
-/// What a motion does in the scene's frame, whose origin lies at `shift` in the world.
-fn map(motion: &Motion, shift: DVec3) -> Affine {
+/// The transform of a motion in the scene's frame, whose origin lies at `shift` in the world.
+fn transform_of(motion: &Motion, shift: DVec3) -> Affine {
     let rotation = |axis, angle| Affine::rotation(&Rotation::about(axis, angle));
     match motion.kind {
         MotionKind::Identity => Affine::IDENTITY,
@@ -131,20 +131,20 @@ fn map(motion: &Motion, shift: DVec3) -> Affine {
     }
 }
 
-/// A moving part as a scene of its own.
-fn alone(scene: &Scene, mover: &Mover) -> Scene {
+/// Copies a moving part into a scene of its own.
+fn extract_part(scene: &Scene, moving: &MovingPart) -> Scene {
     let g = &scene.geometry;
-    let first = mover.vertices.start as u32;
+    let first = moving.vertices.start as u32;
     let geometry = Geometry {
-        vertices: g.vertices[mover.vertices.clone()].to_vec().into(),
-        triangles: g.triangles[mover.triangles.clone()].iter().map(|t| t.map(|v| v - first)).collect(),
-        cubes: g.cubes[mover.cubes.clone()].to_vec().into(),
+        vertices: g.vertices[moving.vertices.clone()].to_vec().into(),
+        triangles: g.triangles[moving.triangles.clone()].iter().map(|t| t.map(|v| v - first)).collect(),
+        cubes: g.cubes[moving.cubes.clone()].to_vec().into(),
     };
     let count = g.triangles.len();
-    let cubes = count + mover.cubes.start..count + mover.cubes.end;
-    let numbers = scene.surface_of.among(mover.triangles.clone()).chain(scene.surface_of.among(cubes));
+    let cubes = count + moving.cubes.start..count + moving.cubes.end;
+    let numbers = scene.surface_ids.among(moving.triangles.clone()).chain(scene.surface_ids.among(cubes));
     let (mut surfaces, mut materials, mut known) = (Vec::new(), Vec::new(), HashMap::new());
-    let surface_of = numbers
+    let surface_ids = numbers
         .map(|number| {
             *known.entry(number).or_insert_with(|| {
                 materials.push(scene.materials[scene.surfaces[number as usize].material as usize].clone());
@@ -157,11 +157,11 @@ fn alone(scene: &Scene, mover: &Mover) -> Scene {
         shift: scene.shift,
         bounds: scene.bounds,
         geometry,
-        surface_of,
+        surface_ids,
         surfaces,
-        parts: vec![Part::clone(&scene.parts[mover.part as usize])],
+        parts: vec![Part::clone(&scene.parts[moving.part as usize])],
         materials,
-        voxels: scene.voxels[mover.cubes.clone()].to_vec().into(),
+        voxels: scene.voxels[moving.cubes.clone()].to_vec().into(),
         ..Scene::default()
     }
 }

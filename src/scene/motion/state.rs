@@ -1,94 +1,97 @@
-//! How far the moving parts have come.
+//! The poses of the moving parts at a simulation step.
 
-use super::plan::{Movers, MovingPart};
+use super::plan::{MotionPlan, PlannedPart};
 use crate::geom::Affine;
 
-/// Where all moving parts stand at a simulation step. Cheap to clone; steps from clones are the same bit for bit.
+/// Poses of all moving parts at a simulation step. Cheap to clone; stepping a clone gives the same bits.
 #[derive(Clone, Debug, PartialEq)]
-pub struct MoverState {
-    beat: Beat,
+pub struct MotionState {
+    update: StepCounter,
     parts: Vec<PartState>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 struct PartState {
-    beat: Beat,
-    refresh: Beat,
-    /// The present sequence, and how often it has been gone through; `None` when the part has stopped.
+    moves: StepCounter,
+    refresh: StepCounter,
+    /// The current sequence and how many times it has been completed; `None` once the part has stopped.
     sequence: Option<(usize, u32)>,
-    /// From where the part stood at first to where it is.
-    now: Affine,
-    /// The same as rays see it: as it was at the last refresh.
+    /// From the initial pose to the current one.
+    current: Affine,
+    /// The value of `current` at the last refresh, which rays see.
     seen: Affine,
 }
 
 /// Fires on its first call and then on every n-th.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Beat {
+struct StepCounter {
     calls_left: u64,
 }
 
-impl Beat {
-    /// Whether this call is the one. With `every` = 0 only the first is.
-    fn fires(&mut self, every: u64) -> bool {
+impl StepCounter {
+    /// Counts a call; true if it is the first one or the n-th since the last that fired. An `interval` of 0 fires once.
+    fn advance(&mut self, interval: u64) -> bool {
         if self.calls_left > 0 {
             self.calls_left -= 1;
             return false;
         }
-        self.calls_left = every.checked_sub(1).unwrap_or(u64::MAX);
+        self.calls_left = interval.checked_sub(1).unwrap_or(u64::MAX);
         true
     }
 }
 
-impl MoverState {
+impl MotionState {
     /// The state before the first step.
-    pub fn start(plan: &Movers) -> MoverState {
-        let part = |p: &MovingPart| PartState {
-            beat: Beat::default(),
-            refresh: Beat::default(),
+    pub fn start(plan: &MotionPlan) -> MotionState {
+        let part = |p: &PlannedPart| PartState {
+            moves: StepCounter::default(),
+            refresh: StepCounter::default(),
             sequence: (!p.sequences.is_empty()).then_some((0, 0)),
-            now: Affine::IDENTITY,
+            current: Affine::IDENTITY,
             seen: Affine::IDENTITY,
         };
-        MoverState { beat: Beat::default(), parts: plan.parts.iter().map(part).collect() }
+        MotionState { update: StepCounter::default(), parts: plan.parts.iter().map(part).collect() }
     }
 
-    /// The end of a simulation step, after its pulses. Calls `refreshed` with the number of every part that rays see
-    /// elsewhere from now on, and with the map that takes it there.
-    pub fn step(&mut self, plan: &Movers, mut refreshed: impl FnMut(usize, &Affine)) {
-        if !self.beat.fires(plan.every) {
+    /// Ends a simulation step, after its pulses. Calls `on_refresh` for every part that rays see in another pose from now
+    /// on, with its number and the transform from its initial pose.
+    pub fn step(&mut self, plan: &MotionPlan, mut on_refresh: impl FnMut(usize, &Affine)) {
+        if !self.update.advance(plan.update_interval) {
             return;
         }
         for (number, (part, state)) in plan.parts.iter().zip(&mut self.parts).enumerate() {
-            if state.beat.fires(part.every) && state.advance(part) && state.refresh.fires(part.refresh_every)
+            if state.moves.advance(part.move_interval)
+                && state.move_once(part)
+                && state.refresh.advance(part.refresh_interval)
             {
-                state.seen = state.now;
-                refreshed(number, &state.seen);
+                state.seen = state.current;
+                on_refresh(number, &state.seen);
             }
         }
     }
 
-    /// The maps that take the parts to where rays see them.
+    /// The transforms from the initial poses to those that rays see.
     pub(super) fn seen(&self) -> impl Iterator<Item = &Affine> {
         self.parts.iter().map(|p| &p.seen)
     }
 }
 
 impl PartState {
-    /// Moves the part once; `false` if it has stopped.
-    fn advance(&mut self, part: &MovingPart) -> bool {
-        let Some((number, gone)) = self.sequence else { return false };
+    /// Applies the current sequence once; `false` if the part has stopped.
+    fn move_once(&mut self, part: &PlannedPart) -> bool {
+        let Some((number, completed)) = self.sequence else { return false };
         let sequence = &part.sequences[number];
         for step in &sequence.moves {
-            let map = if step.about_self { step.map.about(self.now.apply(part.centre)) } else { step.map };
-            self.now = map.after(&self.now);
+            let map =
+                if step.about_self { step.map.about(self.current.apply(part.centre)) } else { step.map };
+            self.current = map.after(&self.current);
         }
-        // Sequences without end need no count.
-        let gone = if sequence.loops == 0 { 0 } else { gone + 1 };
-        self.sequence = if sequence.loops > 0 && gone >= sequence.loops {
+        // Endless sequences need no count.
+        let completed = if sequence.loops == 0 { 0 } else { completed + 1 };
+        self.sequence = if sequence.loops > 0 && completed >= sequence.loops {
             sequence.next.map(|next| (next, 0))
         } else {
-            Some((number, gone))
+            Some((number, completed))
         };
         true
     }

@@ -35,19 +35,21 @@ fn moving(sequences: Vec<MotionSequence>) -> (SceneRecipe, Scene) {
 fn corners(recipe: &SceneRecipe, scene: &Scene, steps: usize) -> Vec<DVec3> {
     let part = recipe.parts[1].timing;
     let mut scene = scene.clone();
-    (scene.dyn_step, scene.dyn_time_step, scene.movers[0].timing) =
+    (scene.dyn_step, scene.dyn_time_step, scene.moving_parts[0].timing) =
         (recipe.dyn_step, recipe.dyn_time_step, part);
-    let plan = Movers::new(&scene, 1000.0).unwrap();
-    let mut state = MoverState::start(&plan);
-    let mut stage = Stage::new(&plan, BuildOptions::default());
-    let corner = |stage: &mut Stage| stage.show()[0].scene.geometry.vertices[2];
-    let mut seen = vec![corner(&mut stage)];
+    let plan = MotionPlan::new(&scene, 1000.0).unwrap();
+    let mut state = MotionState::start(&plan);
+    let mut dynamic = DynamicScene::new(&plan, BuildOptions::default());
+    let corner = |dynamic: &mut DynamicScene| dynamic.rebuild_moved()[0].scene.geometry.vertices[2];
+    let mut seen = vec![corner(&mut dynamic)];
     for _ in 0..steps {
-        state.step(&plan, |part, place| stage.change(&Change { before: 0, part, place: *place }));
-        seen.push(corner(&mut stage));
+        state.step(&plan, |object, transform| {
+            dynamic.apply(&ObjectUpdate { first_pulse: 0, object, transform: *transform })
+        });
+        seen.push(corner(&mut dynamic));
     }
-    stage.set(&state);
-    assert_eq!(Some(&corner(&mut stage)), seen.last(), "a state shows what its steps showed");
+    dynamic.set_state(&state);
+    assert_eq!(Some(&corner(&mut dynamic)), seen.last(), "a state shows what its steps showed");
     seen
 }
 
@@ -170,24 +172,24 @@ fn what_is_seen_late_has_moved_as_far() {
 #[test]
 fn primitives_keep_the_numbers_that_they_have_in_the_whole_scene() {
     let (_, scene) = moving(vec![sequence(0, None, &[shift(DVec3::X)])]);
-    let plan = Movers::new(&scene, 1.0).unwrap();
-    let mut stage = Stage::new(&plan, BuildOptions::default());
-    let actor = &stage.show()[0];
-    assert_eq!((actor.global(0), actor.global(1)), (1, 2));
-    assert_eq!([0, 1, 2, 3].map(|i| actor.local(i)), [None, Some(0), Some(1), None]);
+    let plan = MotionPlan::new(&scene, 1.0).unwrap();
+    let mut dynamic = DynamicScene::new(&plan, BuildOptions::default());
+    let object = &dynamic.rebuild_moved()[0];
+    assert_eq!((object.to_scene_index(0), object.to_scene_index(1)), (1, 2));
+    assert_eq!([0, 1, 2, 3].map(|i| object.to_object_index(i)), [None, Some(0), Some(1), None]);
     assert_eq!([0, 1, 2].map(|i| scene.is_still(i)), [true, false, false]);
-    assert_eq!(actor.scene.geometry.triangle(0), scene.geometry.triangle(1));
-    assert!(Movers::new(&moving(Vec::new()).1, 1.0).is_none());
+    assert_eq!(object.scene.geometry.triangle(0), scene.geometry.triangle(1));
+    assert!(MotionPlan::new(&moving(Vec::new()).1, 1.0).is_none());
 }
 
 #[test]
 fn states_are_alike_wherever_they_are_replayed() {
     let turn = MotionKind::Helical { axis: DVec3::Z, angle: 0.1, glide: 0.01 };
     let (_, scene) = moving(vec![sequence(0, None, &[motion(turn)])]);
-    let plan = Movers::new(&scene, 1.0).unwrap();
-    let mut whole = MoverState::start(&plan);
+    let plan = MotionPlan::new(&scene, 1.0).unwrap();
+    let mut whole = MotionState::start(&plan);
     (0..1000).for_each(|_| whole.step(&plan, |_, _| ()));
-    let mut parts = MoverState::start(&plan);
+    let mut parts = MotionState::start(&plan);
     for _ in 0..10 {
         let mut copy = parts.clone();
         (0..100).for_each(|_| copy.step(&plan, |_, _| ()));

@@ -3,52 +3,59 @@
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3};
 use crate::scene::ReadyTree;
-use crate::scene::{LadTable, Material, Mover, Part, Placed, Reflection, Scene, Surface, SurfaceOf};
-use crate::store::{Archive, Cut, Reader, Words, Writer};
+use crate::scene::{
+    InstanceSet, LadTable, Material, MovingPart, Part, Reflection, Scene, Surface, SurfaceIds,
+};
+use crate::store::{ArrayFile, ArrayFileWriter, ByteReader, ByteWriter, UnexpectedEnd};
 use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming};
 use crate::tree::{Builder, Geometry, Instances, Tree};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The words of all plays.
+/// The words of all epochs.
 pub(super) struct Contents(Vec<Vec<u8>>);
 
-type Read<T> = std::result::Result<T, Cut>;
+type Read<T> = std::result::Result<T, UnexpectedEnd>;
 
 impl Contents {
     pub fn read(bytes: &[u8]) -> std::result::Result<Contents, String> {
-        let mut r = Reader(bytes);
+        let mut r = ByteReader(bytes);
         let mut all = || {
-            let plays = r.u64()?;
-            (0..plays).map(|_| r.blob().map(<[u8]>::to_vec)).collect::<Read<Vec<_>>>()
+            let epochs = r.u64()?;
+            (0..epochs).map(|_| r.blob().map(<[u8]>::to_vec)).collect::<Read<Vec<_>>>()
         };
         all().map(Contents).map_err(cut)
     }
 
-    pub fn plays(&self) -> u32 {
+    pub fn epochs(&self) -> u32 {
         self.0.len() as u32
     }
 
-    pub fn scene(&self, file: &Archive, play: u32, builder: Builder) -> std::result::Result<Scene, String> {
-        let words = self.0.get(play as usize).ok_or("it holds no play")?;
-        read_scene(file, play, builder, &mut Reader(words))
+    pub fn scene(
+        &self,
+        file: &ArrayFile,
+        epoch: u32,
+        builder: Builder,
+    ) -> std::result::Result<Scene, String> {
+        let words = self.0.get(epoch as usize).ok_or("it holds no epoch")?;
+        read_scene(file, epoch, builder, &mut ByteReader(words))
     }
 }
 
-fn cut(Cut: Cut) -> String {
+fn cut(UnexpectedEnd: UnexpectedEnd) -> String {
     "its contents end too early".to_owned()
 }
 
-/// Appends a play.
+/// Appends an epoch.
 pub(super) fn write(
     scene: &Scene,
     tree: &Tree,
-    play: u32,
-    out: &mut Writer,
-    words: &mut Words,
+    epoch: u32,
+    out: &mut ArrayFileWriter,
+    words: &mut ByteWriter,
 ) -> Result<()> {
-    let mut w = Words::default();
-    let name = |what: &str| format!("play {play} {what}");
+    let mut w = ByteWriter::default();
+    let name = |what: &str| format!("play {epoch} {what}");
     w.vector(scene.shift);
     w.vector(scene.bounds.min);
     w.vector(scene.bounds.max);
@@ -61,17 +68,17 @@ pub(super) fn write(
     });
     w.list(&scene.materials, write_material);
     w.u64(scene.dyn_step.into());
-    w.option(scene.dyn_time_step, Words::f64);
-    w.list(&scene.movers, write_mover);
+    w.option(scene.dyn_time_step, ByteWriter::f64);
+    w.list(&scene.moving_parts, write_moving_part);
     scene.geometry.pack(&name("own"), out)?;
     out.array(name("voxels"), &scene.voxels)?;
-    scene.surface_of.pack(name("surfaces"), out)?;
+    scene.surface_ids.pack(name("surfaces"), out)?;
     tree.pack(&name("tree"), out, &mut w)?;
-    w.flag(scene.placed.is_some());
-    if let Some(placed) = &scene.placed {
-        placed.instances.pack(out, &mut w)?;
-        w.list(&placed.parts, |w, n| w.u64(u64::from(*n)));
-        for (i, materials) in placed.materials.iter().enumerate() {
+    w.flag(scene.instances.is_some());
+    if let Some(set) = &scene.instances {
+        set.instances.pack(out, &mut w)?;
+        w.list(&set.parts, |w, n| w.u64(u64::from(*n)));
+        for (i, materials) in set.materials.iter().enumerate() {
             out.array(format!("materials {i}"), materials)?;
         }
         tree.pack_instances(out, &mut w)?;
@@ -81,13 +88,13 @@ pub(super) fn write(
 }
 
 fn read_scene(
-    file: &Archive,
-    play: u32,
+    file: &ArrayFile,
+    epoch: u32,
     builder: Builder,
-    r: &mut Reader,
+    r: &mut ByteReader,
 ) -> std::result::Result<Scene, String> {
-    let name = |what: &str| format!("play {play} {what}");
-    let head = |r: &mut Reader| -> Read<Scene> {
+    let name = |what: &str| format!("play {epoch} {what}");
+    let head = |r: &mut ByteReader| -> Read<Scene> {
         Ok(Scene {
             shift: r.vector()?,
             bounds: Aabb { min: r.vector()?, max: r.vector()? },
@@ -95,42 +102,42 @@ fn read_scene(
             parts: r.list(read_part)?,
             materials: r.list(read_material)?,
             dyn_step: r.u32()?,
-            dyn_time_step: r.option(Reader::f64)?,
-            movers: r.list(read_mover)?,
+            dyn_time_step: r.option(ByteReader::f64)?,
+            moving_parts: r.list(read_moving_part)?,
             ..Scene::default()
         })
     };
     let mut scene = head(r).map_err(cut)?;
     scene.geometry = Geometry::unpack(&name("own"), file)?;
     scene.voxels = file.array(&name("voxels"))?;
-    scene.surface_of = SurfaceOf::unpack(&name("surfaces"), file)?;
+    scene.surface_ids = SurfaceIds::unpack(&name("surfaces"), file)?;
     let (primitives, cubes) = (scene.geometry.len(), scene.geometry.cubes.len());
-    if scene.surface_of.len() != primitives || scene.voxels.len() != cubes {
+    if scene.surface_ids.len() != primitives || scene.voxels.len() != cubes {
         return Err("its arrays do not belong together".to_owned());
     }
     let mut tree = Tree::unpack(&name("tree"), file, r)?;
     if r.flag().map_err(cut)? {
         let instances = Arc::new(Instances::unpack(file, r)?);
-        let parts = r.list(Reader::u32).map_err(cut)?;
+        let parts = r.list(ByteReader::u32).map_err(cut)?;
         let materials = (0..instances.models.len()).map(|i| file.array(&format!("materials {i}")));
         let materials = materials.collect::<std::result::Result<Vec<_>, _>>()?;
         if parts.len() != instances.all.len() {
             return Err("its instances do not belong together".to_owned());
         }
         tree = tree.unpack_instances(&instances, file, r)?;
-        scene.placed = Some(Placed { instances, materials, parts });
+        scene.instances = Some(InstanceSet { instances, materials, parts });
     }
     scene.ready = Some(Arc::new(ReadyTree { builder, tree }));
     Ok(scene)
 }
 
-fn read_part(r: &mut Reader) -> Read<Part> {
+fn read_part(r: &mut ByteReader) -> Read<Part> {
     let id = r.text()?;
     let rows = r.option(|r| r.list(|r| Ok((r.f64()?, r.f64()?))))?;
     Ok(Part { id, lad: rows.map(|rows| Arc::new(LadTable::of_rows(rows))) })
 }
 
-fn write_material(w: &mut Words, m: &Material) {
+fn write_material(w: &mut ByteWriter, m: &Material) {
     w.text(&m.name);
     w.f64(m.reflectance);
     w.u64(m.classification as u32 as u64);
@@ -150,7 +157,7 @@ fn write_material(w: &mut Words, m: &Material) {
     }
 }
 
-fn read_material(r: &mut Reader) -> Read<Material> {
+fn read_material(r: &mut ByteReader) -> Read<Material> {
     Ok(Material {
         name: r.text()?,
         reflectance: r.f64()?,
@@ -161,12 +168,12 @@ fn read_material(r: &mut Reader) -> Read<Material> {
             1 => Reflection::Lambert,
             2 => Reflection::Phong { specularity: r.f64()?, exponent: r.f64()? },
             3 => Reflection::Lobes { specularity: r.f64()?, exponent: r.f64()?, roughness: r.f64()? },
-            _ => return Err(Cut),
+            _ => return Err(UnexpectedEnd),
         },
     })
 }
 
-fn write_mover(w: &mut Words, m: &Mover) {
+fn write_moving_part(w: &mut ByteWriter, m: &MovingPart) {
     w.u64(m.part.into());
     for range in [&m.vertices, &m.triangles, &m.cubes] {
         w.u64(range.start as u64);
@@ -174,8 +181,8 @@ fn write_mover(w: &mut Words, m: &Mover) {
     }
     w.u64(m.timing.dyn_step.into());
     w.u64(m.timing.tree_step.into());
-    w.option(m.timing.dyn_time_step, Words::f64);
-    w.option(m.timing.tree_time_step, Words::f64);
+    w.option(m.timing.dyn_time_step, ByteWriter::f64);
+    w.option(m.timing.tree_time_step, ByteWriter::f64);
     w.list(&m.motions, |w, s| {
         w.text(&s.id);
         w.u64(s.loops.into());
@@ -184,9 +191,9 @@ fn write_mover(w: &mut Words, m: &Mover) {
     });
 }
 
-fn read_mover(r: &mut Reader) -> Read<Mover> {
-    let range = |r: &mut Reader| -> Read<Range<usize>> { Ok(r.size()?..r.size()?) };
-    Ok(Mover {
+fn read_moving_part(r: &mut ByteReader) -> Read<MovingPart> {
+    let range = |r: &mut ByteReader| -> Read<Range<usize>> { Ok(r.size()?..r.size()?) };
+    Ok(MovingPart {
         part: r.u32()?,
         vertices: range(r)?,
         triangles: range(r)?,
@@ -194,28 +201,28 @@ fn read_mover(r: &mut Reader) -> Read<Mover> {
         timing: MotionTiming {
             dyn_step: r.u32()?,
             tree_step: r.u32()?,
-            dyn_time_step: r.option(Reader::f64)?,
-            tree_time_step: r.option(Reader::f64)?,
+            dyn_time_step: r.option(ByteReader::f64)?,
+            tree_time_step: r.option(ByteReader::f64)?,
         },
         motions: r.list(|r| {
             Ok(MotionSequence {
                 id: r.text()?,
                 loops: r.u32()?,
-                next: r.option(Reader::size)?,
+                next: r.option(ByteReader::size)?,
                 motions: r.list(read_motion)?,
             })
         })?,
     })
 }
 
-fn write_motion(w: &mut Words, m: &Motion) {
+fn write_motion(w: &mut ByteWriter, m: &Motion) {
     w.flag(m.about_self);
     w.f64(m.auto_crs);
     let mut put = |number: u64, vectors: &[DVec3], numbers: &[f64], centre: Option<DVec3>| {
         w.u64(number);
         vectors.iter().for_each(|v| w.vector(*v));
         numbers.iter().for_each(|x| w.f64(*x));
-        w.option(centre, Words::vector);
+        w.option(centre, ByteWriter::vector);
     };
     match m.kind {
         MotionKind::Identity => put(0, &[], &[], None),
@@ -228,7 +235,7 @@ fn write_motion(w: &mut Words, m: &Motion) {
     }
 }
 
-fn read_motion(r: &mut Reader) -> Read<Motion> {
+fn read_motion(r: &mut ByteReader) -> Read<Motion> {
     let (about_self, auto_crs, number) = (r.flag()?, r.f64()?, r.u64()?);
     let kind = match number {
         0 => MotionKind::Identity,
@@ -238,9 +245,9 @@ fn read_motion(r: &mut Reader) -> Read<Motion> {
         4 => MotionKind::GlidePlane { normal: r.vector()?, shift: r.vector()? },
         5 => MotionKind::Helical { axis: r.vector()?, angle: r.f64()?, glide: r.f64()? },
         6 => MotionKind::RotaryReflection { axis: r.vector()?, angle: r.f64()?, centre: None },
-        _ => return Err(Cut),
+        _ => return Err(UnexpectedEnd),
     };
-    let found = r.option(Reader::vector)?;
+    let found = r.option(ByteReader::vector)?;
     let kind = match kind {
         MotionKind::Rotation { axis, angle, .. } => MotionKind::Rotation { axis, angle, centre: found },
         MotionKind::RotaryReflection { axis, angle, .. } => {

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::scene::{LoadOptions, MaterialRules, Scene};
-use crate::store::{Cut, Reader, Words};
+use crate::store::{ByteReader, ByteWriter, UnexpectedEnd};
 use crate::survey::{Loader, MaterialChoice, SceneRecipe, VoxelMode};
 use crate::tree::Builder;
 use std::collections::BTreeSet;
@@ -70,7 +70,7 @@ impl Origin {
         Origin { conditions, builder, files, sources: Vec::new() }
     }
 
-    /// Takes note of the files that a play was loaded from, and of what its materials depend on.
+    /// Takes note of the files that an epoch was loaded from, and of what its materials depend on.
     pub fn add(&mut self, scene: &Scene) {
         let files = &scene.sources;
         self.conditions.ruled = self.conditions.ruled.or(scene.ruled);
@@ -80,7 +80,7 @@ impl Origin {
     }
 
     /// Reads all files once more for their sums.
-    pub fn finish(self, pack: &Path) -> Result<Words> {
+    pub fn finish(self, pack: &Path) -> Result<ByteWriter> {
         let folder = std::fs::canonicalize(folder_of(pack)).unwrap_or_default();
         let mut sources = Vec::new();
         for path in self.files.iter().filter(|p| p.is_file()) {
@@ -94,7 +94,7 @@ impl Origin {
                 sum: sum(&whole).map_err(|e| Error::io("read", &whole, e))?,
             });
         }
-        let (mut w, c) = (Words::default(), &self.conditions);
+        let (mut w, c) = (ByteWriter::default(), &self.conditions);
         w.f64(c.wavelength_nm);
         w.u64(c.seed);
         [c.has_spectra, c.is_random, c.drop_polygons].into_iter().for_each(|b| w.flag(b));
@@ -108,7 +108,7 @@ impl Origin {
     }
 
     pub fn read(bytes: &[u8]) -> std::result::Result<Origin, String> {
-        let mut r = Reader(bytes);
+        let mut r = ByteReader(bytes);
         let mut all = || {
             let (wavelength_nm, seed) = (r.f64()?, r.u64()?);
             let (has_spectra, is_random, drop_polygons) = (r.flag()?, r.flag()?, r.flag()?);
@@ -122,14 +122,14 @@ impl Origin {
             let (rules, ruled) = (rules()?, rules()?);
             let conditions =
                 Conditions { wavelength_nm, has_spectra, seed, is_random, rules, ruled, drop_polygons };
-            let builder = *BUILDERS.get(r.size()?).ok_or(Cut)?;
+            let builder = *BUILDERS.get(r.size()?).ok_or(UnexpectedEnd)?;
             let sources = r.list(|r| {
                 let path = PathBuf::from(r.text()?);
                 Ok(Source { path, length: r.u64()?, modified_ns: r.u64()?, sum: r.u64()? })
             })?;
             Ok(Origin { conditions, builder, files: BTreeSet::new(), sources })
         };
-        all().map_err(|Cut| "its origin cannot be read".to_owned())
+        all().map_err(|UnexpectedEnd| "its origin cannot be read".to_owned())
     }
 
     /// Whether the files are as they were. One that is not there cannot be newer: packs may travel alone.

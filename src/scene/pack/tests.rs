@@ -3,7 +3,7 @@
 use super::*;
 use crate::geom::DVec3;
 use crate::scene::fixture::Fixture;
-use crate::scene::{Movers, Sharing};
+use crate::scene::{MotionPlan, Sharing};
 use crate::survey::{Loader, Motion, MotionKind, MotionSequence, Swap, VoxelLoader, VoxelMode};
 use crate::survey::{MaterialChoice, SceneRecipe};
 use crate::tree::Builder;
@@ -43,20 +43,20 @@ fn packed(f: &Fixture, recipe: &SceneRecipe) -> std::path::PathBuf {
 
 /// All that tracing and output can see of a scene.
 fn seen(scene: &Scene) -> String {
-    let placed = scene.placed.as_ref().map(|p| (&p.instances.all, p.instances.shift, &p.materials, &p.parts));
+    let set = scene.instances.as_ref().map(|p| (&p.instances.all, p.instances.shift, &p.materials, &p.parts));
     format!(
-        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {placed:?} {:?}",
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {set:?} {:?}",
         scene.shift,
         scene.bounds,
         scene.geometry,
-        scene.surface_of,
+        scene.surface_ids,
         scene.surfaces,
         scene.parts,
         scene.materials,
         scene.voxels,
-        scene.movers,
+        scene.moving_parts,
         (scene.dyn_step, scene.dyn_time_step),
-        Movers::new(scene, 100.0)
+        MotionPlan::new(scene, 100.0)
     )
 }
 
@@ -86,20 +86,21 @@ fn instances_and_every_play_are_packed() {
     }
     let scene = f.load().unwrap().0;
     let pack = Pack::open(&packed(&f, &f.recipe())).unwrap();
-    assert!(scene.placed.is_some());
+    assert!(scene.instances.is_some());
     assert_eq!(seen(&pack.scene(&f.options, 0).unwrap()), seen(&scene));
     pack.verify().unwrap();
 
-    let swap = Swap { plays: 2, keep_crs: true, vanish: false, loader: None, scale: Some(2.0), offset: None };
+    let swap =
+        Swap { epochs: 2, keep_crs: true, vanish: false, loader: None, scale: Some(2.0), offset: None };
     f.parts[1].swaps = vec![swap];
     let recipe = f.recipe();
     let pack = Pack::open(&packed(&f, &recipe)).unwrap();
-    assert_eq!(pack.plays(), 3);
-    let first = load_play(&recipe, &f.options, 0, None).unwrap().0;
-    for play in 0..3 {
-        let stand = (play > 0).then(|| Stand::of(&first));
-        let scene = load_play(&recipe, &f.options, play, stand).unwrap().0;
-        assert_eq!(seen(&pack.scene(&f.options, play).unwrap()), seen(&scene), "play {play}");
+    assert_eq!(pack.epochs(), 3);
+    let first = load_epoch(&recipe, &f.options, 0, None).unwrap().0;
+    for epoch in 0..3 {
+        let stand = (epoch > 0).then(|| SceneFrame::of(&first));
+        let scene = load_epoch(&recipe, &f.options, epoch, stand).unwrap().0;
+        assert_eq!(seen(&pack.scene(&f.options, epoch).unwrap()), seen(&scene), "epoch {epoch}");
     }
 }
 

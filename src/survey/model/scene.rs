@@ -38,7 +38,7 @@ pub struct PartRecipe {
     pub motions: Vec<MotionSequence>,
     /// Motion timing.
     pub timing: MotionTiming,
-    /// Geometry swaps between plays; empty for most parts.
+    /// Geometry swaps between epochs; empty for most parts.
     pub swaps: Vec<Swap>,
     /// Where the part stands in its file.
     pub place: Option<Place>,
@@ -216,12 +216,12 @@ pub struct MotionTiming {
     pub tree_time_step: Option<f64>,
 }
 
-/// One state of a part between plays (spec input-formats §3.8).
+/// One state of a part between epochs (spec input-formats §3.8).
 #[derive(Clone, Debug)]
 pub struct Swap {
-    /// Number of plays it lasts.
-    pub plays: u32,
-    /// Keep the scene shift of the first play.
+    /// Number of epochs it lasts.
+    pub epochs: u32,
+    /// Keep the scene shift of the first epoch.
     pub keep_crs: bool,
     /// The part disappears.
     pub vanish: bool,

@@ -262,7 +262,7 @@ fn swaps() {
     ));
     let [a, b, c] = &scene.parts[0].swaps[..] else { panic!("three swaps") };
     assert_eq!(
-        (a.plays, a.keep_crs, a.vanish, a.scale, a.offset),
+        (a.epochs, a.keep_crs, a.vanish, a.scale, a.offset),
         (2, false, false, Some(2.0), Some((DVec3::new(1.0, 2.0, 3.0), 1)))
     );
     // the attribute's presence counts; the shift's fate is inherited

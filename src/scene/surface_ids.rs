@@ -1,26 +1,26 @@
 //! Which surface each primitive is of.
 
 use crate::error::Result;
-use crate::store::{Archive, Store, Writer};
+use crate::store::{ArrayFile, ArrayFileWriter, Store};
 use crate::tree::prefetch;
 use std::ops::Range;
 
 /// For each primitive the number of its surface: two bytes while there are no more surfaces than that can tell apart, four
 /// otherwise. Scenes have few surfaces and many primitives.
 #[derive(Clone, Debug)]
-pub enum SurfaceOf {
+pub enum SurfaceIds {
     /// Numbers below 65 536.
-    Few(Store<u16>),
+    Narrow(Store<u16>),
     /// Any others.
-    Many(Store<u32>),
+    Wide(Store<u32>),
 }
 
-impl SurfaceOf {
+impl SurfaceIds {
     /// Number of primitives.
     pub fn len(&self) -> usize {
         match self {
-            SurfaceOf::Few(numbers) => numbers.len(),
-            SurfaceOf::Many(numbers) => numbers.len(),
+            SurfaceIds::Narrow(numbers) => numbers.len(),
+            SurfaceIds::Wide(numbers) => numbers.len(),
         }
     }
 
@@ -33,8 +33,8 @@ impl SurfaceOf {
     #[inline(always)]
     pub fn get(&self, i: usize) -> Option<u32> {
         match self {
-            SurfaceOf::Few(numbers) => numbers.get(i).map(|n| u32::from(*n)),
-            SurfaceOf::Many(numbers) => numbers.get(i).copied(),
+            SurfaceIds::Narrow(numbers) => numbers.get(i).map(|n| u32::from(*n)),
+            SurfaceIds::Wide(numbers) => numbers.get(i).copied(),
         }
     }
 
@@ -57,12 +57,12 @@ impl SurfaceOf {
     pub fn extend(&mut self, surfaces: impl IntoIterator<Item = u32>) {
         for surface in surfaces {
             match (&mut *self, u16::try_from(surface)) {
-                (SurfaceOf::Few(numbers), Ok(surface)) => numbers.push(surface),
-                (SurfaceOf::Many(numbers), _) => numbers.push(surface),
-                (SurfaceOf::Few(_), Err(_)) => {
+                (SurfaceIds::Narrow(numbers), Ok(surface)) => numbers.push(surface),
+                (SurfaceIds::Wide(numbers), _) => numbers.push(surface),
+                (SurfaceIds::Narrow(_), Err(_)) => {
                     let mut wide: Vec<u32> = self.iter().collect();
                     wide.push(surface);
-                    *self = SurfaceOf::Many(wide.into());
+                    *self = SurfaceIds::Wide(wide.into());
                 }
             }
         }
@@ -72,63 +72,63 @@ impl SurfaceOf {
     #[inline(always)]
     pub fn prefetch(&self, i: usize) {
         match self {
-            SurfaceOf::Few(numbers) => prefetch(numbers.as_ptr().wrapping_add(i)),
-            SurfaceOf::Many(numbers) => prefetch(numbers.as_ptr().wrapping_add(i)),
+            SurfaceIds::Narrow(numbers) => prefetch(numbers.as_ptr().wrapping_add(i)),
+            SurfaceIds::Wide(numbers) => prefetch(numbers.as_ptr().wrapping_add(i)),
         }
     }
 
     /// Bytes held.
     pub fn memory(&self) -> usize {
         match self {
-            SurfaceOf::Few(numbers) => numbers.memory(),
-            SurfaceOf::Many(numbers) => numbers.memory(),
+            SurfaceIds::Narrow(numbers) => numbers.memory(),
+            SurfaceIds::Wide(numbers) => numbers.memory(),
         }
     }
 
     /// Writes the numbers as an array of a file.
-    pub fn pack(&self, name: String, out: &mut Writer) -> Result<()> {
+    pub fn pack(&self, name: String, out: &mut ArrayFileWriter) -> Result<()> {
         match self {
-            SurfaceOf::Few(numbers) => out.array(name, numbers),
-            SurfaceOf::Many(numbers) => out.array(name, numbers),
+            SurfaceIds::Narrow(numbers) => out.array(name, numbers),
+            SurfaceIds::Wide(numbers) => out.array(name, numbers),
         }
     }
 
-    /// The numbers as [`SurfaceOf::pack`] wrote them. An error says what does not fit.
-    pub fn unpack(name: &str, file: &Archive) -> std::result::Result<SurfaceOf, String> {
+    /// The numbers as [`SurfaceIds::pack`] wrote them. An error says what does not fit.
+    pub fn unpack(name: &str, file: &ArrayFile) -> std::result::Result<SurfaceIds, String> {
         match file.array(name) {
-            Ok(numbers) => Ok(SurfaceOf::Few(numbers)),
-            Err(_) => file.array(name).map(SurfaceOf::Many),
+            Ok(numbers) => Ok(SurfaceIds::Narrow(numbers)),
+            Err(_) => file.array(name).map(SurfaceIds::Wide),
         }
     }
 }
 
-impl Default for SurfaceOf {
-    fn default() -> SurfaceOf {
-        SurfaceOf::Few(Store::new())
+impl Default for SurfaceIds {
+    fn default() -> SurfaceIds {
+        SurfaceIds::Narrow(Store::new())
     }
 }
 
-impl PartialEq for SurfaceOf {
-    fn eq(&self, other: &SurfaceOf) -> bool {
+impl PartialEq for SurfaceIds {
+    fn eq(&self, other: &SurfaceIds) -> bool {
         self.len() == other.len() && self.iter().eq(other.iter())
     }
 }
 
-impl FromIterator<u32> for SurfaceOf {
-    fn from_iter<I: IntoIterator<Item = u32>>(surfaces: I) -> SurfaceOf {
-        let mut all = SurfaceOf::default();
+impl FromIterator<u32> for SurfaceIds {
+    fn from_iter<I: IntoIterator<Item = u32>>(surfaces: I) -> SurfaceIds {
+        let mut all = SurfaceIds::default();
         all.extend(surfaces);
         all
     }
 }
 
-impl From<Vec<u32>> for SurfaceOf {
-    fn from(mut surfaces: Vec<u32>) -> SurfaceOf {
+impl From<Vec<u32>> for SurfaceIds {
+    fn from(mut surfaces: Vec<u32>) -> SurfaceIds {
         if surfaces.iter().any(|n| *n > u32::from(u16::MAX)) {
             surfaces.shrink_to_fit();
-            return SurfaceOf::Many(surfaces.into());
+            return SurfaceIds::Wide(surfaces.into());
         }
-        SurfaceOf::Few(surfaces.into_iter().map(|n| n as u16).collect())
+        SurfaceIds::Narrow(surfaces.into_iter().map(|n| n as u16).collect())
     }
 }
 
@@ -138,14 +138,14 @@ mod tests {
 
     #[test]
     fn numbers_are_narrow_as_long_as_they_can_be() {
-        let mut of: SurfaceOf = vec![3, 65_535, 0].into();
-        assert!(matches!(of, SurfaceOf::Few(_)) && of.memory() <= 8, "{of:?}");
+        let mut of: SurfaceIds = vec![3, 65_535, 0].into();
+        assert!(matches!(of, SurfaceIds::Narrow(_)) && of.memory() <= 8, "{of:?}");
         assert_eq!((of.get(1), of.get(3)), (Some(65_535), None));
         of.push(65_536);
-        assert!(matches!(of, SurfaceOf::Many(_)), "{of:?}");
+        assert!(matches!(of, SurfaceIds::Wide(_)), "{of:?}");
         assert_eq!(of.iter().collect::<Vec<_>>(), [3, 65_535, 0, 65_536]);
         assert_eq!(of.among(1..9).collect::<Vec<_>>(), [65_535, 0, 65_536]);
-        assert_eq!(of, SurfaceOf::from(vec![3, 65_535, 0, 65_536]));
-        assert_ne!(of, SurfaceOf::from(vec![3, 65_535, 0]));
+        assert_eq!(of, SurfaceIds::from(vec![3, 65_535, 0, 65_536]));
+        assert_ne!(of, SurfaceIds::from(vec![3, 65_535, 0]));
     }
 }

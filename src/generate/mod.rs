@@ -62,9 +62,9 @@ impl Kind {
     }
 }
 
-/// What [`make`] shall make.
+/// What [`write_scene`] shall make.
 #[derive(Clone, Debug, PartialEq)]
-pub struct MakeOptions {
+pub struct SceneOptions {
     /// What is made.
     pub kind: Kind,
     /// Triangles of the scene; met to within 1 %, mostly to within a few.
@@ -88,10 +88,10 @@ pub struct MakeOptions {
     pub overwrite: bool,
 }
 
-impl MakeOptions {
+impl SceneOptions {
     /// A scene of `triangles` triangles with defaults for everything else.
-    pub fn new(kind: Kind, triangles: u64) -> MakeOptions {
-        MakeOptions {
+    pub fn new(kind: Kind, triangles: u64) -> SceneOptions {
+        SceneOptions {
             kind,
             triangles,
             seed: 1,
@@ -105,9 +105,9 @@ impl MakeOptions {
     }
 }
 
-/// What [`make`] has made.
+/// What [`write_scene`] has made.
 #[derive(Clone, Debug, PartialEq)]
-pub struct MakeSummary {
+pub struct GeneratedScene {
     /// The survey to run.
     pub survey: PathBuf,
     /// All files written, the survey last.
@@ -124,9 +124,13 @@ pub struct MakeSummary {
 
 /// Writes a scene and its survey into `folder`, which is created if need be. `progress` is called with the share done,
 /// 0 to 1. Fails with [`Error::Input`] for sizes that cannot be made and for files that exist already (unless
-/// [`MakeOptions::overwrite`]), and with [`Error::Io`] when the machine fails; files appear under their names only when
+/// [`SceneOptions::overwrite`]), and with [`Error::Io`] when the machine fails; files appear under their names only when
 /// they are complete.
-pub fn make(options: &MakeOptions, folder: &Path, mut progress: impl FnMut(f64)) -> Result<MakeSummary> {
+pub fn write_scene(
+    options: &SceneOptions,
+    folder: &Path,
+    mut progress: impl FnMut(f64),
+) -> Result<GeneratedScene> {
     let extent = check(options)?;
     if !options.overwrite {
         refuse_existing(folder)?;
@@ -151,7 +155,7 @@ pub fn make(options: &MakeOptions, folder: &Path, mut progress: impl FnMut(f64))
     assembly.files.push(write_text(folder, "platforms.xml", &texts.platforms)?);
     let survey = write_text(folder, "survey.xml", &texts.survey)?;
     assembly.files.push(survey.clone());
-    Ok(MakeSummary {
+    Ok(GeneratedScene {
         survey,
         files: assembly.files,
         triangles: assembly.triangles,
@@ -162,7 +166,7 @@ pub fn make(options: &MakeOptions, folder: &Path, mut progress: impl FnMut(f64))
 }
 
 /// The extent to make, m, when the options can be met.
-fn check(options: &MakeOptions) -> Result<f64> {
+fn check(options: &SceneOptions) -> Result<f64> {
     let (kind, triangles) = (options.kind.name(), options.triangles);
     let fewest = options.kind.fewest_triangles();
     if triangles < fewest {
@@ -288,14 +292,14 @@ impl Assembly {
 mod tests {
     use super::*;
 
-    fn made(options: &MakeOptions) -> (tempfile::TempDir, MakeSummary) {
+    fn made(options: &SceneOptions) -> (tempfile::TempDir, GeneratedScene) {
         let folder = tempfile::tempdir().unwrap();
-        let summary = make(options, folder.path(), |_| ()).unwrap();
+        let summary = write_scene(options, folder.path(), |_| ()).unwrap();
         (folder, summary)
     }
 
     /// Triangles, vertices and largest vertex number as a reader of the files sees them.
-    fn read_back(summary: &MakeSummary) -> u64 {
+    fn read_back(summary: &GeneratedScene) -> u64 {
         let mut triangles = 0;
         for path in summary.files.iter().filter(|p| p.extension().is_some_and(|e| e == "obj")) {
             let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
@@ -321,7 +325,7 @@ mod tests {
     fn the_triangles_asked_for_are_in_the_files() {
         for kind in Kind::ALL {
             for triangles in [kind.fewest_triangles(), 1000, 4321, 60_000] {
-                let (_folder, summary) = made(&MakeOptions::new(kind, triangles));
+                let (_folder, summary) = made(&SceneOptions::new(kind, triangles));
                 let found = read_back(&summary);
                 assert_eq!(found, summary.triangles, "{kind:?}");
                 let off = (found as f64 / triangles as f64 - 1.0).abs();
@@ -333,21 +337,21 @@ mod tests {
     #[test]
     fn the_same_options_give_the_same_bytes_and_another_seed_others() {
         for kind in Kind::ALL {
-            let options = MakeOptions::new(kind, 3000);
-            let bytes = |o: &MakeOptions| {
+            let options = SceneOptions::new(kind, 3000);
+            let bytes = |o: &SceneOptions| {
                 let (_folder, summary) = made(o);
                 summary.files.iter().flat_map(|f| std::fs::read(f).unwrap()).collect::<Vec<u8>>()
             };
             let first = bytes(&options);
             assert_eq!(first, bytes(&options), "{kind:?}");
-            assert_ne!(first, bytes(&MakeOptions { seed: 2, ..options }), "{kind:?}");
+            assert_ne!(first, bytes(&SceneOptions { seed: 2, ..options }), "{kind:?}");
         }
     }
 
     #[test]
     fn a_forest_keeps_its_extent_and_stands_on_the_ground() {
         let (_folder, summary) =
-            made(&MakeOptions { extent_m: Some(60.0), ..MakeOptions::new(Kind::Forest, 20_000) });
+            made(&SceneOptions { extent_m: Some(60.0), ..SceneOptions::new(Kind::Forest, 20_000) });
         let size = summary.bounds.size();
         assert!(size.x >= 60.0 && size.x < 70.0 && size.y >= 60.0 && size.y < 70.0, "{size}");
         assert!(size.z > 15.0 && size.z < 60.0, "{size}");
@@ -355,7 +359,7 @@ mod tests {
 
     #[test]
     fn trees_can_be_parts_of_their_own() {
-        let options = MakeOptions { separate_trees: true, ..MakeOptions::new(Kind::Forest, 6000) };
+        let options = SceneOptions { separate_trees: true, ..SceneOptions::new(Kind::Forest, 6000) };
         let (folder, summary) = made(&options);
         assert_eq!(read_back(&summary), summary.triangles);
         let scene = std::fs::read_to_string(folder.path().join("scene.xml")).unwrap();
@@ -366,7 +370,7 @@ mod tests {
 
     #[test]
     fn voxels_are_in_the_crowns_and_in_the_scene() {
-        let options = MakeOptions { voxels: Some(3000), ..MakeOptions::new(Kind::Forest, 6000) };
+        let options = SceneOptions { voxels: Some(3000), ..SceneOptions::new(Kind::Forest, 6000) };
         let (folder, summary) = made(&options);
         assert!((2700..=3000).contains(&summary.voxels), "{}", summary.voxels);
         let reading = crate::survey::ReadOptions::default();
@@ -376,32 +380,35 @@ mod tests {
         assert_eq!(scene.geometry.cubes.len() as u64, summary.voxels);
         let ground = std::fs::read_to_string(folder.path().join("scene.xml")).unwrap();
         assert!(ground.contains("crowns.vox"));
-        let crowded = MakeOptions { voxels: Some(100_000_000), overwrite: true, ..options.clone() };
-        assert!(matches!(make(&crowded, folder.path(), |_| ()), Err(Error::Input(_))));
-        let room = MakeOptions { voxels: Some(10), ..MakeOptions::new(Kind::Room, 2000) };
-        assert!(matches!(make(&room, folder.path(), |_| ()), Err(Error::Input(_))));
+        let crowded = SceneOptions { voxels: Some(100_000_000), overwrite: true, ..options.clone() };
+        assert!(matches!(write_scene(&crowded, folder.path(), |_| ()), Err(Error::Input(_))));
+        let room = SceneOptions { voxels: Some(10), ..SceneOptions::new(Kind::Room, 2000) };
+        assert!(matches!(write_scene(&room, folder.path(), |_| ()), Err(Error::Input(_))));
     }
 
     #[test]
     fn nothing_is_overwritten_unasked() {
-        let (folder, _) = made(&MakeOptions::new(Kind::Room, 1000));
-        let again = MakeOptions::new(Kind::Room, 1000);
-        assert!(matches!(make(&again, folder.path(), |_| ()), Err(Error::Input(_))));
-        make(&MakeOptions { overwrite: true, ..again }, folder.path(), |_| ()).unwrap();
+        let (folder, _) = made(&SceneOptions::new(Kind::Room, 1000));
+        let again = SceneOptions::new(Kind::Room, 1000);
+        assert!(matches!(write_scene(&again, folder.path(), |_| ()), Err(Error::Input(_))));
+        write_scene(&SceneOptions { overwrite: true, ..again }, folder.path(), |_| ()).unwrap();
     }
 
     #[test]
     fn sizes_that_cannot_be_made_are_refused() {
         let folder = tempfile::tempdir().unwrap();
-        let refuse = |options: MakeOptions| {
-            assert!(matches!(make(&options, folder.path(), |_| ()), Err(Error::Input(_))), "{options:?}");
+        let refuse = |options: SceneOptions| {
+            assert!(
+                matches!(write_scene(&options, folder.path(), |_| ()), Err(Error::Input(_))),
+                "{options:?}"
+            );
         };
-        refuse(MakeOptions::new(Kind::Forest, 10));
-        refuse(MakeOptions::new(Kind::Terrain, u64::MAX));
+        refuse(SceneOptions::new(Kind::Forest, 10));
+        refuse(SceneOptions::new(Kind::Terrain, u64::MAX));
         for extent in [f64::NAN, f64::INFINITY, -5.0, 0.0, 1e9] {
-            refuse(MakeOptions { extent_m: Some(extent), ..MakeOptions::new(Kind::Forest, 5000) });
+            refuse(SceneOptions { extent_m: Some(extent), ..SceneOptions::new(Kind::Forest, 5000) });
         }
-        refuse(MakeOptions { pulses: Some(0), ..MakeOptions::new(Kind::Room, 5000) });
+        refuse(SceneOptions { pulses: Some(0), ..SceneOptions::new(Kind::Room, 5000) });
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -5,9 +5,9 @@ use crate::geom::DVec3;
 
 /// Values that are being written.
 #[derive(Debug, Default)]
-pub struct Words(Vec<u8>);
+pub struct ByteWriter(Vec<u8>);
 
-impl Words {
+impl ByteWriter {
     /// What was written so far.
     pub fn bytes(&self) -> &[u8] {
         &self.0
@@ -45,7 +45,7 @@ impl Words {
     }
 
     /// Perhaps something.
-    pub fn option<T>(&mut self, value: Option<T>, write: impl FnOnce(&mut Words, T)) {
+    pub fn option<T>(&mut self, value: Option<T>, write: impl FnOnce(&mut ByteWriter, T)) {
         self.flag(value.is_some());
         if let Some(value) = value {
             write(self, value);
@@ -53,7 +53,7 @@ impl Words {
     }
 
     /// Several of a kind.
-    pub fn list<T>(&mut self, values: &[T], mut write: impl FnMut(&mut Words, &T)) {
+    pub fn list<T>(&mut self, values: &[T], mut write: impl FnMut(&mut ByteWriter, &T)) {
         self.u64(values.len() as u64);
         values.iter().for_each(|value| write(self, value));
     }
@@ -61,56 +61,56 @@ impl Words {
 
 /// The values end before all were read, or are none of their kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Cut;
+pub struct UnexpectedEnd;
 
 /// Values that are being read.
 #[derive(Clone, Debug)]
-pub struct Reader<'a>(pub &'a [u8]);
+pub struct ByteReader<'a>(pub &'a [u8]);
 
-impl<'a> Reader<'a> {
-    fn take(&mut self, count: usize) -> Result<&'a [u8], Cut> {
-        let (taken, rest) = self.0.split_at_checked(count).ok_or(Cut)?;
+impl<'a> ByteReader<'a> {
+    fn take(&mut self, count: usize) -> Result<&'a [u8], UnexpectedEnd> {
+        let (taken, rest) = self.0.split_at_checked(count).ok_or(UnexpectedEnd)?;
         self.0 = rest;
         Ok(taken)
     }
 
     /// A number.
-    pub fn u64(&mut self) -> Result<u64, Cut> {
-        self.take(8)?.try_into().map(u64::from_le_bytes).map_err(|_| Cut)
+    pub fn u64(&mut self) -> Result<u64, UnexpectedEnd> {
+        self.take(8)?.try_into().map(u64::from_le_bytes).map_err(|_| UnexpectedEnd)
     }
 
     /// A number of at most 32 bits.
-    pub fn u32(&mut self) -> Result<u32, Cut> {
-        u32::try_from(self.u64()?).map_err(|_| Cut)
+    pub fn u32(&mut self) -> Result<u32, UnexpectedEnd> {
+        u32::try_from(self.u64()?).map_err(|_| UnexpectedEnd)
     }
 
     /// A number of things.
-    pub fn size(&mut self) -> Result<usize, Cut> {
-        usize::try_from(self.u64()?).map_err(|_| Cut)
+    pub fn size(&mut self) -> Result<usize, UnexpectedEnd> {
+        usize::try_from(self.u64()?).map_err(|_| UnexpectedEnd)
     }
 
     /// A number, with its bits.
-    pub fn f64(&mut self) -> Result<f64, Cut> {
+    pub fn f64(&mut self) -> Result<f64, UnexpectedEnd> {
         self.u64().map(f64::from_bits)
     }
 
     /// Three of them.
-    pub fn vector(&mut self) -> Result<DVec3, Cut> {
+    pub fn vector(&mut self) -> Result<DVec3, UnexpectedEnd> {
         Ok(DVec3::new(self.f64()?, self.f64()?, self.f64()?))
     }
 
     /// Yes or no.
-    pub fn flag(&mut self) -> Result<bool, Cut> {
+    pub fn flag(&mut self) -> Result<bool, UnexpectedEnd> {
         Ok(self.take(1)? != [0])
     }
 
     /// A text.
-    pub fn text(&mut self) -> Result<String, Cut> {
-        String::from_utf8(self.blob()?.to_vec()).map_err(|_| Cut)
+    pub fn text(&mut self) -> Result<String, UnexpectedEnd> {
+        String::from_utf8(self.blob()?.to_vec()).map_err(|_| UnexpectedEnd)
     }
 
     /// Bytes.
-    pub fn blob(&mut self) -> Result<&'a [u8], Cut> {
+    pub fn blob(&mut self) -> Result<&'a [u8], UnexpectedEnd> {
         let count = self.size()?;
         self.take(count)
     }
@@ -118,16 +118,16 @@ impl<'a> Reader<'a> {
     /// Perhaps something.
     pub fn option<T>(
         &mut self,
-        read: impl FnOnce(&mut Reader<'a>) -> Result<T, Cut>,
-    ) -> Result<Option<T>, Cut> {
+        read: impl FnOnce(&mut ByteReader<'a>) -> Result<T, UnexpectedEnd>,
+    ) -> Result<Option<T>, UnexpectedEnd> {
         if self.flag()? { read(self).map(Some) } else { Ok(None) }
     }
 
     /// Several of a kind.
     pub fn list<T>(
         &mut self,
-        mut read: impl FnMut(&mut Reader<'a>) -> Result<T, Cut>,
-    ) -> Result<Vec<T>, Cut> {
+        mut read: impl FnMut(&mut ByteReader<'a>) -> Result<T, UnexpectedEnd>,
+    ) -> Result<Vec<T>, UnexpectedEnd> {
         let count = self.u64()?;
         // Everything takes at least a byte, so that a wrong number cannot ask for memory.
         (0..count.min(self.0.len() as u64 + 1)).map(|_| read(self)).collect()
@@ -140,19 +140,19 @@ mod tests {
 
     #[test]
     fn what_is_read_is_what_was_written() {
-        let mut w = Words::default();
+        let mut w = ByteWriter::default();
         w.f64(f64::NAN);
-        w.option(Some("ä"), Words::text);
-        w.option(None, Words::f64);
+        w.option(Some("ä"), ByteWriter::text);
+        w.option(None, ByteWriter::f64);
         w.list(&[1.0, -0.0], |w, x| w.f64(*x));
         w.vector(DVec3::Y);
-        let mut r = Reader(w.bytes());
+        let mut r = ByteReader(w.bytes());
         assert!(r.f64().unwrap().is_nan());
-        assert_eq!(r.option(Reader::text), Ok(Some("ä".to_owned())));
-        assert_eq!(r.option(Reader::f64), Ok(None));
-        assert_eq!(r.list(Reader::f64).unwrap()[1].to_bits(), (-0.0f64).to_bits());
-        assert_eq!((r.vector(), r.flag()), (Ok(DVec3::Y), Err(Cut)));
-        assert_eq!(Reader(&[255; 8]).text(), Err(Cut));
-        assert_eq!(Reader(&[255; 8]).list(Reader::flag), Err(Cut));
+        assert_eq!(r.option(ByteReader::text), Ok(Some("ä".to_owned())));
+        assert_eq!(r.option(ByteReader::f64), Ok(None));
+        assert_eq!(r.list(ByteReader::f64).unwrap()[1].to_bits(), (-0.0f64).to_bits());
+        assert_eq!((r.vector(), r.flag()), (Ok(DVec3::Y), Err(UnexpectedEnd)));
+        assert_eq!(ByteReader(&[255; 8]).text(), Err(UnexpectedEnd));
+        assert_eq!(ByteReader(&[255; 8]).list(ByteReader::flag), Err(UnexpectedEnd));
     }
 }

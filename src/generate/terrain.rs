@@ -3,7 +3,7 @@
 use super::chance::{Dice, Octave, Relief, Topic};
 use super::obj::{Mesh, ObjFile};
 use super::solid::{BOX_FACES, ball, ball_triangles, box_corners, ground, ground_cells};
-use super::{Assembly, MakeOptions};
+use super::{Assembly, SceneOptions};
 use crate::error::Result;
 use crate::geom::DVec3;
 use std::path::Path;
@@ -55,7 +55,7 @@ const HOUSE: u64 = 26;
 const STONE: u64 = 8;
 
 pub(super) fn write(
-    options: &MakeOptions,
+    options: &SceneOptions,
     extent: f64,
     folder: &Path,
     progress: &mut dyn FnMut(f64),

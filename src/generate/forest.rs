@@ -4,7 +4,7 @@ use super::chance::{Dice, Octave, Relief, Topic};
 use super::obj::{Mesh, ObjFile, PartFile};
 use super::solid::{ground, ground_cells};
 use super::tree::{SMALLEST_TREE, Species, Tree, shrub};
-use super::{Assembly, MakeOptions, Part, crowns};
+use super::{Assembly, Part, SceneOptions, crowns};
 use crate::error::Result;
 use crate::geom::DVec3;
 use std::path::Path;
@@ -105,7 +105,7 @@ impl Budget {
 }
 
 pub(super) fn write(
-    options: &MakeOptions,
+    options: &SceneOptions,
     extent: f64,
     folder: &Path,
     progress: &mut dyn FnMut(f64),
@@ -258,7 +258,7 @@ impl Stand {
 
 /// A forest of few trees that stand in many places.
 fn write_models(
-    options: &MakeOptions,
+    options: &SceneOptions,
     (models, copies): (u64, u64),
     extent: f64,
     folder: &Path,

@@ -4,7 +4,7 @@ use super::chance::{Dice, Topic};
 use super::obj::ObjFile;
 use super::solid::{BOX_FACES, ball, ball_triangles, box_corners, patch, tube};
 use super::tree::leaf_around;
-use super::{Assembly, MakeOptions};
+use super::{Assembly, SceneOptions};
 use crate::error::Result;
 use crate::geom::{DVec3, radians};
 use libm::{cos, sin};
@@ -165,7 +165,7 @@ impl Group {
 }
 
 pub(super) fn write(
-    options: &MakeOptions,
+    options: &SceneOptions,
     extent: f64,
     folder: &Path,
     progress: &mut dyn FnMut(f64),
@@ -199,7 +199,7 @@ fn mesh_width(total: impl Fn(f64) -> u64, triangles: u64) -> f64 {
     coarse
 }
 
-fn furnish(options: &MakeOptions, extent: f64) -> Vec<Group> {
+fn furnish(options: &SceneOptions, extent: f64) -> Vec<Group> {
     let (a, b) = (0.5 * extent, 0.375 * extent);
     let p = DVec3::new;
     // A cross-section with a low wall at +x and the roof's slope above it.
@@ -255,7 +255,7 @@ fn furniture(b: f64) -> Vec<Shape> {
 }
 
 /// Shelves along the high wall, with books in them when there are triangles to spare.
-fn shelf(options: &MakeOptions, a: f64) -> Vec<Piece> {
+fn shelf(options: &SceneOptions, a: f64) -> Vec<Piece> {
     let (mut boards, mut books) = (Vec::new(), Vec::new());
     let block = |shapes: &mut Vec<Shape>, centre: DVec3, x: DVec3, y: DVec3, z: DVec3| {
         let corners = box_corners(centre, x, y, z);
@@ -313,7 +313,7 @@ fn spheres(a: f64, b: f64) -> Vec<Piece> {
 }
 
 /// A pot with a bush in the corner; its leaves use up the triangles that are left, to the last one.
-fn plant(out: &mut ObjFile, options: &MakeOptions, extent: f64, triangles: u64) -> Result<()> {
+fn plant(out: &mut ObjFile, options: &SceneOptions, extent: f64, triangles: u64) -> Result<()> {
     let foot = placed(-0.5 * extent + 0.6, -0.375 * extent + 0.6, 0.0);
     out.material("pot");
     let sides = if triangles < 400 { 6 } else { 24 };

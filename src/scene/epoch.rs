@@ -1,43 +1,39 @@
-//! Plays: the survey is flown once for every state of swapped parts (spec input-formats §3.8).
+//! Epochs: repeated surveys of a scene whose parts are swapped in between (spec input-formats §3.8).
 
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3};
 use crate::scene::{Pack, Scene};
-use crate::survey::{PartRecipe, SceneRecipe, Swap};
+use crate::survey::{Loader, PartRecipe, SceneRecipe, Swap};
 use std::borrow::Cow;
 
-/// How often a survey over the scene is flown: at least once, and until every part has shown all of its states.
+/// Number of epochs of a scene: at least one, and as many as it takes until every part has been in all of its states.
 ///
 /// # Errors
 /// When the scene is a packed one that cannot be used.
-pub fn plays(recipe: &SceneRecipe) -> Result<u32> {
+pub fn count_epochs(recipe: &SceneRecipe) -> Result<u32> {
     if let Some(path) = &recipe.packed {
-        return Ok(Pack::open(path)?.plays());
+        return Ok(Pack::open(path)?.epochs());
     }
-    let of = |part: &PartRecipe| part.swaps.iter().fold(1u32, |n, swap| n.saturating_add(swap.plays));
+    let of = |part: &PartRecipe| part.swaps.iter().fold(1u32, |n, swap| n.saturating_add(swap.epochs));
     Ok(recipe.parts.iter().map(of).max().unwrap_or(1))
 }
 
-/// Frame and box of the first play's scene, which those of later plays go by.
+/// Local frame and bounding box of the first epoch's scene, on which those of later epochs depend.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stand {
-    shift: DVec3,
+pub struct SceneFrame {
+    /// World position of the local origin.
+    pub(super) shift: DVec3,
     bounds: Aabb,
 }
 
-impl Stand {
-    /// The frame and the box of a scene.
-    pub fn of(scene: &Scene) -> Stand {
-        Stand { shift: scene.shift, bounds: scene.bounds }
+impl SceneFrame {
+    /// The frame and the bounding box of a scene.
+    pub fn of(scene: &Scene) -> SceneFrame {
+        SceneFrame { shift: scene.shift, bounds: scene.bounds }
     }
 
-    /// World position of the local origin.
-    pub(super) fn shift(&self) -> DVec3 {
-        self.shift
-    }
-
-    /// The box of a later play whose primitives fill `found`: grown symmetrically to hold them, or, where a part does not
-    /// want the first play's frame kept, theirs alone.
+    /// The bounding box of a later epoch whose primitives have the box `found`: the first epoch's, grown symmetrically to
+    /// hold them, or `found` where a part does not want the first epoch's frame kept.
     pub(super) fn bounds(&self, found: Aabb, keep: bool) -> Aabb {
         if found.is_empty() {
             return self.bounds;
@@ -50,47 +46,43 @@ impl Stand {
     }
 }
 
-/// Whether later plays keep the frame of the first: the last swap of a part speaks for it, and one part against it is
+/// Whether later epochs keep the frame of the first: the last swap of each part decides, and one part against it is
 /// enough.
 pub(super) fn keeps_frame(recipe: &SceneRecipe) -> bool {
     recipe.parts.iter().filter_map(|p| p.swaps.last()).all(|swap| swap.keep_crs)
 }
 
-/// The part as it is in play number `play`, from 0; `None` if it is absent then.
-pub(super) fn state(part: &PartRecipe, play: u32) -> Option<Cow<'_, PartRecipe>> {
-    if play == 0 || part.swaps.is_empty() {
+/// The part in the given epoch, counted from 0; `None` if it is absent then.
+pub(super) fn part_in_epoch(part: &PartRecipe, epoch: u32) -> Option<Cow<'_, PartRecipe>> {
+    if epoch == 0 || part.swaps.is_empty() {
         return Some(Cow::Borrowed(part));
     }
-    let mut now = part.clone();
-    // What a swap without a loader of its own starts from: the part as loaded first, until it has vanished once.
+    let mut swapped = part.clone();
+    // The loader of a swap that names none: that of the first epoch, until the part has vanished once.
     let (mut baseline, mut present, mut begins) = (Some(&part.loader), true, 1u64);
     for swap in &part.swaps {
-        if begins > u64::from(play) {
+        if begins > u64::from(epoch) {
             break;
         }
-        begins += u64::from(swap.plays);
-        present = swap_in(&mut now, swap, &mut baseline);
+        begins += u64::from(swap.epochs);
+        present = apply_swap(&mut swapped, swap, &mut baseline);
     }
-    present.then_some(Cow::Owned(now))
+    present.then_some(Cow::Owned(swapped))
 }
 
-/// Gives the part its next state; `false` if it is absent in it.
-fn swap_in<'a>(
-    now: &mut PartRecipe,
-    swap: &'a Swap,
-    baseline: &mut Option<&'a crate::survey::Loader>,
-) -> bool {
+/// Changes the part to its next state; `false` if it is absent in it.
+fn apply_swap<'a>(part: &mut PartRecipe, swap: &'a Swap, baseline: &mut Option<&'a Loader>) -> bool {
     if swap.vanish {
         *baseline = None;
         return false;
     }
     let Some(loader) = swap.loader.as_ref().or(*baseline) else { return false };
-    now.loader = loader.clone();
+    part.loader = loader.clone();
     if let Some(scale) = swap.scale {
-        now.transform.scale = scale;
+        part.transform.scale = scale;
     }
     if let Some((offset, on_ground)) = swap.offset {
-        (now.transform.offset, now.transform.on_ground) = (offset, on_ground);
+        (part.transform.offset, part.transform.on_ground) = (offset, on_ground);
     }
     true
 }
@@ -99,19 +91,19 @@ fn swap_in<'a>(
 mod tests {
     use super::*;
     use crate::scene::fixture::Fixture;
-    use crate::survey::{Loader, UpAxis};
+    use crate::survey::UpAxis;
     use std::path::PathBuf;
 
-    fn swap(plays: u32) -> Swap {
-        Swap { plays, keep_crs: true, vanish: false, loader: None, scale: None, offset: None }
+    fn swap(epochs: u32) -> Swap {
+        Swap { epochs, keep_crs: true, vanish: false, loader: None, scale: None, offset: None }
     }
 
     fn loader(file: &str) -> Loader {
         Loader::Obj { files: vec![PathBuf::from(file)], up: UpAxis::Z }
     }
 
-    fn file_and_scale(part: &PartRecipe, play: u32) -> Option<(String, f64)> {
-        state(part, play).map(|p| match &p.loader {
+    fn file_and_scale(part: &PartRecipe, epoch: u32) -> Option<(String, f64)> {
+        part_in_epoch(part, epoch).map(|p| match &p.loader {
             Loader::Obj { files, .. } => (files[0].display().to_string(), p.transform.scale),
             _ => unreachable!("only OBJ files here"),
         })
@@ -123,7 +115,7 @@ mod tests {
         let mut f = Fixture::new();
         let part = f.part(loader("ball"));
         part.swaps = vec![Swap { scale: Some(2.0), ..swap(2) }, Swap { vanish: true, ..swap(1) }];
-        let found: Vec<_> = (0..6).map(|play| file_and_scale(part, play)).collect();
+        let found: Vec<_> = (0..6).map(|epoch| file_and_scale(part, epoch)).collect();
         let ball = |scale| Some(("ball".to_owned(), scale));
         assert_eq!(found, [ball(1.0), ball(2.0), ball(2.0), None, None, None]);
     }
@@ -141,10 +133,10 @@ mod tests {
             Swap { loader: Some(loader("cone")), ..swap(1) },
             swap(1),
         ];
-        let found: Vec<_> = (1..7).map(|play| file_and_scale(part, play)).collect();
+        let found: Vec<_> = (1..7).map(|epoch| file_and_scale(part, epoch)).collect();
         let shown = |file: &str, scale| Some((file.to_owned(), scale));
         assert_eq!(found, [shown("rod", 3.0), shown("ball", 3.0), None, None, shown("cone", 3.0), None]);
-        let later = state(part, 5).unwrap().transform;
+        let later = part_in_epoch(part, 5).unwrap().transform;
         assert_eq!((later.offset, later.on_ground), (DVec3::X, 1));
     }
 
@@ -154,9 +146,9 @@ mod tests {
         f.part(loader("ground"));
         f.part(loader("ball")).swaps = vec![swap(4)];
         f.part(loader("rod")).swaps = vec![swap(1), swap(1)];
-        let count = |f: &Fixture| plays(&f.recipe()).unwrap();
+        let count = |f: &Fixture| count_epochs(&f.recipe()).unwrap();
         assert_eq!(count(&f), 5);
-        f.parts[1].swaps[0].plays = u32::MAX;
+        f.parts[1].swaps[0].epochs = u32::MAX;
         assert_eq!(count(&f), u32::MAX);
         f.parts.truncate(1);
         assert_eq!(count(&f), 1);
