@@ -18,6 +18,19 @@ pub enum Severity {
     Note,
 }
 
+/// What is reported while a run goes on.
+#[derive(Clone, Debug)]
+pub enum Notice {
+    /// What was accepted although it looks wrong.
+    Warnings(Diagnostics),
+    /// What the user should know.
+    Note(String),
+    /// What is of interest in a verbose log.
+    Detail(String),
+    /// How long a step took.
+    Timing(String),
+}
+
 /// A place in a text file: one line with a range of it underlined.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {

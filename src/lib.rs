@@ -18,7 +18,7 @@
 //!
 //! | room | what it does | imports |
 //! |---|---|---|
-//! | [`geom`], [`rng`], [`diag`], [`error`], [`arrivals`], `damage` | rotations, boxes; counter-based random numbers; places and reports; bytes and tables as they arrive; libraries that panic on damaged files | nothing |
+//! | [`geom`], [`rng`], [`diag`], [`error`], `quantity`, [`arrivals`], `damage` | rotations, boxes; counter-based random numbers; places and reports; quantities as text; bytes and tables as they arrive; libraries that panic on damaged files | nothing |
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
 //! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, arrivals |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
@@ -59,6 +59,7 @@ pub mod pipeline;
 pub mod platform;
 pub mod preview;
 pub mod pulse;
+mod quantity;
 pub mod rng;
 pub mod scanner;
 pub mod scene;

@@ -12,7 +12,7 @@ use super::args::{BenchArgs, ScheduleKind, TreeKind};
 use super::run::speed;
 use super::{Cli, Command, Console, RunArgs, interrupt};
 use crate::error::{Error, Result};
-use crate::schedule::{Policy, Settings};
+use crate::schedule::{Policy, Schedule};
 use crate::tree::{BuildOptions, Builder};
 use clap::Parser;
 use report::Report;
@@ -32,7 +32,7 @@ struct Matrix {
 /// A schedule with its parameters.
 #[derive(Clone, Copy, PartialEq)]
 struct Flight {
-    settings: Settings,
+    settings: Schedule,
     /// What its sequential counterpart is computed in, which for single pulses is another number than its chunks'.
     chunk: u32,
 }
@@ -152,7 +152,7 @@ fn matrix(args: &BenchArgs) -> Result<Matrix> {
                         };
                         let chunk = if kind == ScheduleKind::Single && threads > 1 { 1 } else { chunk };
                         let leg_barrier = leg_barrier && threads > 1;
-                        let flight = Flight { settings: Settings { threads, policy, leg_barrier }, chunk };
+                        let flight = Flight { settings: Schedule { threads, policy, leg_barrier }, chunk };
                         if !flights.contains(&flight) {
                             flights.push(flight);
                         }

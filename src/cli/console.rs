@@ -1,6 +1,6 @@
 //! What the user reads on stderr.
 
-use crate::diag::{Diagnostics, Severity};
+use crate::diag::{Diagnostics, Notice, Severity};
 use crate::error::{Error, Result};
 use std::fmt::Display;
 use std::fs::{File, OpenOptions};
@@ -52,7 +52,7 @@ impl Console {
         Console { verbosity, coloured, stderr: true, file: None }
     }
 
-    /// The same console with messages going elsewhere. Within one second runs share a log file, line by line.
+    /// Sends messages to `to`. Runs that start within one second share a log file, line by line.
     ///
     /// # Errors
     /// [`Error::Io`] when the log file cannot be opened.
@@ -76,17 +76,28 @@ impl Console {
         self.verbosity >= level
     }
 
+    /// Shows what a session reports.
+    pub fn observer(&self) -> impl Fn(Notice) + Send + Sync + 'static + use<> {
+        let console = self.clone();
+        move |notice| match notice {
+            Notice::Warnings(found) => console.warnings(&found),
+            Notice::Note(note) => console.say(note),
+            Notice::Detail(detail) => console.detail(detail),
+            Notice::Timing(text) => console.took(Verbosity::Verbose, text),
+        }
+    }
+
     /// One line of the normal level.
     pub fn say(&self, message: impl Display) {
         self.line(Verbosity::Normal, message);
     }
 
-    /// One line for those who want to know more.
+    /// One line of the verbose level.
     pub fn detail(&self, message: impl Display) {
         self.line(Verbosity::Verbose, message);
     }
 
-    /// One line of that level that tells how long something took.
+    /// One line about how long something took, of that level or of [`Verbosity::Times`].
     pub fn took(&self, level: Verbosity, message: impl Display) {
         let times = self.verbosity == Verbosity::Times;
         self.line(if times { Verbosity::Times } else { level }, message);
@@ -121,7 +132,7 @@ impl Console {
     }
 
     fn raw(&self, text: &str) {
-        // Nobody is left to be told when stderr is closed or the log's disk is full.
+        // A closed stderr or a full disk of the log must not end the run.
         if self.stderr {
             let _ = stderr().lock().write_all(text.as_bytes());
         }

@@ -3,9 +3,9 @@
 use super::Console;
 use super::args::InfoArgs;
 use super::inputs::{holds_survey, read_survey};
-use super::watch::amount;
 use crate::diag::{Diagnostics, Severity};
 use crate::error::{Error, Result};
+use crate::quantity::amount;
 use crate::scene::{self, Inventory, LoadOptions, Pack, Scene};
 use crate::survey::{self, ReadOptions, SceneRecipe};
 use crate::tree::{BuildOptions, Tree};

@@ -16,7 +16,6 @@ mod pack;
 mod preview;
 mod run;
 mod scene;
-mod slips;
 mod stages;
 mod unzip;
 mod watch;

@@ -3,10 +3,10 @@
 use super::args::PackArgs;
 use super::run::job::material_rules;
 use super::run::speed::builder;
-use super::watch::amount;
 use super::{Console, info};
 use crate::error::{Error, Result};
 use crate::pulse::Corrections;
+use crate::quantity::amount;
 use crate::scene::{self, LoadOptions, Sharing};
 use crate::survey::parse_seed;
 use crate::tree::BuildOptions;

@@ -2,11 +2,11 @@
 
 use super::Console;
 use super::args::{Colour, PreviewArgs};
-use super::watch::amount;
 use crate::error::{Error, Result};
 use crate::preview::{
     Chart, ColourBy, PageOptions, PreviewOptions, Wave, draw, read_packet, read_points, read_wave, write_page,
 };
+use crate::quantity::amount;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 

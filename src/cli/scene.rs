@@ -1,10 +1,10 @@
 //! `vlscan scene`: scenes to try things with.
 
 use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
-use super::watch::amount;
 use super::{Console, info, pack};
 use crate::error::{Error, Result};
 use crate::generate::{Kind, SceneOptions, write_scene};
+use crate::quantity::amount;
 
 /// Runs `vlscan scene`.
 pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {

@@ -2,6 +2,7 @@
 
 use super::{Console, Verbosity};
 use crate::pipeline::{Progress, Snapshot};
+use crate::quantity::{amount, duration};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
@@ -72,36 +73,9 @@ fn line(now: &Snapshot, legs: usize, seconds: f64) -> String {
     text
 }
 
-/// A number with a unit prefix and three digits: 1.23 M.
-pub fn amount(n: f64) -> String {
-    for (limit, unit) in [(1e9, " G"), (1e6, " M"), (1e3, " k")] {
-        if n >= limit {
-            return format!("{:.2}{unit}", n / limit);
-        }
-    }
-    format!("{n:.0}")
-}
-
-/// h:mm:ss, or seconds where they are enough.
-pub fn duration(seconds: f64) -> String {
-    if !seconds.is_finite() || seconds > 1e7 {
-        return "?".to_owned();
-    }
-    let s = seconds.round() as u64;
-    if s < 60 { format!("{s} s") } else { format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn numbers_are_short() {
-        assert_eq!(amount(950.0), "950");
-        assert_eq!(amount(1_234_567.0), "1.23 M");
-        assert_eq!(duration(42.4), "42 s");
-        assert_eq!(duration(3725.0), "1:02:05");
-    }
 
     #[test]
     fn a_stream_has_no_percentage() {

@@ -1,10 +1,10 @@
-//! Where beams point: a few pulses of every chunk are compared with the box around the scene, so that a run which hits
-//! nothing can say why.
+//! Where beams point: a few pulses of every chunk are compared with the box around the scene, so that the reason can be
+//! reported when a run hits nothing.
 
 use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3};
 
-/// Pulses of a chunk that are looked at.
+/// Pulses of a chunk that are compared.
 const SAMPLED_PULSES: usize = 8;
 /// Places that [`AimLog`] keeps.
 const MAX_PLACES: usize = 64;
@@ -14,20 +14,20 @@ const MAX_PLACES: usize = 64;
 pub struct AimTarget {
     /// Box around the scene.
     pub bounds: Aabb,
-    /// Least and greatest range of the scanner, m.
+    /// Minimum and maximum range of the scanner, m.
     pub ranges: [f64; 2],
 }
 
 /// Counts of sampled pulses; pieces add up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aim {
-    /// Pulses that were looked at.
+    /// Pulses that were compared.
     pub sampled: u64,
-    /// Those whose beam meets the box around the scene at any distance.
+    /// Pulses whose beam meets the box around the scene at any distance.
     pub towards: u64,
-    /// Those whose beam is in the box at distances that the scanner measures.
+    /// Pulses whose beam is in the box at ranges that the scanner measures.
     pub within: u64,
-    /// Those whose beam points above the horizon.
+    /// Pulses whose beam points above the horizon.
     pub upwards: u64,
     /// Box around the origins, scene frame.
     pub origins: Aabb,
@@ -36,21 +36,21 @@ pub struct Aim {
 }
 
 impl Aim {
-    /// Nothing was looked at.
+    /// No pulse.
     pub const NONE: Aim =
         Aim { sampled: 0, towards: 0, within: 0, upwards: 0, origins: Aabb::EMPTY, place: None };
 
-    /// Looks at some of `pulses`, at even steps.
+    /// Compares some of `pulses`, at even steps.
     pub fn of(target: &AimTarget, pulses: &[Pulse]) -> Aim {
         let mut aim = Aim::NONE;
         for pulse in pulses.iter().step_by(pulses.len().div_ceil(SAMPLED_PULSES).max(1)) {
-            aim.look(target, pulse.origin, pulse.attitude.forward());
+            aim.add_beam(target, pulse.origin, pulse.attitude.forward());
         }
         aim
     }
 
-    fn look(&mut self, target: &AimTarget, origin: DVec3, direction: DVec3) {
-        // A direction of -0 would turn the slabs about.
+    fn add_beam(&mut self, target: &AimTarget, origin: DVec3, direction: DVec3) {
+        // A component of -0 would swap the entry and exit of its slab.
         let direction = direction + DVec3::ZERO;
         self.sampled += 1;
         self.upwards += u64::from(direction.z > 0.0);
@@ -94,7 +94,7 @@ impl Default for AimLog {
 }
 
 impl AimLog {
-    /// Adds a piece. When there are many places every second one goes.
+    /// Adds a piece. When there are more than [`MAX_PLACES`] every second place is removed.
     pub fn add(&mut self, piece: &Aim) {
         self.sum.add(piece);
         let Some(place) = piece.place else { return };
@@ -125,7 +125,7 @@ mod tests {
         let target = AimTarget { bounds, ranges: [2.0, 100.0] };
         let looks = |origin: [f64; 3], direction: DVec3| {
             let mut aim = Aim::NONE;
-            aim.look(&target, origin.into(), direction);
+            aim.add_beam(&target, origin.into(), direction);
             (aim.towards, aim.within, aim.upwards)
         };
         assert_eq!(looks([0.0, 0.0, 50.0], -DVec3::Z), (1, 1, 0));

@@ -7,19 +7,19 @@ use crate::scene::{MotionPlan, MotionState};
 use crate::schedule::{Feed, Outcome, Stop, Tasks};
 use std::time::{Duration, Instant};
 
-/// Steps after which a chunk ends although few of them fired: the wish to stop is looked at between chunks.
+/// Steps after which a chunk ends although few of them fired: the wish to stop is checked between chunks.
 const MAX_STEPS: u32 = 1 << 16;
-/// How often the wish to stop is looked at while no pose arrives.
-const LOOK: Duration = Duration::from_millis(100);
+/// How often the wish to stop is checked while no pose arrives.
+const STOP_CHECK_PERIOD: Duration = Duration::from_millis(100);
 
-/// Consecutive steps of one leg: the state before the first of them, and how many there are. Whoever replays them gets
-/// the pulses; the producer only counted them.
+/// Consecutive steps of one leg: the state before the first of them, and their number. A worker replays them to get the
+/// pulses, which the producer has only counted.
 #[derive(Clone)]
 pub struct Chunk {
     /// Platform and devices as they were before the first step.
     pub start: FlightState,
-    /// Moving parts of the scene as they were then, if there are any.
-    pub movers: Option<MotionState>,
+    /// Moving parts of the scene before the first step, if there are any.
+    pub motion: Option<MotionState>,
     /// Number of steps.
     pub steps: u32,
     /// Pulses among them.
@@ -40,10 +40,10 @@ impl Tasks for Chunk {
 
 impl Chunk {
     /// No steps yet.
-    fn begin(plan: &FlightPlan, state: &FlightState, movers: Option<&MotionState>) -> Chunk {
+    fn begin(plan: &FlightPlan, state: &FlightState, motion: Option<&MotionState>) -> Chunk {
         Chunk {
             start: state.clone(),
-            movers: movers.cloned(),
+            motion: motion.cloned(),
             steps: 0,
             pulses: 0,
             leg: state.leg(plan),
@@ -52,18 +52,18 @@ impl Chunk {
         }
     }
 
-    /// Whether anything comes of it.
-    fn yields(&self) -> bool {
+    /// Whether there are pulses or poses in it.
+    fn has_content(&self) -> bool {
         self.pulses > 0 || self.poses > 0
     }
 
-    /// Takes off its first pulse, with the steps that lead to it, as a chunk of its own.
-    fn split_first(&mut self, plan: &FlightPlan, movers: Option<&MotionPlan>) -> Result<Chunk> {
+    /// Splits off the first pulse, with the steps that lead to it, as a chunk of its own.
+    fn split_first(&mut self, plan: &FlightPlan, motion: Option<&MotionPlan>) -> Result<Chunk> {
         let mut first = Chunk { steps: 0, pulses: 0, poses: 0, ..self.clone() };
         let mut count = Count::default();
         while count.pulses == 0 && first.steps < self.steps {
             self.start.step(plan, &mut count)?;
-            if let (Some(state), Some(plan)) = (&mut self.movers, movers) {
+            if let (Some(state), Some(plan)) = (&mut self.motion, motion) {
                 state.step(plan, |_, _| ());
             }
             first.steps += 1;
@@ -93,63 +93,21 @@ impl FlightSink for Count {
     }
 }
 
-/// Where chunks go; see [`Feed`] for what its methods mean.
-pub trait Outlet {
-    /// Pulses that the chunk in the making shall hold.
-    fn size(&self) -> u32;
-    /// Takes a chunk of that size, or gives it back for its first pulse to be computed.
-    fn offer(&mut self, chunk: Chunk) -> Result<Option<Chunk>>;
-    /// Takes a chunk that ends early.
-    fn put(&mut self, chunk: Chunk) -> Result<()>;
-    /// Computes a chunk now.
-    fn compute(&mut self, chunk: Chunk) -> Result<()>;
-    /// It may be long before anything else comes.
-    fn settle(&mut self) -> Result<()>;
-    /// All chunks of a leg have come.
-    fn leg_ended(&mut self) -> Result<()>;
-}
-
-impl<R: Outcome, W: FnMut(Chunk) -> Result<R>> Outlet for Feed<'_, Chunk, R, W> {
-    fn size(&self) -> u32 {
-        Feed::size(self)
-    }
-
-    fn offer(&mut self, chunk: Chunk) -> Result<Option<Chunk>> {
-        Feed::offer(self, chunk)
-    }
-
-    fn put(&mut self, chunk: Chunk) -> Result<()> {
-        Feed::put(self, chunk)
-    }
-
-    fn compute(&mut self, chunk: Chunk) -> Result<()> {
-        Feed::compute(self, chunk)
-    }
-
-    fn settle(&mut self) -> Result<()> {
-        Feed::settle(self)
-    }
-
-    fn leg_ended(&mut self) -> Result<()> {
-        Feed::leg_ended(self)
-    }
-}
-
 /// Steps from `state`, the beginning of a flight, through the whole of it and puts every chunk that yields anything into
-/// `outlet`. A chunk ends when it has the size that the outlet wants, at the end of its leg, or when the next pose
-/// keeps it waiting for longer than the stream of poses allows. Returns early when `stop` is asked.
-pub fn produce(
+/// `feed`. A chunk ends when it has the size that the schedule wants, at the end of its leg, or when the next pose
+/// takes longer than the stream's latency allows. Returns early when `stop` is asked.
+pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     plan: &FlightPlan,
-    movers: Option<&MotionPlan>,
+    motion: Option<&MotionPlan>,
     state: &mut FlightState,
     mut poses: Option<PoseReader>,
     stop: &Stop,
-    outlet: &mut impl Outlet,
+    feed: &mut Feed<'_, Chunk, R, W>,
 ) -> Result<()> {
-    let mut moving = movers.map(MotionState::start);
+    let mut moving = motion.map(MotionState::start);
     let mut chunk = Chunk::begin(plan, state, moving.as_ref());
     loop {
-        let size = outlet.size();
+        let size = feed.size();
         let mut count = Count { pulses: chunk.pulses, poses: chunk.poses };
         let mut first = None;
         let step = loop {
@@ -157,18 +115,18 @@ pub fn produce(
             if step != Step::Went {
                 let waiting = count.pulses > 0 || count.poses > 0;
                 if step == Step::NeedsPoses && waiting && !stop.asked() {
-                    outlet.settle()?;
+                    feed.settle()?;
                     let since = *first.get_or_insert_with(Instant::now);
                     let latency = poses.as_ref().map_or(Duration::ZERO, PoseReader::latency);
-                    let patience = latency.saturating_sub(since.elapsed());
-                    if more_poses(plan, &mut poses, &mut [&mut *state, &mut chunk.start], patience) {
+                    let timeout = latency.saturating_sub(since.elapsed());
+                    if feed_poses_within(timeout, plan, &mut poses, &mut [&mut *state, &mut chunk.start]) {
                         continue;
                     }
                 }
                 break step;
             }
             chunk.steps += 1;
-            if let (Some(state), Some(plan)) = (&mut moving, movers) {
+            if let (Some(state), Some(plan)) = (&mut moving, motion) {
                 state.step(plan, |_, _| ());
             }
             if count.pulses >= size || chunk.steps >= MAX_STEPS {
@@ -179,29 +137,29 @@ pub fn produce(
         chunk.done = done(plan, state);
         let is_full = step == Step::Went && chunk.pulses >= size;
         let rest = if is_full {
-            outlet.offer(chunk)?
-        } else if chunk.yields() {
-            outlet.put(chunk)?;
+            feed.offer(chunk)?
+        } else if chunk.has_content() {
+            feed.put(chunk)?;
             None
         } else {
             None
         };
         match step {
             Step::Ended => {
-                outlet.leg_ended()?;
+                feed.leg_ended()?;
                 return Ok(());
             }
             _ if stop.asked() => return Ok(()),
             Step::Went => {}
-            Step::LegChanged => outlet.leg_ended()?,
+            Step::LegChanged => feed.leg_ended()?,
             Step::NeedsPoses => {
-                outlet.settle()?;
+                feed.settle()?;
                 wait_for_poses(plan, &mut poses, state, stop)?;
             }
         }
         chunk = match rest {
             Some(mut rest) => {
-                outlet.compute(rest.split_first(plan, movers)?)?;
+                feed.compute(rest.split_first(plan, motion)?)?;
                 rest
             }
             None => Chunk::begin(plan, state, moving.as_ref()),
@@ -209,15 +167,15 @@ pub fn produce(
     }
 }
 
-/// Feeds poses that arrive within `patience` to both ends of a chunk, whose first steps do not see them. `false` if none
-/// did: the stream's end and its failure are met again by [`wait_for_poses`].
-fn more_poses(
+/// Waits for poses up to `timeout` and feeds them to both ends of a chunk. Returns `false` if none arrived; the end of the
+/// stream or its failure is met again by [`wait_for_poses`].
+fn feed_poses_within(
+    timeout: Duration,
     plan: &FlightPlan,
     poses: &mut Option<PoseReader>,
     ends: &mut [&mut FlightState],
-    patience: Duration,
 ) -> bool {
-    let Some(Ok(Waited::Poses(block))) = poses.as_mut().map(|p| p.wait(patience)) else { return false };
+    let Some(Ok(Waited::Poses(block))) = poses.as_mut().map(|p| p.wait(timeout)) else { return false };
     ends.iter_mut().for_each(|state| state.feed(plan, block.clone()));
     true
 }
@@ -233,7 +191,7 @@ fn wait_for_poses(
         return Ok(());
     };
     loop {
-        match poses.wait(LOOK)? {
+        match poses.wait(STOP_CHECK_PERIOD)? {
             Waited::Poses(block) => {
                 state.feed(plan, block);
                 return Ok(());

@@ -1,81 +1,88 @@
-//! The last stage: what the workers encoded goes to the sinks, in chunk order.
+//! The last stage: what the workers encoded goes to the outputs, in the order of the pulses.
 
 use super::worker::Measured;
-use super::{Judge, Moment, Progress};
-use crate::error::Result;
+use super::{CheckTime, Pass};
+use crate::diag::Diagnostics;
+use crate::error::{Error, Result};
 use crate::output::{Summary, Writer};
 use crate::schedule::Collect;
 
-/// Appends encoded chunks to the sinks and keeps the progress.
-pub struct Collector<'a> {
-    /// The open sinks.
-    pub writer: Writer,
-    /// What has been done so far.
-    pub progress: &'a Progress,
-    /// No play follows.
-    pub is_last: bool,
-    judge: Option<Judge<'a>>,
-    judged_early: bool,
+/// Appends encoded pieces to the outputs and keeps the progress.
+pub(super) struct Collector<'a> {
+    pass: &'a Pass<'a>,
+    writer: Box<Writer>,
+    leg: u32,
+    is_checked_early: bool,
 }
 
-/// Pulses after which a run is looked at while it goes on.
-const EARLY_PULSES: u64 = 20_000;
+/// Pulses after which the yield of a run is checked while it goes on.
+const PULSES_BEFORE_CHECK: u64 = 20_000;
+
+/// How a pass over an epoch ended.
+pub enum Ended {
+    /// It was the last: the outputs are complete and have their names.
+    Complete(Summary),
+    /// Another epoch follows; the outputs are open.
+    NextEpoch(Box<Writer>),
+    /// The user ended the run. The outputs are open and hold what was measured until then.
+    Interrupted(Box<Writer>),
+}
 
 impl<'a> Collector<'a> {
-    /// A collector that has taken nothing.
-    pub fn new(
-        writer: Writer,
-        progress: &'a Progress,
-        is_last: bool,
-        judge: Option<Judge<'a>>,
-    ) -> Collector<'a> {
-        Collector { writer, progress, is_last, judge, judged_early: false }
+    pub fn new(pass: &'a Pass<'a>, writer: Box<Writer>) -> Collector<'a> {
+        Collector { pass, writer, leg: 0, is_checked_early: false }
     }
 
-    fn judge(&self, moment: Moment) -> Result<()> {
-        self.judge.map_or(Ok(()), |judge| judge(self.progress, moment))
+    fn check(&self, time: CheckTime) -> Result<()> {
+        self.pass.check.as_ref().map_or(Ok(()), |check| check.run(self.pass.control.progress, time))
     }
-}
 
-/// What is left of the sinks at the end of a play.
-pub enum Closed {
-    /// They are complete.
-    Whole(Summary),
-    /// They are open for the next play.
-    Play(Box<Writer>),
-    /// They are open, and nothing more will come because the user ended the run.
-    Cut(Box<Writer>),
-}
-
-impl Collect<Measured> for Collector<'_> {
-    type Summary = Closed;
-
-    fn take(&mut self, m: Measured, more_waiting: bool) -> Result<()> {
+    fn append(&mut self, m: Measured, more_waiting: bool) -> Result<()> {
+        let leg = m.encoded.leg();
+        if leg < self.leg {
+            let mut problems = Diagnostics::default();
+            problems.error(None, format!("a pulse of leg {leg} comes after one of leg {}", self.leg)).help(
+                "with one file per leg the legs must ascend; sort the pulses by leg, or name a single file",
+            );
+            return Err(Error::Input(Box::new(problems)));
+        }
+        self.leg = leg;
         self.writer.append(m.encoded)?;
         if !more_waiting {
             // A reader of a live stream gets what there is.
             self.writer.flush()?;
         }
-        self.progress.add(m.pulses, m.echoes, m.leg, m.done);
-        self.progress.add_aim(&m.aim);
-        if !self.judged_early && self.progress.snapshot().pulses >= EARLY_PULSES {
-            self.judged_early = true;
-            self.judge(Moment::Early)?;
+        let progress = self.pass.control.progress;
+        progress.add(m.pulses, m.echoes, m.leg, m.done);
+        progress.add_aim(&m.aim);
+        if !self.is_checked_early && progress.snapshot().pulses >= PULSES_BEFORE_CHECK {
+            self.is_checked_early = true;
+            self.check(CheckTime::Early)?;
         }
         Ok(())
     }
+}
 
-    fn finish(mut self) -> Result<Closed> {
-        if self.is_last {
-            self.judge(Moment::End)?;
-            return self.writer.finish().map(Closed::Whole);
-        }
-        self.writer.next_play()?;
-        Ok(Closed::Play(Box::new(self.writer)))
+impl Collect<Vec<Measured>> for Collector<'_> {
+    type Summary = Ended;
+
+    fn take(&mut self, pieces: Vec<Measured>, more_waiting: bool) -> Result<()> {
+        let last = pieces.len().saturating_sub(1);
+        let mut pieces = pieces.into_iter().enumerate();
+        pieces.try_for_each(|(i, piece)| self.append(piece, more_waiting || i < last))
     }
 
-    fn cut(self) -> Result<Closed> {
-        Ok(Closed::Cut(Box::new(self.writer)))
+    fn finish(mut self) -> Result<Ended> {
+        if self.pass.is_last {
+            self.check(CheckTime::End)?;
+            return self.writer.finish().map(Ended::Complete);
+        }
+        self.writer.next_play()?;
+        Ok(Ended::NextEpoch(self.writer))
+    }
+
+    fn cut(self) -> Result<Ended> {
+        Ok(Ended::Interrupted(self.writer))
     }
 
     fn abort(self) {

@@ -1,28 +1,30 @@
-//! The river's first half by itself: [`emit`] flies and writes poses or pulses, which other commands go on with.
+//! The flight alone: [`emit`] flies and writes poses or pulses, which other commands read.
 
 use super::chunk::{Chunk, produce};
-use super::progress::Progress;
+use super::{Control, Progress};
 use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse};
+use crate::geom::DVec3;
 use crate::platform::PoseReader;
-use crate::schedule::{self, Collect, JobQueue, Outcome, Stop};
+use crate::schedule::{self, Collect, JobQueue, Outcome, Schedule};
+use crate::survey::Survey;
 use std::io::Write;
 use std::sync::Arc;
 
-/// What a flight without a scene to look at needs.
-pub struct Emission<'a> {
+/// A flight without a scene.
+pub struct Emission {
     /// Clock, legs, platform, optics.
-    pub flight: &'a FlightPlan,
+    pub flight: FlightPlan,
+    /// World position of the scene frame's origin.
+    pub shift: DVec3,
     /// How often the survey is flown.
-    pub plays: u32,
+    pub epochs: u32,
     /// Poses of a streamed platform as they arrive.
     pub poses: Option<PoseReader>,
-    /// Threads and the warehouse's size.
-    pub schedule: schedule::Settings,
-    /// The user's wish to end.
-    pub stop: &'a Stop,
-    /// What has been done so far, for whoever watches.
-    pub progress: &'a Progress,
+    /// Threads, and how chunks are distributed to them.
+    pub schedule: Schedule,
+    /// The survey.
+    pub survey: Survey,
 }
 
 /// What a chunk of steps emits.
@@ -30,9 +32,9 @@ pub struct Emission<'a> {
 pub struct Emitted {
     /// Number of the leg.
     pub leg: u32,
-    /// Number of the play, from 0.
-    pub play: u32,
-    /// Pulses, each with the number of simulation steps before it in its play.
+    /// Number of the epoch, from 0.
+    pub epoch: u32,
+    /// Pulses, each with the number of simulation steps before it in its epoch.
     pub pulses: Vec<(Pulse, u64)>,
     /// Poses.
     pub poses: Vec<PoseSample>,
@@ -65,25 +67,28 @@ impl Outcome for Written {
     }
 }
 
-/// Flies the survey and writes what `encode` makes of each chunk to `out`, in order. Returns what is behind `out` when
-/// everything is written, or what came before the user's wish to end.
+/// Flies the survey and writes what `encode` makes of each chunk to `out`, in order. Returns `out` when everything is
+/// written, or everything before the wish to end.
 ///
 /// # Errors
 /// [`Error::ClosedPipe`] when the reader went away, [`Error::Io`], and those of the flight.
 pub fn emit<W: Write + Send>(
-    emission: Emission<'_>,
+    emission: Emission,
+    control: Control<'_>,
     encode: impl Fn(&Emitted, &mut Vec<u8>) + Sync,
     mut out: W,
 ) -> Result<W> {
-    let Emission { flight, plays, mut poses, schedule, stop, progress } = emission;
+    let Emission { flight, epochs, mut poses, schedule, .. } = emission;
+    let Control { progress, stop, .. } = control;
+    let flight = &flight;
     let mut state = FlightState::start(flight);
-    for play in (0..plays).take_while(|_| !stop.asked()) {
+    for epoch in (0..epochs).take_while(|_| !stop.asked()) {
         let jobs = Arc::new(JobQueue::new(1));
-        if play > 0 {
+        if epoch > 0 {
             state.repeat(flight);
         }
         let make_worker = || {
-            let mut emitted = Emitted { play, ..Emitted::default() };
+            let mut emitted = Emitted { epoch, ..Emitted::default() };
             let encode = &encode;
             move |chunk: Chunk| {
                 replay(flight, &chunk, &mut emitted)?;
@@ -97,7 +102,7 @@ pub fn emit<W: Write + Send>(
         let fly = |feed: &mut schedule::Feed<'_, _, _, _>| {
             produce(flight, None, &mut state, poses.take(), stop, feed)
         };
-        out = schedule::run(schedule, &jobs, stop, None, make_worker, fly, collector)?;
+        out = schedule::run(schedule, &jobs, stop, control.recorder, make_worker, fly, collector)?;
     }
     Ok(out)
 }

@@ -1,120 +1,148 @@
-//! The wiring of the river, short enough to read in a minute: [`fly`] joins the flight's chunks, the workers and the
-//! sinks. [`emit`] and [`trace`] are its two halves with a stream of pulses between them.
+//! The wiring of the whole program. A [`Session`] is given resolved [`Settings`]; it loads the scene, builds the tree, and
+//! flies the survey over it or traces a stream of pulses, once for every epoch of a scene with swapped parts:
+//!
+//! ```text
+//! Settings ─► Session::open ─► run ────────────────► fly ──┐ pass over   ┌─► next epoch
+//!                            ├ trace(stream of pulses) ────┴─ an epoch ──┴─► Report
+//!                            └ into_emission ─► emit: poses or pulses without tracing
+//! ```
+//!
+//! | file | what |
+//! |---|---|
+//! | `settings` | everything that is chosen before the start |
+//! | `session` | loading, the loop over epochs, the report |
+//! | `load` | scene and tree of an epoch, refused if they need too much memory |
+//! | `chunk` | the producer: steps of the flight become chunks |
+//! | `stream` | the other producer: rows of a stream of pulses |
+//! | `worker`, `moving` | the computing stage, and the moving parts that its pulses see |
+//! | `collector` | the last stage: encoded pieces to the outputs, in order |
+//! | `emit` | the flight alone, written as poses or pulses |
+//! | `plausibility`, `aim` | inputs that are valid but can hardly be meant |
+//! | `progress` | what has been done so far |
 
 mod aim;
 mod chunk;
 mod collector;
 mod emit;
+mod load;
+mod moving;
+mod plausibility;
 mod progress;
-mod trace;
+mod session;
+mod settings;
+mod stream;
 mod worker;
 
 pub use aim::{Aim, AimLog, AimTarget};
-pub use chunk::{Chunk, Outlet, produce};
+pub use chunk::Chunk;
+pub use collector::Ended;
 pub use emit::{Emission, Emitted, emit};
+pub use plausibility::{CheckTime, YieldCheck, target};
 pub use progress::{Progress, Snapshot};
-pub use trace::{LegRule, PulseSource, Sinks, TraceEnded, Tracing, trace};
+pub use session::{Control, Report, Session};
+pub use settings::{DEFAULT_CHUNK_SIZE, DEFAULT_LATENCY, DEFAULT_WAREHOUSE_FACTOR, Settings};
+pub use stream::{LegRule, PulseSource, Tracing};
 
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightState};
-use crate::output::{Offload, OutputPlan, Summary, Writer};
+use crate::output::{Offload, OutputPlan, Writer};
 use crate::platform::PoseReader;
 use crate::pulse::Physics;
 use crate::scene::MotionPlan;
-use crate::schedule::{self, Job, JobQueue, Recorder, Stop};
+use crate::schedule::{self, Feed, Job, JobQueue, Schedule, Tasks};
 use crate::tree::BuildOptions;
-use collector::{Closed, Collector};
+use collector::Collector;
 use std::sync::Arc;
-use worker::Worker;
+use stream::StreamWorker;
+use worker::{FlightWorker, Measured};
 
-/// Everything that a run needs, resolved: nothing below reads the command line, the environment or the clock.
-pub struct Run<'a> {
-    /// Clock, legs, platform, optics.
-    pub flight: &'a FlightPlan,
+/// What a pass over one epoch's scene needs, whether its pulses come from a flight or from a stream.
+pub struct Pass<'a> {
     /// Scene, tree, instruments.
     pub physics: &'a Physics<'a>,
-    /// Parts of the scene that move, if any do, and how their trees are built.
-    pub movers: Option<(&'a MotionPlan, &'a BuildOptions)>,
-    /// Sinks.
+    /// Moving parts of the scene, if there are any.
+    pub motion: Option<&'a MotionPlan>,
+    /// How the trees over moving parts are built.
+    pub trees: &'a BuildOptions,
+    /// Outputs.
     pub output: Arc<OutputPlan>,
-    /// Poses of a streamed platform as they arrive.
-    pub poses: Option<PoseReader>,
-    /// Threads, and how pulses are handed out to them.
-    pub schedule: schedule::Settings,
-    /// Takes down what the schedule does.
-    pub recorder: Option<&'a Recorder>,
-    /// The user's wish to end.
-    pub stop: &'a Stop,
-    /// What has been done so far, for whoever watches.
-    pub progress: &'a Progress,
+    /// Threads, and how pulses are distributed to them.
+    pub schedule: Schedule,
+    /// Progress, wish to stop, records.
+    pub control: Control<'a>,
     /// What beams are compared with.
     pub target: AimTarget,
-    /// Looks at what was measured before the outputs get their names.
-    pub judge: Option<Judge<'a>>,
+    /// Looks for too few points before the outputs get their names.
+    pub check: Option<YieldCheck<'a>>,
+    /// No epoch follows.
+    pub is_last: bool,
 }
 
-/// Looks at a run for results that cannot be meant; an error ends it before its outputs are complete.
-pub type Judge<'a> = &'a (dyn Fn(&Progress, Moment) -> Result<()> + Sync);
-
-/// When a run is judged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Moment {
-    /// After the first ten thousands of pulses.
-    Early,
-    /// When everything is measured.
-    End,
-}
-
-/// What goes on from one play of a survey with swapped parts to the next.
-pub struct Interval {
-    writer: Writer,
-    state: FlightState,
-}
-
-/// How a play ended.
-pub enum Ended {
-    /// It was the last: the outputs are complete and have their names.
-    Whole(Summary),
-    /// Another one follows; its outputs are open.
-    Play(Box<Interval>),
-    /// The user ended the run: the outputs hold what was measured until then, and say so.
-    Cut(Summary),
-}
-
-/// Flies the survey once: chunks → schedule → workers (replay, trace, detect, encode) → sinks in chunk order. When this
-/// fails, outputs that are not complete are gone.
-///
-/// The first play begins `after` nothing, every other one after the play before: its legs begin anew, while the clock
-/// and the numbers of pulses go on. `is_last` says that none follows.
-pub fn fly(run: Run<'_>, after: Option<Box<Interval>>, is_last: bool) -> Result<Ended> {
-    let jobs = Arc::new(JobQueue::new(2 * run.schedule.threads));
-    let (writer, mut state) = match after {
-        None => (run.output.open(jobs.clone())?, FlightState::start(run.flight)),
-        Some(before) => {
-            let Interval { mut writer, mut state } = *before;
-            state.repeat(run.flight);
-            writer.offload_to(jobs.clone());
-            (writer, state)
-        }
-    };
-    let Run { flight, physics, movers, output, poses, target, .. } = run;
-    let closed = schedule::run(
-        run.schedule,
-        &jobs,
-        run.stop,
-        run.recorder,
+/// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in chunk order.
+/// `state` is that before the first step of the epoch, `writer` holds the outputs of the epoch before. When this fails,
+/// outputs that are not complete are gone.
+pub fn fly(
+    pass: &Pass<'_>,
+    flight: &FlightPlan,
+    state: &mut FlightState,
+    poses: Option<PoseReader>,
+    writer: Option<Box<Writer>>,
+) -> Result<Ended> {
+    pass.simulate(
+        writer,
         || {
-            let mut worker = Worker::new(flight, physics, movers, &output, target);
+            let mut worker = FlightWorker::new(pass, flight);
             move |chunk| worker.measure(chunk)
         },
-        |feed| produce(flight, movers.map(|(plan, _)| plan), &mut state, poses, run.stop, feed),
-        Collector::new(writer, run.progress, is_last, run.judge),
-    )?;
-    Ok(match closed {
-        Closed::Whole(summary) => Ended::Whole(summary),
-        Closed::Cut(writer) => Ended::Cut(writer.finish_partial()?),
-        Closed::Play(writer) => Ended::Play(Box::new(Interval { writer: *writer, state })),
-    })
+        |feed| chunk::produce(flight, pass.motion, state, poses, pass.control.stop, feed),
+    )
+}
+
+/// Traces the pulses of one epoch: blocks of rows → schedule → workers (parse, trace, detect, encode) → outputs in the order
+/// of the stream.
+///
+/// # Errors
+/// [`Error::Input`](crate::Error::Input) for rows that are no pulses, with their line; otherwise as [`fly`].
+fn trace(
+    pass: &Pass<'_>,
+    tracing: &Tracing<'_>,
+    source: &mut PulseSource,
+    epoch: u32,
+    writer: Option<Box<Writer>>,
+) -> Result<Ended> {
+    pass.simulate(
+        writer,
+        || {
+            let mut worker = StreamWorker::new(pass, tracing);
+            move |block| worker.measure(&block)
+        },
+        |feed| source.produce(epoch, pass.control.stop, feed),
+    )
+}
+
+impl Pass<'_> {
+    fn simulate<C, W>(
+        &self,
+        writer: Option<Box<Writer>>,
+        make_worker: impl Fn() -> W + Sync,
+        produce: impl FnOnce(&mut Feed<'_, C, Vec<Measured>, W>) -> Result<()>,
+    ) -> Result<Ended>
+    where
+        C: Tasks + Send,
+        W: FnMut(C) -> Result<Vec<Measured>>,
+    {
+        let jobs = Arc::new(JobQueue::new(2 * self.schedule.threads));
+        let writer = match writer {
+            None => Box::new(self.output.open(jobs.clone())?),
+            Some(mut writer) => {
+                writer.offload_to(jobs.clone());
+                writer
+            }
+        };
+        let Control { stop, recorder, .. } = self.control;
+        let collector = Collector::new(self, writer);
+        schedule::run(self.schedule, &jobs, stop, recorder, make_worker, produce, collector)
+    }
 }
 
 /// Compression is taken over by the workers.

@@ -1,4 +1,4 @@
-//! What has been done so far: plain atomics that the collector writes and a watcher reads.
+//! What has been done so far: atomic counters that the collector writes and a progress display reads.
 
 use super::{Aim, AimLog};
 use std::sync::Mutex;
@@ -36,7 +36,7 @@ impl Progress {
         self.done.store(done.to_bits(), Relaxed);
     }
 
-    /// Adds where the beams of a chunk point.
+    /// Adds where the beams of a piece point.
     pub fn add_aim(&self, piece: &Aim) {
         if let Ok(mut log) = self.aim.lock() {
             log.add(piece);

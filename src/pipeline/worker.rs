@@ -1,17 +1,16 @@
-//! A worker: replays a chunk, fires its pulses, encodes what they measured.
+//! The computing stage of a thread: pulses become echoes, and echoes the bytes of every output.
 
-use super::{Aim, AimTarget, Chunk};
+use super::moving::MovingParts;
+use super::{Aim, Chunk, Pass};
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
-use crate::output::{Encoded, OutputPlan};
-use crate::pulse::{Batch, Physics, Shooter};
-use crate::scene::{DynamicScene, MotionPlan, ObjectUpdate};
+use crate::output::Encoded;
+use crate::pulse::{Batch, Shooter};
 use crate::schedule::Outcome;
-use crate::tree::BuildOptions;
 
-/// What a chunk became.
-pub struct Measured {
-    /// Bytes for every sink.
+/// What consecutive pulses of a leg became.
+pub(super) struct Measured {
+    /// Bytes for every output.
     pub encoded: Encoded,
     /// Pulses fired.
     pub pulses: u64,
@@ -21,16 +20,17 @@ pub struct Measured {
     pub leg: u32,
     /// Done part of the survey, see [`Chunk::done`].
     pub done: f64,
-    /// Where its beams point.
+    /// Where the beams point.
     pub aim: Aim,
 }
 
-impl Outcome for Measured {
+impl Measured {
+    /// Appends what the next pulses became; returns it if it belongs to another leg or file.
     fn join(&mut self, next: Measured) -> Option<Measured> {
-        let Measured { encoded, pulses, echoes, leg, done, aim } = next;
-        if leg != self.leg {
-            return Some(Measured { encoded, pulses, echoes, leg, done, aim });
+        if next.leg != self.leg {
+            return Some(next);
         }
+        let Measured { encoded, pulses, echoes, leg, done, aim } = next;
         match self.encoded.join(encoded) {
             None => {
                 (self.pulses, self.echoes, self.done) = (self.pulses + pulses, self.echoes + echoes, done);
@@ -42,22 +42,66 @@ impl Outcome for Measured {
     }
 }
 
-/// One thread's computing stage with its scratch memory.
-pub struct Worker<'a> {
-    flight: &'a FlightPlan,
-    output: &'a OutputPlan,
-    target: AimTarget,
-    shooter: Shooter<'a>,
-    scenery: Option<Scenery<'a>>,
-    pulses: Vec<Pulse>,
-    batch: Batch,
+/// The pieces of a chunk in the order of its pulses, one for each run of pulses of a leg.
+impl Outcome for Vec<Measured> {
+    fn join(&mut self, mut next: Vec<Measured>) -> Option<Vec<Measured>> {
+        if next.len() == 1
+            && let (Some(last), Some(piece)) = (self.last_mut(), next.pop())
+        {
+            let rest = last.join(piece);
+            self.extend(rest);
+            return None;
+        }
+        Some(next)
+    }
 }
 
-/// What moves in the scene.
-struct Scenery<'a> {
-    plan: &'a MotionPlan,
-    stage: DynamicScene<'a>,
-    changes: Vec<ObjectUpdate>,
+/// Simulates and encodes the pulses that its owner puts into `pulses`. The memory is reused from batch to batch.
+pub(super) struct Worker<'a> {
+    pass: &'a Pass<'a>,
+    pub shooter: Shooter<'a>,
+    /// The moving parts of the scene, if there are any.
+    pub moving: Option<MovingParts<'a>>,
+    pub pulses: Vec<Pulse>,
+    pub batch: Batch,
+}
+
+impl<'a> Worker<'a> {
+    pub fn new(pass: &'a Pass<'a>) -> Worker<'a> {
+        Worker {
+            pass,
+            shooter: pass.physics.shooter(),
+            moving: pass.motion.map(|plan| MovingParts::new(plan, pass.trees)),
+            pulses: Vec::new(),
+            batch: Batch::default(),
+        }
+    }
+
+    /// Simulates `pulses` and encodes the echoes. `leg` is the number of the leg in the survey, `instrument_leg` that of
+    /// the leg whose instruments are used.
+    pub fn measure(&mut self, leg: u32, instrument_leg: u32, done: f64) -> Result<Measured> {
+        let Worker { pass, shooter, moving, pulses, batch } = self;
+        match moving {
+            Some(MovingParts { scene, changes, .. }) => {
+                shooter.fire_moving(instrument_leg, pulses, scene, changes, batch)?;
+            }
+            None => shooter.fire_all(instrument_leg, pulses, batch)?,
+        }
+        Ok(Measured {
+            encoded: pass.output.encode(batch),
+            pulses: pulses.len() as u64,
+            echoes: batch.echoes.len() as u64,
+            leg,
+            done,
+            aim: Aim::of(&pass.target, pulses),
+        })
+    }
+}
+
+/// A worker whose pulses come from replayed chunks of a flight.
+pub(super) struct FlightWorker<'a> {
+    worker: Worker<'a>,
+    flight: &'a FlightPlan,
 }
 
 /// Keeps what the replayed steps yield.
@@ -76,68 +120,32 @@ impl FlightSink for Replay<'_> {
     }
 }
 
-impl<'a> Worker<'a> {
-    /// A worker with empty scratch memory.
-    pub fn new(
-        flight: &'a FlightPlan,
-        physics: &'a Physics<'a>,
-        movers: Option<(&'a MotionPlan, &'a BuildOptions)>,
-        output: &'a OutputPlan,
-        target: AimTarget,
-    ) -> Worker<'a> {
-        let scenery = movers.map(|(plan, trees)| Scenery {
-            plan,
-            stage: DynamicScene::new(plan, trees.clone()),
-            changes: Vec::new(),
-        });
-        Worker {
-            flight,
-            output,
-            target,
-            shooter: physics.shooter(),
-            scenery,
-            pulses: Vec::new(),
-            batch: Batch::default(),
-        }
+impl<'a> FlightWorker<'a> {
+    pub fn new(pass: &'a Pass<'a>, flight: &'a FlightPlan) -> FlightWorker<'a> {
+        FlightWorker { worker: Worker::new(pass), flight }
     }
 
-    /// Replays the chunk's steps, fires the pulses together and encodes the echoes.
-    pub fn measure(&mut self, chunk: Chunk) -> Result<Measured> {
-        let (leg, pulses, done) = (chunk.leg, u64::from(chunk.pulses), chunk.done);
-        self.pulses.clear();
-        self.batch.clear(leg);
+    /// Replays the chunk's steps, simulates their pulses together and encodes the echoes.
+    pub fn measure(&mut self, chunk: Chunk) -> Result<Vec<Measured>> {
+        let (leg, done) = (chunk.leg, chunk.done);
+        self.worker.pulses.clear();
+        self.worker.batch.clear(leg);
         self.replay(chunk)?;
-        match &mut self.scenery {
-            Some(s) => {
-                self.shooter.fire_moving(leg, &self.pulses, &mut s.stage, &s.changes, &mut self.batch)?;
-            }
-            None => self.shooter.fire_all(leg, &self.pulses, &mut self.batch)?,
-        }
-        Ok(Measured {
-            encoded: self.output.encode(&self.batch),
-            pulses,
-            echoes: self.batch.echoes.len() as u64,
-            leg,
-            done,
-            aim: Aim::of(&self.target, &self.pulses),
-        })
+        Ok(vec![self.worker.measure(leg, leg, done)?])
     }
 
     /// Repeats the chunk's steps, with the motions of the scene between them.
     fn replay(&mut self, chunk: Chunk) -> Result<()> {
-        let Chunk { start: mut state, movers, steps, .. } = chunk;
-        let mut replay = Replay { pulses: &mut self.pulses, poses: &mut self.batch.poses };
-        let (Some(s), Some(mut movers)) = (&mut self.scenery, movers) else {
+        let Chunk { start: mut state, motion, steps, .. } = chunk;
+        let Worker { moving, pulses, batch, .. } = &mut self.worker;
+        let mut replay = Replay { pulses, poses: &mut batch.poses };
+        let (Some(moving), Some(mut motion)) = (moving, motion) else {
             return (0..steps).try_for_each(|_| state.step(self.flight, &mut replay).map(drop));
         };
-        s.stage.set_state(&movers);
-        s.changes.clear();
+        moving.begin_batch(&motion);
         for _ in 0..steps {
             state.step(self.flight, &mut replay)?;
-            let before = replay.pulses.len();
-            movers.step(s.plan, |object, transform| {
-                s.changes.push(ObjectUpdate { first_pulse: before, object, transform: *transform })
-            });
+            moving.step(&mut motion, replay.pulses.len());
         }
         Ok(())
     }

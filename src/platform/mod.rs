@@ -19,7 +19,7 @@ mod trajectory_file;
 
 pub use course::{LegCourse, Span};
 pub use interpolated::InterpolatedState;
-pub use poses::{Pose, PoseReader, Seen, Told, Waited};
+pub use poses::{Pose, PoseReader, Seen, Waited};
 pub(crate) use rows::Separator;
 use stream::StreamPlan;
 pub use stream::{Readiness, StreamState};

@@ -3,7 +3,7 @@
 use super::dropper::{Dropper, IdleClock};
 use super::jobs::JobQueue;
 use super::patience::await_briefly;
-use super::policy::{Policy, Settings};
+use super::policy::{Policy, Schedule};
 use super::record::Ledger;
 use crate::error::{Error, Result};
 use crossbeam::sync::WaitGroup;
@@ -48,7 +48,7 @@ pub(super) enum Promise<R> {
 /// Whatever the schedule, results keep the order in which chunks come in. Every method blocks while the collector is
 /// behind, and fails when it has gone.
 pub struct Feed<'a, C, R, W> {
-    pub(super) settings: Settings,
+    pub(super) settings: Schedule,
     pub(super) warehouse: Sender<Crate<C, R>>,
     pub(super) shelves: Receiver<Crate<C, R>>,
     /// One for each worker that has nothing to do; not used by the warehouse.

@@ -39,7 +39,7 @@ mod workload;
 pub use dropper::{Direction, Dropper};
 pub use feed::{Feed, Outcome, Tasks};
 pub use jobs::{Job, JobQueue};
-pub use policy::{Policy, Settings};
+pub use policy::{Policy, Schedule};
 pub use record::{Depth, LegEnd, Log, Recorder, Series, SizeChange, ThreadLog};
 pub use replay::{Replayed, replay};
 pub use run::{Collect, run};

@@ -53,7 +53,7 @@ impl Policy {
 
 /// How the work is spread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct Schedule {
     /// Threads that compute, the producer's included; at least one.
     pub threads: usize,
     /// How chunks are handed out.
@@ -63,7 +63,7 @@ pub struct Settings {
     pub leg_barrier: bool,
 }
 
-impl Settings {
+impl Schedule {
     /// Threads beside the producer's.
     pub fn workers(&self) -> usize {
         self.threads.max(1) - 1

@@ -1,7 +1,7 @@
 //! What a schedule did: idle times, queue depths, chunk sizes. Threads keep their own accounts and hand them in at the
 //! end, so recording costs two looks at the clock per chunk, and two at each thread's processor clock in all.
 
-use super::{Dropper, Settings};
+use super::{Dropper, Schedule};
 use serde::Serialize;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -229,7 +229,7 @@ impl Recorder {
         change(&mut self.log.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    pub(super) fn ended(&self, settings: &Settings) {
+    pub(super) fn ended(&self, settings: &Schedule) {
         self.with(|log| {
             log.schedule = settings.policy.name();
             log.threads = settings.threads.max(1);

@@ -7,7 +7,7 @@
 //! Who is too far ahead of it waits, and nothing ends before it has taken everything.
 
 use super::feed::HELD;
-use super::{Dropper, Overheads, Policy, Series, Settings, SizeChange, Workload};
+use super::{Dropper, Overheads, Policy, Schedule, Series, SizeChange, Workload};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
@@ -31,7 +31,7 @@ pub struct Replayed {
 }
 
 /// Hands the tasks of `load` out as `settings` say.
-pub fn replay(load: &Workload, settings: &Settings) -> Replayed {
+pub fn replay(load: &Workload, settings: &Schedule) -> Replayed {
     let mut site = Site::new(load, settings);
     let mut from = 0;
     for &end in &load.legs {
@@ -77,7 +77,7 @@ struct Receipt {
 struct Site<'a> {
     load: &'a Workload,
     overheads: Overheads,
-    settings: &'a Settings,
+    settings: &'a Schedule,
     dropper: Option<Dropper>,
     /// The producer's clock.
     now: f64,
@@ -101,7 +101,7 @@ struct Site<'a> {
 }
 
 impl<'a> Site<'a> {
-    fn new(load: &'a Workload, settings: &'a Settings) -> Site<'a> {
+    fn new(load: &'a Workload, settings: &'a Schedule) -> Site<'a> {
         let dropper = match settings.policy {
             Policy::Dynamic { size, significant_ns } => Some(Dropper::new(size, significant_ns)),
             _ => None,

@@ -5,7 +5,7 @@ use super::dropper::{Dropper, IdleClock};
 use super::feed::{Crate, Feed, Outcome, Promise, Tasks, failed};
 use super::jobs::JobQueue;
 use super::patience::await_briefly;
-use super::policy::{Policy, Settings};
+use super::policy::{Policy, Schedule};
 use super::record::{Account, Ledger, Recorder};
 use crate::error::{Error, Result};
 use crossbeam::sync::WaitGroup;
@@ -40,7 +40,7 @@ pub trait Collect<R>: Send {
 /// schedule it works for. `stop` is asked when anything fails, and should be looked at by `produce` between chunks. The
 /// first error in the order of the results wins. A `recorder` takes down what everybody did.
 pub fn run<C, R, W, K>(
-    settings: Settings,
+    settings: Schedule,
     jobs: &Arc<JobQueue>,
     stop: &Stop,
     recorder: Option<&Recorder>,

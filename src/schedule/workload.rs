@@ -2,7 +2,7 @@
 
 use super::feed::HELD;
 use super::record::thread_cpu_s;
-use super::{Collect, JobQueue, Log, Outcome, Policy, Recorder, Settings, Stop, Tasks, ThreadLog, run};
+use super::{Collect, JobQueue, Log, Outcome, Policy, Recorder, Schedule, Stop, Tasks, ThreadLog, run};
 use crate::error::Result;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -299,7 +299,7 @@ pub fn hand_overs() -> Result<Overheads> {
 fn idle_run(threads: usize, policy: Policy, chunks: u32, work: impl Fn() + Sync) -> Result<Log> {
     let (recorder, jobs) = (Recorder::new(), Arc::new(JobQueue::new(1)));
     run(
-        Settings { threads, policy, leg_barrier: false },
+        Schedule { threads, policy, leg_barrier: false },
         &jobs,
         &Stop::new(),
         Some(&recorder),
@@ -411,7 +411,7 @@ mod tests {
             assert!((load.cost(64, 68) - 8.0 - 1.0 - 0.5).abs() < 1e-9);
             // One thread does it all, and what it computes it need not hand over.
             let policy = Policy::Static { size: 16 };
-            let alone = replay(&load, &Settings { threads: 1, policy, leg_barrier: false });
+            let alone = replay(&load, &Schedule { threads: 1, policy, leg_barrier: false });
             let known = 192.0 + 0.25 * 128.0 + 0.5 * 8.0 + 0.125 * 128.0 + 8.0 + 3.0;
             assert!((alone.seconds - known).abs() < 1e-9, "{} for {known}", alone.seconds);
             // Two threads, and a warehouse for one chunk of 16, which takes 4.5 s to make and 19 s in the first leg, 35 s in
@@ -419,7 +419,7 @@ mod tests {
             // 37 s and takes it back until 56 s. So it goes in the second leg: 4 from 60.5 s, 5 until 130.5 s; 6 refused
             // at 69.5 s, 7 stored at 109 s and taken back until 144 s. Begin and end are 3 s.
             let policy = Policy::Warehouse { size: 16, factor: 1 };
-            let both = replay(&load, &Settings { threads: 2, policy, leg_barrier: true });
+            let both = replay(&load, &Schedule { threads: 2, policy, leg_barrier: true });
             assert!((both.seconds - 147.0).abs() < 1e-9, "{}", both.seconds);
         }
         assert_eq!(Workload::of_logs(&[], 0.0), Workload::default());

@@ -2,7 +2,7 @@
 
 use super::measure::Cell;
 use super::{Flight, Matrix};
-use crate::schedule::{Settings, SizeChange, Workload, replay};
+use crate::schedule::{Schedule, SizeChange, Workload, replay};
 use serde::Serialize;
 
 /// A combination in simulated time.
@@ -48,7 +48,7 @@ pub fn of(
 ) -> Vec<Forecast> {
     let mut schedules: Vec<Flight> = Vec::new();
     for flight in matrix.flights.iter().filter(|f| f.settings.threads > 1) {
-        let flight = Flight { settings: Settings { threads: 2, ..flight.settings }, ..*flight };
+        let flight = Flight { settings: Schedule { threads: 2, ..flight.settings }, ..*flight };
         if !schedules.contains(&flight) {
             schedules.push(flight);
         }
@@ -56,8 +56,8 @@ pub fn of(
     let mut all = Vec::new();
     for &threads in threads {
         for flight in &schedules {
-            let alone = replay(load, &Settings { threads: 1, ..flight.settings }).seconds;
-            let settings = Settings { threads, ..flight.settings };
+            let alone = replay(load, &Schedule { threads: 1, ..flight.settings }).seconds;
+            let settings = Schedule { threads, ..flight.settings };
             let replayed = replay(load, &settings);
             let (schedule, chunk_size, warehouse_factor) = flight.label();
             let is_same = |c: &&Cell| {

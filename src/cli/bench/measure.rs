@@ -3,15 +3,13 @@
 use super::{Flight, Matrix, name};
 use crate::cli::args::TreeKind;
 use crate::cli::run::Job;
-use crate::cli::slips;
 use crate::cli::{Console, RunArgs, interrupt};
 use crate::error::{Error, Result};
-use crate::flight::FlightPlan;
+use crate::flight::{FlightPlan, FlightState};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
-use crate::pipeline::{self, Ended, Progress};
+use crate::pipeline::{Control, Ended, Pass, Progress, Session, Settings, fly, target};
 use crate::pulse::Physics;
-use crate::scene::{self, MotionPlan, Scene};
-use crate::schedule::{self, Log, Overheads, Policy, Recorder, Settings, SizeChange, Stop, Workload};
+use crate::schedule::{self, Log, Overheads, Policy, Recorder, Schedule, SizeChange, Stop, Workload};
 use crate::survey::PlatformKind;
 use crate::tree::{BuildOptions, Tree};
 use serde::Serialize;
@@ -21,12 +19,11 @@ use std::time::Instant;
 
 /// The survey, ready to be flown again and again.
 pub struct Bench {
-    pub job: Job,
-    pub scene: Scene,
+    pub session: Session,
     pub load_s: f64,
     pub format: String,
+    output: OutputRequest,
     flight: FlightPlan,
-    movers: Option<MotionPlan>,
     /// Where the points of the runs go, until the end.
     folder: tempfile::TempDir,
 }
@@ -104,26 +101,22 @@ impl Bench {
     pub fn prepare(args: &RunArgs, format: &str, console: &Console) -> Result<Bench> {
         let (job, warnings) = Job::resolve(args)?;
         console.warnings(&warnings);
-        if matches!(job.survey.platform.kind, PlatformKind::Stream(_)) {
+        let Job { settings, output, .. } = job;
+        if matches!(settings.survey.platform.kind, PlatformKind::Stream(_)) {
             return Err(Error::input(
                 "a stream of poses passes only once, and a comparison flies many times",
             ));
         }
         let started = Instant::now();
-        let (scene, warnings) = scene::load_epoch(&job.survey.scene, &job.load, 0, None)?;
-        console.warnings(&warnings.finish(job.strict)?);
+        let session = Session::open_scene(settings, console.observer())?;
         let load_s = started.elapsed().as_secs_f64();
-        if scene::count_epochs(&job.survey.scene)? > 1 {
+        if session.epochs() > 1 {
             console.say("the scene's swaps ask for several flights; the first is compared");
         }
-        let pulse_rate = job.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq));
-        let movers = MotionPlan::new(&scene, pulse_rate);
-        let ground = |x, y| scene.ground_height(x, y);
-        let (flight, warnings) = FlightPlan::new(&job.survey, scene.shift, &ground, &job.flight)?;
-        console.warnings(&warnings.finish(job.strict)?);
+        let flight = session.plan_flight()?;
         let folder =
             tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir().as_path(), e))?;
-        Ok(Bench { job, scene, load_s, format: format.to_owned(), flight, movers, folder })
+        Ok(Bench { session, load_s, format: format.to_owned(), output, flight, folder })
     }
 
     /// All cells of a tree. Repetitions take turns, so that what else the machine does falls on all of them.
@@ -136,7 +129,7 @@ impl Bench {
         console: &Console,
     ) -> Result<Vec<Cell>> {
         let Built { tree, seconds: builds } = built;
-        let physics = Physics::new(&self.scene, tree, &self.job.survey, self.job.physics)?;
+        let physics = self.physics(tree)?;
         let mut best: Vec<Option<(f64, Flown)>> = vec![None; matrix.flights.len()];
         let mut all = vec![(Vec::new(), f64::INFINITY); matrix.flights.len()];
         for turn in 0..matrix.warm_up + matrix.repetitions {
@@ -180,7 +173,7 @@ impl Bench {
                 // Strict trees can fill half of the memory.
                 drop(tree.take());
                 let started = Instant::now();
-                tree = Some(self.scene.tree(&with_jobs(options, threads)));
+                tree = Some(self.session.scene().tree(&with_jobs(options, threads)));
                 least = least.min(started.elapsed().as_secs_f64());
                 if interrupt::STOP.asked() {
                     return Err(Error::Interrupted);
@@ -188,7 +181,7 @@ impl Bench {
             }
             seconds.push((threads, least));
         }
-        let tree = tree.unwrap_or_else(|| self.scene.tree(&with_jobs(options, 0)));
+        let tree = tree.unwrap_or_else(|| self.session.scene().tree(&with_jobs(options, 0)));
         Ok(Built { tree, seconds })
     }
 
@@ -250,7 +243,12 @@ impl Bench {
         }
     }
 
-    fn fly(&self, physics: &Physics, options: &BuildOptions, schedule: Settings) -> Result<Flown> {
+    fn physics<'a>(&'a self, tree: &'a Tree) -> Result<Physics<'a>> {
+        let Settings { survey, physics, .. } = self.session.settings();
+        Physics::new(self.session.scene(), tree, survey, *physics)
+    }
+
+    fn fly(&self, physics: &Physics, options: &BuildOptions, schedule: Schedule) -> Result<Flown> {
         // What a flight took that did not come to its end tells nothing.
         self.fly_until(&interrupt::STOP, &self.format, physics, options, schedule)?.ok_or(Error::Interrupted)
     }
@@ -262,27 +260,25 @@ impl Bench {
         format: &str,
         physics: &Physics,
         options: &BuildOptions,
-        schedule: Settings,
+        schedule: Schedule,
     ) -> Result<Option<Flown>> {
         let (progress, recorder) = (Progress::default(), Recorder::new());
-        let context = OutputContext { survey: &self.job.survey, scene: &self.scene };
-        let output = Arc::new(OutputPlan::new(self.request(format)?, &context)?);
-        let trees = with_jobs(options, 1);
-        let run = pipeline::Run {
-            flight: &self.flight,
+        let (survey, scene) = (self.session.survey(), self.session.scene());
+        let output = OutputPlan::new(self.request(format)?, &OutputContext { survey, scene })?;
+        let pass = Pass {
             physics,
-            movers: self.movers.as_ref().map(|movers| (movers, &trees)),
-            output,
-            poses: None,
+            motion: self.session.motion(),
+            trees: &with_jobs(options, 1),
+            output: Arc::new(output),
             schedule,
-            recorder: Some(&recorder),
-            stop,
-            progress: &progress,
-            target: slips::target(&self.job.survey, &self.scene),
-            judge: None,
+            control: Control { progress: &progress, stop, recorder: Some(&recorder) },
+            target: target(survey, scene),
+            check: None,
+            is_last: true,
         };
         let started = Instant::now();
-        if let Ended::Cut(_) = pipeline::fly(run, None, true)? {
+        let mut state = FlightState::start(&self.flight);
+        if let Ended::Interrupted(_) = fly(&pass, &self.flight, &mut state, None, None)? {
             return Ok(None);
         }
         let seconds = started.elapsed().as_secs_f64();
@@ -307,14 +303,14 @@ impl Bench {
             trajectory: None,
             force: true,
             plays: 1,
-            ..self.job.output.clone()
+            ..self.output.clone()
         })
     }
 
     /// Task times in chunks of all sizes that may occur, measured on one thread while the other cores are busy, with what
     /// else costs time.
     pub fn workload(&self, options: &BuildOptions, tree: &Tree, matrix: &Matrix) -> Result<Workload> {
-        let physics = Physics::new(&self.scene, tree, &self.job.survey, self.job.physics)?;
+        let physics = self.physics(tree)?;
         let mut sizes: Vec<u32> = matrix.flights.iter().flat_map(|f| [1, f.settings.policy.size()]).collect();
         // Dynamic chunks go anywhere; what they cost near a measured size is known well enough.
         if matrix.flights.iter().any(|f| matches!(f.settings.policy, Policy::Dynamic { .. })) {
@@ -331,7 +327,7 @@ impl Bench {
             for _ in 0..matrix.repetitions.max(2) {
                 for (size, logs) in &mut logs {
                     let policy = Policy::Static { size: *size };
-                    let settings = Settings { threads: 1, policy, leg_barrier: false };
+                    let settings = Schedule { threads: 1, policy, leg_barrier: false };
                     logs.push(self.fly(&physics, options, settings)?.log);
                 }
             }
@@ -359,7 +355,7 @@ impl Bench {
             }
         }
         let (end, others) = (Stop::new(), available_parallelism().map_or(0, |n| n.get() - 1));
-        let settings = Settings { threads: 1, policy: Policy::Static { size: 256 }, leg_barrier: false };
+        let settings = Schedule { threads: 1, policy: Policy::Static { size: 256 }, leg_barrier: false };
         std::thread::scope(|scope| {
             let _end = AtEnd(&end);
             for _ in 0..others {

@@ -41,7 +41,7 @@ pub fn of(report: &Report) -> String {
         escaped(&format!(
             "{}, {} primitives",
             report.survey,
-            crate::cli::watch::amount(report.primitives as f64)
+            crate::quantity::amount(report.primitives as f64)
         ))
     );
     for (i, chart) in charts.iter().enumerate() {

@@ -21,11 +21,11 @@ impl Report {
     /// Nothing flown yet.
     pub fn begin(bench: &Bench) -> Report {
         Report {
-            survey: bench.job.survey.name.clone(),
-            primitives: bench.scene.primitives(),
-            legs: bench.job.survey.legs.len(),
+            survey: bench.session.survey().name.clone(),
+            primitives: bench.session.scene().primitives(),
+            legs: bench.session.survey().legs.len(),
             load_s: bench.load_s,
-            scene_bytes: bench.scene.memory(),
+            scene_bytes: bench.session.scene().memory(),
             format: bench.format.clone(),
             cells: Vec::new(),
             forecasts: Vec::new(),

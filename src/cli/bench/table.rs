@@ -1,7 +1,7 @@
 //! Tables for people.
 
 use super::report::Report;
-use crate::cli::watch::amount;
+use crate::quantity::amount;
 use std::fmt::Write as _;
 
 /// Rows of text in columns: the first column to the left, all others to the right.

@@ -10,34 +10,23 @@ use crate::flight::{self, FlightOptions};
 use crate::output::{
     Column, LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat, Target, TrajectoryFormat,
 };
+use crate::pipeline::{DEFAULT_LATENCY, Settings};
 use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::{LoadOptions, MaterialRules};
-use crate::schedule;
 use crate::survey::{
     self, Grid, NavigationErrors, OutputSettings, PlatformKind, PoseChoices, ReadOptions, RunSettings, Survey,
 };
-use crate::tree::BuildOptions;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Start of the GPS clock when nobody asks for another: a fixed one, so that equal runs give equal bytes.
 const GPS_START: &str = "2024-01-01 00:00:00";
 
-/// How long points of a live trajectory may wait for others, s.
-const LATENCY: f64 = 0.25;
-
-/// Everything that a run needs to know.
+/// What a command is asked to do, with every choice made.
 pub struct Job {
-    pub survey: Survey,
-    pub strict: bool,
-    pub load: LoadOptions,
-    pub tree: BuildOptions,
-    pub flight: FlightOptions,
-    pub physics: PhysicsOptions,
+    pub settings: Settings,
     pub output: OutputRequest,
-    pub schedule: schedule::Settings,
     pub schedule_log: Option<PathBuf>,
-    pub latency: Duration,
     pub progress_lines: bool,
 }
 
@@ -82,7 +71,8 @@ impl Job {
         let threads = threads(speed.threads.or(set.threads));
         let physics = physics(&args.physics, &wanted, set, &survey, seed)?;
         let kinematics = physics.corrections.kinematics();
-        Ok(Job {
+        let output = output(&wanted, args.trajectory_out.as_ref(), set, &survey, &gps)?;
+        let settings = Settings {
             strict: input.strict || set.strict.unwrap_or(false),
             load: LoadOptions {
                 wavelength_nm: survey.scanner.devices[0].beam.wavelength,
@@ -104,13 +94,11 @@ impl Job {
                 navigation: navigation(set.navigation, &aloft.navigation_error)?,
             },
             physics,
-            output: output(&wanted, args.trajectory_out.as_ref(), set, &survey, &gps)?,
             schedule: schedule(speed, set, threads)?,
-            schedule_log: speed.schedule_log.clone(),
-            latency: latency(aloft.latency.or(set.latency))?,
-            progress_lines: speed.progress,
+            max_latency: latency(aloft.latency.or(set.latency))?,
             survey,
-        })
+        };
+        Ok(Job { settings, output, schedule_log: speed.schedule_log.clone(), progress_lines: speed.progress })
     }
 }
 
@@ -150,7 +138,7 @@ fn threads(wanted: Option<usize>) -> usize {
 }
 
 fn latency(seconds: Option<f64>) -> Result<Duration> {
-    let seconds = seconds.unwrap_or(LATENCY);
+    let Some(seconds) = seconds else { return Ok(DEFAULT_LATENCY) };
     match Duration::try_from_secs_f64(seconds) {
         Ok(latency) if seconds <= 3600.0 => Ok(latency),
         _ => Err(Error::input(format!("--latency: expected seconds from 0 to 3600, found {seconds}"))),

@@ -2,16 +2,11 @@
 
 use crate::cli::args::{ScheduleArgs, ScheduleKind, TreeArgs, TreeKind};
 use crate::error::{Error, Result};
-use crate::schedule::{Policy, Settings};
+use crate::pipeline::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR};
+use crate::schedule::{Policy, Schedule};
 use crate::survey::RunSettings;
 use crate::tree::{BuildOptions, Builder};
 use clap::ValueEnum;
-
-/// Pulses per chunk: enough to make the queues' cost invisible, few enough to keep all threads busy on short legs.
-const CHUNK_SIZE: u32 = 1024;
-
-/// Chunks that may wait for each worker.
-const FACTOR: usize = 4;
 
 /// Idle times that mean nothing to dynamic chunks, in milliseconds.
 const IDLE_THRESHOLD_MS: f64 = 0.1;
@@ -70,7 +65,7 @@ fn costs(args: &TreeArgs, usual: &BuildOptions) -> Result<[f64; 3]> {
 }
 
 /// How pulses are handed out.
-pub fn schedule(args: &ScheduleArgs, set: &RunSettings, threads: usize) -> Result<Settings> {
+pub fn schedule(args: &ScheduleArgs, set: &RunSettings, threads: usize) -> Result<Schedule> {
     let written = set.policy.as_deref().and_then(|name| ScheduleKind::from_str(name, true).ok());
     let wanted = args.chunk_size.or(set.chunk_size.and_then(|n| i64::try_from(n).ok()));
     let size = chunk_size(wanted)?;
@@ -81,8 +76,8 @@ pub fn schedule(args: &ScheduleArgs, set: &RunSettings, threads: usize) -> Resul
         Some(_) => ScheduleKind::Warehouse,
         None => args.schedule.or(written).unwrap_or(ScheduleKind::Warehouse),
     };
-    let factor = args.warehouse_factor.or(set.warehouse_factor).unwrap_or(FACTOR);
-    Ok(Settings {
+    let factor = args.warehouse_factor.or(set.warehouse_factor).unwrap_or(DEFAULT_WAREHOUSE_FACTOR);
+    Ok(Schedule {
         threads,
         policy: policy(kind, size, factor, args.idle_threshold)?,
         leg_barrier: args.leg_barrier || set.leg_barrier.unwrap_or(false),
@@ -111,7 +106,7 @@ pub fn policy(
 /// A chunk size as typed.
 pub fn chunk_size(wanted: Option<i64>) -> Result<u32> {
     match wanted {
-        None => Ok(CHUNK_SIZE),
+        None => Ok(DEFAULT_CHUNK_SIZE),
         Some(n) => match u32::try_from(n.unsigned_abs()) {
             Ok(n @ 1..=16_777_216) => Ok(n),
             _ => Err(Error::input(format!("--chunk-size: expected 1 to 16777216 pulses, found {n}"))),

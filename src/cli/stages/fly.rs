@@ -4,20 +4,19 @@ use crate::cli::args::{
     EmitArgs, EmitFormat, OutputArgs, PhysicsArgs, ProfileArgs, PulsesArgs, RunArgs, SurveyArgs,
     TrajectoryArgs, TreeArgs,
 };
-use crate::cli::run::{Job, open_poses};
-use crate::cli::watch::{amount, duration, watched};
+use crate::cli::run::Job;
+use crate::cli::watch::watched;
 use crate::cli::{Console, Verbosity, interrupt};
-use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::flight::{FlightPlan, PoseSample};
+use crate::flight::PoseSample;
 use crate::geom::DVec3;
-use crate::pipeline::{Emission, Emitted, Progress, emit};
-use crate::scene;
+use crate::pipeline::{Control, Emission, Emitted, Progress, Session, emit};
+use crate::quantity::{amount, duration};
 use crate::streams::{
     Column, POSE_HEADER, Present, PulseRow, TableColumn, TableWriter, header, pose_columns, pulse_columns,
     push_pose, push_pose_row, push_pulse, push_pulse_row, usual_columns, with_errors, with_reported,
 };
-use crate::survey::{PlatformKind, Survey};
+use crate::survey::Survey;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 
@@ -93,7 +92,7 @@ struct Pulses;
 impl Pulses {
     fn rows(flight: &Flight, emitted: &Emitted) -> impl Iterator<Item = PulseRow> {
         let divergence = flight.divergences.get(emitted.leg as usize).copied();
-        let (leg, play) = (emitted.leg, emitted.play);
+        let (leg, play) = (emitted.leg, emitted.epoch);
         emitted.pulses.iter().map(move |(pulse, step)| PulseRow {
             pulse: *pulse,
             leg,
@@ -134,7 +133,8 @@ struct Flight {
 }
 
 impl Flight {
-    fn of(survey: &Survey, shift: DVec3, plays: u32, navigation: bool, as_flown: bool) -> Flight {
+    fn new(emission: &Emission, has_errors: bool, as_flown: bool) -> Flight {
+        let (survey, shift) = (&emission.survey, emission.shift);
         let own = survey.scanner.devices[0].beam.divergence;
         let of_legs: Vec<f64> = survey.legs.iter().map(|l| l.scanner.beam_divergence).collect();
         let start = of_legs.first().copied().unwrap_or(own);
@@ -142,13 +142,13 @@ impl Flight {
         if survey.scanner.devices.iter().any(|d| d.errors.any()) {
             columns = with_errors(columns);
         }
-        if navigation {
+        if has_errors {
             columns = with_reported(columns);
         }
         if of_legs.iter().any(|d| *d != own) {
             columns = columns.with(Column::Divergence).with(Column::StartDivergence);
         }
-        if plays > 1 {
+        if emission.epochs > 1 {
             columns = columns.with(Column::Play);
         }
         Flight {
@@ -174,54 +174,33 @@ fn fly(
             "an Arrow stream would go to the terminal; redirect standard output, or insist with --force",
         ));
     }
-    let (mut job, warnings) = Job::resolve(args)?;
+    let (job, warnings) = Job::resolve(args)?;
     console.warnings(&warnings);
-    change(&mut job.survey);
-    let plays = scene::count_epochs(&job.survey.scene)?;
-    let poses = match &job.survey.platform.kind {
-        PlatformKind::Stream(_) if plays > 1 => {
-            return Err(Error::input(format!(
-                "the scene's swaps ask for {plays} flights, and a stream of poses passes only once"
-            )));
-        }
-        PlatformKind::Stream(stream) => Some(open_poses(stream, &job, console)?),
-        _ => None,
-    };
-    let (scene, found) = scene::load(&job.survey.scene, &job.load)?;
-    console.warnings(&found.finish(job.strict)?);
-    let ground = |x, y| scene.ground_height(x, y);
-    let (plan, found): (FlightPlan, Diagnostics) =
-        FlightPlan::new(&job.survey, scene.shift, &ground, &job.flight)?;
-    console.warnings(&found.finish(job.strict)?);
-    let flight = Flight::of(&job.survey, scene.shift, plays, job.flight.navigation.any(), as_flown);
-    // Pulses go on in the frame of the scene, which itself is needed no more.
-    drop(scene);
+    let Job { mut settings, progress_lines, .. } = job;
+    change(&mut settings.survey);
+    let has_errors = settings.flight.navigation.any();
+    let emission = Session::open_scene(settings, console.observer())?.into_emission()?;
+    let flight = Flight::new(&emission, has_errors, as_flown);
+    let legs = emission.survey.legs.len();
+    let is_live = emission.poses.is_some();
 
     let progress = Progress::default();
+    let control = Control::new(&progress, &interrupt::STOP);
     let started = Instant::now();
-    let live = poses.is_some();
-    let emission = Emission {
-        flight: &plan,
-        plays,
-        poses,
-        schedule: job.schedule,
-        stop: &interrupt::STOP,
-        progress: &progress,
-    };
-    let legs = job.survey.legs.len();
     let failed = |e| Error::io("write", "standard output", e);
     let mut out = std::io::stdout();
     match emit_args.format {
         EmitFormat::Csv => {
             out.write_all(rows.header(&flight).as_bytes()).and_then(|()| out.flush()).map_err(failed)?;
             let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push_lines(&flight, emitted, out);
-            watched(console, job.progress_lines, legs, &progress, || emit(emission, encode, out))?;
+            watched(console, progress_lines, legs, &progress, || emit(emission, control, encode, out))?;
         }
         EmitFormat::Arrow => {
-            let mut out = TableWriter::begin(rows.columns(&flight), live, out).map_err(failed)?;
+            let mut out = TableWriter::begin(rows.columns(&flight), is_live, out).map_err(failed)?;
             out.flush().map_err(failed)?;
             let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push_values(&flight, emitted, out);
-            let out = watched(console, job.progress_lines, legs, &progress, || emit(emission, encode, out))?;
+            let out =
+                watched(console, progress_lines, legs, &progress, || emit(emission, control, encode, out))?;
             out.finish().map_err(failed)?;
         }
     }

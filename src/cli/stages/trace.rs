@@ -2,23 +2,19 @@
 
 use crate::cli::args::{FlightArgs, RunArgs, SurveyArgs, TraceArgs};
 use crate::cli::inputs::{holds_survey, read_survey};
-use crate::cli::run::{Job, Stage, interrupted, judge, load_and_build, report, tell_rescued};
-use crate::cli::slips;
+use crate::cli::run::{Job, show_report};
 use crate::cli::watch::watched;
 use crate::cli::{Console, interrupt};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, Target};
-use crate::pipeline::{LegRule, Progress, PulseSource, TraceEnded, Tracing, trace};
-use crate::pulse::Physics;
-use crate::scene::{self, SceneFrame};
+use crate::output::Target;
+use crate::pipeline::{Control, LegRule, Progress, Session};
 use crate::streams::PulseReader;
 use crate::survey::{
     self, Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, ReadOptions, RunSettings,
     Scanner, ScannerSettings, SceneRecipe, Survey,
 };
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Runs `vlscan trace`.
@@ -29,73 +25,28 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     console.warnings(&warnings);
     setting.change_instrument(args)?;
     let known = setting.known;
-    let mut job = Job::settle(&as_run(args), setting.survey, &setting.settings)?;
-    job.survey.legs.iter_mut().for_each(|leg| leg.scanner.active = true);
-    let apart = job.output.sinks.iter().any(|(t, _)| matches!(t, Target::Directory(_) | Target::Helios(_)));
-    if apart && !known {
+    let job = Job::settle(&as_run(args), setting.survey, &setting.settings)?;
+    let Job { mut settings, output, progress_lines, .. } = job;
+    settings.survey.legs.iter_mut().for_each(|leg| leg.scanner.active = true);
+    let has_folder = |(t, _): &(Target, _)| matches!(t, Target::Directory(_) | Target::Helios(_));
+    let separate_files = output.sinks.iter().any(has_folder);
+    if separate_files && !known {
         return Err(Error::input(
             "one file per leg needs the legs: name the survey with --scanner, or a single file with -o",
         ));
     }
-    let legs = LegRule { known, apart, streamed_divergence: args.instrument.divergence.is_none() };
-
+    let streamed_divergence = args.instrument.divergence.is_none();
+    let legs = LegRule { known, separate_files, streamed_divergence };
     // Opened before the scene is loaded, so that a wrong name costs no wait.
-    let reader = PulseReader::open(&args.stream, job.schedule.policy.size() as usize)?;
-    let plays = scene::count_epochs(&job.survey.scene)?;
-    let mut stage = load_and_build(&job, console, 0, None)?;
-    let context = OutputContext { survey: &job.survey, scene: &stage.scene };
-    let output = Arc::new(OutputPlan::new(OutputRequest { plays, ..job.output.clone() }, &context)?);
-    let first = SceneFrame::of(&stage.scene);
-
+    let pulses = PulseReader::open(&args.stream, settings.schedule.policy.size() as usize)?;
+    let mut session = Session::open(settings, console.observer())?;
     let progress = Progress::default();
-    let mut source = PulseSource::new(reader);
-    let (mut play, mut sinks) = (0, None);
-    let (flying, summary) = loop {
-        let took_off = Instant::now();
-        let Stage { scene, tree, movers } = &stage;
-        let physics = Physics::new(scene, tree, &job.survey, job.physics)?;
-        let judge = judge(&job, &stage, console, (false, Arc::default()));
-        let tracing = Tracing {
-            survey: &job.survey,
-            physics: &physics,
-            options: job.physics,
-            shift: scene.shift,
-            movers: movers.as_ref().map(|movers| (movers, &job.tree)),
-            legs,
-            output: output.clone(),
-            schedule: job.schedule,
-            stop: &interrupt::STOP,
-            progress: &progress,
-            target: slips::target(&job.survey, scene),
-            judge: Some(&judge),
-        };
-        let legs = job.survey.legs.len();
-        let ended = watched(console, job.progress_lines, legs, &progress, || {
-            trace(tracing, &mut source, play, sinks.take(), play + 1 == plays)
-        });
-        let ended = ended.inspect_err(|_| tell_rescued(console, &output.rescued()))?;
-        match ended {
-            TraceEnded::Whole(summary) => break (took_off.elapsed().as_secs_f64(), summary),
-            TraceEnded::Play(open) => sinks = Some(open),
-            TraceEnded::Cut(summary) => {
-                let flying = took_off.elapsed().as_secs_f64();
-                let pulses = progress.snapshot().pulses;
-                report(console, &summary, pulses, flying, started.elapsed().as_secs_f64());
-                return Err(interrupted(console, &summary));
-            }
-        }
-        drop(judge);
-        drop(stage);
-        play += 1;
-        stage = load_and_build(&job, console, play, Some(first))?;
-    };
-    if let Some(next) = source.next_play(&interrupt::STOP)? {
-        return Err(Error::input(format!(
-            "after play {play} comes a pulse of play {next}; plays ascend, and the scene has {plays}"
-        )));
-    }
-    report(console, &summary, progress.snapshot().pulses, flying, started.elapsed().as_secs_f64());
-    Ok(())
+    let control = Control::new(&progress, &interrupt::STOP);
+    let leg_count = session.survey().legs.len();
+    let report = watched(console, progress_lines, leg_count, &progress, || {
+        session.trace(pulses, legs, output, control)
+    })?;
+    show_report(console, &report, started)
 }
 
 /// What the pulses meet and what receives their echoes.

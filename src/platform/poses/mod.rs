@@ -18,7 +18,7 @@ mod text;
 use super::layout::Layout;
 use super::pose_table::Spelling;
 use crate::arrivals::{Arrival, Arrivals, is_stdin};
-use crate::diag::Diagnostics;
+use crate::diag::{Diagnostics, Notice};
 use crate::error::{Error, Result};
 use crate::geom::{DVec3, Rotation};
 use crate::survey::{Grid, PoseStream};
@@ -51,17 +51,6 @@ pub enum Waited {
     Nothing,
     /// None will any more.
     End,
-}
-
-/// What a trajectory's reader has to tell while it reads.
-#[derive(Clone, Debug)]
-pub enum Told {
-    /// What was passed over or looks wrong.
-    Warnings(Diagnostics),
-    /// What its user should know.
-    Note(String),
-    /// What those want to know who want to know more.
-    Detail(String),
 }
 
 /// What an observer of a trajectory sees.
@@ -100,7 +89,7 @@ pub struct PoseReader {
     failure: Option<Failure>,
     ended: bool,
     strict: bool,
-    tell: Box<dyn FnMut(Told) + Send>,
+    tell: Box<dyn FnMut(Notice) + Send>,
     observe: Box<dyn FnMut(Seen) -> Diagnostics + Send>,
     latency: Duration,
 }
@@ -157,7 +146,7 @@ impl PoseReader {
     }
 
     /// The same reader, which tells `tell` what it meets as it meets it. With `strict` a warning is an error.
-    pub fn telling(self, strict: bool, tell: impl FnMut(Told) + Send + 'static) -> PoseReader {
+    pub fn telling(self, strict: bool, tell: impl FnMut(Notice) + Send + 'static) -> PoseReader {
         PoseReader { strict, tell: Box::new(tell), ..self }
     }
 
@@ -285,7 +274,7 @@ impl PoseReader {
             self.introduce(&pose, matches!(fix.place, FixPlace::Geographic(_)));
         }
         if let Some(note) = self.order.course(&pose) {
-            (self.tell)(Told::Note(format!("{}: {note}", self.path.display())));
+            (self.tell)(Notice::Note(format!("{}: {note}", self.path.display())));
         }
         self.show(Seen::Pose(pose, fix.unitless_angles));
         self.poses += 1;
@@ -296,19 +285,19 @@ impl PoseReader {
     fn introduce(&mut self, pose: &Pose, geographic: bool) {
         let (path, p) = (self.path.display(), pose.position);
         if let Some(zone) = self.frame.zone().filter(|_| self.zone_is_found) {
-            (self.tell)(Told::Note(format!(
+            (self.tell)(Notice::Note(format!(
                 "{path}: poses are projected to UTM zone {zone}, that of the first one; --utm-zone names another"
             )));
         }
         if geographic && self.frame.height_offset() == 0.0 {
-            (self.tell)(Told::Note(format!(
+            (self.tell)(Notice::Note(format!(
                 "{path}: heights are taken as they are, the first is {:.1} m; where they count from the ellipsoid and the \
                  scene's from a geoid, --height-offset brings them together",
                 p.z
             )));
         }
         let heading = libm::atan2(pose.attitude.forward().x, pose.attitude.forward().y).to_degrees();
-        (self.tell)(Told::Detail(format!(
+        (self.tell)(Notice::Detail(format!(
             "{path}: {}; first pose at time {}, x {:.3}, y {:.3}, z {:.3}, heading {:.2}°",
             self.source.name(),
             pose.time,
@@ -325,7 +314,7 @@ impl PoseReader {
             return;
         }
         match found.finish(self.strict) {
-            Ok(warnings) => (self.tell)(Told::Warnings(warnings)),
+            Ok(warnings) => (self.tell)(Notice::Warnings(warnings)),
             Err(Error::Input(problems)) => self.failure = Some(Failure::Input(problems)),
             Err(_) => {}
         }
@@ -336,7 +325,7 @@ impl PoseReader {
         self.show(Seen::End);
         if self.poses > 0 {
             let (poses, path) = (self.poses, self.path.display());
-            return (self.tell)(Told::Detail(format!("{path}: {poses} poses")));
+            return (self.tell)(Notice::Detail(format!("{path}: {poses} poses")));
         }
         let file = Mark::Line { number: 0, text: "".into(), time: 0..0 };
         if self.bytes == 0 {
@@ -352,7 +341,7 @@ impl PoseReader {
         }
         let mut warnings = Diagnostics::default();
         mark.warn(&self.path, problem, &mut warnings);
-        (self.tell)(Told::Warnings(warnings));
+        (self.tell)(Notice::Warnings(warnings));
     }
 
     fn fail(&mut self, mark: &Mark, problem: Problem) {
@@ -498,7 +487,7 @@ pub(super) mod tests {
     }
 
     /// What is told while `bytes` are read, and how the reading ends.
-    fn told(bytes: &[u8], strict: bool) -> (Vec<Told>, Result<usize, String>) {
+    fn told(bytes: &[u8], strict: bool) -> (Vec<Notice>, Result<usize, String>) {
         let all = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
         let heard = all.clone();
         let mut reader = PoseReader::of(Arrivals::of(std::io::Cursor::new(bytes.to_vec())), &settings())
@@ -516,9 +505,9 @@ pub(super) mod tests {
         (told, end)
     }
 
-    fn warnings(told: &[Told]) -> String {
-        let of = |t: &Told| match t {
-            Told::Warnings(found) => Some(found.render(false)),
+    fn warnings(told: &[Notice]) -> String {
+        let of = |t: &Notice| match t {
+            Notice::Warnings(found) => Some(found.render(false)),
             _ => None,
         };
         told.iter().filter_map(of).collect()
@@ -559,7 +548,7 @@ pub(super) mod tests {
         let notes: Vec<String> = told(east.as_bytes(), false)
             .0
             .into_iter()
-            .filter_map(|t| if let Told::Note(note) = t { Some(note) } else { None })
+            .filter_map(|t| if let Notice::Note(note) = t { Some(note) } else { None })
             .collect();
         assert!(notes.len() == 1 && notes[0].contains("--trajectory-rotation"), "{notes:?}");
     }
@@ -582,7 +571,7 @@ pub(super) mod tests {
                 assert_eq!(count, 300, "in pieces of {size}");
             }
         }
-        let zone = |t: &Told| matches!(t, Told::Note(note) if note.contains("UTM zone 32N"));
+        let zone = |t: &Notice| matches!(t, Notice::Note(note) if note.contains("UTM zone 32N"));
         assert!(told(&sbet, false).0.iter().any(zone));
     }
 

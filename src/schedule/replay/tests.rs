@@ -16,7 +16,7 @@ fn load(costs: &[f64], legs: &[u64]) -> Workload {
 }
 
 fn seconds(load: &Workload, threads: usize, policy: Policy, leg_barrier: bool) -> f64 {
-    let replayed = replay(load, &Settings { threads, policy, leg_barrier });
+    let replayed = replay(load, &Schedule { threads, policy, leg_barrier });
     assert!(replayed.utilisation <= 1.0 + 1e-9 && replayed.utilisation > 0.0, "{replayed:?}");
     (replayed.seconds * 1e9).round() / 1e9
 }
@@ -88,7 +88,7 @@ fn nothing_ends_before_everything_is_collected() {
 fn dynamic_chunks_grow_when_a_worker_was_idle() {
     let load = Workload { making: PerSize::new(vec![(1, 1e-4)]), ..load(&[1e-3; 4000], &[4000]) };
     let policy = Policy::Dynamic { size: 2, significant_ns: 100 };
-    let replayed = replay(&load, &Settings { threads: 3, policy, leg_barrier: false });
+    let replayed = replay(&load, &Schedule { threads: 3, policy, leg_barrier: false });
     let sizes = replayed.sizes.entries();
     assert!(!sizes.is_empty() && sizes.iter().all(|s| s.size >= 1), "{sizes:?}");
     assert!(replayed.seconds < 2.0, "{} s", replayed.seconds);
@@ -146,7 +146,7 @@ fn more_threads_than_tasks_do_no_harm() {
         assert_eq!(seconds(&load, 512, policy, true), 2.0, "{policy:?}");
     }
     assert_eq!(
-        replay(&Workload::default(), &Settings { threads: 4, policy: Policy::Single, leg_barrier: true })
+        replay(&Workload::default(), &Schedule { threads: 4, policy: Policy::Single, leg_barrier: true })
             .seconds,
         0.0
     );

@@ -46,11 +46,11 @@ const POLICIES: [Policy; 8] = [
 ];
 
 /// A schedule for each number of threads, with and without barrier.
-fn schedules(threads: &[usize]) -> Vec<Settings> {
+fn schedules(threads: &[usize]) -> Vec<Schedule> {
     let mut all = Vec::new();
     for &threads in threads {
         for policy in POLICIES {
-            all.extend([false, true].map(|leg_barrier| Settings { threads, policy, leg_barrier }));
+            all.extend([false, true].map(|leg_barrier| Schedule { threads, policy, leg_barrier }));
         }
     }
     all
@@ -77,7 +77,7 @@ fn hand_out<W: FnMut(u64) -> Result<u64>>(
     Ok(())
 }
 
-fn squares(settings: Settings, n: u64, fail_at: Option<u64>) -> Result<Vec<u64>> {
+fn squares(settings: Schedule, n: u64, fail_at: Option<u64>) -> Result<Vec<u64>> {
     let jobs = Arc::new(JobQueue::new(4));
     run(
         settings,
@@ -218,7 +218,7 @@ fn single_tasks_are_told_of_together_and_at_the_latest_before_a_wait() {
         notes.lock().unwrap().len() == count
     };
     run(
-        Settings { threads: 1, policy: Policy::Static { size: 1 }, leg_barrier: false },
+        Schedule { threads: 1, policy: Policy::Static { size: 1 }, leg_barrier: false },
         &Arc::new(JobQueue::new(4)),
         &Stop::new(),
         None,
@@ -289,7 +289,7 @@ fn a_producer_ahead_of_the_collector_computes_what_waits_in_the_warehouse() {
         let (jobs, computed) = (Arc::new(JobQueue::new(4)), Arc::new(AtomicUsize::new(0)));
         let count = &computed;
         let outcome = run(
-            Settings { threads: 2, policy: Policy::Warehouse { size: 4096, factor: 2 }, leg_barrier: false },
+            Schedule { threads: 2, policy: Policy::Warehouse { size: 4096, factor: 2 }, leg_barrier: false },
             &jobs,
             &Stop::new(),
             None,
@@ -316,7 +316,7 @@ fn a_stop_ends_the_run_as_interrupted() {
     let jobs = Arc::new(JobQueue::new(4));
     let stop = Stop::new();
     let outcome = run(
-        Settings { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
+        Schedule { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
         &jobs,
         &stop,
         None,
@@ -410,7 +410,7 @@ fn records_account_for_every_task_and_every_leg() {
 #[test]
 fn the_single_schedule_lets_the_producer_compute_nothing() {
     let (jobs, recorder) = (Arc::new(JobQueue::new(4)), Recorder::new());
-    let settings = Settings { threads: 3, policy: Policy::Single, leg_barrier: false };
+    let settings = Schedule { threads: 3, policy: Policy::Single, leg_barrier: false };
     run(
         settings,
         &jobs,

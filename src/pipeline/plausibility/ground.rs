@@ -1,9 +1,11 @@
 //! Rays straight up and down from places of a flight.
 
+use super::Finding;
 use super::boxes::heights;
-use super::{Slip, metres};
-use crate::cli::run::Stage;
 use crate::geom::{Aabb, DVec3};
+use crate::quantity::metres;
+use crate::scene::Scene;
+use crate::tree::Tree;
 
 /// Share of the places over the scene that may lie below the ground, as in a valley of a coarse terrain.
 const MAX_SHARE_BELOW: f64 = 0.1;
@@ -11,11 +13,11 @@ const MAX_SHARE_BELOW: f64 = 0.1;
 const MIN_SHARE_ON: f64 = 0.9;
 /// Nearer to the surface than this a scanner lies on it, m.
 const ON_SURFACE: f64 = 0.05;
-/// Rays around a place that tell a terrain from a crown or a bridge, and how many of them must agree.
+/// Rays around a place that distinguish a terrain from a crown or a bridge, and how many of them must agree.
 const RING: usize = 8;
 const MIN_AGREEING: usize = 7;
 
-/// Where a place is.
+/// Where a place is relative to the surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Side {
     /// There is a surface below.
@@ -30,14 +32,14 @@ enum Side {
 
 /// Finds places of the scanner (scene frame) below the terrain, and flights on its surface. The scanner is `mount` metres above
 /// its platform.
-pub(super) fn check(who: &str, stage: &Stage, places: &[DVec3], mount: f64) -> Option<Slip> {
-    let sides: Vec<Side> = places.iter().map(|&place| side(stage, place)).collect();
+pub(super) fn check(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3], mount: f64) -> Option<Finding> {
+    let sides: Vec<Side> = places.iter().map(|&place| side(scene, tree, place)).collect();
     let over = sides.iter().filter(|side| **side != Side::Elsewhere).count() as f64;
     let mut depths: Vec<f64> = sides
         .iter()
         .filter_map(|side| if let Side::Below(depth) = side { Some(*depth) } else { None })
         .collect();
-    let flight = Aabb::around(places.iter().map(|&place| stage.scene.to_world(place)));
+    let flight = Aabb::around(places.iter().map(|&place| scene.to_world(place)));
     let platform = flight.moved(DVec3::Z * -mount);
     if !depths.is_empty() && depths.len() as f64 > MAX_SHARE_BELOW * over {
         depths.sort_by(f64::total_cmp);
@@ -50,7 +52,7 @@ pub(super) fn check(who: &str, stage: &Stage, places: &[DVec3], mount: f64) -> O
         };
         let message =
             format!("{where_}: its height is {:.1}, the ground's {:.1}", flight.max.z, flight.max.z + depth);
-        return Some(Slip::new(message, heights(&platform, depth)));
+        return Some(Finding::new(message, heights(&platform, depth)));
     }
     let on = sides.iter().filter(|side| **side == Side::On).count() as f64;
     let moves = flight.size().x.hypot(flight.size().y) > 1.0;
@@ -59,21 +61,20 @@ pub(super) fn check(who: &str, stage: &Stage, places: &[DVec3], mount: f64) -> O
             "{who} runs on the surface of the scene, at height {:.1}: nothing is below it",
             flight.min.z
         );
-        Slip::new(message, heights(&platform, 0.0))
+        Finding::new(message, heights(&platform, 0.0))
     })
 }
 
-fn side(stage: &Stage, place: DVec3) -> Side {
-    let bounds = &stage.scene.bounds;
+fn side(scene: &Scene, tree: &Tree, place: DVec3) -> Side {
+    let bounds = &scene.bounds;
     let within = |p: DVec3| {
         (bounds.min.x..=bounds.max.x).contains(&p.x) && (bounds.min.y..=bounds.max.y).contains(&p.y)
     };
     if !within(place) || !place.is_finite() {
         return Side::Elsewhere;
     }
-    let cast = |from: DVec3, way: DVec3| {
-        stage.tree.nearest_where(&stage.scene.geometry, from, way, |_| true).map(|hit| hit.t)
-    };
+    let cast =
+        |from: DVec3, way: DVec3| tree.nearest_where(&scene.geometry, from, way, |_| true).map(|hit| hit.t);
     if let Some(below) = cast(place + DVec3::Z * 2.0 * ON_SURFACE, -DVec3::Z) {
         return if below < 3.0 * ON_SURFACE { Side::On } else { Side::Above };
     }

@@ -1,17 +1,19 @@
 //! The box of a flight and the box of its scene, in world coordinates.
 
-use super::{Slip, metres};
+use super::Finding;
 use crate::geom::{Aabb, DVec3, UtmZone};
+use crate::quantity::metres;
 
-/// Farther than this no scanner sees, whatever its settings say, m.
+/// Upper bound of the range that is assumed of a scanner, whatever its settings say, m.
 pub(super) const MAX_REACH: f64 = 20_000.0;
-/// How far below the scene a platform may be before it cannot be meant, m.
+/// Depth below the scene that is accepted of a platform, m.
 const MIN_DEPTH: f64 = 2.0;
-/// Bounds of heights of the geoid over the ellipsoid, m, without regard to sign.
+/// Absolute heights of the geoid over the ellipsoid, m.
 pub(super) const UNDULATION: std::ops::RangeInclusive<f64> = 10.0..=110.0;
 
-/// Finds a flight from which nothing of the scene can be reached, and one below it. `reach` is the scanner's greatest range, m.
-pub(super) fn compare(who: &str, scene: &Aabb, flight: &Aabb, reach: f64) -> Option<Slip> {
+/// Finds a flight from which nothing of the scene can be reached, or that is below it. `reach` is the scanner's maximum range,
+/// m.
+pub(super) fn compare(who: &str, scene: &Aabb, flight: &Aabb, reach: f64) -> Option<Finding> {
     let gap = (scene.min - flight.max).max(flight.min - scene.max).max(DVec3::ZERO);
     let across = gap.x.hypot(gap.y);
     let depth = scene.min.z - flight.max.z;
@@ -30,21 +32,21 @@ pub(super) fn compare(who: &str, scene: &Aabb, flight: &Aabb, reach: f64) -> Opt
         };
         let message = format!("{who} is {} {what} the scene{range}: {places}", metres(gap.length()));
         let help = if across >= gap.z { away(scene, flight, gap) } else { heights(flight, depth) };
-        return Some(Slip::new(message, help));
+        return Some(Finding::new(message, help));
     }
     // Beside a hill a tripod may stand below it.
     (depth > MIN_DEPTH && across == 0.0).then(|| {
         let message = format!("{who} is {} below the lowest point of the scene: {places}", metres(depth));
-        Slip::new(message, heights(flight, depth))
+        Finding::new(message, heights(flight, depth))
     })
 }
 
-/// Why a flight may be beside its scene.
+/// The likely reason for a flight beside its scene.
 pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
     let (s, f) = (scene.centre(), flight.centre());
     let apart = (f - s).abs();
     let swapped = Aabb { min: swap(flight.min), max: swap(flight.max) };
-    // About the origin every flight shrinks into the scene.
+    // Around the origin any flight shrinks into the scene.
     let is_displaced = s.length() > 10.0 * scene.size().length();
     let scaled =
         |by: f64| is_displaced && overlaps(scene, &Aabb { min: flight.min * by, max: flight.max * by });
@@ -101,7 +103,7 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
     "give the flight in the scene's coordinates; `vlscan scene info` tells where a scene is".to_owned()
 }
 
-/// Why a flight may be at a wrong height, `depth` metres below the ground or the scene.
+/// The likely reason for a wrong height of a flight, `depth` metres below the ground or the scene.
 pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
     if flight.min.z.abs().max(flight.max.z.abs()) < 1e-6 {
         return "all heights of the flight are 0: the column of heights is missing or another one; name it with \
@@ -120,7 +122,7 @@ pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
         .to_owned()
 }
 
-/// x, y and z of a box.
+/// The extent of a box in x, y and z as text.
 pub(super) fn extent(b: &Aabb) -> String {
     let axis = |name: &str, lo: f64, hi: f64| {
         let digits = if hi - lo < 1.0 && lo.abs() < 1000.0 { 3 } else { 0 };
@@ -194,8 +196,8 @@ mod tests {
             (utm, around(476_000.0, -5_429_000.0, 600.0, 100.0), "other sign of y"),
             (utm, around(476_000.0, 5_529_000.0, 600.0, 100.0), "vlscan scene info"),
         ] {
-            let slip = compare("the flight", &scene, &flight, MAX_REACH).expect(cause);
-            assert!(slip.help.contains(cause), "{cause}: {slip:?}");
+            let finding = compare("the flight", &scene, &flight, MAX_REACH).expect(cause);
+            assert!(finding.help.contains(cause), "{cause}: {finding:?}");
         }
     }
 

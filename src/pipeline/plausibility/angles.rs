@@ -1,45 +1,54 @@
 //! Angles read in the wrong unit.
 
-use super::Slip;
+use super::Finding;
 use crate::geom::DVec3;
 use crate::survey::AngleConvention;
 use std::f64::consts::TAU;
 
-/// Way after which headings are compared with the course, m.
-const MIN_WAY: f64 = 20.0;
-/// Poses after which angles are judged without a course.
+/// Distance after which headings are compared with the course, m.
+const MIN_DISTANCE: f64 = 20.0;
+/// Poses after which angles are checked without a course.
 const MIN_POSES: u32 = 50;
 /// Roll and pitch of a flight in radians stay below this, rad: 46°.
 const MAX_TILT: f64 = 0.8;
 /// Angles that are all as small as this, and not all 0, are hardly degrees.
 const SMALL_ANGLE: f64 = 0.2;
-/// A heading this far from the course is another one, and one this near the same, degrees.
-const APART: f64 = 25.0;
+/// Deviation of a heading from the course above which it contradicts it, degrees.
+const MAX_DEVIATION: f64 = 25.0;
 
-/// Watches angles as they are written, and the course that is flown with them.
+/// Checks angles as they are written against the course that is flown with them.
 #[derive(Debug)]
-pub(super) struct AngleWatch {
+pub(super) struct AngleCheck {
     convention: AngleConvention,
     /// Whether the angles are taken as degrees.
     degrees: bool,
-    /// What says so.
+    /// The option that chooses the unit.
     option: &'static str,
     start: Option<DVec3>,
     poses: u32,
     tilt: f64,
     yaw: f64,
-    judged: bool,
+    is_decided: bool,
 }
 
-impl AngleWatch {
-    /// Watches angles that are taken as degrees, or as radians, because of `option`.
-    pub fn new(convention: AngleConvention, degrees: bool, option: &'static str) -> AngleWatch {
-        AngleWatch { convention, degrees, option, start: None, poses: 0, tilt: 0.0, yaw: 0.0, judged: false }
+impl AngleCheck {
+    /// A check of angles that are taken as degrees, or as radians, because of `option`.
+    pub fn new(convention: AngleConvention, degrees: bool, option: &'static str) -> AngleCheck {
+        AngleCheck {
+            convention,
+            degrees,
+            option,
+            start: None,
+            poses: 0,
+            tilt: 0.0,
+            yaw: 0.0,
+            is_decided: false,
+        }
     }
 
-    /// Looks at roll, pitch and yaw as written and at the position of the next pose.
-    pub fn see(&mut self, position: DVec3, angles: [f64; 3]) -> Option<Slip> {
-        if self.judged || angles.iter().any(|a| !a.is_finite()) {
+    /// Adds roll, pitch and yaw as written and the position of the next pose.
+    pub fn add(&mut self, position: DVec3, angles: [f64; 3]) -> Option<Finding> {
+        if self.is_decided || angles.iter().any(|a| !a.is_finite()) {
             return None;
         }
         let [roll, pitch, yaw] = angles;
@@ -47,62 +56,62 @@ impl AngleWatch {
         self.tilt = self.tilt.max(roll.abs()).max(pitch.abs());
         self.yaw = self.yaw.max(yaw.abs());
         if !self.degrees {
-            return self.see_radians();
+            return self.check_radians();
         }
         let start = *self.start.get_or_insert(position);
-        let way = (position - start) * DVec3::new(1.0, 1.0, 0.0);
-        if way.length() >= MIN_WAY {
-            self.judged = true;
-            let course = libm::atan2(way.x, way.y).to_degrees();
+        let path = (position - start) * DVec3::new(1.0, 1.0, 0.0);
+        if path.length() >= MIN_DISTANCE {
+            self.is_decided = true;
+            let course = libm::atan2(path.x, path.y).to_degrees();
             let off = |heading: f64| (heading - course + 180.0).rem_euclid(360.0) - 180.0;
             let [as_degrees, as_radians] = [yaw, yaw.to_degrees()].map(|yaw| off(self.bearing(yaw)).abs());
-            let explained = as_degrees > APART && as_radians < APART;
+            let explained = as_degrees > MAX_DEVIATION && as_radians < MAX_DEVIATION;
             if self.tilt <= MAX_TILT && self.yaw <= TAU + 0.01 && explained {
                 return Some(self.radians_as_degrees(format!(
                     "; as radians the heading {yaw} is {as_radians:.0}° off the course, as degrees {as_degrees:.0}°"
                 )));
             }
-            return self.small();
+            return self.check_small();
         }
-        (self.poses >= MIN_POSES).then(|| self.small()).flatten()
+        (self.poses >= MIN_POSES).then(|| self.check_small()).flatten()
     }
 
-    /// Judges a trajectory that has ended.
-    pub fn end(&mut self) -> Option<Slip> {
-        if self.judged || !self.degrees || self.poses < 2 {
+    /// Checks a trajectory that has ended.
+    pub fn end(&mut self) -> Option<Finding> {
+        if self.is_decided || !self.degrees || self.poses < 2 {
             return None;
         }
-        self.judged = true;
-        self.small()
+        self.is_decided = true;
+        self.check_small()
     }
 
-    fn small(&mut self) -> Option<Slip> {
-        let most = self.tilt.max(self.yaw);
-        let small = most <= SMALL_ANGLE && most > 0.0;
-        self.judged |= small;
-        small.then(|| self.radians_as_degrees(String::new()))
+    fn check_small(&mut self) -> Option<Finding> {
+        let max = self.tilt.max(self.yaw);
+        let is_small = max <= SMALL_ANGLE && max > 0.0;
+        self.is_decided |= is_small;
+        is_small.then(|| self.radians_as_degrees(String::new()))
     }
 
-    fn radians_as_degrees(&self, why: String) -> Slip {
+    fn radians_as_degrees(&self, why: String) -> Finding {
         let message = format!(
             "the angles look like radians and are read as degrees: roll and pitch stay within ±{}, yaw within ±{}{why}",
             short(self.tilt),
             short(self.yaw)
         );
-        Slip::new(message, self.remedy("rad"))
+        Finding::new(message, self.remedy("rad"))
     }
 
-    fn see_radians(&mut self) -> Option<Slip> {
+    fn check_radians(&mut self) -> Option<Finding> {
         if self.tilt <= 2.0 * MAX_TILT && self.yaw <= 2.0 * TAU {
             return None;
         }
-        self.judged = true;
+        self.is_decided = true;
         let message = format!(
             "the angles look like degrees and are read as radians: roll and pitch reach {}, yaw {}",
             short(self.tilt),
             short(self.yaw)
         );
-        Some(Slip::new(message, self.remedy("deg")))
+        Some(Finding::new(message, self.remedy("deg")))
     }
 
     fn remedy(&self, unit: &str) -> String {
@@ -112,7 +121,7 @@ impl AngleWatch {
         )
     }
 
-    /// Clockwise from north, degrees.
+    /// The bearing of a yaw, clockwise from north, degrees.
     fn bearing(&self, yaw: f64) -> f64 {
         match self.convention {
             AngleConvention::Heading | AngleConvention::Helios => yaw,
@@ -132,9 +141,9 @@ mod tests {
     use super::*;
 
     fn fly(degrees: bool, angles: [f64; 3], step: DVec3) -> Option<String> {
-        let mut watch = AngleWatch::new(AngleConvention::Heading, degrees, "--trajectory-angles");
-        let seen = (0..60).find_map(|i| watch.see(step * f64::from(i), angles));
-        seen.or_else(|| watch.end()).map(|slip| slip.message)
+        let mut check = AngleCheck::new(AngleConvention::Heading, degrees, "--trajectory-angles");
+        let seen = (0..60).find_map(|i| check.add(step * f64::from(i), angles));
+        seen.or_else(|| check.end()).map(|finding| finding.message)
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Slips that are easy to make: each ends with an error, or with a warning that `--strict` makes an error, whose text names
+//! Mistakes that are easy to make: each ends with an error, or with a warning that `--strict` makes an error, whose text names
 //! the cause. What is right runs without a word.
 
 mod common;
@@ -7,7 +7,7 @@ use common::{feed, fixture, folder, text};
 use std::fs;
 
 /// A mistake, and what the program must say about it.
-struct Slip {
+struct Mistake {
     name: &'static str,
     /// Files that stand in the folder, beside those of `fixtures/terrain`.
     files: Vec<(&'static str, Vec<u8>)>,
@@ -18,25 +18,25 @@ struct Slip {
     is_note: bool,
 }
 
-/// A slip of a command line over files that are there already.
-fn typed(name: &'static str, line: &'static str, answer: &'static str) -> Slip {
-    Slip { name, files: Vec::new(), line, stdin: String::new(), answer, is_note: false }
+/// A mistake of a command line over files that are there already.
+fn typed(name: &'static str, line: &'static str, answer: &'static str) -> Mistake {
+    Mistake { name, files: Vec::new(), line, stdin: String::new(), answer, is_note: false }
 }
 
-/// A slip in a file.
+/// A mistake in a file.
 fn written(
     name: &'static str,
     file: &'static str,
     content: impl AsRef<[u8]>,
     line: &'static str,
     answer: &'static str,
-) -> Slip {
-    Slip { files: vec![(file, content.as_ref().to_vec())], ..typed(name, line, answer) }
+) -> Mistake {
+    Mistake { files: vec![(file, content.as_ref().to_vec())], ..typed(name, line, answer) }
 }
 
-/// A slip in a stream of poses over a scene.
-fn flown(name: &'static str, line: &'static str, poses: String, answer: &'static str) -> Slip {
-    Slip { stdin: poses, ..typed(name, line, answer) }
+/// A mistake in a stream of poses over a scene.
+fn flown(name: &'static str, line: &'static str, poses: String, answer: &'static str) -> Mistake {
+    Mistake { stdin: poses, ..typed(name, line, answer) }
 }
 
 const HEADER: &str = "time,x,y,z,roll,pitch,yaw\n";
@@ -149,7 +149,7 @@ const UTM: [f64; 3] = [476_000.0, 5_429_000.0, 700.0];
 const STREAM: &str = "run local.toml -o a.xyz";
 const OVER_UTM: &str = "run utm.toml -o a.xyz";
 
-fn plausible_numbers() -> Vec<Slip> {
+fn plausible_numbers() -> Vec<Mistake> {
     let [x, y, z] = UTM;
     vec![
         flown("a UTM scene under a local flight", OVER_UTM, poses([0.0, 0.0, 700.0], TO_EAST), "local ones"),
@@ -228,11 +228,11 @@ fn plausible_numbers() -> Vec<Slip> {
             poses([0.0, 0.0, 400.0], TO_EAST),
             "mount",
         ),
-        Slip {
+        Mistake {
             is_note: true,
             ..flown("headings across the course", STREAM, poses([0.0, 0.0, 400.0], [0.0; 3]), "heads for")
         },
-        Slip {
+        Mistake {
             is_note: true,
             ..flown(
                 "ellipsoidal heights without a word",
@@ -290,21 +290,21 @@ fn plausible_numbers() -> Vec<Slip> {
             "run s.xml -o a.xyz",
             "no pulse was fired",
         ),
-        Slip {
+        Mistake {
             files: vec![
                 ("t.xml", recorded("").into_bytes()),
                 ("flown.csv", poses([0.0, 0.0, 400.0], [0.01, 0.02, 1.56]).into_bytes()),
             ],
             ..typed("a recorded flight in radians", "run t.xml -o a.xyz", "look like radians")
         },
-        Slip {
+        Mistake {
             files: vec![
                 ("t.xml", recorded("toRadians=\"false\"").into_bytes()),
                 ("flown.csv", poses([0.0, 0.0, 400.0], TO_EAST).into_bytes()),
             ],
             ..typed("a recorded flight in degrees called radians", "run t.xml -o a.xyz", "look like degrees")
         },
-        Slip {
+        Mistake {
             files: vec![
                 ("t.xml", recorded("").into_bytes()),
                 ("flown.csv", poses(UTM, TO_EAST).into_bytes()),
@@ -314,7 +314,7 @@ fn plausible_numbers() -> Vec<Slip> {
     ]
 }
 
-fn words_and_files() -> Vec<Slip> {
+fn words_and_files() -> Vec<Mistake> {
     let good = || poses([0.0, 0.0, 400.0], TO_EAST);
     let wrong_line = |from: &str, to: &str| good().replacen(from, to, 1);
     vec![
@@ -423,8 +423,8 @@ fn words_and_files() -> Vec<Slip> {
     ]
 }
 
-/// Lays the files of a slip and runs its command.
-fn make(slip: &Slip, strict: bool) -> std::process::Output {
+/// Lays the files of a mistake and runs its command.
+fn make(mistake: &Mistake, strict: bool) -> std::process::Output {
     let dir = folder();
     let lay = |name: &str, content: &[u8]| fs::write(dir.path().join(name), content).unwrap();
     for entry in fs::read_dir(fixture("terrain")).unwrap() {
@@ -442,27 +442,27 @@ fn make(slip: &Slip, strict: bool) -> std::process::Output {
     let legs = "[[leg]]\nposition_m = [0, 0, 900]\nspeed_m_per_s = 60\n[[leg]]\nposition_m = [60, 0, 900]\nactive = false\n";
     lay("dem.toml", (pipeline("dem.xml#dem", "") + legs).as_bytes());
     lay("taken.xyz", b"1 2 3\n");
-    slip.files.iter().for_each(|(name, content)| lay(name, content));
-    let strict = ["--strict"].into_iter().filter(|_| strict && slip.line.starts_with("run "));
-    let words: Vec<&str> = slip.line.split(' ').chain(strict).collect();
-    feed(dir.path(), &words, slip.stdin.as_bytes())
+    mistake.files.iter().for_each(|(name, content)| lay(name, content));
+    let strict = ["--strict"].into_iter().filter(|_| strict && mistake.line.starts_with("run "));
+    let words: Vec<&str> = mistake.line.split(' ').chain(strict).collect();
+    feed(dir.path(), &words, mistake.stdin.as_bytes())
 }
 
-fn check(slips: &[Slip]) {
+fn check(mistakes: &[Mistake]) {
     let mut wrong = Vec::new();
-    for slip in slips {
-        let done = make(slip, false);
+    for mistake in mistakes {
+        let done = make(mistake, false);
         let said = text(&done.stderr);
-        let warned = !done.status.success() || slip.is_note || said.contains("warning:");
-        if !(warned && said.contains(slip.answer)) {
-            wrong.push(format!("{} ({}): no {:?} in\n{said}", slip.name, done.status, slip.answer));
+        let warned = !done.status.success() || mistake.is_note || said.contains("warning:");
+        if !(warned && said.contains(mistake.answer)) {
+            wrong.push(format!("{} ({}): no {:?} in\n{said}", mistake.name, done.status, mistake.answer));
         }
-        let status = make(slip, true).status.code();
-        if !slip.is_note && !matches!(status, Some(1..=3)) {
-            wrong.push(format!("{}: status {status:?} with --strict", slip.name));
+        let status = make(mistake, true).status.code();
+        if !mistake.is_note && !matches!(status, Some(1..=3)) {
+            wrong.push(format!("{}: status {status:?} with --strict", mistake.name));
         }
     }
-    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), slips.len(), wrong.join("\n"));
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), mistakes.len(), wrong.join("\n"));
 }
 
 #[test]
@@ -510,13 +510,13 @@ fn what_is_right_runs_without_a_word() {
         ),
         written("a raster in metres", "dem.tif", raster([0.0, 30.0], 10.0), "run dem.toml -o a.xyz", ""),
     ];
-    for slip in &right {
-        let done = make(slip, true);
+    for mistake in &right {
+        let done = make(mistake, true);
         let said = text(&done.stderr);
         assert!(
             done.status.success() && !said.contains("warning") && !said.contains("error"),
             "{}: {said}",
-            slip.name
+            mistake.name
         );
     }
 }

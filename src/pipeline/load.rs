@@ -1,0 +1,87 @@
+//! The scene of an epoch and the tree over it, refused where they would need more memory than allowed.
+
+use super::Settings;
+use crate::diag::Notice;
+use crate::error::{Error, Result};
+use crate::quantity::amount;
+use crate::scene::{self, Scene, SceneFrame};
+use crate::tree::{BuildOptions, Tree};
+use std::time::Instant;
+
+/// Rasters that need less, with the tree over them, are not reported.
+const MIN_REPORTED_BYTES: u64 = 500_000_000;
+
+/// Loads the scene of an epoch. `frame` is the first epoch's.
+pub(super) fn load_scene(
+    settings: &Settings,
+    epoch: u32,
+    frame: Option<SceneFrame>,
+    notify: &dyn Fn(Notice),
+) -> Result<Scene> {
+    let started = Instant::now();
+    let (scene, found) = scene::load_epoch(&settings.survey.scene, &settings.load, epoch, frame)?;
+    notify(Notice::Warnings(found.finish(settings.strict)?));
+    notify(Notice::Timing(format!(
+        "scene: {} parts, {} primitives, {:.1} MB, {:.2} s",
+        scene.parts.len(),
+        amount(scene.primitives() as f64),
+        scene.memory() as f64 / 1e6,
+        started.elapsed().as_secs_f64()
+    )));
+    Ok(scene)
+}
+
+/// Builds the tree over a scene, unless both together need more memory than allowed.
+pub(super) fn build_tree(
+    settings: &Settings,
+    options: &BuildOptions,
+    scene: &Scene,
+    notify: &dyn Fn(Notice),
+) -> Result<Tree> {
+    let (held, needed) = (scene.memory() as u64, scene.tree_forecast(options.builder));
+    if let Some(limit) = settings.load.max_memory.filter(|limit| held.saturating_add(needed) > *limit) {
+        return Err(Error::input(format!(
+            "the scene needs {}B and the tree over it about {}B more; the limit is {}B",
+            amount(held as f64),
+            amount(needed as f64),
+            amount(limit as f64)
+        )));
+    }
+    let started = Instant::now();
+    let tree = scene.tree(options);
+    notify(Notice::Timing(format!(
+        "tree: {:.1} MB, {:.2} s",
+        tree.memory() as f64 / 1e6,
+        started.elapsed().as_secs_f64()
+    )));
+    Ok(tree)
+}
+
+/// Reports what large rasters and the trees over them will need, and refuses what is more than allowed, before any of it is
+/// loaded.
+pub(super) fn check_raster_memory(settings: &Settings, notify: &dyn Fn(Notice)) -> Result<()> {
+    let mut all = 0u64;
+    for need in scene::raster_needs(&settings.survey.scene) {
+        let tree = Tree::forecast(need.triangles, settings.tree.builder);
+        all = all.saturating_add(need.bytes).saturating_add(tree);
+        if need.bytes.saturating_add(tree) >= MIN_REPORTED_BYTES {
+            notify(Notice::Note(format!(
+                "{}: {} x {} pixels become {} triangles, which need {}B, and about {}B more for the tree over them",
+                need.path.display(),
+                need.columns,
+                need.rows,
+                amount(need.triangles as f64),
+                amount(need.bytes as f64),
+                amount(tree as f64)
+            )));
+        }
+    }
+    match settings.load.max_memory {
+        Some(limit) if all > limit => Err(Error::input(format!(
+            "the rasters of the scene and the tree over them need about {}B; the limit is {}B",
+            amount(all as f64),
+            amount(limit as f64)
+        ))),
+        _ => Ok(()),
+    }
+}

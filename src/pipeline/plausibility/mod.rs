@@ -1,0 +1,118 @@
+//! Inputs that are valid but can hardly be meant: a flight beside its scene or below its terrain, radians read as degrees, a
+//! run that hits almost nothing. Each is a warning that names the cause and the remedy, and an error under
+//! [`Settings::strict`].
+//!
+//! | file | what it checks |
+//! |---|---|
+//! | `boxes` | the box of the flight against that of the scene: zones, units, swapped axes, local coordinates |
+//! | `ground` | rays up and down from places of the flight: below the terrain, or on it |
+//! | `angles` | angles as written against the course: radians read as degrees and the reverse |
+//! | `poses` | a streamed flight, pose by pose |
+//! | `points` | points per pulse, and where the beams pointed |
+
+mod angles;
+mod boxes;
+mod ground;
+mod points;
+mod poses;
+
+use super::AimTarget;
+#[cfg(doc)]
+use super::Settings;
+use crate::diag::{Diagnostics, Place};
+use crate::flight::FlightPlan;
+use crate::geom::{Aabb, DVec3};
+use crate::scene::Scene;
+use crate::survey::{AngleConvention, Interpolated, PlatformKind, RotationSpec, Survey};
+use crate::tree::Tree;
+use angles::AngleCheck;
+pub use points::{CheckTime, YieldCheck};
+pub use poses::PoseCheck;
+
+/// Something that can hardly be meant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Finding {
+    /// What was compared and found.
+    message: String,
+    /// The likely cause and what to do.
+    help: String,
+}
+
+impl Finding {
+    fn new(message: impl Into<String>, help: impl Into<String>) -> Finding {
+        Finding { message: message.into(), help: help.into() }
+    }
+
+    /// The finding as a warning at a place of the input.
+    pub fn into_warning(self, place: Option<Place>) -> Diagnostics {
+        let mut found = Diagnostics::default();
+        found.warn(place, self.message).help(self.help);
+        found
+    }
+}
+
+/// Places of a leg that are checked.
+const PLACES_PER_LEG: u32 = 33;
+
+/// What the beams of a survey are compared with.
+pub fn target(survey: &Survey, scene: &Scene) -> AimTarget {
+    let detectors = survey.scanner.devices.iter().map(|d| &d.detector);
+    let min = detectors.clone().map(|d| d.range_min).fold(f64::INFINITY, f64::min);
+    let max = detectors.map(|d| d.range_max).fold(0.0, f64::max);
+    AimTarget { bounds: scene.bounds, ranges: [min.min(max), max] }
+}
+
+/// Checks a planned flight over its scene before the first pulse.
+pub fn check_flight(survey: &Survey, scene: &Scene, tree: &Tree, flight: &FlightPlan) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    if let PlatformKind::Interpolated(settings) = &survey.platform.kind
+        && let Some(finding) = recorded_angles(settings, flight)
+    {
+        found.extend(finding.into_warning(None));
+    }
+    let mount = DVec3::Z * survey.platform.mount.offset.z;
+    let places = flight.places(PLACES_PER_LEG);
+    let reach = target(survey, scene).ranges[1].min(boxes::MAX_REACH);
+    let bounds = scene.bounds.moved(scene.shift);
+    let leg =
+        |number: u32| survey.legs.iter().find(|leg| leg.number == number).and_then(|leg| leg.place.clone());
+    if matches!(survey.platform.kind, PlatformKind::Static) {
+        for place in &places {
+            let who = format!("leg {}", place.leg);
+            let at = scene.to_world(place.position);
+            let finding = boxes::compare(&who, &bounds, &Aabb::around([at]), reach)
+                .or_else(|| ground::check(&who, scene, tree, &[place.position + mount], mount.z));
+            finding.into_iter().for_each(|finding| found.extend(finding.into_warning(leg(place.leg))));
+        }
+        return found;
+    }
+    let scanner: Vec<DVec3> = places.iter().map(|place| place.position + mount).collect();
+    if scanner.is_empty() {
+        return found;
+    }
+    let around = Aabb::around(places.iter().map(|place| scene.to_world(place.position)));
+    let finding = boxes::compare("the flight", &bounds, &around, reach)
+        .or_else(|| ground::check("the flight", scene, tree, &scanner, mount.z));
+    finding.into_iter().for_each(|finding| found.extend(finding.into_warning(None)));
+    found
+}
+
+/// Angles of a recorded flight that its survey reads in the wrong unit.
+fn recorded_angles(settings: &Interpolated, flight: &FlightPlan) -> Option<Finding> {
+    if settings.position_only {
+        return None;
+    }
+    let convention = match settings.rotation_spec {
+        RotationSpec::Arinc705 => AngleConvention::Heading,
+        RotationSpec::Canonical => AngleConvention::Canonical,
+    };
+    let option = "the survey's toRadians";
+    let mut check = AngleCheck::new(convention, settings.degrees, option);
+    for (angles, position) in flight.recorded()?.poses() {
+        let written = if settings.degrees { angles.map(f64::to_degrees) } else { angles };
+        if let Some(finding) = check.add(position, written) {
+            return Some(finding);
+        }
+    }
+    check.end()
+}

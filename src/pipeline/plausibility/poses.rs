@@ -1,0 +1,57 @@
+//! A streamed flight, pose by pose.
+
+use super::angles::AngleCheck;
+use super::boxes;
+use crate::diag::Diagnostics;
+use crate::geom::Aabb;
+use crate::platform::Seen;
+use crate::survey::{AngleConvention, PoseStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+/// Distance from the scene that a flight towards it may begin at, m.
+const MAX_APPROACH: f64 = 50_000.0;
+
+/// Checks poses as they arrive.
+#[derive(Debug)]
+pub struct PoseCheck {
+    scene: Aabb,
+    /// Box around all poses. A flight that passes the scene by is found by its points per pulse.
+    flight: Aabb,
+    angles: AngleCheck,
+    /// Whether a wrong place of the flight has been reported, by this check or by another one.
+    is_reported: Arc<AtomicBool>,
+}
+
+impl PoseCheck {
+    /// A check of a stream over a scene with this box, world coordinates.
+    pub fn new(stream: &PoseStream, scene: Aabb, is_reported: Arc<AtomicBool>) -> PoseCheck {
+        let angles = AngleCheck::new(
+            stream.rotation.unwrap_or(AngleConvention::Heading),
+            stream.degrees,
+            "--trajectory-angles",
+        );
+        PoseCheck { scene, flight: Aabb::EMPTY, angles, is_reported }
+    }
+
+    /// Checks the next pose, or the whole when the stream has ended.
+    pub fn add(&mut self, seen: Seen) -> Diagnostics {
+        let mut found = Diagnostics::default();
+        let finding = match seen {
+            Seen::Pose(pose, angles) => {
+                self.flight = self.flight.with(pose.position);
+                if !self.is_reported.load(Relaxed)
+                    && let Some(finding) =
+                        boxes::compare("the flight", &self.scene, &self.flight, MAX_APPROACH)
+                {
+                    self.is_reported.store(true, Relaxed);
+                    found.extend(finding.into_warning(None));
+                }
+                angles.and_then(|angles| self.angles.add(pose.position, angles))
+            }
+            Seen::End => self.angles.end(),
+        };
+        finding.into_iter().for_each(|finding| found.extend(finding.into_warning(None)));
+        found
+    }
+}

@@ -1,0 +1,353 @@
+//! A session: a survey and its scene, ready to be flown.
+
+use super::load::{build_tree, check_raster_memory, load_scene};
+use super::plausibility::{self, PoseCheck, YieldCheck};
+use super::{Emission, Ended, LegRule, Pass, Progress, PulseSource, Settings, Tracing, fly, trace};
+use crate::diag::Notice;
+use crate::error::{Error, Result};
+use crate::flight::{FlightPlan, FlightState};
+use crate::output::{FileSummary, OutputContext, OutputPlan, OutputRequest, Summary, Writer};
+use crate::platform::PoseReader;
+use crate::pulse::Physics;
+use crate::scene::{self, MotionPlan, Scene, SceneFrame};
+use crate::schedule::{Recorder, Stop};
+use crate::streams::PulseReader;
+use crate::survey::{PlatformKind, Survey};
+use crate::tree::{BuildOptions, Tree};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+/// Receives what a session reports while it works.
+pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
+
+/// A survey with its scene.
+///
+/// ```
+/// use vlscan::output::{OutputRequest, PointFormat, Target};
+/// use vlscan::pipeline::{Control, Progress, Session, Settings};
+/// use vlscan::schedule::Stop;
+/// use vlscan::survey::{ReadOptions, read_survey};
+///
+/// # fn main() -> vlscan::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let points = folder.path().join("room.laz");
+/// let (survey, _) = read_survey("fixtures/room/survey.xml".as_ref(), &ReadOptions::default())?;
+/// let mut session = Session::open(Settings::new(survey), |notice| eprintln!("{notice:?}"))?;
+/// let outputs = OutputRequest { sinks: vec![(Target::File(points), PointFormat::Laz)], ..Default::default() };
+/// let (progress, stop) = (Progress::default(), Stop::new());
+/// let report = session.run(outputs, Control::new(&progress, &stop))?;
+/// assert!(report.summary.points > 0 && !report.interrupted);
+/// # Ok(())
+/// # }
+/// ```
+pub struct Session {
+    settings: Settings,
+    observer: Observer,
+    /// Number of epochs, and the one that `scene` and `tree` are of.
+    epochs: u32,
+    epoch: u32,
+    /// The frame of the first epoch's scene.
+    frame: SceneFrame,
+    scene: Scene,
+    motion: Option<MotionPlan>,
+    /// Over what stands still.
+    tree: Option<Tree>,
+}
+
+/// What the caller of a run watches and steers it by.
+#[derive(Clone, Copy, Debug)]
+pub struct Control<'a> {
+    /// What has been done so far.
+    pub progress: &'a Progress,
+    /// The wish to end.
+    pub stop: &'a Stop,
+    /// Records what the schedule does.
+    pub recorder: Option<&'a Recorder>,
+}
+
+impl<'a> Control<'a> {
+    /// Without records of the schedule.
+    pub fn new(progress: &'a Progress, stop: &'a Stop) -> Control<'a> {
+        Control { progress, stop, recorder: None }
+    }
+}
+
+/// What came of a run.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// What was written.
+    pub summary: Summary,
+    /// Pulses fired.
+    pub pulses: u64,
+    /// From the first pulse to the last point written, without the loading of later epochs, s.
+    pub seconds: f64,
+    /// The run was stopped: the outputs hold what was measured until then, and say so.
+    pub interrupted: bool,
+}
+
+impl Session {
+    /// Loads the scene of the first epoch and builds the tree over it. `observer` receives what is reported from now on.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for scenes that are wrong or need more memory than allowed; [`Error::Io`].
+    pub fn open(settings: Settings, observer: impl Fn(Notice) + Send + Sync + 'static) -> Result<Session> {
+        check_raster_memory(&settings, &observer)?;
+        let mut session = Session::open_scene(settings, observer)?;
+        session.tree = Some(session.build_tree(&session.settings.tree)?);
+        Ok(session)
+    }
+
+    /// Loads the scene of the first epoch alone: for flights without tracing, and for trees of other kinds.
+    ///
+    /// # Errors
+    /// As [`Session::open`].
+    pub fn open_scene(
+        settings: Settings,
+        observer: impl Fn(Notice) + Send + Sync + 'static,
+    ) -> Result<Session> {
+        let epochs = scene::count_epochs(&settings.survey.scene)?;
+        let scene = load_scene(&settings, 0, None, &observer)?;
+        let frame = SceneFrame::of(&scene);
+        let motion = plan_motion(&settings, &scene);
+        let observer = Arc::new(observer);
+        Ok(Session { settings, observer, epochs, epoch: 0, frame, scene, motion, tree: None })
+    }
+
+    /// The survey.
+    pub fn survey(&self) -> &Survey {
+        &self.settings.survey
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The scene of the present epoch.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Moving parts of the scene, if there are any.
+    pub fn motion(&self) -> Option<&MotionPlan> {
+        self.motion.as_ref()
+    }
+
+    /// How often the survey is flown: once for every state of the scene's swapped parts.
+    pub fn epochs(&self) -> u32 {
+        self.epochs
+    }
+
+    /// Builds a tree over the present scene.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it would need more memory than allowed.
+    pub fn build_tree(&self, options: &BuildOptions) -> Result<Tree> {
+        build_tree(&self.settings, options, &self.scene, &*self.observer)
+    }
+
+    /// Plans the flight over the present scene.
+    ///
+    /// # Errors
+    /// [`Error::Input`] and [`Error::Limits`] for legs and trajectories that cannot be flown.
+    pub fn plan_flight(&self) -> Result<FlightPlan> {
+        let Session { settings, scene, .. } = self;
+        let ground = |x, y| scene.ground_height(x, y);
+        let (flight, found) = FlightPlan::new(&settings.survey, scene.shift, &ground, &settings.flight)?;
+        (self.observer)(Notice::Warnings(found.finish(settings.strict)?));
+        Ok(flight)
+    }
+
+    /// Flies the survey and measures it, once for every epoch.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for what cannot be flown or written, [`Error::Io`], [`Error::ClosedPipe`], and
+    /// [`Error::Interrupted`] when the wish to end comes before the first pulse or between two epochs.
+    pub fn run(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
+        self.enter_epoch(0, control.stop)?;
+        let flight = self.plan_flight()?;
+        let Session { settings, scene, .. } = &*self;
+        let found = plausibility::check_flight(&settings.survey, scene, self.tree()?, &flight);
+        let found = found.finish(settings.strict)?;
+        let is_reported = Arc::new(AtomicBool::new(!found.is_empty()));
+        (self.observer)(Notice::Warnings(found));
+        let mut poses = self.open_poses()?;
+        if let PlatformKind::Stream(stream) = &settings.survey.platform.kind {
+            let bounds = scene.bounds.moved(scene.shift);
+            let mut check = PoseCheck::new(stream, bounds, is_reported.clone());
+            poses = poses.map(|poses| poses.observed(move |seen| check.add(seen)));
+        }
+        let is_live = poses.is_some();
+        let mut state = FlightState::start(&flight);
+        self.run_epochs(outputs, control, is_live, &is_reported, |_, pass, epoch, writer| {
+            if epoch > 0 {
+                state.repeat(&flight);
+            }
+            fly(pass, &flight, &mut state, poses.take(), writer)
+        })
+    }
+
+    /// Traces a stream of pulses through the scene instead of flying the survey.
+    ///
+    /// # Errors
+    /// As [`Session::run`]; [`Error::Input`] for rows that are no pulses, with their line.
+    pub fn trace(
+        &mut self,
+        pulses: PulseReader,
+        legs: LegRule,
+        outputs: OutputRequest,
+        control: Control<'_>,
+    ) -> Result<Report> {
+        let mut source = PulseSource::new(pulses);
+        let options = self.settings.physics_for(&outputs);
+        let report = self.run_epochs(
+            outputs,
+            control,
+            false,
+            &AtomicBool::new(false),
+            |session, pass, epoch, writer| {
+                let tracing = Tracing { survey: session.survey(), options, shift: session.scene.shift, legs };
+                trace(pass, &tracing, &mut source, epoch, writer)
+            },
+        )?;
+        if !report.interrupted
+            && let Some(next) = source.next_epoch(control.stop)?
+        {
+            return Err(Error::input(format!(
+                "after play {} comes a pulse of play {next}; plays ascend, and the scene has {}",
+                self.epochs - 1,
+                self.epochs
+            )));
+        }
+        Ok(report)
+    }
+
+    /// The flight alone, for [`emit`](super::emit()). The scene, whose frame and ground it needs, is dropped.
+    ///
+    /// # Errors
+    /// As [`Session::plan_flight`]; a trajectory that cannot be opened.
+    pub fn into_emission(self) -> Result<Emission> {
+        let flight = self.plan_flight()?;
+        let poses = self.open_poses()?;
+        let Session { settings, epochs, scene, .. } = self;
+        Ok(Emission {
+            flight,
+            shift: scene.shift,
+            epochs,
+            poses,
+            schedule: settings.schedule,
+            survey: settings.survey,
+        })
+    }
+
+    /// Passes over all epochs, with outputs that go on from one to the next. `is_reported` tells whether the cause of too
+    /// few points has been reported.
+    fn run_epochs(
+        &mut self,
+        outputs: OutputRequest,
+        control: Control<'_>,
+        is_live: bool,
+        is_reported: &AtomicBool,
+        mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
+    ) -> Result<Report> {
+        self.enter_epoch(0, control.stop)?;
+        let options = self.settings.physics_for(&outputs);
+        let context = OutputContext { survey: &self.settings.survey, scene: &self.scene };
+        let output = Arc::new(OutputPlan::new(OutputRequest { plays: self.epochs, ..outputs }, &context)?);
+        let (mut epoch, mut seconds, mut writer) = (0, 0.0, None);
+        let (summary, interrupted) = loop {
+            self.enter_epoch(epoch, control.stop)?;
+            let Session { settings, observer, scene, motion, .. } = &*self;
+            let tree = self.tree()?;
+            let physics = Physics::new(scene, tree, &settings.survey, options)?;
+            let pass = Pass {
+                physics: &physics,
+                motion: motion.as_ref(),
+                trees: &settings.tree,
+                output: output.clone(),
+                schedule: settings.schedule,
+                control,
+                target: plausibility::target(&settings.survey, scene),
+                check: Some(YieldCheck {
+                    settings,
+                    scene,
+                    tree,
+                    is_live,
+                    is_reported,
+                    observer: &**observer,
+                }),
+                is_last: epoch + 1 == self.epochs,
+            };
+            let started = Instant::now();
+            let ended = pass_over(self, &pass, epoch, writer.take()).and_then(|ended| match ended {
+                Ended::Complete(summary) => Ok(Ok((summary, false))),
+                Ended::Interrupted(writer) => Ok(Ok((writer.finish_partial()?, true))),
+                Ended::NextEpoch(writer) => Ok(Err(writer)),
+            });
+            seconds += started.elapsed().as_secs_f64();
+            match ended.inspect_err(|_| self.report_kept(&output.rescued()))? {
+                Ok(complete) => break complete,
+                Err(open) => writer = Some(open),
+            }
+            epoch += 1;
+            (self.observer)(Notice::Detail(format!("epoch {} of {}", epoch + 1, self.epochs)));
+        };
+        if interrupted {
+            self.report_kept(&summary.files);
+        }
+        let pulses = control.progress.snapshot().pulses;
+        Ok(Report { summary, pulses, seconds, interrupted })
+    }
+
+    /// Loads the scene of an epoch and builds its tree, if they are not there already. There is one scene at a time.
+    fn enter_epoch(&mut self, epoch: u32, stop: &Stop) -> Result<()> {
+        if epoch != self.epoch {
+            self.tree = None;
+            self.scene = Scene::default();
+            self.scene = load_scene(&self.settings, epoch, Some(self.frame), &*self.observer)?;
+            self.motion = plan_motion(&self.settings, &self.scene);
+            self.epoch = epoch;
+        }
+        if self.tree.is_none() {
+            self.tree = Some(self.build_tree(&self.settings.tree)?);
+        }
+        if stop.asked() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    fn tree(&self) -> Result<&Tree> {
+        self.tree.as_ref().ok_or_else(|| Error::Internal("there is no tree over the scene".to_owned()))
+    }
+
+    /// The reader of a live trajectory, if the platform follows one.
+    fn open_poses(&self) -> Result<Option<PoseReader>> {
+        let PlatformKind::Stream(stream) = &self.settings.survey.platform.kind else { return Ok(None) };
+        if self.epochs > 1 {
+            return Err(Error::input(format!(
+                "the scene's swaps ask for {} flights, and a stream of poses passes only once",
+                self.epochs
+            )));
+        }
+        let (observer, strict) = (self.observer.clone(), self.settings.strict);
+        let reader = PoseReader::open(stream)?.patient(self.settings.max_latency);
+        Ok(Some(reader.telling(strict, move |notice| observer(notice))))
+    }
+
+    /// Reports the files of earlier runs that stay because what would have replaced them is partial.
+    fn report_kept(&self, files: &[FileSummary]) {
+        for file in files {
+            if let (Some(old), Some(new)) = (&file.beside, &file.path) {
+                (self.observer)(Notice::Note(format!(
+                    "{} is kept as it was; what was measured until then is in {}",
+                    old.display(),
+                    new.display()
+                )));
+            }
+        }
+    }
+}
+
+/// What moves in a scene. Time steps count in periods of the first leg's pulses.
+fn plan_motion(settings: &Settings, scene: &Scene) -> Option<MotionPlan> {
+    MotionPlan::new(scene, settings.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq)))
+}

@@ -1,0 +1,226 @@
+//! Pulses from a stream instead of a flight.
+
+use super::Pass;
+use super::moving::MovingParts;
+use super::worker::{Measured, Worker};
+use crate::error::Result;
+use crate::geom::DVec3;
+use crate::pulse::{Equipment, PhysicsOptions};
+use crate::scene::MotionState;
+use crate::schedule::{Feed, Outcome, Stop, Tasks};
+use crate::streams::{Block, Column, PulseReader, PulseRow};
+use crate::survey::Survey;
+use std::collections::HashMap;
+
+/// How the legs of a stream become legs of the outputs and of the physics.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LegRule {
+    /// The survey that the pulses come from is known: its legs have their own divergence.
+    pub known: bool,
+    /// Each leg has its own files, so that legs must ascend.
+    pub separate_files: bool,
+    /// Divergences in the stream count.
+    pub streamed_divergence: bool,
+}
+
+/// What a stream of pulses is traced with, beyond what every pass needs.
+pub struct Tracing<'a> {
+    /// Instruments, legs.
+    pub survey: &'a Survey,
+    /// Options of the physics.
+    pub options: PhysicsOptions,
+    /// World position of the scene frame's origin.
+    pub shift: DVec3,
+    /// What the legs are.
+    pub legs: LegRule,
+}
+
+impl Tasks for Block {
+    fn tasks(&self) -> u32 {
+        self.rows()
+    }
+}
+
+/// A stream of pulses and what has been read of it already.
+#[derive(Debug)]
+pub struct PulseSource {
+    reader: PulseReader,
+    next: Option<Block>,
+}
+
+impl PulseSource {
+    /// A stream from its beginning.
+    pub fn new(reader: PulseReader) -> PulseSource {
+        PulseSource { reader, next: None }
+    }
+
+    /// The epoch of the next pulse; nothing at the end of the stream. Waits for it.
+    ///
+    /// # Errors
+    /// As [`PulseReader::next_block`].
+    pub fn next_epoch(&mut self, stop: &Stop) -> Result<Option<u32>> {
+        if self.next.is_none() {
+            self.next = self.reader.next_block(stop)?;
+        }
+        Ok(self.next.as_ref().map(Block::first_play))
+    }
+
+    /// Puts all pulses of `epoch` into `feed`.
+    pub(super) fn produce<R: Outcome, W: FnMut(Block) -> Result<R>>(
+        &mut self,
+        epoch: u32,
+        stop: &Stop,
+        feed: &mut Feed<'_, Block, R, W>,
+    ) -> Result<()> {
+        while !stop.asked() {
+            match self.take(epoch, stop)? {
+                Some(block) => feed.put(block)?,
+                None => break,
+            }
+        }
+        Ok(())
+    }
+
+    /// The next pulses of `epoch`; nothing when another one begins or the stream ends.
+    fn take(&mut self, epoch: u32, stop: &Stop) -> Result<Option<Block>> {
+        if self.next_epoch(stop)? != Some(epoch) {
+            return Ok(None);
+        }
+        let Some(block) = self.next.take() else { return Ok(None) };
+        let (block, rest) = block.split_at_play();
+        self.next = rest;
+        Ok(Some(block))
+    }
+}
+
+/// A worker whose pulses come from rows of a stream.
+pub(super) struct StreamWorker<'a> {
+    worker: Worker<'a>,
+    tracing: &'a Tracing<'a>,
+    /// The survey's own instruments.
+    own: Equipment,
+    /// Instruments by their divergences.
+    others: HashMap<[u64; 2], Equipment>,
+    /// The moving parts, and the number of steps that they have gone.
+    motion: Option<(MotionState, u64)>,
+    rows: Vec<PulseRow>,
+}
+
+/// Instruments of other divergences that are kept; of more, all are computed anew.
+const MAX_CACHED_INSTRUMENTS: usize = 256;
+/// Steps that a scene can be moved on by: an hour at 3 MHz.
+const MAX_STEP: u64 = 11_000_000_000;
+
+impl<'a> StreamWorker<'a> {
+    pub fn new(pass: &'a Pass<'a>, tracing: &'a Tracing<'a>) -> StreamWorker<'a> {
+        let worker = Worker::new(pass);
+        StreamWorker {
+            tracing,
+            own: pass.physics.equipment(),
+            others: HashMap::new(),
+            motion: worker.moving.as_ref().map(|moving| (moving.start(), 0)),
+            rows: Vec::new(),
+            worker,
+        }
+    }
+
+    /// Reads the rows, simulates their pulses together and encodes the echoes: one piece for each run of rows of a leg.
+    pub fn measure(&mut self, block: &Block) -> Result<Vec<Measured>> {
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        let (tracing, has_motion) = (self.tracing, self.motion.is_some());
+        block.pulses(tracing.shift, &mut rows, |row| tracing.check(row, has_motion))?;
+        let alike = |a: &PulseRow, b: &PulseRow| (a.leg, a.divergence) == (b.leg, b.divergence);
+        let measured = rows.chunk_by(alike).map(|rows| self.measure_leg(rows)).collect();
+        self.rows = rows;
+        measured
+    }
+
+    fn measure_leg(&mut self, rows: &[PulseRow]) -> Result<Measured> {
+        let first = &rows[0];
+        let instrument_leg = self.set_instruments(first)?;
+        let worker = &mut self.worker;
+        worker.pulses.clear();
+        worker.pulses.extend(rows.iter().map(|r| r.pulse));
+        worker.batch.clear(if self.tracing.legs.separate_files { first.leg } else { 0 });
+        worker.batch.leg_number = Some(first.leg);
+        if let (Some(moving), Some(motion)) = (&mut worker.moving, &mut self.motion) {
+            follow(moving, motion, rows);
+        }
+        worker.measure(first.leg, instrument_leg, f64::NAN)
+    }
+
+    /// Uses the instruments of the row's leg from now on. Returns the number of that leg among theirs.
+    fn set_instruments(&mut self, row: &PulseRow) -> Result<u32> {
+        let rule = self.tracing.legs;
+        let Some([start, leg]) = row.divergence.filter(|_| rule.streamed_divergence) else {
+            self.worker.shooter.take_up(&self.own);
+            return Ok(if rule.known { row.leg } else { 0 });
+        };
+        let key = [start.to_bits(), leg.to_bits()];
+        if !self.others.contains_key(&key) {
+            if self.others.len() >= MAX_CACHED_INSTRUMENTS {
+                self.others.clear();
+            }
+            let equipment =
+                Equipment::new(&self.tracing.with_divergences(start, leg), &self.tracing.options)?;
+            self.others.insert(key, equipment);
+        }
+        if let Some(equipment) = self.others.get(&key) {
+            self.worker.shooter.take_up(equipment);
+        }
+        Ok(1)
+    }
+}
+
+/// Moves the parts to where the first row sees them, and gathers what moves before the others. `reached` is the state of the
+/// parts that the row before saw, and the number of its step.
+fn follow(moving: &mut MovingParts<'_>, reached: &mut (MotionState, u64), rows: &[PulseRow]) {
+    let first = rows[0].step;
+    if first < reached.1 {
+        *reached = (moving.start(), 0);
+    }
+    let (state, step) = reached;
+    while *step < first {
+        moving.skip(state);
+        *step += 1;
+    }
+    moving.begin_batch(state);
+    for (before, row) in rows.iter().enumerate() {
+        // Rows that go back within a block see the scene as the one before them.
+        while *step < row.step {
+            moving.step(state, before);
+            *step += 1;
+        }
+    }
+}
+
+impl Tracing<'_> {
+    /// Checks numbers of devices, legs and steps against survey and scene.
+    fn check(&self, row: &PulseRow, has_motion: bool) -> Result<(), (Column, String)> {
+        let devices = self.survey.scanner.devices.len();
+        if row.pulse.device as usize >= devices {
+            let message = format!("device {}, the scanner has {devices}", row.pulse.device);
+            return Err((Column::Device, message));
+        }
+        let legs = self.survey.legs.len();
+        if (self.legs.known || self.legs.separate_files) && row.leg as usize >= legs {
+            return Err((Column::Leg, format!("leg {}, the survey has {legs}", row.leg)));
+        }
+        if has_motion && row.step > MAX_STEP {
+            return Err((Column::Step, format!("step {}, expected at most {MAX_STEP}", row.step)));
+        }
+        Ok(())
+    }
+
+    /// The survey with two legs, whose divergences are these.
+    fn with_divergences(&self, start: f64, leg: f64) -> Survey {
+        let mut survey = self.survey.clone();
+        survey.legs.truncate(1);
+        survey.legs.extend(survey.legs.first().cloned());
+        for (l, divergence) in survey.legs.iter_mut().zip([start, leg]) {
+            (l.scanner.beam_divergence, l.scanner.written_divergence) = (divergence, None);
+        }
+        survey
+    }
+}
