@@ -1,30 +1,30 @@
-//! Libraries that assert that a file is sound, where it may be damaged.
+//! Panics of decoders: libraries that assert that a file is valid are called through [`catch_decoder_panic`].
 
 use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 
 thread_local! {
-    /// Whether a panic of this thread is caught by [`survive`].
-    static CAUGHT: Cell<bool> = const { Cell::new(false) };
+    /// Whether a panic of this thread is caught by [`catch_decoder_panic`].
+    static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Does what leads through a library that panics on damaged data (`laz` does); `None` when it has. Nothing that the panic
-/// may have left half done is to be used afterwards.
-pub(crate) fn survive<T>(read: impl FnOnce() -> T) -> Option<T> {
+/// Calls `decode`, which may go through a library that panics on damaged data (`laz` does), and returns `None` when it
+/// panicked, without the message on stderr. State that the panic may have left inconsistent must not be used afterwards.
+pub(crate) fn catch_decoder_panic<T>(decode: impl FnOnce() -> T) -> Option<T> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
-        let usual = panic::take_hook();
-        panic::set_hook(Box::new(move |about| {
-            if !CAUGHT.get() {
-                usual(about);
+        let default_hook = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !IS_CAUGHT.get() {
+                default_hook(info);
             }
         }));
     });
-    CAUGHT.set(true);
-    let done = panic::catch_unwind(AssertUnwindSafe(read));
-    CAUGHT.set(false);
-    done.ok()
+    IS_CAUGHT.set(true);
+    let decoded = panic::catch_unwind(AssertUnwindSafe(decode));
+    IS_CAUGHT.set(false);
+    decoded.ok()
 }
 
 #[cfg(test)]
@@ -32,8 +32,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_panics_is_survived_and_what_does_not_is_passed_on() {
-        assert_eq!(survive(|| 7), Some(7));
-        assert_eq!(survive(|| (0..3).collect::<Vec<_>>()[std::hint::black_box(3)]), None);
+    fn a_panic_gives_none_and_a_result_is_passed_on() {
+        assert_eq!(catch_decoder_panic(|| 7), Some(7));
+        assert_eq!(catch_decoder_panic(|| (0..3).collect::<Vec<_>>()[std::hint::black_box(3)]), None);
     }
 }

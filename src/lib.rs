@@ -18,9 +18,9 @@
 //!
 //! | room | what it does | imports |
 //! |---|---|---|
-//! | [`geom`], [`rng`], [`diag`], [`error`], `quantity`, [`arrivals`], `damage` | rotations, boxes; counter-based random numbers; places and reports; quantities as text; bytes and tables as they arrive; libraries that panic on damaged files | nothing |
+//! | [`geom`], [`rng`], [`diag`], [`error`], `quantity`, [`input`], `damage` | rotations, boxes; counter-based random numbers; places and reports; quantities as text; byte streams and Arrow tables read while they arrive; panics of decoders | nothing |
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
-//! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, arrivals |
+//! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, input |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
 //! | [`scene`] | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree |
 //! | [`generate`] | procedural scenes with the surveys that scan them | geom, rng |
@@ -46,7 +46,6 @@
 //! * coordinates are `f64` in the scene frame, which is the world's minus the scene's centre;
 //! * points go to stdout and nothing else does.
 
-pub mod arrivals;
 pub mod cli;
 mod damage;
 pub mod diag;
@@ -54,6 +53,7 @@ pub mod error;
 pub mod flight;
 pub mod generate;
 pub mod geom;
+pub mod input;
 pub mod output;
 pub mod pipeline;
 pub mod platform;

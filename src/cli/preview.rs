@@ -38,7 +38,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         return Ok(());
     }
     let options =
-        PageOptions { colour, title, most_points: usize::try_from(most_points).unwrap_or(usize::MAX) };
+        PageOptions { colour, title, max_points: usize::try_from(most_points).unwrap_or(usize::MAX) };
     let page = write(&args.out, |out| write_page(&points, &options, out))?;
     let sampled = if page.shown < page.total {
         format!("{} of {count} points, evenly chosen (--most-points)", amount(page.shown as f64))

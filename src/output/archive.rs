@@ -4,8 +4,8 @@
 //! alone.
 
 use super::blocks::Blocks;
-use super::medium::{Medium, Patched, Place, is_special};
 use super::offload::Offload;
+use super::stream::{Destination, OutputStream, Patched, is_special};
 use crate::error::{Error, Result};
 use flate2::{Compress, Compression, FlushCompress, Status};
 use std::io::{self, BufRead, Read};
@@ -46,34 +46,34 @@ pub(super) struct ArchiveStream {
 
 impl ArchiveStream {
     /// Begins an empty file.
-    pub fn begin(medium: &mut Medium) -> Result<ArchiveStream> {
-        medium.append(&ZLIB_HEADER)?;
+    pub fn begin(out: &mut OutputStream) -> Result<ArchiveStream> {
+        out.append(&ZLIB_HEADER)?;
         Ok(ArchiveStream { plain: head(), blocks: Blocks::new(deflate), sum: Adler32::default() })
     }
 
     /// Takes whole lines.
-    pub fn append(&mut self, lines: &[u8], medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
+    pub fn append(&mut self, lines: &[u8], out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         for line in lines.split_inclusive(|&byte| byte == b'\n') {
             self.plain.extend((line.len() as u64).to_le_bytes());
             self.plain.extend_from_slice(line);
             if self.plain.len() >= BLOCK {
-                self.submit(medium, offload)?;
+                self.submit(out, offload)?;
             }
         }
         Ok(())
     }
 
     /// Compresses what is left and ends the stream.
-    pub fn finish(mut self, medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
-        self.submit(medium, offload)?;
-        self.blocks.finish(|bytes| medium.append(bytes))?;
-        medium.append(&DEFLATE_END)?;
-        medium.append(&self.sum.value().to_be_bytes())
+    pub fn finish(mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
+        self.submit(out, offload)?;
+        self.blocks.finish(|bytes| out.append(bytes))?;
+        out.append(&DEFLATE_END)?;
+        out.append(&self.sum.value().to_be_bytes())
     }
 
-    fn submit(&mut self, medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
+    fn submit(&mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         self.sum.add(&self.plain);
-        self.blocks.submit(&mut self.plain, offload, |bytes| medium.append(bytes))
+        self.blocks.submit(&mut self.plain, offload, |bytes| out.append(bytes))
     }
 }
 
@@ -137,20 +137,20 @@ impl Adler32 {
 /// [`Error::Input`] when the file is no such archive, is damaged or ends too early, or when `to` exists and `force` is not
 /// given; [`Error::Io`]. Nothing is left under the name `to` then.
 pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) -> Result<u64> {
-    let place = to.map_or(Place::Stdout, |path| Place::Path(path.to_path_buf()));
+    let place = to.map_or(Destination::Stdout, |path| Destination::Path(path.to_path_buf()));
     if let Some(path) = to.filter(|path| !force && !is_special(path) && path.symlink_metadata().is_ok()) {
         return Err(Error::input(format!("{} exists already; overwrite it with --force", path.display())));
     }
     let mut archive = Archive { name, bytes: flate2::bufread::ZlibDecoder::new(file), at: 0 };
     archive.check_head()?;
-    let mut medium = Medium::open(&place, force, Patched::Never)?;
+    let mut out = OutputStream::open(&place, force, Patched::Never)?;
     let mut text = Vec::new();
     let mut lines = 0;
     while let Some(length) = archive.length()? {
-        archive.copy(length, &mut text, &mut medium)?;
+        archive.copy(length, &mut text, &mut out)?;
         lines += 1;
     }
-    medium.append(&text)?;
+    out.append(&text)?;
     let mut file = archive.bytes.into_inner();
     if !file.fill_buf().map_err(|e| Error::io("read", name, e))?.is_empty() {
         return Err(Error::input(format!(
@@ -158,7 +158,7 @@ pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) ->
             name.display()
         )));
     }
-    medium.finish(None)?;
+    out.finish(None)?;
     Ok(lines)
 }
 
@@ -201,7 +201,7 @@ impl<R: Read> Archive<'_, R> {
     }
 
     /// Copies a record without believing its length.
-    fn copy(&mut self, mut left: u64, text: &mut Vec<u8>, medium: &mut Medium) -> Result<()> {
+    fn copy(&mut self, mut left: u64, text: &mut Vec<u8>, out: &mut OutputStream) -> Result<()> {
         let mut piece = [0; 4096];
         while left > 0 {
             let wanted = usize::try_from(left).unwrap_or(usize::MAX).min(piece.len());
@@ -211,7 +211,7 @@ impl<R: Read> Archive<'_, R> {
             text.extend_from_slice(&piece[..wanted]);
             left -= wanted as u64;
             if text.len() >= PIECE {
-                medium.append(text)?;
+                out.append(text)?;
                 text.clear();
             }
         }
@@ -269,11 +269,11 @@ mod tests {
     fn zipped(parts: &[&[u8]]) -> Vec<u8> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.bin");
-        let mut medium = Medium::open(&Place::Path(path.clone()), false, Patched::Never).unwrap();
-        let mut stream = ArchiveStream::begin(&mut medium).unwrap();
-        parts.iter().for_each(|lines| stream.append(lines, &mut medium, &NoOffload).unwrap());
-        stream.finish(&mut medium, &NoOffload).unwrap();
-        medium.finish(None).unwrap();
+        let mut out = OutputStream::open(&Destination::Path(path.clone()), false, Patched::Never).unwrap();
+        let mut stream = ArchiveStream::begin(&mut out).unwrap();
+        parts.iter().for_each(|lines| stream.append(lines, &mut out, &NoOffload).unwrap());
+        stream.finish(&mut out, &NoOffload).unwrap();
+        out.finish(None).unwrap();
         fs::read(path).unwrap()
     }
 

@@ -115,7 +115,7 @@ columns! {
 
 impl Column {
     /// The columns that are written when nobody chooses; with the beam's where missed pulses are written, too.
-    pub fn usual(with_misses: bool) -> Vec<Column> {
+    pub fn default_columns(with_misses: bool) -> Vec<Column> {
         let last = if with_misses { Column::BeamDirectionZ } else { Column::Primitive };
         Column::ALL.iter().copied().filter(|c| *c <= last && *c != Column::SurfaceClass).collect()
     }
@@ -266,8 +266,8 @@ mod tests {
 
     #[test]
     fn directions_are_there_where_misses_are() {
-        assert!(!Column::usual(false).contains(&Column::BeamDirectionX));
-        assert!(Column::usual(true).contains(&Column::BeamDirectionZ));
-        assert!(Column::usual(false).contains(&Column::TrueRange));
+        assert!(!Column::default_columns(false).contains(&Column::BeamDirectionX));
+        assert!(Column::default_columns(true).contains(&Column::BeamDirectionZ));
+        assert!(Column::default_columns(false).contains(&Column::TrueRange));
     }
 }

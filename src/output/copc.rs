@@ -9,8 +9,8 @@
 use super::blocks::Blocks;
 use super::las::LasFormat;
 use super::laz::{compress, laszip_builder};
-use super::medium::Medium;
 use super::offload::Offload;
+use super::stream::OutputStream;
 use super::summary::Tally;
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
@@ -60,9 +60,9 @@ pub(super) struct CopcStream {
 
 impl CopcStream {
     /// Begins after the header of a file.
-    pub fn begin(laszip: LazVlr, record: u16, medium: &mut Medium) -> Result<CopcStream> {
-        let start = medium.len();
-        medium.append(&(-1i64).to_le_bytes())?;
+    pub fn begin(laszip: LazVlr, record: u16, out: &mut OutputStream) -> Result<CopcStream> {
+        let start = out.len();
+        out.append(&(-1i64).to_le_bytes())?;
         Ok(CopcStream { laszip, start, points: Spill::new(usize::from(record)), times: None })
     }
 
@@ -83,7 +83,7 @@ impl CopcStream {
         self,
         format: &LasFormat,
         tally: &Tally,
-        medium: &mut Medium,
+        out: &mut OutputStream,
         offload: &dyn Offload,
     ) -> Result<Octree> {
         let cube = Cube::around(tally);
@@ -94,27 +94,27 @@ impl CopcStream {
             record: self.points.record,
             blocks: Blocks::new(how),
             nodes: Nodes { waiting: VecDeque::new(), table: ChunkTable::default(), entries: Vec::new() },
-            medium,
+            out,
             offload,
         };
         builder.build(Key::ROOT, self.points)?;
-        let Builder { mut blocks, mut nodes, medium, .. } = builder;
-        blocks.finish(|chunk| nodes.write(chunk, medium))?;
+        let Builder { mut blocks, mut nodes, out, .. } = builder;
+        blocks.finish(|chunk| nodes.write(chunk, out))?;
 
-        let offset = medium.len();
+        let offset = out.len();
         let mut table = Vec::new();
         nodes.table.write_to(&mut table, &self.laszip).map_err(|e| Error::Internal(format!("COPC: {e}")))?;
-        medium.append(&table)?;
-        medium.patch(self.start, &offset.to_le_bytes())?;
+        out.append(&table)?;
+        out.patch(self.start, &offset.to_le_bytes())?;
 
         if nodes.entries.is_empty() {
             // A root without points
             nodes.entries.extend([0; ENTRY]);
         }
-        let hierarchy_at = medium.len();
+        let hierarchy_at = out.len();
         let head = evlr_header(nodes.entries.len() as u64);
-        medium.append(&head)?;
-        medium.append(&nodes.entries)?;
+        out.append(&head)?;
+        out.append(&nodes.entries)?;
         let at = hierarchy_at + head.len() as u64;
         let info = info(format, &cube, at, nodes.entries.len() as u64, self.times.unwrap_or_default());
         Ok(Octree { info, hierarchy_at })
@@ -178,7 +178,7 @@ struct Nodes {
 
 impl Nodes {
     /// Writes the chunk of the node that has waited longest.
-    fn write(&mut self, chunk: &[u8], medium: &mut Medium) -> Result<()> {
+    fn write(&mut self, chunk: &[u8], out: &mut OutputStream) -> Result<()> {
         let Some((key, points)) = self.waiting.pop_front() else {
             return Err(Error::Internal("a chunk without a node".to_owned()));
         };
@@ -186,12 +186,12 @@ impl Nodes {
         for number in [u64::from(key.level), key.at[0], key.at[1], key.at[2]] {
             self.entries.extend((number as i32).to_le_bytes());
         }
-        self.entries.extend(medium.len().to_le_bytes());
+        self.entries.extend(out.len().to_le_bytes());
         for number in [chunk.len() as u64, points] {
             self.entries.extend(i32::try_from(number).map_err(|_| too_many())?.to_le_bytes());
         }
         self.table.push(ChunkTableEntry { point_count: points, byte_count: chunk.len() as u64 });
-        medium.append(chunk)
+        out.append(chunk)
     }
 }
 
@@ -200,7 +200,7 @@ struct Builder<'a> {
     record: usize,
     blocks: Blocks,
     nodes: Nodes,
-    medium: &'a mut Medium,
+    out: &'a mut OutputStream,
     offload: &'a dyn Offload,
 }
 
@@ -246,9 +246,9 @@ impl Builder<'_> {
 
     /// Gives the points of a node away for compression.
     fn submit(&mut self, key: Key, mut points: Vec<u8>) -> Result<()> {
-        let Builder { blocks, nodes, medium, offload, record, .. } = self;
+        let Builder { blocks, nodes, out, offload, record, .. } = self;
         nodes.waiting.push_back((key, (points.len() / *record) as u64));
-        blocks.submit(&mut points, *offload, |chunk| nodes.write(chunk, medium))
+        blocks.submit(&mut points, *offload, |chunk| nodes.write(chunk, out))
     }
 }
 

@@ -94,7 +94,7 @@ pub(super) trait PointCodec {
 /// The text format.
 pub(super) struct XyzCodec<'a> {
     pub shift: DVec3,
-    pub labels: &'a [Box<[u8]>],
+    pub part_names: &'a [Box<[u8]>],
 }
 
 impl PointCodec for XyzCodec<'_> {
@@ -102,7 +102,7 @@ impl PointCodec for XyzCodec<'_> {
 
     fn push(&self, out: &mut Vec<u8>, _: &LegFacts, echo: &Echo) -> Option<DVec3> {
         let position = echo.position + self.shift;
-        let label = self.labels.get(echo.part as usize).map_or(&b"-"[..], |l| l);
+        let label = self.part_names.get(echo.part as usize).map_or(&b"-"[..], |l| l);
         text::push_point(out, position, echo, label);
         Some(position)
     }
@@ -151,7 +151,7 @@ impl OutputPlan {
                 pieces[before..].iter_mut().for_each(|piece| piece.is_block = true);
             }
             PointFormat::Xyz | PointFormat::Bin => {
-                let codec = XyzCodec { shift: self.shift, labels: &self.labels };
+                let codec = XyzCodec { shift: self.shift, part_names: &self.part_names };
                 encode_points(&codec, leg, slots, echoes, pieces);
             }
             PointFormat::Las | PointFormat::Laz | PointFormat::Copc => {
@@ -190,7 +190,7 @@ impl OutputPlan {
 
     /// What vertices hold beyond the usual.
     pub(super) fn ply_more(&self) -> PlyMore {
-        PlyMore { labels: self.learning, directions: self.misses }
+        PlyMore { labels: self.labels, directions: self.misses }
     }
 
     fn trajectory(&self, format: TrajectoryFormat, slot: u32, batch: &Batch) -> Piece {

@@ -8,11 +8,11 @@ use super::las::{PACKETS_HEADER, packets_header, place_packets};
 use super::layout::Content;
 use super::layout::FilePlan;
 use super::laz::{self, LazStream};
-use super::medium::{Medium, Patched, Place, is_special};
 use super::offload::Offload;
 use super::plan::{OutputPlan, packets_path};
 use super::ply;
 use super::request::{PacketPlace, PointFormat, TrajectoryFormat};
+use super::stream::{Destination, OutputStream, Patched, is_special};
 use super::summary::{FileKind, FileSummary, Tally};
 use super::table;
 use super::text::TRAJECTORY_HEADER;
@@ -26,7 +26,7 @@ pub(super) struct OutputFile {
     /// `None` is standard output.
     path: Option<PathBuf>,
     kind: FileKind,
-    medium: Medium,
+    out: OutputStream,
     body: Body,
     tally: Tally,
     packets: Option<Packets>,
@@ -36,7 +36,7 @@ pub(super) struct OutputFile {
 struct Packets {
     /// The file beside it; `None`: they are collected in an unnamed file and moved behind the points at the end.
     path: Option<PathBuf>,
-    medium: Medium,
+    out: OutputStream,
 }
 
 /// What surrounds the records.
@@ -62,59 +62,52 @@ enum Body {
 impl OutputFile {
     /// Opens a file and writes what comes before the first record. A header that is not known yet is left blank, so that
     /// the beginnings of a file do not pass for the whole.
-    pub fn open(plan: &OutputPlan, place: &Place, file: &FilePlan) -> Result<OutputFile> {
+    pub fn open(plan: &OutputPlan, place: &Destination, file: &FilePlan) -> Result<OutputFile> {
         let content = file.content;
         let patched = match content {
             Content::Points(PointFormat::Las) if plan.las.at_most.is_some() => Patched::IfPossible,
             Content::Points(format) if format.counts() => Patched::Always,
             _ => Patched::Never,
         };
-        let mut medium = Medium::open(place, plan.force, patched)?;
+        let mut out = OutputStream::open(place, plan.force, patched)?;
         let body = match content {
-            _ if file.zipped => Body::Archive(ArchiveStream::begin(&mut medium)?),
-            Content::Points(PointFormat::Las) if !medium.is_seekable() => {
+            _ if file.zipped => Body::Archive(ArchiveStream::begin(&mut out)?),
+            Content::Points(PointFormat::Las) if !out.is_seekable() => {
                 let at_most = plan.las.at_most.unwrap_or(0);
-                medium.append(&plan.las.stream_head(at_most))?;
+                out.append(&plan.las.stream_head(at_most))?;
                 Body::LasStream(at_most)
             }
             Content::Points(PointFormat::Las) => {
-                medium.append(&vec![0; plan.las.head(None, &Tally::EMPTY, None, COMPLETE).len()])?;
+                out.append(&vec![0; plan.las.head(None, &Tally::EMPTY, None, COMPLETE).len()])?;
                 Body::Las
             }
             Content::Points(PointFormat::Laz) => {
                 let laszip = laz::laszip(&plan.las)?;
-                medium.append(&vec![0; plan.las.head(Some(&laszip), &Tally::EMPTY, None, COMPLETE).len()])?;
-                let stream = LazStream::begin(laszip.clone(), plan.las.record_length(), &mut medium)?;
+                out.append(&vec![0; plan.las.head(Some(&laszip), &Tally::EMPTY, None, COMPLETE).len()])?;
+                let stream = LazStream::begin(laszip.clone(), plan.las.record_length(), &mut out)?;
                 Body::Laz(laszip, stream)
             }
             Content::Points(PointFormat::Copc) => {
                 let laszip = copc::laszip(&plan.las)?;
                 let head = plan.las.octree_head(&laszip, &Tally::EMPTY, &[0; copc::INFO], 0, COMPLETE);
-                medium.append(&vec![0; head.len()])?;
-                let stream = CopcStream::begin(laszip.clone(), plan.las.record_length(), &mut medium)?;
+                out.append(&vec![0; head.len()])?;
+                let stream = CopcStream::begin(laszip.clone(), plan.las.record_length(), &mut out)?;
                 Body::Copc(laszip, Box::new(stream))
             }
             Content::Points(format @ (PointFormat::PlyBinary | PointFormat::PlyAscii)) => {
-                medium.append(&vec![
+                out.append(&vec![
                     b' ';
-                    ply::head(
-                        format,
-                        plan.epsg,
-                        &plan.objects,
-                        plan.ply_more(),
-                        0,
-                        COMPLETE
-                    )
-                    .len()
+                    ply::head(format, plan.epsg, &plan.objects, plan.ply_more(), 0, COMPLETE)
+                        .len()
                 ])?;
                 Body::Ply(format)
             }
             Content::Points(PointFormat::Xyz) if plan.columns_chosen => {
-                medium.append(&table::header(&plan.columns, b' '))?;
+                out.append(&table::header(&plan.columns, b' '))?;
                 Body::Plain
             }
             Content::Points(PointFormat::Csv) => {
-                medium.append(&table::header(&plan.columns, b','))?;
+                out.append(&table::header(&plan.columns, b','))?;
                 Body::Plain
             }
             Content::Points(PointFormat::Arrow) => {
@@ -124,14 +117,14 @@ impl OutputFile {
                 Body::Parquet(Box::new(ParquetStream::new(&plan.columns, plan.schema.clone())?))
             }
             Content::Trajectory(TrajectoryFormat::Csv) => {
-                medium.append(TRAJECTORY_HEADER)?;
+                out.append(TRAJECTORY_HEADER)?;
                 Body::Plain
             }
             _ => Body::Plain,
         };
         let path = match place {
-            Place::Stdout => None,
-            Place::Path(path) => Some(path.clone()),
+            Destination::Stdout => None,
+            Destination::Path(path) => Some(path.clone()),
         };
         let packets = match (content, plan.las.packet_place()) {
             (Content::Points(format), Some(place)) if format.is_las() => {
@@ -139,35 +132,33 @@ impl OutputFile {
             }
             _ => None,
         };
-        Ok(OutputFile { path, kind: content.kind(), medium, body, tally: Tally::EMPTY, packets })
+        Ok(OutputFile { path, kind: content.kind(), out, body, tally: Tally::EMPTY, packets })
     }
 
     /// Appends encoded records.
     pub fn append(&mut self, plan: &OutputPlan, mut piece: Piece, offload: &dyn Offload) -> Result<()> {
         self.tally.add(&piece.tally);
         if let Some(packets) = &mut self.packets {
-            place_packets(&mut piece.bytes, plan.las.record_length(), packets.medium.len());
-            packets.medium.append(&piece.packets)?;
+            place_packets(&mut piece.bytes, plan.las.record_length(), packets.out.len());
+            packets.out.append(&piece.packets)?;
         }
         let bytes = &piece.bytes;
         match &mut self.body {
-            Body::Laz(_, stream) => stream.append(bytes, &mut self.medium, offload)?,
+            Body::Laz(_, stream) => stream.append(bytes, &mut self.out, offload)?,
             Body::Copc(_, stream) => stream.append(bytes)?,
-            Body::Archive(stream) => stream.append(bytes, &mut self.medium, offload)?,
-            Body::Arrow(stream) => stream.append(bytes, |bytes| self.medium.append(bytes))?,
-            Body::Parquet(stream) => stream.append(bytes, |bytes| self.medium.append(bytes))?,
-            Body::Plain | Body::Las | Body::LasStream(_) | Body::Ply(_) => self.medium.append(bytes)?,
+            Body::Archive(stream) => stream.append(bytes, &mut self.out, offload)?,
+            Body::Arrow(stream) => stream.append(bytes, |bytes| self.out.append(bytes))?,
+            Body::Parquet(stream) => stream.append(bytes, |bytes| self.out.append(bytes))?,
+            Body::Plain | Body::Las | Body::LasStream(_) | Body::Ply(_) => self.out.append(bytes)?,
         }
         if let Body::LasStream(at_most) = self.body
             && self.tally.records > at_most
         {
             return Err(Error::input(format!("more points than --las-at-most promises: {at_most}")));
         }
-        if matches!(self.body, Body::Las | Body::Laz(..)) && self.tally.records > plan.las.most_points() {
-            let most = plan.las.most_points();
-            return Err(Error::input(format!(
-                "a file of LAS 1.0 holds at most {most} points; write LAS 1.4"
-            )));
+        if matches!(self.body, Body::Las | Body::Laz(..)) && self.tally.records > plan.las.max_points() {
+            let max = plan.las.max_points();
+            return Err(Error::input(format!("a file of LAS 1.0 holds at most {max} points; write LAS 1.4")));
         }
         Ok(())
     }
@@ -176,24 +167,24 @@ impl OutputFile {
     pub fn flush(&mut self, plan: &OutputPlan) -> Result<()> {
         if let Body::Arrow(stream) = &mut self.body
             && plan.live
-            && self.medium.is_stream()
+            && self.out.is_stream()
         {
-            stream.flush(|bytes| self.medium.append(bytes))?;
+            stream.flush(|bytes| self.out.append(bytes))?;
         }
-        self.packets.iter_mut().try_for_each(|packets| packets.medium.flush())?;
-        self.medium.flush()
+        self.packets.iter_mut().try_for_each(|packets| packets.out.flush())?;
+        self.out.flush()
     }
 
     /// Whether it holds something that would be lost with a run that fails, and a file of an earlier run stands under its
     /// name.
     pub fn is_worth_keeping(&self) -> bool {
-        self.tally.records > 0 && self.medium.partial_place().is_some()
+        self.tally.records > 0 && self.out.partial_path().is_some()
     }
 
     /// Gives the file handle back until the next append.
-    pub fn park(&mut self) -> Result<()> {
-        self.packets.iter_mut().try_for_each(|packets| packets.medium.park())?;
-        self.medium.park()
+    pub fn close_handle(&mut self) -> Result<()> {
+        self.packets.iter_mut().try_for_each(|packets| packets.out.close_handle())?;
+        self.out.close_handle()
     }
 
     /// Writes what comes after the last record and what is known only now, and completes the file.
@@ -209,52 +200,52 @@ impl OutputFile {
         let packets = self.packets.take();
         let mut packet_file = None;
         let state = if partial { PARTIAL } else { COMPLETE };
-        let place = self.medium.partial_place().filter(|_| partial);
+        let place = self.out.partial_path().filter(|_| partial);
         let packets_place = place.as_deref().map(packets_path);
         let has_metadata = !matches!(self.body, Body::Plain | Body::Archive(_));
         match self.body {
             Body::Plain => {}
             Body::LasStream(_) => {
                 packet_file =
-                    packets.map(|p| p.finish(&mut self.medium, packets_place.as_deref())).transpose()?;
+                    packets.map(|p| p.finish(&mut self.out, packets_place.as_deref())).transpose()?;
                 bounds = plan.las.world(&bounds);
             }
-            Body::Arrow(stream) => stream.finish(partial, |bytes| self.medium.append(bytes))?,
-            Body::Parquet(stream) => stream.finish(partial, |bytes| self.medium.append(bytes))?,
-            Body::Archive(stream) => stream.finish(&mut self.medium, offload)?,
+            Body::Arrow(stream) => stream.finish(partial, |bytes| self.out.append(bytes))?,
+            Body::Parquet(stream) => stream.finish(partial, |bytes| self.out.append(bytes))?,
+            Body::Archive(stream) => stream.finish(&mut self.out, offload)?,
             Body::Las => {
-                let packets_at = self.medium.len();
+                let packets_at = self.out.len();
                 packet_file =
-                    packets.map(|p| p.finish(&mut self.medium, packets_place.as_deref())).transpose()?;
+                    packets.map(|p| p.finish(&mut self.out, packets_place.as_deref())).transpose()?;
                 let packets_at = plan.las.packets_inside().then_some(packets_at);
-                self.medium.patch(0, &plan.las.head(None, &self.tally, packets_at, state))?;
+                self.out.patch(0, &plan.las.head(None, &self.tally, packets_at, state))?;
                 bounds = plan.las.world(&bounds);
             }
             Body::Laz(laszip, stream) => {
-                stream.finish(&mut self.medium, offload)?;
-                let packets_at = self.medium.len();
+                stream.finish(&mut self.out, offload)?;
+                let packets_at = self.out.len();
                 packet_file =
-                    packets.map(|p| p.finish(&mut self.medium, packets_place.as_deref())).transpose()?;
+                    packets.map(|p| p.finish(&mut self.out, packets_place.as_deref())).transpose()?;
                 let packets_at = plan.las.packets_inside().then_some(packets_at);
-                self.medium.patch(0, &plan.las.head(Some(&laszip), &self.tally, packets_at, state))?;
+                self.out.patch(0, &plan.las.head(Some(&laszip), &self.tally, packets_at, state))?;
                 bounds = plan.las.world(&bounds);
             }
             Body::Copc(laszip, stream) => {
-                let octree = stream.finish(&plan.las, &self.tally, &mut self.medium, offload)?;
+                let octree = stream.finish(&plan.las, &self.tally, &mut self.out, offload)?;
                 let at = octree.hierarchy_at;
                 let head = plan.las.octree_head(&laszip, &self.tally, &octree.info, at, state);
-                self.medium.patch(0, &head)?;
+                self.out.patch(0, &head)?;
                 bounds = plan.las.world(&bounds);
             }
             Body::Ply(format) => {
-                self.medium.patch(
+                self.out.patch(
                     0,
                     &ply::head(format, plan.epsg, &plan.objects, plan.ply_more(), self.tally.records, state),
                 )?;
             }
         }
-        let bytes = self.medium.len();
-        self.medium.finish(place.as_deref())?;
+        let bytes = self.out.len();
+        self.out.finish(place.as_deref())?;
         let noted = self.path.as_deref().filter(|path| place.is_none() && !has_metadata && !is_special(path));
         if let Some(path) = noted {
             note(path, partial)?;
@@ -288,27 +279,27 @@ fn note(path: &Path, partial: bool) -> Result<()> {
 impl Packets {
     /// Opens the place of the packets; their offsets count from its beginning.
     fn open(plan: &OutputPlan, place: PacketPlace, las: Option<&Path>) -> Result<Packets> {
-        let (path, mut medium) = match (place, las) {
+        let (path, mut out) = match (place, las) {
             (PacketPlace::Beside, Some(las)) => {
                 let path = packets_path(las);
-                let medium = Medium::open(&Place::Path(path.clone()), plan.force, Patched::Always)?;
-                (Some(path), medium)
+                let out = OutputStream::open(&Destination::Path(path.clone()), plan.force, Patched::Always)?;
+                (Some(path), out)
             }
-            _ => (None, Medium::unnamed()?),
+            _ => (None, OutputStream::unnamed()?),
         };
-        medium.append(&packets_header(0))?;
-        Ok(Packets { path, medium })
+        out.append(&packets_header(0))?;
+        Ok(Packets { path, out })
     }
 
     /// Completes the file beside the points, under its own name or that of `place`, or moves the packets behind them.
-    fn finish(mut self, points: &mut Medium, place: Option<&Path>) -> Result<Option<FileSummary>> {
-        let bytes = self.medium.len();
-        self.medium.patch(0, &packets_header(bytes - PACKETS_HEADER))?;
+    fn finish(mut self, points: &mut OutputStream, place: Option<&Path>) -> Result<Option<FileSummary>> {
+        let bytes = self.out.len();
+        self.out.patch(0, &packets_header(bytes - PACKETS_HEADER))?;
         let Some(path) = self.path else {
-            self.medium.pour_into(points)?;
+            self.out.pour_into(points)?;
             return Ok(None);
         };
-        self.medium.finish(place)?;
+        self.out.finish(place)?;
         let (path, beside) = match place {
             Some(place) => (Some(place.to_path_buf()), Some(path)),
             None => (Some(path), None),

@@ -1,7 +1,7 @@
 //! Which files a run writes, and which leg and device goes to which of them (spec outputs §1).
 
-use super::medium::Place;
 use super::request::{OutputRequest, PointFormat, Target, TrajectoryFormat};
+use super::stream::Destination;
 use super::summary::FileKind;
 use crate::survey::{Leg, Survey};
 use std::collections::BTreeMap;
@@ -30,9 +30,9 @@ impl Content {
 
 /// Where a file belongs; the place of a run directory is known only when it has been made.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Home {
+pub(super) enum OutputLocation {
     /// A stream or a named file.
-    Fixed(Place),
+    Fixed(Destination),
     /// A file in run directory `run` of [`Layout::runs`].
     Run { run: usize, name: String },
 }
@@ -40,7 +40,7 @@ pub(super) enum Home {
 /// One file to be written.
 #[derive(Clone, Debug)]
 pub(super) struct FilePlan {
-    pub home: Home,
+    pub location: OutputLocation,
     pub content: Content,
     /// Whether it is compressed text.
     pub zipped: bool,
@@ -115,8 +115,8 @@ pub(super) struct Layout {
     /// Directories that must exist before files are opened.
     pub directories: Vec<PathBuf>,
     /// Files that more than one sink asks for.
-    pub clashes: Vec<Home>,
-    slots: BTreeMap<Home, u32>,
+    pub clashes: Vec<OutputLocation>,
+    slots: BTreeMap<OutputLocation, u32>,
     /// Waveforms and pulses are compressed.
     zip: bool,
 }
@@ -188,12 +188,14 @@ impl Layout {
         let content = Content::Points(format);
         for (index, leg) in base.legs(survey) {
             let mut slot = |device: &str| {
-                let home = match base {
-                    Base::Stdout => Home::Fixed(Place::Stdout),
-                    Base::Single(path) => Home::Fixed(Place::Path(with_suffix(path, device, None))),
+                let location = match base {
+                    Base::Stdout => OutputLocation::Fixed(Destination::Stdout),
+                    Base::Single(path) => {
+                        OutputLocation::Fixed(Destination::Path(with_suffix(path, device, None)))
+                    }
                     _ => base.inside(format!("{}_points{device}.{}", prefix(leg), format.extension())),
                 };
-                self.slot(sink, home, content, index)
+                self.slot(sink, location, content, index)
             };
             let slots = match (base, split) {
                 (Base::Stdout, _) | (_, []) => Slots::One(slot("")),
@@ -212,14 +214,16 @@ impl Layout {
             _ => "trajectory",
         };
         for (index, leg) in base.legs(survey) {
-            let home = match base {
-                Base::Stdout => Home::Fixed(Place::Stdout),
-                Base::Single(path) => {
-                    Home::Fixed(Place::Path(with_suffix(path, &format!("_{suffix}"), Some(extension))))
-                }
+            let location = match base {
+                Base::Stdout => OutputLocation::Fixed(Destination::Stdout),
+                Base::Single(path) => OutputLocation::Fixed(Destination::Path(with_suffix(
+                    path,
+                    &format!("_{suffix}"),
+                    Some(extension),
+                ))),
                 _ => base.inside(format!("{}_{suffix}.{extension}", prefix(leg))),
             };
-            self.route(sink, home, content, index);
+            self.route(sink, location, content, index);
         }
     }
 
@@ -238,17 +242,17 @@ impl Layout {
             TrajectoryFormat::Csv => "csv",
         };
         for (index, leg) in base.legs(survey) {
-            let home = match base {
-                Base::Stdout => Home::Fixed(Place::Stdout),
-                Base::Single(path) => Home::Fixed(Place::Path(path.clone())),
+            let location = match base {
+                Base::Stdout => OutputLocation::Fixed(Destination::Stdout),
+                Base::Single(path) => OutputLocation::Fixed(Destination::Path(path.clone())),
                 _ => base.inside(format!("{}_trajectory.{extension}", prefix(leg))),
             };
-            self.route(sink, home, Content::Trajectory(format), index);
+            self.route(sink, location, Content::Trajectory(format), index);
         }
     }
 
-    fn route(&mut self, sink: usize, home: Home, content: Content, leg: usize) {
-        let slot = self.slot(sink, home, content, leg);
+    fn route(&mut self, sink: usize, location: OutputLocation, content: Content, leg: usize) {
+        let slot = self.slot(sink, location, content, leg);
         let route = match content {
             Content::Points(format) => Route::Points(format, Slots::One(slot)),
             Content::Trajectory(format) => Route::Trajectory(format, slot),
@@ -258,20 +262,20 @@ impl Layout {
         self.routes[leg].push(route);
     }
 
-    /// The file at `home`, which legs of one strip and devices with one id share.
-    fn slot(&mut self, sink: usize, home: Home, content: Content, leg: usize) -> u32 {
-        if let Some(&slot) = self.slots.get(&home) {
+    /// The file at `location`, which legs of one strip and devices with one id share.
+    fn slot(&mut self, sink: usize, location: OutputLocation, content: Content, leg: usize) -> u32 {
+        if let Some(&slot) = self.slots.get(&location) {
             let file = &mut self.files[slot as usize];
             file.last_leg = file.last_leg.max(leg);
-            if (file.sink, file.content) != (sink, content) && !self.clashes.contains(&home) {
-                self.clashes.push(home);
+            if (file.sink, file.content) != (sink, content) && !self.clashes.contains(&location) {
+                self.clashes.push(location);
             }
             return slot;
         }
         let slot = self.files.len() as u32;
         let zipped = self.zips(content);
-        self.files.push(FilePlan { home: home.clone(), content, zipped, last_leg: leg, sink });
-        self.slots.insert(home, slot);
+        self.files.push(FilePlan { location: location.clone(), content, zipped, last_leg: leg, sink });
+        self.slots.insert(location, slot);
         slot
     }
 }
@@ -283,12 +287,12 @@ impl Base {
         survey.legs.iter().enumerate().filter(move |(_, leg)| all || leg.scanner.active)
     }
 
-    fn inside(&self, name: String) -> Home {
+    fn inside(&self, name: String) -> OutputLocation {
         match self {
-            Base::Run(run) => Home::Run { run: *run, name },
-            Base::Folder(folder) => Home::Fixed(Place::Path(folder.join(name))),
-            Base::Single(path) => Home::Fixed(Place::Path(path.clone())),
-            Base::Stdout => Home::Fixed(Place::Stdout),
+            Base::Run(run) => OutputLocation::Run { run: *run, name },
+            Base::Folder(folder) => OutputLocation::Fixed(Destination::Path(folder.join(name))),
+            Base::Single(path) => OutputLocation::Fixed(Destination::Path(path.clone())),
+            Base::Stdout => OutputLocation::Fixed(Destination::Stdout),
         }
     }
 }

@@ -11,8 +11,8 @@ mod point;
 
 use super::blocks::Blocks;
 use super::las::LasFormat;
-use super::medium::Medium;
 use super::offload::Offload;
+use super::stream::OutputStream;
 use crate::error::{Error, Result};
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
@@ -46,9 +46,9 @@ pub(super) struct LazStream {
 
 impl LazStream {
     /// Begins after the header of a file: leaves room for the offset of the chunk table.
-    pub fn begin(laszip: LazVlr, record: u16, medium: &mut Medium) -> Result<LazStream> {
-        let start = medium.len();
-        medium.append(&(-1i64).to_le_bytes())?;
+    pub fn begin(laszip: LazVlr, record: u16, out: &mut OutputStream) -> Result<LazStream> {
+        let start = out.len();
+        out.append(&(-1i64).to_le_bytes())?;
         let items = laszip.clone();
         let how = move |points: &[u8], out| compress(points, out, &items).map_err(|e| e.to_string());
         Ok(LazStream {
@@ -62,7 +62,12 @@ impl LazStream {
     }
 
     /// Takes packed points.
-    pub fn append(&mut self, mut records: &[u8], medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
+    pub fn append(
+        &mut self,
+        mut records: &[u8],
+        out: &mut OutputStream,
+        offload: &dyn Offload,
+    ) -> Result<()> {
         let whole = CHUNK_POINTS * self.record;
         while !records.is_empty() {
             if self.points.capacity() < whole && self.points.len() + records.len() > whole / 8 {
@@ -72,36 +77,36 @@ impl LazStream {
             self.points.extend_from_slice(now);
             records = later;
             if self.points.len() == whole {
-                self.submit(medium, offload)?;
+                self.submit(out, offload)?;
             }
         }
         Ok(())
     }
 
     /// Compresses what is left, writes the chunk table and the offset that points to it.
-    pub fn finish(mut self, medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
+    pub fn finish(mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         if !self.points.is_empty() {
-            self.submit(medium, offload)?;
+            self.submit(out, offload)?;
         }
         let table = &mut self.table;
-        self.chunks.finish(|bytes| write(bytes, table, medium))?;
-        let offset = medium.len();
+        self.chunks.finish(|bytes| write(bytes, table, out))?;
+        let offset = out.len();
         let mut table = Vec::new();
         self.table.write_to(&mut table, &self.laszip).map_err(|e| Error::Internal(format!("LAZ: {e}")))?;
-        medium.append(&table)?;
-        medium.patch(self.start, &offset.to_le_bytes())
+        out.append(&table)?;
+        out.patch(self.start, &offset.to_le_bytes())
     }
 
     /// Gives the collected points away for compression.
-    fn submit(&mut self, medium: &mut Medium, offload: &dyn Offload) -> Result<()> {
+    fn submit(&mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         let table = &mut self.table;
-        self.chunks.submit(&mut self.points, offload, |bytes| write(bytes, table, medium))
+        self.chunks.submit(&mut self.points, offload, |bytes| write(bytes, table, out))
     }
 }
 
-fn write(chunk: &[u8], table: &mut ChunkTable, medium: &mut Medium) -> Result<()> {
+fn write(chunk: &[u8], table: &mut ChunkTable, out: &mut OutputStream) -> Result<()> {
     table.push(ChunkTableEntry { point_count: CHUNK_POINTS as u64, byte_count: chunk.len() as u64 });
-    medium.append(chunk)
+    out.append(chunk)
 }
 
 /// Compresses `points` into `out`, which is empty.

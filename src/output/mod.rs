@@ -15,7 +15,7 @@
 //! | `columns` with `arrow`, `table` | chosen columns as Arrow, Parquet and text with a header |
 //! | `laz`, `archive` with `blocks` | compression of LAS and of text; text expanded |
 //! | `copc` | compressed LAS as an octree |
-//! | `writer`, `file`, `medium` | bytes into files and streams |
+//! | `writer`, `file`, `stream` | bytes into files and streams |
 //! | `offload`, `summary`, `crs` | work given away, what was written, EPSG codes |
 //!
 //! A named file is `NAME.part` until it is complete. Formats with counts in their header are spooled to an unnamed file
@@ -34,12 +34,12 @@ mod format_tests;
 mod las;
 mod layout;
 mod laz;
-mod medium;
 mod number;
 mod offload;
 mod plan;
 mod ply;
 mod request;
+mod stream;
 mod summary;
 mod table;
 #[cfg(test)]

@@ -4,9 +4,9 @@ use super::arrow::{About, schema};
 use super::columns::Column;
 use super::crs::epsg;
 use super::las::{LasFormat, ObjectIds};
-use super::layout::{Content, FilePlan, Home, Layout};
-use super::medium::{Place, is_special, part_name};
+use super::layout::{Content, FilePlan, Layout, OutputLocation};
 use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
+use super::stream::{Destination, is_special, part_name};
 use super::summary::FileSummary;
 use super::text;
 use crate::diag::Diagnostics;
@@ -36,7 +36,7 @@ pub struct OutputPlan {
     pub(super) legs: Vec<LegFacts>,
     pub(super) shift: DVec3,
     /// Ids of the scene's parts as fields of text.
-    pub(super) labels: Vec<Box<[u8]>>,
+    pub(super) part_names: Vec<Box<[u8]>>,
     /// The same as integers.
     pub(super) objects: ObjectIds,
     pub(super) las: LasFormat,
@@ -49,7 +49,7 @@ pub struct OutputPlan {
     /// Whether pulses without echoes are written.
     pub(super) misses: bool,
     /// Whether PLY gets part, primitive and true range.
-    pub(super) learning: bool,
+    pub(super) labels: bool,
     pub(super) live: bool,
     /// EPSG code of the coordinate reference system.
     pub(super) epsg: Option<u16>,
@@ -101,21 +101,21 @@ impl OutputPlan {
             }
         }
         let warnings = problems.finish(false)?;
-        let columns = request.columns.clone().unwrap_or_else(|| Column::usual(request.misses));
+        let columns = request.columns.clone().unwrap_or_else(|| Column::default_columns(request.misses));
         let about = About { scanner: &survey.scanner.name, crs, objects: &objects };
         let schema = schema(&columns, &about);
         Ok(OutputPlan {
             layout,
             legs: survey.legs.iter().map(|leg| LegFacts::new(leg.number)).collect(),
             shift: scene.shift,
-            labels: scene.parts.iter().map(|part| text::label(&part.id)).collect(),
+            part_names: scene.parts.iter().map(|part| text::label(&part.id)).collect(),
             objects,
             las,
             columns,
             columns_chosen: request.columns.is_some(),
             schema,
             misses: request.misses,
-            learning: request.labels,
+            labels: request.labels,
             live: request.live,
             epsg: crs.and_then(epsg).map(|(_, code)| code),
             warnings,
@@ -188,9 +188,15 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
 fn check_places(layout: &Layout, force: bool, problems: &mut Diagnostics) {
     for clash in &layout.clashes {
         let message = match clash {
-            Home::Fixed(Place::Stdout) => "only one output can go to standard output".to_owned(),
-            Home::Fixed(Place::Path(path)) => format!("two outputs would be written to {}", path.display()),
-            Home::Run { name, .. } => format!("two outputs would be written to {name} of the run directory"),
+            OutputLocation::Fixed(Destination::Stdout) => {
+                "only one output can go to standard output".to_owned()
+            }
+            OutputLocation::Fixed(Destination::Path(path)) => {
+                format!("two outputs would be written to {}", path.display())
+            }
+            OutputLocation::Run { name, .. } => {
+                format!("two outputs would be written to {name} of the run directory")
+            }
         };
         problems.error(None, message);
     }
@@ -198,8 +204,8 @@ fn check_places(layout: &Layout, force: bool, problems: &mut Diagnostics) {
     for folder in folders.filter(|f| f.exists() && !f.is_dir()) {
         problems.error(None, format!("{} is a file, expected a directory", folder.display()));
     }
-    for FilePlan { home, .. } in &layout.files {
-        if let Home::Fixed(Place::Path(path)) = home {
+    for FilePlan { location, .. } in &layout.files {
+        if let OutputLocation::Fixed(Destination::Path(path)) = location {
             check_path(path, &layout.directories, force, problems);
         }
     }
@@ -207,33 +213,33 @@ fn check_places(layout: &Layout, force: bool, problems: &mut Diagnostics) {
 
 /// What is wrong with the files beside LAS that take the waveform packets.
 fn check_packets(layout: &Layout, force: bool, problems: &mut Diagnostics) {
-    let mut taken: BTreeSet<Home> = BTreeSet::new();
+    let mut taken: BTreeSet<OutputLocation> = BTreeSet::new();
     for file in &layout.files {
         if !matches!(file.content, Content::Points(format) if format.is_las()) {
             continue;
         }
-        let home = match &file.home {
-            Home::Fixed(Place::Stdout) => {
+        let location = match &file.location {
+            OutputLocation::Fixed(Destination::Stdout) => {
                 problems
                     .error(None, "waveform packets cannot stand beside standard output")
                     .help("write them inside: --wave-packets inside");
                 continue;
             }
-            Home::Fixed(Place::Path(path)) => {
+            OutputLocation::Fixed(Destination::Path(path)) => {
                 let path = packets_path(path);
                 check_path(&path, &layout.directories, force, problems);
-                Home::Fixed(Place::Path(path))
+                OutputLocation::Fixed(Destination::Path(path))
             }
-            Home::Run { run, name } => {
+            OutputLocation::Run { run, name } => {
                 let path = packets_path(Path::new(name));
-                Home::Run { run: *run, name: path.to_string_lossy().into_owned() }
+                OutputLocation::Run { run: *run, name: path.to_string_lossy().into_owned() }
             }
         };
-        if let Some(twice) = taken.replace(home) {
+        if let Some(twice) = taken.replace(location) {
             let name = match twice {
-                Home::Fixed(Place::Path(path)) => path.display().to_string(),
-                Home::Run { name, .. } => name,
-                Home::Fixed(Place::Stdout) => "standard output".to_owned(),
+                OutputLocation::Fixed(Destination::Path(path)) => path.display().to_string(),
+                OutputLocation::Run { name, .. } => name,
+                OutputLocation::Fixed(Destination::Stdout) => "standard output".to_owned(),
             };
             problems.error(None, format!("the waveform packets of two outputs would be written to {name}"));
         }

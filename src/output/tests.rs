@@ -1,6 +1,6 @@
 //! Whole runs: files, names, order, failure.
 
-use super::medium::{Medium, Storage};
+use super::stream::{OutputStream, Storage};
 use super::testing::{batch, scene, survey, write};
 use super::*;
 use crate::error::Error;
@@ -370,9 +370,8 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
     let path = dir.path().join("p.xyz");
     for room in [0, 10, 200_000] {
         let limited = |file| -> Box<dyn Storage> { Box::new(Full(file, room)) };
-        let mut medium = Medium::part_through(&path, limited);
-        let written =
-            (0..4).try_for_each(|_| medium.append(&[b'x'; 60_000])).and_then(|()| medium.finish(None));
+        let mut out = OutputStream::part_through(&path, limited);
+        let written = (0..4).try_for_each(|_| out.append(&[b'x'; 60_000])).and_then(|()| out.finish(None));
         let Err(Error::Io { path: named, source, .. }) = written else { panic!("{room} bytes were enough") };
         assert_eq!((named, source.kind()), (path.clone(), io::ErrorKind::StorageFull));
         assert!(files(dir.path()).is_empty());

@@ -3,9 +3,9 @@
 use super::Offload;
 use super::encode::Encoded;
 use super::file::OutputFile;
-use super::layout::{Content, Home};
-use super::medium::Place;
+use super::layout::{Content, OutputLocation};
 use super::plan::{OutputPlan, create_run_directory, stamp};
+use super::stream::Destination;
 use super::summary::Summary;
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -129,7 +129,7 @@ impl Writer {
         (self.play, self.leg, self.closed) = (self.play + 1, 0, 0);
         self.keep_runs();
         self.create_runs()?;
-        self.open_files(|home| matches!(home, Home::Run { .. }))
+        self.open_files(|location| matches!(location, OutputLocation::Run { .. }))
     }
 
     /// Hands compression to others from now on.
@@ -188,15 +188,15 @@ impl Writer {
         self.runs.drain(..).for_each(|mut run| run.keep = true);
     }
 
-    fn open_files(&mut self, wanted: impl Fn(&Home) -> bool) -> Result<()> {
+    fn open_files(&mut self, wanted: impl Fn(&OutputLocation) -> bool) -> Result<()> {
         let plan = self.plan.clone();
-        for (slot, file) in plan.layout.files.iter().enumerate().filter(|(_, f)| wanted(&f.home)) {
-            let place = match &file.home {
-                Home::Fixed(place) => place.clone(),
-                Home::Run { run, name } => Place::Path(self.runs[*run].path.join(name)),
+        for (slot, file) in plan.layout.files.iter().enumerate().filter(|(_, f)| wanted(&f.location)) {
+            let place = match &file.location {
+                OutputLocation::Fixed(place) => place.clone(),
+                OutputLocation::Run { run, name } => Destination::Path(self.runs[*run].path.join(name)),
             };
             let mut open = OutputFile::open(&plan, &place, file)?;
-            open.park()?;
+            open.close_handle()?;
             self.files[slot] = Some(open);
         }
         Ok(())
@@ -209,7 +209,7 @@ impl Writer {
         let left = plan.layout.routes.get(self.leg as usize).map_or(&[][..], |r| r);
         for &slot in left.iter().flat_map(|route| route.slots()) {
             if let Some(file) = &mut self.files[slot as usize] {
-                file.park()?;
+                file.close_handle()?;
             }
         }
         self.leg = leg;
@@ -226,7 +226,7 @@ impl Writer {
                 break;
             }
             self.closed += 1;
-            if self.play < plan.plays && !matches!(file.home, Home::Run { .. }) {
+            if self.play < plan.plays && !matches!(file.location, OutputLocation::Run { .. }) {
                 continue;
             }
             let Some(open) = self.files[slot as usize].take() else { continue };

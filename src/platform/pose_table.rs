@@ -2,8 +2,8 @@
 //! that knows names, units and orders is enough.
 
 use super::rows::column_name;
-use crate::arrivals::arrow::{ArrowDecoder, Recognised, recognise, refused};
 use crate::error::Result;
+use crate::input::arrow::{ArrowDecoder, ArrowDetection, detect_arrow, refused};
 use std::path::{Path, PathBuf};
 
 /// What a stream of poses is made of, and the spelling of the one form as the other.
@@ -30,10 +30,10 @@ impl Spelling {
             Spelling::Plain => text.extend_from_slice(bytes),
             Spelling::Unknown => {
                 text.extend_from_slice(bytes);
-                match recognise(text) {
-                    Recognised::TooFew => {}
-                    Recognised::Other => *self = Spelling::Plain,
-                    Recognised::Arrow => {
+                match detect_arrow(text) {
+                    ArrowDetection::NeedMoreBytes => {}
+                    ArrowDetection::Other => *self = Spelling::Plain,
+                    ArrowDetection::Arrow => {
                         path.as_mut_os_string().push(" (rows as text)");
                         let mut speller = Speller::new(path);
                         let first = std::mem::take(text);

@@ -31,12 +31,12 @@ pub struct PageOptions {
     /// Name of the cloud, usually that of the file; may be empty.
     pub title: String,
     /// Points beyond this number are left out: of as many equal runs of points as that, each gives one.
-    pub most_points: usize,
+    pub max_points: usize,
 }
 
 impl Default for PageOptions {
     fn default() -> PageOptions {
-        PageOptions { colour: ColourBy::Height, title: String::new(), most_points: 5_000_000 }
+        PageOptions { colour: ColourBy::Height, title: String::new(), max_points: 5_000_000 }
     }
 }
 
@@ -55,7 +55,7 @@ pub struct Page {
 /// # Errors
 /// Those of `out`.
 pub fn write_page(points: &Points, options: &PageOptions, out: &mut dyn Write) -> io::Result<Page> {
-    let chosen = sample(points.len(), options.most_points);
+    let chosen = sample(points.len(), options.max_points);
     let page = Page { shown: chosen.len(), total: points.len() };
     let legends = Legends::new(points);
     let packed = pack(points, &chosen, &legends.ranges);
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn more_points_than_wanted_are_sampled_and_the_page_says_so() {
-        let options = PageOptions { most_points: 100, ..PageOptions::default() };
+        let options = PageOptions { max_points: 100, ..PageOptions::default() };
         let (shown, text) = page(&cloud(1000), &options);
         assert_eq!(shown, Page { shown: 100, total: 1000 });
         assert!(text.contains("100 of 1 000 points"));

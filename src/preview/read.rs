@@ -2,10 +2,10 @@
 
 use super::points::{Attributes, Point, Points};
 use super::read_table::Layout;
-use crate::arrivals::arrow::{Recognised, recognise};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
+use crate::input::arrow::{ArrowDetection, detect_arrow};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -38,7 +38,7 @@ pub fn read_points(path: &Path) -> Result<Points> {
 fn read_text_or_arrow(mut source: impl BufRead, path: &Path) -> Result<Points> {
     // A pipe may bring the first bytes one by one.
     let mut first = Vec::new();
-    while recognise(&first) == Recognised::TooFew {
+    while detect_arrow(&first) == ArrowDetection::NeedMoreBytes {
         let arrived = source.fill_buf().map_err(|e| Error::io("read", path, e))?;
         if arrived.is_empty() {
             break;
@@ -47,7 +47,7 @@ fn read_text_or_arrow(mut source: impl BufRead, path: &Path) -> Result<Points> {
         first.extend_from_slice(&arrived[..count]);
         source.consume(count);
     }
-    let is_arrow = recognise(&first) == Recognised::Arrow;
+    let is_arrow = detect_arrow(&first) == ArrowDetection::Arrow;
     let whole = std::io::Cursor::new(first).chain(source);
     if is_arrow { super::read_table::read_arrow(whole, path) } else { read_text(whole, path) }
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 /// Reads all points. Intensity and object come from the extra bytes `heliosAmplitude` (or `amplitude`) and `hitObjectId`
 /// where they exist (spec outputs §4.4).
 pub(super) fn read(path: &Path) -> Result<Points> {
-    damage::survive(|| read_sound(path)).unwrap_or_else(|| Err(broken(path)))
+    damage::catch_decoder_panic(|| read_sound(path)).unwrap_or_else(|| Err(broken(path)))
 }
 
 /// Compressed points that are none.

@@ -21,7 +21,7 @@ const LONGEST: u32 = 1 << 28;
 /// # Errors
 /// [`Error::Input`] when the file has no packets or none of that pulse, with the nearest that are there.
 pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
-    damage::survive(|| read_sound(path, number_wanted)).unwrap_or_else(|| Err(broken(path)))
+    damage::catch_decoder_panic(|| read_sound(path, number_wanted)).unwrap_or_else(|| Err(broken(path)))
 }
 
 fn read_sound(path: &Path, number_wanted: u64) -> Result<Wave> {

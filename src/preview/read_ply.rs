@@ -1,9 +1,9 @@
 //! Reads PLY, text and binary.
 
 use super::points::{Attributes, Point, Points};
-use crate::arrivals::ply::number;
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
+use crate::input::ply::number;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult};
 use std::fs::File;

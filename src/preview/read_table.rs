@@ -1,9 +1,9 @@
 //! Reads points from Arrow streams and files and from Parquet: columns by their names, whatever their order.
 
 use super::points::{Attributes, Point, Points};
-use crate::arrivals::arrow::ArrowDecoder;
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
+use crate::input::arrow::ArrowDecoder;
 use ::arrow_array::cast::AsArray;
 use ::arrow_array::types::{
     Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type, UInt32Type,

@@ -20,4 +20,4 @@ pub use columns::Column;
 pub use read::{Block, PulseReader};
 pub use row::{Present, PulseRow};
 pub use table::{TableColumn, TableWriter, pose_columns, pulse_columns, push_pose_row, push_pulse_row};
-pub use text::{POSE_HEADER, header, push_pose, push_pulse, usual_columns, with_errors, with_reported};
+pub use text::{POSE_HEADER, default_columns, header, push_pose, push_pulse, with_errors, with_reported};

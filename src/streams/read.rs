@@ -5,11 +5,11 @@ use super::columns::Column;
 use super::row::{ATTITUDE, DIRECTION, EXACT, ORIGIN, Present, PulseRow};
 use super::table_rows::{TableRows, Tables};
 use super::text_rows::{Lines, TextRows};
-use crate::arrivals::arrow::{Recognised, recognise};
-use crate::arrivals::{Arrival, Arrivals, is_stdin};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
+use crate::input::arrow::{ArrowDetection, detect_arrow};
+use crate::input::{InputStream, ReadEvent, is_stdin};
 use crate::schedule::Stop;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -34,7 +34,7 @@ enum Rows {
 /// A stream of pulses being read.
 #[derive(Debug)]
 pub struct PulseReader {
-    arrivals: Arrivals,
+    input: InputStream,
     path: PathBuf,
     form: Form,
     ended: bool,
@@ -57,14 +57,14 @@ impl PulseReader {
     /// # Errors
     /// [`Error::Io`] when it cannot be opened.
     pub fn open(path: &Path, most: usize) -> Result<PulseReader> {
-        let arrivals = Arrivals::open(path).map_err(|e| Error::io("read", path, e))?;
-        Ok(PulseReader::of(arrivals, path, most))
+        let input = InputStream::open(path).map_err(|e| Error::io("read", path, e))?;
+        Ok(PulseReader::of(input, path, most))
     }
 
     /// Reads what arrives; `path` is the name in messages.
-    pub fn of(arrivals: Arrivals, path: &Path, most: usize) -> PulseReader {
+    pub fn of(input: InputStream, path: &Path, most: usize) -> PulseReader {
         PulseReader {
-            arrivals,
+            input,
             path: if is_stdin(path) { PathBuf::from("<stdin>") } else { path.to_path_buf() },
             form: Form::Unknown(Vec::new()),
             ended: false,
@@ -100,15 +100,15 @@ impl PulseReader {
     /// Takes in what arrives next; `false` when the user wants an end.
     fn receive(&mut self, stop: &Stop) -> Result<bool> {
         loop {
-            match self.arrivals.next(Some(LOOK)) {
-                Arrival::Bytes(bytes) => {
+            match self.input.next(Some(LOOK)) {
+                ReadEvent::Bytes(bytes) => {
                     self.feed(&bytes);
                     self.take_what_waits();
                     return Ok(true);
                 }
-                Arrival::Nothing if stop.asked() => return Ok(false),
-                Arrival::Nothing => {}
-                Arrival::End => {
+                ReadEvent::Timeout if stop.asked() => return Ok(false),
+                ReadEvent::Timeout => {}
+                ReadEvent::End => {
                     self.ended = true;
                     // Too little to tell: a few bytes of text.
                     if let Form::Unknown(bytes) = &mut self.form {
@@ -117,7 +117,7 @@ impl PulseReader {
                     }
                     return Ok(true);
                 }
-                Arrival::Failed(e) => return Err(Error::io("read", &self.path, e)),
+                ReadEvent::Error(e) => return Err(Error::io("read", &self.path, e)),
             }
         }
     }
@@ -129,10 +129,10 @@ impl PulseReader {
             Form::Unknown(first) => {
                 first.extend_from_slice(bytes);
                 let first = std::mem::take(first);
-                match recognise(&first) {
-                    Recognised::TooFew => self.form = Form::Unknown(first),
-                    Recognised::Other => self.begin_text(&first),
-                    Recognised::Arrow => {
+                match detect_arrow(&first) {
+                    ArrowDetection::NeedMoreBytes => self.form = Form::Unknown(first),
+                    ArrowDetection::Other => self.begin_text(&first),
+                    ArrowDetection::Arrow => {
                         let mut tables = Tables::new(&self.path);
                         tables.feed(&first);
                         self.form = Form::Table(tables);
@@ -153,8 +153,8 @@ impl PulseReader {
         while let Form::Text(lines) = &mut self.form
             && !lines.are_many(self.most)
         {
-            match self.arrivals.next(Some(Duration::ZERO)) {
-                Arrival::Bytes(bytes) => lines.feed(&bytes),
+            match self.input.next(Some(Duration::ZERO)) {
+                ReadEvent::Bytes(bytes) => lines.feed(&bytes),
                 // An end or a failure is met again by whoever waits next.
                 _ => break,
             }

@@ -3,10 +3,10 @@
 use super::columns::{COLUMNS, Column, named};
 use super::read::check_complete;
 use super::row::{Present, PulseRow};
-use crate::arrivals::arrow::{ArrowDecoder, Batch, Field, refused};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
+use crate::input::arrow::{ArrowDecoder, Batch, Field, refused};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

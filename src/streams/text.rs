@@ -11,7 +11,7 @@ use crate::geom::DVec3;
 pub const POSE_HEADER: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]\n";
 
 /// What is written of every pulse.
-pub fn usual_columns() -> Present {
+pub fn default_columns() -> Present {
     let single = [Column::Time, Column::Leg, Column::Device, Column::Pulse, Column::Step, Column::ScanAngle];
     let low = [Column::LowX, Column::LowY, Column::LowZ];
     let all = single.iter().chain(&ORIGIN).chain(&DIRECTION).chain(&ATTITUDE).chain(&low);
@@ -94,10 +94,11 @@ mod tests {
     #[test]
     fn the_header_names_units() {
         assert!(
-            header(usual_columns()).starts_with("time[ns],x[m],y[m],z[m],dx,dy,dz,leg,device,pulse,step,qw,")
+            header(default_columns())
+                .starts_with("time[ns],x[m],y[m],z[m],dx,dy,dz,leg,device,pulse,step,qw,")
         );
         assert!(
-            header(with_errors(usual_columns())).ends_with("exact_qx,exact_qy,exact_qz,range_error[m]\n")
+            header(with_errors(default_columns())).ends_with("exact_qx,exact_qy,exact_qz,range_error[m]\n")
         );
         let mut out = Vec::new();
         push_number(&mut out, 86_391e9);

@@ -13,8 +13,8 @@ use crate::geom::DVec3;
 use crate::pipeline::{Control, Emission, Emitted, Progress, Session, emit};
 use crate::quantity::{amount, duration};
 use crate::streams::{
-    Column, POSE_HEADER, Present, PulseRow, TableColumn, TableWriter, header, pose_columns, pulse_columns,
-    push_pose, push_pose_row, push_pulse, push_pulse_row, usual_columns, with_errors, with_reported,
+    Column, POSE_HEADER, Present, PulseRow, TableColumn, TableWriter, default_columns, header, pose_columns,
+    pulse_columns, push_pose, push_pose_row, push_pulse, push_pulse_row, with_errors, with_reported,
 };
 use crate::survey::Survey;
 use std::io::{IsTerminal, Write};
@@ -138,7 +138,7 @@ impl Flight {
         let own = survey.scanner.devices[0].beam.divergence;
         let of_legs: Vec<f64> = survey.legs.iter().map(|l| l.scanner.beam_divergence).collect();
         let start = of_legs.first().copied().unwrap_or(own);
-        let mut columns = usual_columns();
+        let mut columns = default_columns();
         if survey.scanner.devices.iter().any(|d| d.errors.any()) {
             columns = with_errors(columns);
         }

@@ -157,7 +157,7 @@ impl LasFormat {
     }
 
     /// Most points of a file.
-    pub fn most_points(&self) -> u64 {
+    pub fn max_points(&self) -> u64 {
         match self.version {
             LasVersion::V14 => u64::MAX,
             LasVersion::V10 => u64::from(u32::MAX),
@@ -253,16 +253,16 @@ fn scale(asked: Option<f64>, bounds: &Aabb, problems: &mut Diagnostics) -> f64 {
     };
     let fits = |scale: f64| reach / scale < f64::from(i32::MAX);
     let Some(scale) = asked else {
-        let usual = [1e-4, 1e-3, 1e-2, 0.1, 1.0];
-        return usual.into_iter().find(|&s| fits(s)).unwrap_or(reach / 1e9);
+        let scales = [1e-4, 1e-3, 1e-2, 0.1, 1.0];
+        return scales.into_iter().find(|&s| fits(s)).unwrap_or(reach / 1e9);
     };
     if !(scale > 0.0 && scale.is_finite()) {
         problems.error(None, format!("expected a LAS scale greater than 0 m, found {scale}"));
     } else if !fits(scale) {
-        let least = reach / f64::from(i32::MAX);
+        let min_scale = reach / f64::from(i32::MAX);
         problems
             .error(None, format!("the coordinates of the scene exceed 32 bits at a LAS scale of {scale} m"))
-            .help(format!("choose a scale of at least {least:.1e} m"));
+            .help(format!("choose a scale of at least {min_scale:.1e} m"));
     }
     scale
 }

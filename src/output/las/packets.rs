@@ -69,10 +69,10 @@ impl WavePackets {
         }
         let steps = DESCRIPTORS / GAINS / bins.len().max(1);
         if steps < 2 {
-            let most = DESCRIPTORS / GAINS / 2;
+            let max_bins = DESCRIPTORS / GAINS / 2;
             problems.error(
                 None,
-                format!("waveform packets: expected at most {most} widths of bins, found {}", bins.len()),
+                format!("waveform packets: expected at most {max_bins} widths of bins, found {}", bins.len()),
             );
             return None;
         }
@@ -108,8 +108,8 @@ impl WavePackets {
         let step = self.lengths.iter().position(|&length| samples.len() <= length as usize)?;
         let length = *self.lengths.get(step)? as usize;
         let fits = |gain: f64| {
-            let (least, most) = (-(ZERO + 0.5) * gain, (f64::from(u16::MAX) - ZERO + 0.5) * gain);
-            samples.iter().all(|&s| least < s && s < most)
+            let (min, max) = (-(ZERO + 0.5) * gain, (f64::from(u16::MAX) - ZERO + 0.5) * gain);
+            samples.iter().all(|&s| min < s && s < max)
         };
         let exponent = (0..GAINS).find(|&exponent| fits(gain(exponent))).unwrap_or(GAINS - 1);
         let scale = 1.0 / gain(exponent);

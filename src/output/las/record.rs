@@ -24,7 +24,7 @@ const WITHHELD_1: u8 = 1 << 7;
 /// The nearest whole number, of two the even one, as far as 2^51: `f64::round_ties_even`, which is a call where there is no
 /// instruction for it. Larger numbers stay about as large.
 #[inline(always)]
-fn whole(x: f64) -> f64 {
+fn round_half_even(x: f64) -> f64 {
     const UNIT_IS_LAST_DIGIT: f64 = 1.5 * (1u64 << 52) as f64;
     (x + UNIT_IS_LAST_DIGIT) - UNIT_IS_LAST_DIGIT
 }
@@ -52,7 +52,7 @@ impl LasCodec<'_> {
     /// Integer coordinates, if 32 bits hold them.
     fn stored(&self, position: DVec3) -> Option<DVec3> {
         let scaled = (position + self.format.shift) / self.format.scale;
-        let stored = DVec3::from(scaled.to_array().map(whole));
+        let stored = DVec3::from(scaled.to_array().map(round_half_even));
         let limit = f64::from(i32::MAX);
         // NaN is not within the limit either.
         let holds = stored.x.abs() <= limit && stored.y.abs() <= limit && stored.z.abs() <= limit;
@@ -73,8 +73,10 @@ impl LasCodec<'_> {
         // User data
         record.put([0]);
         // Scan angle, 0.006 degrees
-        record
-            .put((whole((degrees(echo.scan_angle) / 0.006).clamp(-30_000.0, 30_000.0)) as i16).to_le_bytes());
+        record.put(
+            (round_half_even((degrees(echo.scan_angle) / 0.006).clamp(-30_000.0, 30_000.0)) as i16)
+                .to_le_bytes(),
+        );
         // Point source ID
         record.put(leg.source_id.to_le_bytes());
         // GPS time
@@ -148,7 +150,7 @@ impl LasFormat {
         // Conversions saturate, and NaN becomes 0.
         match self.intensity {
             IntensityMapping::Decibel if amplitude > 0.0 => {
-                whole(10_000.0 + DECIBEL * libm::log(amplitude)).max(1.0) as u16
+                round_half_even(10_000.0 + DECIBEL * libm::log(amplitude)).max(1.0) as u16
             }
             IntensityMapping::Decibel => 0,
             IntensityMapping::Linear { full_scale } => {

@@ -59,7 +59,7 @@ fn dimensions(
     extra: ExtraDimensions,
     groups: Groups,
 ) -> impl Iterator<Item = &'static (u8, u16, &'static str, &'static str)> {
-    let usual = match extra {
+    let base = match extra {
         ExtraDimensions::All => &DIMENSIONS[..],
         ExtraDimensions::Helios => &DIMENSIONS[..4],
         ExtraDimensions::None => &[],
@@ -68,7 +68,7 @@ fn dimensions(
     let of = |wanted: bool, group: &'static [_]| if all && wanted { group } else { &[] };
     let labels = of(groups.labels, &LABELS);
     let directions = of(groups.directions, &DIRECTIONS);
-    usual.iter().chain(labels).chain(directions).chain(of(groups.true_positions, &TRUE_POSITIONS))
+    base.iter().chain(labels).chain(directions).chain(of(groups.true_positions, &TRUE_POSITIONS))
 }
 
 /// Extra bytes of a point.

@@ -17,10 +17,10 @@ mod text;
 
 use super::layout::Layout;
 use super::pose_table::Spelling;
-use crate::arrivals::{Arrival, Arrivals, is_stdin};
 use crate::diag::{Diagnostics, Notice};
 use crate::error::{Error, Result};
 use crate::geom::{DVec3, Rotation};
+use crate::input::{InputStream, ReadEvent, is_stdin};
 use crate::survey::{Grid, PoseStream};
 use fix::Mark;
 pub(super) use fix::{Fix, FixPlace, Problem};
@@ -73,7 +73,7 @@ const MOST_POSES: usize = 1024;
 
 /// Reads a trajectory in any of its layouts from a file, a named pipe or standard input. Times must ascend.
 pub struct PoseReader {
-    arrivals: Arrivals,
+    input: InputStream,
     path: PathBuf,
     spelling: Spelling,
     source: Source,
@@ -112,15 +112,15 @@ impl PoseReader {
         if let Some(Err(message)) = settings.columns.as_deref().map(Layout::chosen) {
             return Err(Error::input(format!("columns of the trajectory: {message}")));
         }
-        let arrivals = Arrivals::open(&settings.path).map_err(|e| Error::io("read", &settings.path, e))?;
-        Ok(PoseReader::of(arrivals, settings))
+        let input = InputStream::open(&settings.path).map_err(|e| Error::io("read", &settings.path, e))?;
+        Ok(PoseReader::of(input, settings))
     }
 
     /// Reads what arrives; `settings.path` is the name in messages.
-    pub fn of(arrivals: Arrivals, settings: &PoseStream) -> PoseReader {
+    pub fn of(input: InputStream, settings: &PoseStream) -> PoseReader {
         let stdin = is_stdin(&settings.path);
         PoseReader {
-            arrivals,
+            input,
             path: if stdin { PathBuf::from("<stdin>") } else { settings.path.clone() },
             spelling: Spelling::default(),
             source: Source::new(settings),
@@ -203,22 +203,22 @@ impl PoseReader {
     /// Takes in one read's worth of bytes; `false` if none arrived in time.
     fn receive(&mut self, patience: Option<Duration>) -> bool {
         let mut taken = std::mem::take(&mut self.rest);
-        match self.arrivals.next(patience) {
-            Arrival::Bytes(bytes) => {
+        match self.input.next(patience) {
+            ReadEvent::Bytes(bytes) => {
                 self.bytes += bytes.len() as u64;
                 let spelled = self.spelling.add(&bytes, &mut taken, &mut self.path);
                 self.refuse(spelled);
             }
-            Arrival::Nothing => {
+            ReadEvent::Timeout => {
                 self.rest = taken;
                 return false;
             }
-            Arrival::End => {
+            ReadEvent::End => {
                 self.ended = true;
                 let whole = self.spelling.end();
                 self.refuse(whole);
             }
-            Arrival::Failed(e) => self.failure = Some(Failure::Io(e.kind(), e.to_string())),
+            ReadEvent::Error(e) => self.failure = Some(Failure::Io(e.kind(), e.to_string())),
         }
         if self.spelling.is_unknown() && !self.ended {
             self.rest = taken;
@@ -404,7 +404,7 @@ pub(super) mod tests {
 
     fn reader(text: &str, size: usize, settings: &PoseStream) -> PoseReader {
         let trickle = Trickle { text: text.as_bytes().to_vec(), size };
-        PoseReader::of(Arrivals::of(trickle), settings)
+        PoseReader::of(InputStream::from_reader(trickle), settings)
     }
 
     fn read_all(text: &str, size: usize, settings: &PoseStream) -> Result<Vec<Pose>, String> {
@@ -459,7 +459,7 @@ pub(super) mod tests {
         let counts: Vec<usize> = std::iter::from_fn(|| r.next_block().unwrap()).map(|b| b.len()).collect();
         assert_eq!(counts, [1, 1, 1]);
         let many: String = (0..3000).map(|i| format!("{i},0,0,0,0,0,0\n")).collect();
-        let mut r = PoseReader::of(Arrivals::of(std::io::Cursor::new(many)), &settings());
+        let mut r = PoseReader::of(InputStream::from_reader(std::io::Cursor::new(many)), &settings());
         let counts: Vec<usize> = std::iter::from_fn(|| r.next_block().unwrap()).map(|b| b.len()).collect();
         assert_eq!(counts, [1024, 1024, 952]);
     }
@@ -490,8 +490,9 @@ pub(super) mod tests {
     fn told(bytes: &[u8], strict: bool) -> (Vec<Notice>, Result<usize, String>) {
         let all = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
         let heard = all.clone();
-        let mut reader = PoseReader::of(Arrivals::of(std::io::Cursor::new(bytes.to_vec())), &settings())
-            .telling(strict, move |told| heard.lock().unwrap().push(told));
+        let mut reader =
+            PoseReader::of(InputStream::from_reader(std::io::Cursor::new(bytes.to_vec())), &settings())
+                .telling(strict, move |told| heard.lock().unwrap().push(told));
         let mut poses = 0;
         let end = loop {
             match reader.next_block() {
@@ -563,7 +564,7 @@ pub(super) mod tests {
             assert_eq!(whole, Ok(300));
             for size in [1, 7, 137, 4096] {
                 let trickle = Trickle { text: bytes.clone(), size };
-                let mut reader = PoseReader::of(Arrivals::of(trickle), &settings());
+                let mut reader = PoseReader::of(InputStream::from_reader(trickle), &settings());
                 let mut count = 0;
                 while let Some(block) = reader.next_block().unwrap() {
                     count += block.len();

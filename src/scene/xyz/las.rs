@@ -121,7 +121,7 @@ impl<'a> Cloud<'a> {
         let records = if format & COMPRESSED == 0 {
             Records::Plain(&bytes[data_at..])
         } else {
-            Records::Compressed(Box::new(survive(|| Compressed::open(&read, data_at, &header))?))
+            Records::Compressed(Box::new(catch_decoder_panic(|| Compressed::open(&read, data_at, &header))?))
         };
         let record = vec![0; usize::from(header.record_length)];
         Ok(Cloud { records, header, record, at: 0 })
@@ -161,7 +161,7 @@ impl<'a> Cloud<'a> {
 impl Batches for Cloud<'_> {
     fn next(&mut self, room: &mut Vec<Point>) -> Result<bool, String> {
         let end = self.header.count.min(self.at + BATCH as u64);
-        survive(|| {
+        catch_decoder_panic(|| {
             while self.at < end {
                 self.read_record()?;
                 room.push(self.point());
@@ -174,8 +174,8 @@ impl Batches for Cloud<'_> {
 }
 
 /// Does what leads through `laz`.
-fn survive<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    let done = damage::survive(read);
+fn catch_decoder_panic<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    let done = damage::catch_decoder_panic(read);
     done.unwrap_or_else(|| Err("its compressed points make no sense; is the file whole?".to_owned()))
 }
 

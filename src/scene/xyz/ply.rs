@@ -1,8 +1,8 @@
 //! Points of PLY files, text and binary: positions, normals and classes.
 
 use super::points::{BATCH, Batches, Point};
-use crate::arrivals::ply::number;
 use crate::geom::DVec3;
+use crate::input::ply::number;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult};
 use std::io::{BufRead, Read};

@@ -5,8 +5,8 @@ use super::build::near;
 use super::instrument::Values;
 use super::keys::{Key, TrajectoryKeys};
 use super::run::one_of;
-use crate::arrivals::is_stdin;
 use crate::geom::{UtmZone, radians};
+use crate::input::is_stdin;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 

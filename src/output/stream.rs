@@ -12,7 +12,7 @@ impl<T: Write + Seek + Send> Storage for T {}
 
 /// Where one file goes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Place {
+pub(super) enum Destination {
     /// Standard output.
     Stdout,
     /// A name.
@@ -20,7 +20,7 @@ pub(super) enum Place {
 }
 
 /// One output being written.
-pub(super) struct Medium {
+pub(super) struct OutputStream {
     /// For messages: the final name.
     name: PathBuf,
     kind: Kind,
@@ -49,8 +49,8 @@ enum Kind {
     Unnamed(File),
     /// Bytes are collected in an unnamed file and copied at the end.
     Spool { spool: File, stream: File },
-    /// `part` gets the file's name at the end; `settled` when it has, or when it must stay under its own.
-    Part { part: PathBuf, force: bool, settled: bool },
+    /// `part` gets the file's name at the end; `committed` when it has, or when it must stay under its own.
+    Part { part: PathBuf, force: bool, committed: bool },
 }
 
 /// Appends are collected up to this size.
@@ -82,38 +82,38 @@ pub(super) fn is_special(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
-impl Medium {
+impl OutputStream {
     /// Opens a place for writing.
-    pub fn open(place: &Place, force: bool, patched: Patched) -> Result<Medium> {
+    pub fn open(place: &Destination, force: bool, patched: Patched) -> Result<OutputStream> {
         match place {
-            Place::Stdout => {
+            Destination::Stdout => {
                 let name = PathBuf::from("standard output");
                 let file = stdout_file().map_err(|e| Error::io("open", &name, e))?;
-                Medium::stream(name, file, patched)
+                OutputStream::stream(name, file, patched)
             }
-            Place::Path(path) if is_special(path) => {
+            Destination::Path(path) if is_special(path) => {
                 let file =
                     OpenOptions::new().write(true).open(path).map_err(|e| Error::io("open", path, e))?;
-                Medium::stream(path.clone(), file, patched)
+                OutputStream::stream(path.clone(), file, patched)
             }
-            Place::Path(path) => Medium::part(path, force),
+            Destination::Path(path) => OutputStream::part(path, force),
         }
     }
 
-    fn stream(name: PathBuf, mut file: File, patched: Patched) -> Result<Medium> {
+    fn stream(name: PathBuf, mut file: File, patched: Patched) -> Result<OutputStream> {
         let seekable = is_seekable(&mut file);
         if patched != Patched::Always || seekable {
-            let mut medium = Medium::new(name, Kind::Direct, Box::new(file));
-            medium.seekable = seekable;
-            return Ok(medium);
+            let mut out = OutputStream::new(name, Kind::Direct, Box::new(file));
+            out.seekable = seekable;
+            return Ok(out);
         }
         let no_spool = |e| Error::io("create a file in", std::env::temp_dir(), e);
         let spool = tempfile::tempfile().map_err(no_spool)?;
         let storage = Box::new(spool.try_clone().map_err(no_spool)?);
-        Ok(Medium::new(name, Kind::Spool { spool, stream: file }, storage))
+        Ok(OutputStream::new(name, Kind::Spool { spool, stream: file }, storage))
     }
 
-    fn part(path: &Path, force: bool) -> Result<Medium> {
+    fn part(path: &Path, force: bool) -> Result<OutputStream> {
         // A link is followed, so that it stays and what it points to is replaced.
         let path = match fs::canonicalize(path) {
             Ok(real) if path.is_symlink() => real,
@@ -128,21 +128,21 @@ impl Medium {
         }
         let options = OpenOptions::new().read(true).write(true).create_new(true).open(&part);
         let file = options.map_err(|e| Error::io("create", &part, e))?;
-        let kind = Kind::Part { part, force, settled: false };
-        Ok(Medium::new(path, kind, Box::new(file)))
+        let kind = Kind::Part { part, force, committed: false };
+        Ok(OutputStream::new(path, kind, Box::new(file)))
     }
 
-    /// A file that has no name and goes away when it is closed, see [`Medium::pour_into`].
-    pub fn unnamed() -> Result<Medium> {
+    /// A file that has no name and goes away when it is closed, see [`OutputStream::pour_into`].
+    pub fn unnamed() -> Result<OutputStream> {
         let name = std::env::temp_dir();
         let no_file = |e| Error::io("create a file in", std::env::temp_dir(), e);
         let file = tempfile::tempfile().map_err(no_file)?;
         let storage = Box::new(file.try_clone().map_err(no_file)?);
-        Ok(Medium::new(name, Kind::Unnamed(file), storage))
+        Ok(OutputStream::new(name, Kind::Unnamed(file), storage))
     }
 
-    /// Appends all bytes of an unnamed file to another medium.
-    pub fn pour_into(mut self, other: &mut Medium) -> Result<()> {
+    /// Appends all bytes of an unnamed file to another out.
+    pub fn pour_into(mut self, other: &mut OutputStream) -> Result<()> {
         self.flush()?;
         let Kind::Unnamed(file) = &mut self.kind else {
             return Err(Error::Internal(format!("{} has a name", self.name.display())));
@@ -158,19 +158,19 @@ impl Medium {
         }
     }
 
-    fn new(name: PathBuf, kind: Kind, storage: Box<dyn Storage>) -> Medium {
-        Medium { name, kind, storage: Some(storage), buffer: Vec::new(), len: 0, seekable: true }
+    fn new(name: PathBuf, kind: Kind, storage: Box<dyn Storage>) -> OutputStream {
+        OutputStream { name, kind, storage: Some(storage), buffer: Vec::new(), len: 0, seekable: true }
     }
 
     /// A named file whose bytes go through `storage`.
     #[cfg(test)]
-    pub fn part_through(path: &Path, storage: impl FnOnce(File) -> Box<dyn Storage>) -> Medium {
-        let mut medium = Medium::part(path, false).unwrap();
-        medium.storage = Some(storage(File::options().write(true).open(part_name(path)).unwrap()));
-        medium
+    pub fn part_through(path: &Path, storage: impl FnOnce(File) -> Box<dyn Storage>) -> OutputStream {
+        let mut out = OutputStream::part(path, false).unwrap();
+        out.storage = Some(storage(File::options().write(true).open(part_name(path)).unwrap()));
+        out
     }
 
-    /// Whether [`Medium::patch`] works.
+    /// Whether [`OutputStream::patch`] works.
     pub fn is_seekable(&self) -> bool {
         self.seekable
     }
@@ -228,7 +228,7 @@ impl Medium {
     }
 
     /// Gives the file handle back until the next append, so that thousands of legs need no thousands of handles.
-    pub fn park(&mut self) -> Result<()> {
+    pub fn close_handle(&mut self) -> Result<()> {
         if matches!(self.kind, Kind::Part { .. }) {
             self.flush()?;
             self.storage = None;
@@ -251,7 +251,7 @@ impl Medium {
     }
 
     /// Where a partial file goes when a file of an earlier run stands under its name, which only a complete one may replace.
-    pub fn partial_place(&self) -> Option<PathBuf> {
+    pub fn partial_path(&self) -> Option<PathBuf> {
         let replaces = matches!(&self.kind, Kind::Part { force: true, .. }) && self.name.is_file();
         replaces.then(|| partial_name(&self.name))
     }
@@ -269,19 +269,19 @@ impl Medium {
                 .and_then(|_| io::copy(spool, stream))
                 .map(drop)
                 .map_err(|e| Error::io("write", &self.name, e)),
-            Kind::Part { part, force, settled } => {
-                let named = settle(part, beside.unwrap_or(&self.name), *force);
+            Kind::Part { part, force, committed } => {
+                let named = commit(part, beside.unwrap_or(&self.name), *force);
                 // What came in between is not overwritten, and what was computed is not thrown away.
-                *settled = !matches!(&named, Err(e) if e.kind() != io::ErrorKind::AlreadyExists);
+                *committed = !matches!(&named, Err(e) if e.kind() != io::ErrorKind::AlreadyExists);
                 named.map_err(|e| Error::io("give its name to", &*part, e))
             }
         }
     }
 }
 
-impl Drop for Medium {
+impl Drop for OutputStream {
     fn drop(&mut self) {
-        if let Kind::Part { part, settled: false, .. } = &self.kind {
+        if let Kind::Part { part, committed: false, .. } = &self.kind {
             // The run has failed already; there is nothing better to report than its error.
             let _ = fs::remove_file(part);
         }
@@ -289,7 +289,7 @@ impl Drop for Medium {
 }
 
 /// Renames `part`; without `force` never over another file.
-fn settle(part: &Path, name: &Path, force: bool) -> io::Result<()> {
+fn commit(part: &Path, name: &Path, force: bool) -> io::Result<()> {
     if force {
         return fs::rename(part, name);
     }
@@ -354,15 +354,15 @@ mod tests {
     fn parked_files_go_on_where_they_were() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a");
-        let mut medium = Medium::open(&Place::Path(path.clone()), false, Patched::Always).unwrap();
+        let mut out = OutputStream::open(&Destination::Path(path.clone()), false, Patched::Always).unwrap();
         for text in ["head ", "one ", "two"] {
-            medium.append(text.as_bytes()).unwrap();
-            medium.park().unwrap();
+            out.append(text.as_bytes()).unwrap();
+            out.close_handle().unwrap();
         }
-        medium.patch(0, b"HEAD").unwrap();
-        medium.append(b" three").unwrap();
-        assert_eq!(medium.len(), 18);
-        medium.finish(None).unwrap();
+        out.patch(0, b"HEAD").unwrap();
+        out.append(b" three").unwrap();
+        assert_eq!(out.len(), 18);
+        out.finish(None).unwrap();
         assert_eq!(fs::read_to_string(path).unwrap(), "HEAD one two three");
     }
 
@@ -381,11 +381,11 @@ mod tests {
         // Without an old file the name itself is free, whatever is written under it.
         for (old, expected) in [(None, None), (Some("old"), Some(beside.clone()))] {
             let _ = old.map(|text| fs::write(&path, text).unwrap());
-            let mut medium = Medium::open(&Place::Path(path.clone()), true, Patched::Never).unwrap();
-            medium.append(b"new").unwrap();
-            let beside = medium.partial_place();
+            let mut out = OutputStream::open(&Destination::Path(path.clone()), true, Patched::Never).unwrap();
+            out.append(b"new").unwrap();
+            let beside = out.partial_path();
             assert_eq!(beside, expected);
-            medium.finish(beside.as_deref()).unwrap();
+            out.finish(beside.as_deref()).unwrap();
             assert_eq!(fs::read_to_string(&path).unwrap(), old.unwrap_or("new"));
         }
         assert_eq!(fs::read_to_string(&beside).unwrap(), "new");
@@ -398,9 +398,9 @@ mod tests {
         let [link, target] = ["link", "target"].map(|name| dir.path().join(name));
         fs::write(&target, "old").unwrap();
         std::os::unix::fs::symlink(&target, &link).unwrap();
-        let mut medium = Medium::open(&Place::Path(link.clone()), true, Patched::Never).unwrap();
-        medium.append(b"new").unwrap();
-        medium.finish(None).unwrap();
+        let mut out = OutputStream::open(&Destination::Path(link.clone()), true, Patched::Never).unwrap();
+        out.append(b"new").unwrap();
+        out.finish(None).unwrap();
         assert!(link.is_symlink());
         assert_eq!(fs::read_to_string(target).unwrap(), "new");
     }

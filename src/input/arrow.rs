@@ -22,26 +22,26 @@ const LONGEST_BATCH: usize = 1 << 30;
 
 /// What the first bytes of a stream tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Recognised {
+pub enum ArrowDetection {
     /// An Arrow stream or file.
     Arrow,
     /// Something else.
     Other,
     /// Not yet: more must arrive.
-    TooFew,
+    NeedMoreBytes,
 }
 
 /// Looks at the first bytes of a stream.
-pub fn recognise(first: &[u8]) -> Recognised {
+pub fn detect_arrow(first: &[u8]) -> ArrowDetection {
     let begins = |mark: &[u8]| {
         let common = mark.len().min(first.len());
         first[..common] == mark[..common]
     };
     match (begins(&CONTINUATION), begins(&FILE)) {
-        (true, _) if first.len() >= CONTINUATION.len() => Recognised::Arrow,
-        (_, true) if first.len() >= FILE.len() => Recognised::Arrow,
-        (false, false) => Recognised::Other,
-        _ => Recognised::TooFew,
+        (true, _) if first.len() >= CONTINUATION.len() => ArrowDetection::Arrow,
+        (_, true) if first.len() >= FILE.len() => ArrowDetection::Arrow,
+        (false, false) => ArrowDetection::Other,
+        _ => ArrowDetection::NeedMoreBytes,
     }
 }
 
@@ -522,13 +522,13 @@ mod tests {
 
     #[test]
     fn the_first_bytes_tell() {
-        assert_eq!(recognise(&stream(&[])), Recognised::Arrow);
-        assert_eq!(recognise(b"ARROW1\0\0...."), Recognised::Arrow);
-        assert_eq!(recognise(b"ARROW1"), Recognised::TooFew);
-        assert_eq!(recognise(&[0xff; 3]), Recognised::TooFew);
-        assert_eq!(recognise(b""), Recognised::TooFew);
-        assert_eq!(recognise(b"time,x,y,z"), Recognised::Other);
-        assert_eq!(recognise("\u{feff}time".as_bytes()), Recognised::Other);
+        assert_eq!(detect_arrow(&stream(&[])), ArrowDetection::Arrow);
+        assert_eq!(detect_arrow(b"ARROW1\0\0...."), ArrowDetection::Arrow);
+        assert_eq!(detect_arrow(b"ARROW1"), ArrowDetection::NeedMoreBytes);
+        assert_eq!(detect_arrow(&[0xff; 3]), ArrowDetection::NeedMoreBytes);
+        assert_eq!(detect_arrow(b""), ArrowDetection::NeedMoreBytes);
+        assert_eq!(detect_arrow(b"time,x,y,z"), ArrowDetection::Other);
+        assert_eq!(detect_arrow("\u{feff}time".as_bytes()), ArrowDetection::Other);
     }
 
     #[test]

@@ -1,0 +1,137 @@
+//! Input that is read while it arrives: [`InputStream`] reads bytes on a thread of its own, so that the consumer can wait
+//! for them with a timeout; [`arrow`] decodes Arrow streams batch by batch; [`ply`] converts properties of PLY vertices.
+
+pub mod arrow;
+pub mod ply;
+
+use std::io::{ErrorKind, Read};
+use std::path::Path;
+use std::time::Duration;
+
+/// Largest number of bytes of one read.
+const MAX_READ_BYTES: usize = 1 << 16;
+/// Largest number of reads in the queue; when it is full the pipe fills up and its writer blocks.
+const MAX_QUEUED_READS: usize = 4;
+
+/// The result of waiting for bytes.
+#[derive(Debug)]
+pub enum ReadEvent {
+    /// Bytes arrived.
+    Bytes(Vec<u8>),
+    /// No bytes arrived within the timeout.
+    Timeout,
+    /// The stream has ended.
+    End,
+    /// The stream cannot be read.
+    Error(std::io::Error),
+}
+
+/// A byte stream that a thread of its own reads. The thread ends with the stream, or after the read during which this
+/// value was dropped.
+#[derive(Debug)]
+pub struct InputStream {
+    reads: flume::Receiver<std::io::Result<Vec<u8>>>,
+}
+
+impl InputStream {
+    /// Starts the thread that reads `input`.
+    pub fn from_reader(mut input: impl Read + Send + 'static) -> InputStream {
+        let (sender, reads) = flume::bounded(MAX_QUEUED_READS);
+        std::thread::spawn(move || {
+            let mut buffer = vec![0; MAX_READ_BYTES];
+            loop {
+                let read = match input.read(&mut buffer) {
+                    Ok(0) => break,
+                    Ok(count) => Ok(buffer[..count].to_vec()),
+                    Err(e) if e.kind() == ErrorKind::Interrupted => continue,
+                    Err(e) => Err(e),
+                };
+                let failed = read.is_err();
+                if sender.send(read).is_err() || failed {
+                    break;
+                }
+            }
+        });
+        InputStream { reads }
+    }
+
+    /// Opens a file, a named pipe, or standard input, see [`is_stdin`].
+    ///
+    /// # Errors
+    /// The error of the operating system when the file cannot be opened.
+    pub fn open(path: &Path) -> std::io::Result<InputStream> {
+        if is_stdin(path) {
+            return Ok(InputStream::from_reader(std::io::stdin()));
+        }
+        if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+            return Ok(InputStream::from_reader(LazyPipe::Closed(path.to_path_buf())));
+        }
+        std::fs::File::open(path).map(InputStream::from_reader)
+    }
+
+    /// Waits for bytes; without a timeout until they arrive or the stream ends.
+    pub fn next(&self, timeout: Option<Duration>) -> ReadEvent {
+        let read = match timeout {
+            None => self.reads.recv().map_err(|_| ReadEvent::End),
+            Some(time) => self.reads.recv_timeout(time).map_err(|e| match e {
+                flume::RecvTimeoutError::Timeout => ReadEvent::Timeout,
+                flume::RecvTimeoutError::Disconnected => ReadEvent::End,
+            }),
+        };
+        match read {
+            Ok(Ok(bytes)) => ReadEvent::Bytes(bytes),
+            Ok(Err(e)) => ReadEvent::Error(e),
+            Err(other) => other,
+        }
+    }
+}
+
+/// A named pipe that is opened by its first read, on the reading thread: `open` blocks until a writer opens the pipe, and
+/// the run can be interrupted meanwhile.
+enum LazyPipe {
+    Closed(std::path::PathBuf),
+    Open(std::fs::File),
+}
+
+impl Read for LazyPipe {
+    fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+        if let LazyPipe::Closed(path) = self {
+            *self = LazyPipe::Open(std::fs::File::open(path)?);
+        }
+        match self {
+            LazyPipe::Open(file) => file.read(to),
+            LazyPipe::Closed(_) => Ok(0),
+        }
+    }
+}
+
+/// Whether the path means standard input: `-`, `STDIN`, `/dev/stdin`.
+pub fn is_stdin(path: &Path) -> bool {
+    ["-", "STDIN", "/dev/stdin"].iter().any(|name| path.as_os_str() == *name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_arrive_in_order_and_then_the_end() {
+        let text: Vec<u8> = (0..300_000u32).map(|i| i as u8).collect();
+        let input = InputStream::from_reader(std::io::Cursor::new(text.clone()));
+        let mut read = Vec::new();
+        while let ReadEvent::Bytes(bytes) = input.next(None) {
+            assert!(bytes.len() <= MAX_READ_BYTES);
+            read.extend(bytes);
+        }
+        assert!(read == text && matches!(input.next(None), ReadEvent::End));
+    }
+
+    #[test]
+    fn waiting_times_out() {
+        let (reader, writer) = std::io::pipe().unwrap();
+        let input = InputStream::from_reader(reader);
+        assert!(matches!(input.next(Some(Duration::from_millis(1))), ReadEvent::Timeout));
+        drop(writer);
+        assert!(matches!(input.next(None), ReadEvent::End));
+    }
+}
