@@ -1,104 +1,103 @@
-//! Tables of numbers that arrive as an Arrow IPC stream, or as an Arrow file read from its beginning (Arrow columnar format,
-//! "IPC streaming format"): recognised by their first bytes, and taken apart batch by batch while they flow.
+//! Tables of numbers in an Arrow IPC stream, or in an Arrow file read from its beginning (Arrow columnar format, "IPC
+//! streaming format"): recognised by their first bytes and decoded batch by batch while they arrive.
 //!
-//! Metadata is verified before it is looked into and every range is checked against what has arrived, so that no stream can
-//! do more than be refused; memory holds one batch.
+//! The lengths of a message are checked here before anything is allocated for it, then `arrow-ipc` decodes and validates
+//! it. Its `StreamDecoder` is not used: it holds a schema back until the bytes of the next message arrive. Only columns of
+//! numbers are decoded; one batch is in memory at a time.
 
+use crate::damage::catch_decoder_panic;
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use ::arrow_ipc::{Endianness, MessageHeader, Precision, Type, root_as_message};
+use ::arrow_array::cast::AsArray;
+use ::arrow_array::types::{
+    Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type, UInt32Type,
+    UInt64Type,
+};
+use ::arrow_array::{Array, ArrowPrimitiveType, RecordBatch};
+use ::arrow_buffer::Buffer;
+use ::arrow_ipc::convert::try_fb_to_schema;
+use ::arrow_ipc::reader::read_record_batch;
+use ::arrow_ipc::{Endianness, MessageHeader, root_as_message};
+use ::arrow_schema::{DataType, SchemaRef};
+use std::collections::HashMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a message of a stream begins with.
+/// First bytes of a message of a stream.
 const CONTINUATION: [u8; 4] = [0xff; 4];
-/// What a file begins with; its messages follow.
-const FILE: [u8; 8] = *b"ARROW1\0\0";
-/// Longer metadata tells of no table of pulses or poses, bytes.
-const LONGEST_METADATA: usize = 1 << 24;
-/// Longer batches are not kept in memory, bytes.
-const LONGEST_BATCH: usize = 1 << 30;
+/// First bytes of a file; its messages follow.
+const FILE_MAGIC: [u8; 8] = *b"ARROW1\0\0";
+/// Longest metadata of a message that is accepted, bytes.
+const MAX_METADATA_BYTES: usize = 1 << 24;
+/// Longest body of a message that is accepted, bytes.
+const MAX_BATCH_BYTES: usize = 1 << 30;
 
-/// What the first bytes of a stream tell.
+/// Whether the first bytes of a stream are those of an Arrow stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArrowDetection {
     /// An Arrow stream or file.
     Arrow,
     /// Something else.
     Other,
-    /// Not yet: more must arrive.
+    /// Undecided until more bytes arrive.
     NeedMoreBytes,
 }
 
-/// Looks at the first bytes of a stream.
+/// Compares the first bytes of a stream with those of Arrow streams and files.
 pub fn detect_arrow(first: &[u8]) -> ArrowDetection {
-    let begins = |mark: &[u8]| {
-        let common = mark.len().min(first.len());
-        first[..common] == mark[..common]
+    let agrees = |magic: &[u8]| {
+        let common = magic.len().min(first.len());
+        first[..common] == magic[..common]
     };
-    match (begins(&CONTINUATION), begins(&FILE)) {
+    match (agrees(&CONTINUATION), agrees(&FILE_MAGIC)) {
         (true, _) if first.len() >= CONTINUATION.len() => ArrowDetection::Arrow,
-        (_, true) if first.len() >= FILE.len() => ArrowDetection::Arrow,
+        (_, true) if first.len() >= FILE_MAGIC.len() => ArrowDetection::Arrow,
         (false, false) => ArrowDetection::Other,
         _ => ArrowDetection::NeedMoreBytes,
     }
 }
 
-/// A column as the schema describes it.
+/// A column of the schema.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// Its name, with the unit of the metadata behind it where the name has none: `time[ns]`.
+    /// Its name, followed by the unit of its metadata where the name contains none: `time[ns]`.
     pub heading: String,
-    /// What it holds, for messages.
+    /// What its values are, for messages.
     pub holds: &'static str,
-    form: Form,
+    is_number: bool,
 }
 
 impl Field {
-    /// Whether it holds numbers.
+    fn new(field: &::arrow_schema::Field) -> Field {
+        let name = field.name();
+        let heading = match field.metadata().get("unit").map_or("", String::as_str) {
+            "" => name.clone(),
+            _ if name.contains(['[', '(']) => name.clone(),
+            unit => format!("{name}[{unit}]"),
+        };
+        let kind = field.data_type();
+        let is_number = kind.is_integer() || matches!(kind, DataType::Float32 | DataType::Float64);
+        let holds = match kind {
+            _ if is_number => "numbers",
+            DataType::Float16 => "half-precision numbers",
+            DataType::Dictionary(..) => "values of a dictionary",
+            DataType::Null => "nothing",
+            DataType::Boolean => "truth values",
+            DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View => "text",
+            kind if kind.is_temporal() => "calendar times or durations",
+            _ => "values of another type",
+        };
+        Field { heading, holds, is_number }
+    }
+
+    /// Whether its values are numbers.
     pub fn is_number(&self) -> bool {
-        matches!(self.form, Form::Number(_))
+        self.is_number
     }
 }
 
-/// How the values of a column are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Form {
-    Number(Number),
-    /// So many buffers that are passed over, and as many more as the batch says.
-    Other {
-        buffers: usize,
-        variadic: bool,
-    },
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Number {
-    I8,
-    I16,
-    I32,
-    I64,
-    U8,
-    U16,
-    U32,
-    U64,
-    F32,
-    F64,
-}
-
-impl Number {
-    fn width(self) -> usize {
-        match self {
-            Number::I8 | Number::U8 => 1,
-            Number::I16 | Number::U16 => 2,
-            Number::I32 | Number::U32 | Number::F32 => 4,
-            Number::I64 | Number::U64 | Number::F64 => 8,
-        }
-    }
-}
-
-/// Rows that arrived together.
+/// The rows of one record batch.
 #[derive(Debug)]
 pub struct Batch {
     /// Its number in the stream, from 1.
@@ -107,114 +106,98 @@ pub struct Batch {
     pub before: u64,
     /// Its rows.
     pub rows: usize,
-    body: Vec<u8>,
-    /// By field: how its values are stored and where in the body, if they are numbers.
-    columns: Vec<Option<(Number, usize)>>,
+    /// Values by field and row; nothing for fields that are not numbers.
+    columns: Vec<Option<Vec<f64>>>,
 }
 
 impl Batch {
-    /// A value; NaN where the column holds no numbers.
-    ///
-    /// Whole numbers beyond 2⁵³ are rounded.
+    /// A value; NaN where the column holds no numbers. Integers beyond 2⁵³ are rounded.
     ///
     /// # Panics
     /// When there is no such row or column.
     pub fn value(&self, column: usize, row: usize) -> f64 {
-        let Some((number, start)) = self.columns[column] else { return f64::NAN };
-        assert!(row < self.rows, "row {row} of {}", self.rows);
-        let at = start + row * number.width();
-        macro_rules! read {
-            ($of:ty) => {{
-                let mut bytes = [0; size_of::<$of>()];
-                bytes.copy_from_slice(&self.body[at..at + size_of::<$of>()]);
-                <$of>::from_le_bytes(bytes)
-            }};
-        }
-        match number {
-            Number::I8 => f64::from(read!(i8)),
-            Number::I16 => f64::from(read!(i16)),
-            Number::I32 => f64::from(read!(i32)),
-            Number::I64 => read!(i64) as f64,
-            Number::U8 => f64::from(read!(u8)),
-            Number::U16 => f64::from(read!(u16)),
-            Number::U32 => f64::from(read!(u32)),
-            Number::U64 => read!(u64) as f64,
-            Number::F32 => f64::from(read!(f32)),
-            Number::F64 => read!(f64),
-        }
+        self.columns[column].as_ref().map_or(f64::NAN, |values| values[row])
     }
 
-    /// Where a row stands, for messages.
+    /// Number of a row in the stream and in the batch, for messages.
     pub fn place(&self, row: usize) -> String {
         let of_all = self.before.saturating_add(row as u64 + 1);
         format!("row {of_all} (batch {}, its row {})", self.number, row + 1)
     }
 }
 
-/// Takes bytes as they arrive and gives batches as soon as they are whole.
+/// A push decoder: takes bytes as they arrive and returns each batch as soon as it is complete.
 #[derive(Debug)]
 pub struct ArrowDecoder {
     path: PathBuf,
-    /// Bytes that have arrived and belong to no batch yet.
-    rest: Vec<u8>,
-    begun: bool,
-    /// Whether what arrives may be padding behind the first bytes of a file.
-    padded: bool,
-    ended: bool,
-    fields: Option<Arc<[Field]>>,
+    /// Bytes that have arrived and are not decoded yet.
+    pending: Vec<u8>,
+    has_begun: bool,
+    /// Whether the next bytes may be padding behind the first bytes of a file.
+    may_be_padding: bool,
+    has_ended: bool,
+    schema: Option<Schema>,
     batches: u64,
     rows: u64,
 }
 
+#[derive(Debug)]
+struct Schema {
+    fields: Arc<[Field]>,
+    /// Positions of the fields that are numbers.
+    numbers: Vec<usize>,
+    decoded: SchemaRef,
+}
+
 impl ArrowDecoder {
-    /// A stream of which nothing has arrived; `path` is its name in messages.
+    /// A decoder that has no bytes yet; `path` is the stream's name in messages.
     pub fn new(path: &Path) -> ArrowDecoder {
         ArrowDecoder {
             path: path.to_path_buf(),
-            rest: Vec::new(),
-            begun: false,
-            padded: false,
-            ended: false,
-            fields: None,
+            pending: Vec::new(),
+            has_begun: false,
+            may_be_padding: false,
+            has_ended: false,
+            schema: None,
             batches: 0,
             rows: 0,
         }
     }
 
-    /// Takes in what has arrived.
+    /// Adds bytes that have arrived. Bytes after the end of the stream, such as the footer of a file, are ignored.
     pub fn feed(&mut self, bytes: &[u8]) {
-        // What follows the end, such as the footer of a file, says nothing new.
-        if !self.ended {
-            self.rest.extend_from_slice(bytes);
+        if !self.has_ended {
+            self.pending.extend_from_slice(bytes);
         }
     }
 
     /// The columns, once the schema has arrived.
     pub fn fields(&self) -> Option<&Arc<[Field]>> {
-        self.fields.as_ref()
+        self.schema.as_ref().map(|schema| &schema.fields)
     }
 
-    /// The next batch that has arrived whole.
+    /// The next batch with rows that has arrived completely.
     ///
     /// # Errors
-    /// [`Error::Input`] for what is no Arrow stream, or one of a kind that is not read, with the number of the batch.
+    /// [`Error::Input`] for bytes that are no Arrow stream, and for a stream with features that are not supported, with
+    /// the number of the batch.
     pub fn next_batch(&mut self) -> Result<Option<Batch>> {
-        if !self.begun && self.rest.len() >= FILE.len() {
-            self.begun = true;
-            self.padded = self.rest.starts_with(&FILE);
-            if self.padded {
-                self.rest.drain(..FILE.len());
+        if !self.has_begun && self.pending.len() >= FILE_MAGIC.len() {
+            self.has_begun = true;
+            self.may_be_padding = self.pending.starts_with(&FILE_MAGIC);
+            if self.may_be_padding {
+                self.pending.drain(..FILE_MAGIC.len());
             }
         }
-        if self.padded {
-            // Some writers fill up to 64 bytes; every message begins with other bytes.
-            let padding = self.rest.iter().take_while(|b| **b == 0).count();
-            self.padded = padding == self.rest.len();
-            self.rest.drain(..padding);
+        if self.may_be_padding {
+            // Some writers pad the first bytes to 64; no message begins with 0.
+            let padding = self.pending.iter().take_while(|b| **b == 0).count();
+            self.may_be_padding = padding == self.pending.len();
+            self.pending.drain(..padding);
         }
-        while let Some((metadata, body)) = self.whole_message()? {
-            let batch = self.take_message(metadata, body.clone())?;
-            self.rest.drain(..body.end);
+        while let Some((metadata, body)) = self.complete_message()? {
+            let batch = self.decode_message(metadata, body.clone())?;
+            self.pending.drain(..body.end);
             match batch {
                 Some(batch) if batch.rows > 0 => return Ok(Some(batch)),
                 _ => {}
@@ -223,193 +206,130 @@ impl ArrowDecoder {
         Ok(None)
     }
 
-    /// Looks whether the stream may end here.
+    /// Checks whether the stream may end here.
     ///
     /// # Errors
     /// [`Error::Input`] when it ends within a message or before its schema.
     pub fn end(&self) -> Result<()> {
-        if !self.rest.is_empty() {
+        if !self.pending.is_empty() {
             let message = format!(
                 "the stream ends within batch {}, after {} whole rows in {} batches",
                 self.batches + 1,
                 self.rows,
                 self.batches
             );
-            return Err(self.refused(message, "whatever writes it was interrupted, or the file is cut off"));
+            return Err(self.refused(message, "its writer was interrupted, or the file is cut off"));
         }
-        if self.fields.is_none() {
+        if self.schema.is_none() {
             return Err(self.refused("the stream ends before its schema".to_owned(), ""));
         }
         Ok(())
     }
 
-    /// Metadata and body of the first message, if it has arrived; nothing at the mark that ends the stream.
-    fn whole_message(&mut self) -> Result<Option<(Range<usize>, Range<usize>)>> {
-        if self.ended || self.rest.len() < 8 {
+    /// Ranges of the metadata and the body of the first message, if it has arrived completely; nothing at the end marker.
+    fn complete_message(&mut self) -> Result<Option<(Range<usize>, Range<usize>)>> {
+        if self.has_ended || self.pending.len() < 8 {
             return Ok(None);
         }
-        if self.rest[..4] != CONTINUATION {
+        if self.pending[..4] != CONTINUATION {
             return Err(self.damaged("no message begins where one should"));
         }
         let mut length = [0; 4];
-        length.copy_from_slice(&self.rest[4..8]);
+        length.copy_from_slice(&self.pending[4..8]);
         let length = u32::from_le_bytes(length) as usize;
         if length == 0 {
-            self.ended = true;
-            self.rest = Vec::new();
+            self.has_ended = true;
+            self.pending = Vec::new();
             return Ok(None);
         }
-        if length > LONGEST_METADATA {
+        if length > MAX_METADATA_BYTES {
             return Err(self.damaged("a message with too much metadata"));
         }
         let metadata = 8..8 + length;
-        let Some(bytes) = self.rest.get(metadata.clone()) else { return Ok(None) };
+        let Some(bytes) = self.pending.get(metadata.clone()) else { return Ok(None) };
         let message = root_as_message(bytes).map_err(|_| self.damaged("unreadable metadata"))?;
         let body = usize::try_from(message.bodyLength()).unwrap_or(usize::MAX);
-        if body > LONGEST_BATCH {
+        if body > MAX_BATCH_BYTES {
             let message = format!("batch {} has {} bytes", self.batches + 1, message.bodyLength());
-            let help = "cut it into smaller ones; in pyarrow: write_table(table, max_chunksize=65536)";
+            let help = "write smaller ones; in pyarrow: write_table(table, max_chunksize=65536)";
             return Err(self.refused(message, help));
         }
         let body = metadata.end..metadata.end + body;
-        Ok((self.rest.len() >= body.end).then_some((metadata, body)))
+        Ok((self.pending.len() >= body.end).then_some((metadata, body)))
     }
 
-    fn take_message(&mut self, metadata: Range<usize>, body: Range<usize>) -> Result<Option<Batch>> {
-        // Verified a moment ago, when its length was looked up.
-        let message =
-            root_as_message(&self.rest[metadata]).map_err(|_| self.damaged("unreadable metadata"))?;
+    fn decode_message(&mut self, metadata: Range<usize>, body: Range<usize>) -> Result<Option<Batch>> {
+        let bytes = &self.pending[metadata];
+        let message = root_as_message(bytes).map_err(|_| self.damaged("unreadable metadata"))?;
         match message.header_type() {
             MessageHeader::Schema => {
                 let Some(schema) = message.header_as_schema() else {
-                    return Err(self.damaged("a schema that is none"));
+                    return Err(self.damaged("a schema without contents"));
                 };
-                if self.fields.is_some() {
-                    return Err(self.damaged("a second schema"));
-                }
-                if schema.endianness() != Endianness::Little {
-                    return Err(self.refused("its numbers are big-endian".to_owned(), ""));
-                }
-                let fields = schema.fields().into_iter().flatten().map(|f| self.field(&f));
-                let fields = fields.collect::<Result<Vec<Field>>>()?;
-                self.fields = Some(fields.into());
+                self.schema = Some(self.decode_schema(schema)?);
                 Ok(None)
             }
             MessageHeader::RecordBatch => {
-                let Some(batch) = message.header_as_record_batch() else {
-                    return Err(self.damaged("a batch that is none"));
+                let Some(schema) = &self.schema else {
+                    return Err(self.damaged("a batch before the schema"));
                 };
-                let batch = self.batch(&batch, &self.rest[body])?;
+                let Some(batch) = message.header_as_record_batch() else {
+                    return Err(self.damaged("a batch without contents"));
+                };
+                if batch.compression().is_some() {
+                    let help = "write it without compression; in pyarrow and polars that is the default";
+                    return Err(self.refused(format!("batch {} is compressed", self.batches + 1), help));
+                }
+                let body = Buffer::from(&self.pending[body]);
+                // The decoder may assert what a damaged message does not keep.
+                let decoded = catch_decoder_panic(|| {
+                    let (version, decoded) = (message.version(), schema.decoded.clone());
+                    read_record_batch(&body, batch, decoded, &HashMap::new(), Some(&schema.numbers), &version)
+                });
+                let decoded = decoded.ok_or_else(|| self.damaged("a damaged batch"))?;
+                let batch = self.numbers(schema, &decoded.map_err(|e| self.damaged(&e.to_string()))?)?;
                 (self.batches, self.rows) = (batch.number, self.rows.saturating_add(batch.rows as u64));
                 Ok(Some(batch))
             }
-            // Dictionaries belong to columns that are passed over.
+            // Columns of dictionaries are not decoded.
             MessageHeader::DictionaryBatch => Ok(None),
             _ => Err(self.damaged("a message that is neither schema nor batch")),
         }
     }
 
-    fn field(&self, field: &::arrow_ipc::Field) -> Result<Field> {
-        let other = |holds, buffers| (holds, Form::Other { buffers, variadic: false });
-        let number = |number| ("numbers", Form::Number(number));
-        let (holds, form) = if field.dictionary().is_some() {
-            other("numbers of a dictionary", 2)
-        } else {
-            match field.type_type() {
-                Type::Int => match field.type_as_int().map(|i| (i.bitWidth(), i.is_signed())) {
-                    Some((8, true)) => number(Number::I8),
-                    Some((16, true)) => number(Number::I16),
-                    Some((32, true)) => number(Number::I32),
-                    Some((64, true)) => number(Number::I64),
-                    Some((8, false)) => number(Number::U8),
-                    Some((16, false)) => number(Number::U16),
-                    Some((32, false)) => number(Number::U32),
-                    Some((64, false)) => number(Number::U64),
-                    _ => other("integers of an unknown size", 2),
-                },
-                Type::FloatingPoint => match field.type_as_floating_point().map(|f| f.precision()) {
-                    Some(Precision::DOUBLE) => number(Number::F64),
-                    Some(Precision::SINGLE) => number(Number::F32),
-                    _ => other("half-precision numbers", 2),
-                },
-                Type::Null => other("nothing", 0),
-                Type::Bool => other("truth values", 2),
-                Type::Decimal => other("decimals", 2),
-                Type::Date | Type::Time | Type::Timestamp => other("calendar times", 2),
-                Type::Duration | Type::Interval => other("durations", 2),
-                Type::FixedSizeBinary => other("bytes", 2),
-                Type::Utf8 | Type::LargeUtf8 => other("text", 3),
-                Type::Binary | Type::LargeBinary => other("bytes", 3),
-                Type::Utf8View => ("text", Form::Other { buffers: 2, variadic: true }),
-                Type::BinaryView => ("bytes", Form::Other { buffers: 2, variadic: true }),
-                _ => {
-                    let message = format!("column `{}` is nested", field.name().unwrap_or_default());
-                    return Err(self.refused(message, "leave it out of the table"));
-                }
-            }
-        };
-        let unit = field.custom_metadata().into_iter().flatten().find(|told| told.key() == Some("unit"));
-        let unit = unit.and_then(|told| told.value()).unwrap_or_default();
-        let name = field.name().unwrap_or_default();
-        let heading = match unit {
-            "" => name.to_owned(),
-            _ if name.contains(['[', '(']) => name.to_owned(),
-            unit => format!("{name}[{unit}]"),
-        };
-        Ok(Field { heading, holds, form })
+    fn decode_schema(&self, schema: ::arrow_ipc::Schema) -> Result<Schema> {
+        if self.schema.is_some() {
+            return Err(self.damaged("a second schema"));
+        }
+        if schema.endianness() != Endianness::Little {
+            return Err(self.refused("its numbers are big-endian".to_owned(), ""));
+        }
+        let decoded = catch_decoder_panic(|| try_fb_to_schema(schema));
+        let decoded = decoded.ok_or_else(|| self.damaged("a damaged schema"))?;
+        let decoded = decoded.map_err(|e| self.damaged(&e.to_string()))?;
+        if let Some(nested) = decoded.fields().iter().find(|field| field.data_type().is_nested()) {
+            let message = format!("column `{}` is nested", nested.name());
+            return Err(self.refused(message, "leave it out of the table"));
+        }
+        let fields: Arc<[Field]> = decoded.fields().iter().map(|field| Field::new(field)).collect();
+        let numbers = (0..fields.len()).filter(|i| fields[*i].is_number).collect();
+        Ok(Schema { fields, numbers, decoded: Arc::new(decoded) })
     }
 
-    fn batch(&self, batch: &::arrow_ipc::RecordBatch, body: &[u8]) -> Result<Batch> {
-        let Some(fields) = &self.fields else { return Err(self.damaged("a batch before the schema")) };
-        if batch.compression().is_some() {
-            let help = "write it without compression; in pyarrow and polars that is the default";
-            return Err(self.refused(format!("batch {} is compressed", self.batches + 1), help));
-        }
-        let (Ok(rows), Some(nodes), Some(buffers)) =
-            (usize::try_from(batch.length()), batch.nodes(), batch.buffers())
-        else {
-            return Err(self.damaged("a batch without columns"));
-        };
-        let mut variadic = batch.variadicBufferCounts().into_iter().flatten();
-        let (mut columns, mut next) = (Vec::with_capacity(fields.len()), 0);
-        for (i, field) in fields.iter().enumerate() {
-            if i >= nodes.len() {
-                return Err(self.damaged("a batch with too few columns"));
+    fn numbers(&self, schema: &Schema, decoded: &RecordBatch) -> Result<Batch> {
+        let (number, rows) = (self.batches + 1, decoded.num_rows());
+        let mut columns: Vec<Option<Vec<f64>>> = vec![None; schema.fields.len()];
+        for (&field, array) in schema.numbers.iter().zip(decoded.columns()) {
+            let nulls = array.null_count();
+            if nulls != 0 {
+                let heading = &schema.fields[field].heading;
+                let message =
+                    format!("batch {number}: {nulls} of {rows} values of column `{heading}` are null");
+                return Err(self.refused(message, "fill them, or leave such rows out"));
             }
-            match field.form {
-                Form::Other { buffers, variadic: more } => {
-                    let more = if more { variadic.next().unwrap_or(0) } else { 0 };
-                    next += buffers + usize::try_from(more).unwrap_or(0);
-                    columns.push(None);
-                }
-                Form::Number(number) => {
-                    if next + 2 > buffers.len() {
-                        return Err(self.damaged("a batch with too few buffers"));
-                    }
-                    let nulls = nodes.get(i).null_count();
-                    if nulls != 0 {
-                        let message = format!(
-                            "batch {}: {nulls} of {rows} values of column `{}` are null",
-                            self.batches + 1,
-                            field.heading
-                        );
-                        return Err(self.refused(message, "fill them, or leave such rows out"));
-                    }
-                    let values = buffers.get(next + 1);
-                    let start = usize::try_from(values.offset()).ok();
-                    let needed = rows.checked_mul(number.width());
-                    let Some(start) = start.filter(|start| {
-                        let end = needed.and_then(|needed| start.checked_add(needed));
-                        end.is_some_and(|end| end <= body.len())
-                    }) else {
-                        return Err(self.damaged("a column that reaches beyond its batch"));
-                    };
-                    columns.push(Some((number, start)));
-                    next += 2;
-                }
-            }
+            columns[field] = numbers(array);
         }
-        Ok(Batch { number: self.batches + 1, before: self.rows, rows, body: body.to_vec(), columns })
+        Ok(Batch { number, before: self.rows, rows, columns })
     }
 
     fn damaged(&self, what: &str) -> Error {
@@ -418,12 +338,29 @@ impl ArrowDecoder {
     }
 
     fn refused(&self, message: String, help: &str) -> Error {
-        refused(&self.path, message, help)
+        table_error(&self.path, message, help)
     }
 }
 
-/// A problem of a table as a whole, or of a row that the message names.
-pub fn refused(path: &Path, message: String, help: &str) -> Error {
+/// The numbers of an array, NaN for nulls; nothing if it holds other values.
+pub fn numbers(array: &dyn Array) -> Option<Vec<f64>> {
+    fn of<T: ArrowPrimitiveType>(array: &dyn Array, number: impl Fn(T::Native) -> f64) -> Option<Vec<f64>> {
+        Some(array.as_primitive_opt::<T>()?.iter().map(|v| v.map_or(f64::NAN, &number)).collect())
+    }
+    of::<Float64Type>(array, |v| v)
+        .or_else(|| of::<Float32Type>(array, f64::from))
+        .or_else(|| of::<UInt8Type>(array, f64::from))
+        .or_else(|| of::<UInt16Type>(array, f64::from))
+        .or_else(|| of::<UInt32Type>(array, f64::from))
+        .or_else(|| of::<UInt64Type>(array, |v| v as f64))
+        .or_else(|| of::<Int8Type>(array, f64::from))
+        .or_else(|| of::<Int16Type>(array, f64::from))
+        .or_else(|| of::<Int32Type>(array, f64::from))
+        .or_else(|| of::<Int64Type>(array, |v| v as f64))
+}
+
+/// An error about a table as a whole, or about a row that the message names; `help` may be empty.
+pub fn table_error(path: &Path, message: String, help: &str) -> Error {
     let mut problems = Diagnostics::default();
     let problem = problems.error(Some(Place::in_line(path, 0, "", 0..0)), message);
     if !help.is_empty() {

@@ -7,6 +7,7 @@ use super::blocks::Blocks;
 use super::offload::Offload;
 use super::stream::{Destination, OutputStream, Patched, is_special};
 use crate::error::{Error, Result};
+use adler2::Adler32;
 use flate2::{Compress, Compression, FlushCompress, Status};
 use std::io::{self, BufRead, Read};
 use std::path::Path;
@@ -48,7 +49,7 @@ impl ArchiveStream {
     /// Begins an empty file.
     pub fn begin(out: &mut OutputStream) -> Result<ArchiveStream> {
         out.append(&ZLIB_HEADER)?;
-        Ok(ArchiveStream { plain: head(), blocks: Blocks::new(deflate), sum: Adler32::default() })
+        Ok(ArchiveStream { plain: head(), blocks: Blocks::new(deflate), sum: Adler32::new() })
     }
 
     /// Takes whole lines.
@@ -68,11 +69,11 @@ impl ArchiveStream {
         self.submit(out, offload)?;
         self.blocks.finish(|bytes| out.append(bytes))?;
         out.append(&DEFLATE_END)?;
-        out.append(&self.sum.value().to_be_bytes())
+        out.append(&self.sum.checksum().to_be_bytes())
     }
 
     fn submit(&mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
-        self.sum.add(&self.plain);
+        self.sum.write_slice(&self.plain);
         self.blocks.submit(&mut self.plain, offload, |bytes| out.append(bytes))
     }
 }
@@ -94,39 +95,6 @@ fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, Strin
             Status::Ok | Status::BufError => out.reserve(out.capacity().max(64)),
             Status::StreamEnd => return Err("deflate ended early".to_owned()),
         }
-    }
-}
-
-/// The check sum of zlib.
-struct Adler32 {
-    a: u32,
-    b: u32,
-}
-
-impl Default for Adler32 {
-    fn default() -> Adler32 {
-        Adler32 { a: 1, b: 0 }
-    }
-}
-
-impl Adler32 {
-    const PRIME: u32 = 65_521;
-    /// Bytes after which 32 bits could overflow.
-    const STRETCH: usize = 5552;
-
-    fn add(&mut self, bytes: &[u8]) {
-        for stretch in bytes.chunks(Adler32::STRETCH) {
-            for &byte in stretch {
-                self.a += u32::from(byte);
-                self.b += self.a;
-            }
-            self.a %= Adler32::PRIME;
-            self.b %= Adler32::PRIME;
-        }
-    }
-
-    fn value(&self) -> u32 {
-        self.b << 16 | self.a
     }
 }
 

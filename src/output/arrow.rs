@@ -9,12 +9,10 @@ use super::las::ObjectIds;
 use crate::error::{Error, Result};
 use ::arrow_array::{ArrayRef, PrimitiveArray, RecordBatch, types::*};
 use ::arrow_buffer::{Buffer, MutableBuffer, ScalarBuffer};
+use ::arrow_ipc::convert::{IpcSchemaEncoder, metadata_to_fb};
 use ::arrow_ipc::writer::StreamEncoder;
-use ::arrow_ipc::{
-    FieldNode, KeyValueBuilder, MessageBuilder, MessageHeader, MetadataVersion, RecordBatchBuilder,
-};
+use ::arrow_ipc::{FieldNode, MessageBuilder, MessageHeader, MetadataVersion, RecordBatchBuilder};
 use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
-use ::flatbuffers::FlatBufferBuilder;
 use ::parquet::arrow::ArrowWriter;
 use ::parquet::basic::Compression;
 use ::parquet::file::metadata::KeyValue;
@@ -174,7 +172,7 @@ impl ArrowStream {
             encode(&mut self.encoder, &batch, &mut out)?;
         }
         if partial {
-            out(&mark(self.rows.columns.len()))?;
+            out(&partial_marker(self.rows.columns.len()))?;
         }
         let end = self.encoder.finish().map_err(|e| Error::Internal(format!("Arrow: {e}")))?;
         end.iter().try_for_each(|buffer| out(buffer.as_slice()))
@@ -190,36 +188,35 @@ fn encode(
     buffers.iter().try_for_each(|buffer| out(buffer.as_slice()))
 }
 
-/// An empty batch of so many columns with [`PARTIAL`] as its metadata (Arrow columnar format, encapsulated message).
-fn mark(columns: usize) -> Vec<u8> {
-    let mut fbb = FlatBufferBuilder::new();
-    let (key, value) = (fbb.create_string(STATE), fbb.create_string(PARTIAL));
-    let mut entry = KeyValueBuilder::new(&mut fbb);
-    entry.add_key(key);
-    entry.add_value(value);
-    let entry = entry.finish();
-    let metadata = fbb.create_vector(&[entry]);
-    let nodes = fbb.create_vector(&vec![FieldNode::new(0, 0); columns]);
+/// An empty batch of `columns` columns whose message metadata has [`PARTIAL`] as its state (Arrow columnar format,
+/// "Encapsulated message format"). It is assembled here because the writers of `arrow-ipc` give batches no metadata, and
+/// the metadata of the schema is written before the end of the run is known.
+fn partial_marker(columns: usize) -> Vec<u8> {
+    let mut builder = IpcSchemaEncoder::new().schema_to_fb(&Schema::empty());
+    builder.reset();
+    let state = BTreeMap::from([(STATE.to_owned(), PARTIAL.to_owned())]).into();
+    let metadata = metadata_to_fb(&mut builder, &state);
+    let nodes = builder.create_vector(&vec![FieldNode::new(0, 0); columns]);
     // Validity and values of each column, all empty
-    let buffers = fbb.create_vector(&vec![::arrow_ipc::Buffer::new(0, 0); 2 * columns]);
-    let mut batch = RecordBatchBuilder::new(&mut fbb);
+    let buffers = builder.create_vector(&vec![::arrow_ipc::Buffer::new(0, 0); 2 * columns]);
+    let mut batch = RecordBatchBuilder::new(&mut builder);
     batch.add_length(0);
     batch.add_nodes(nodes);
     batch.add_buffers(buffers);
     let batch = batch.finish().as_union_value();
-    let mut message = MessageBuilder::new(&mut fbb);
+    let mut message = MessageBuilder::new(&mut builder);
     message.add_version(MetadataVersion::V5);
     message.add_header_type(MessageHeader::RecordBatch);
     message.add_header(batch);
     message.add_bodyLength(0);
     message.add_custom_metadata(metadata);
     let message = message.finish();
-    fbb.finish(message, None);
-    let metadata = fbb.finished_data();
-    let padded = metadata.len().next_multiple_of(8);
+    builder.finish(message, None);
+    let message = builder.finished_data();
+    let padded = message.len().next_multiple_of(8);
     let mut out = vec![0xff; 4];
     out.extend((padded as u32).to_le_bytes());
-    out.extend_from_slice(metadata);
+    out.extend_from_slice(message);
     out.resize(8 + padded, 0);
     out
 }

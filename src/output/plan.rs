@@ -135,18 +135,6 @@ impl OutputPlan {
     pub fn rescued(&self) -> Vec<FileSummary> {
         self.rescued.lock().map(|files| files.clone()).unwrap_or_default()
     }
-
-    /// Whether waveforms are written, and so have to be recorded.
-    pub fn wants_waveforms(&self) -> bool {
-        let las = |f: &FilePlan| matches!(f.content, Content::Points(format) if format.is_las());
-        let packets = self.las.packets.is_some() && self.layout.files.iter().any(las);
-        packets || self.layout.files.iter().any(|f| f.content == Content::Waveforms)
-    }
-
-    /// Whether pulses are written, and so have to be recorded.
-    pub fn wants_pulses(&self) -> bool {
-        self.misses || self.layout.files.iter().any(|f| f.content == Content::Pulses)
-    }
 }
 
 /// What is wrong whatever the files are.

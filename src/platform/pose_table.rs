@@ -3,7 +3,7 @@
 
 use super::rows::column_name;
 use crate::error::Result;
-use crate::input::arrow::{ArrowDecoder, ArrowDetection, detect_arrow, refused};
+use crate::input::arrow::{ArrowDecoder, ArrowDetection, detect_arrow, table_error};
 use std::path::{Path, PathBuf};
 
 /// What a stream of poses is made of, and the spelling of the one form as the other.
@@ -119,11 +119,11 @@ impl Speller {
                 columns.push(position);
             } else if !matches!(column_name(&field.heading), Ok(None)) {
                 let message = format!("column `{}` holds {}, expected numbers", field.heading, field.holds);
-                return Err(refused(&self.path, message, ""));
+                return Err(table_error(&self.path, message, ""));
             }
         }
         if columns.is_empty() {
-            return Err(refused(&self.path, "no column holds numbers".to_owned(), ""));
+            return Err(table_error(&self.path, "no column holds numbers".to_owned(), ""));
         }
         end_line(lines);
         Ok(columns)

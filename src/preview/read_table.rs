@@ -3,13 +3,7 @@
 use super::points::{Attributes, Point, Points};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
-use crate::input::arrow::ArrowDecoder;
-use ::arrow_array::cast::AsArray;
-use ::arrow_array::types::{
-    Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type, UInt32Type,
-    UInt64Type,
-};
-use ::arrow_array::{Array, ArrowPrimitiveType};
+use crate::input::arrow::{ArrowDecoder, numbers};
 use ::parquet::arrow::ProjectionMask;
 use ::parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use std::fs::File;
@@ -151,23 +145,6 @@ fn some(points: Option<Points>, path: &Path) -> Result<Points> {
         Some(points) if !points.is_empty() => Ok(points),
         _ => Err(Error::input(format!("{} holds no points", path.display()))),
     }
-}
-
-/// The numbers of a column; NaN where there is none.
-fn numbers(array: &dyn Array) -> Option<Vec<f64>> {
-    fn of<T: ArrowPrimitiveType>(array: &dyn Array, number: impl Fn(T::Native) -> f64) -> Option<Vec<f64>> {
-        Some(array.as_primitive_opt::<T>()?.iter().map(|v| v.map_or(f64::NAN, &number)).collect())
-    }
-    of::<Float64Type>(array, |v| v)
-        .or_else(|| of::<Float32Type>(array, f64::from))
-        .or_else(|| of::<UInt8Type>(array, f64::from))
-        .or_else(|| of::<UInt16Type>(array, f64::from))
-        .or_else(|| of::<UInt32Type>(array, f64::from))
-        .or_else(|| of::<UInt64Type>(array, |v| v as f64))
-        .or_else(|| of::<Int8Type>(array, f64::from))
-        .or_else(|| of::<Int16Type>(array, f64::from))
-        .or_else(|| of::<Int32Type>(array, f64::from))
-        .or_else(|| of::<Int64Type>(array, |v| v as f64))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::row::{Present, PulseRow};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
-use crate::input::arrow::{ArrowDecoder, Batch, Field, refused};
+use crate::input::arrow::{ArrowDecoder, Batch, Field, table_error};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -173,6 +173,6 @@ impl TableRows {
     }
 
     fn blame(&self, row: usize, message: &str) -> Error {
-        refused(&self.format.path, format!("{}: {message}", self.batch.place(row)), "")
+        table_error(&self.format.path, format!("{}: {message}", self.batch.place(row)), "")
     }
 }
