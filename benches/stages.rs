@@ -64,7 +64,7 @@ impl Replay {
     fn step(&mut self, state: &mut FlightState, plan: &FlightPlan, pulses: usize) -> Result<()> {
         self.seen = 0;
         self.pulses.clear();
-        while self.seen < pulses && matches!(state.step(plan, self)?, Step::Went | Step::LegChanged) {}
+        while self.seen < pulses && matches!(state.step(plan, self)?, Step::Advanced | Step::LegChanged) {}
         Ok(())
     }
 }

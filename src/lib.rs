@@ -18,7 +18,7 @@
 //!
 //! | room | what it does | imports |
 //! |---|---|---|
-//! | [`geom`], [`rng`], [`diag`], [`error`], `quantity`, [`input`], `damage` | rotations, boxes; counter-based random numbers; places and reports; quantities as text; byte streams and Arrow tables read while they arrive; panics of decoders | nothing |
+//! | [`geom`], [`rng`], [`diag`], [`error`], `quantity`, [`input`], `columns`, `damage` | rotations, boxes; counter-based random numbers; places and reports; quantities as text; byte streams and Arrow tables read while they arrive; separators and headings of columns; panics of decoders | nothing |
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
 //! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, input |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
@@ -47,6 +47,7 @@
 //! * points go to stdout and nothing else does.
 
 pub mod cli;
+mod columns;
 mod damage;
 pub mod diag;
 pub mod error;

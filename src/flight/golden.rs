@@ -174,7 +174,7 @@ fn the_gps_clock_is_a_running_sum() {
         let mut state = FlightState::start(&plan);
         let mut count = Count::default();
         for _ in 0..steps {
-            assert_eq!(state.step(&plan, &mut count).unwrap(), Step::Went);
+            assert_eq!(state.step(&plan, &mut count).unwrap(), Step::Advanced);
         }
         assert_eq!(state.time_ns() - start, advanced);
         assert_eq!(count.pulses, steps);
@@ -377,7 +377,7 @@ fn interpolated_trajectory() {
     let legs = vec![stretch(100.5, 101.5, false), stretch(103.0, 104.0, false), stretch(100.0, 101.0, true)];
     let (s, _dir) = table_survey(legs, true);
     let (plan, _) = plan_of(&s).unwrap();
-    assert_eq!(plan.legs(), 7);
+    assert_eq!(plan.leg_count(), 7);
     let numbers: Vec<u32> = (0..7).map(|i| plan.leg_number(i).unwrap()).collect();
     assert_eq!(numbers, [0, 0, 1, 1, 2, 2, 2]);
     let flown = fly(&s);

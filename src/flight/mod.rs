@@ -8,15 +8,15 @@ mod clock;
 mod guard;
 mod navigation;
 mod noise;
-mod places;
 mod plan;
+mod positions;
 mod pulse;
 mod settings;
 mod state;
 
 pub use clock::{calendar_day, gps_start};
-pub use places::PlannedPlace;
 pub use plan::{FlightOptions, FlightPlan};
+pub use positions::PlannedPosition;
 pub use pulse::{FlightSink, PoseSample, Pulse};
 pub use state::{FlightState, Step};
 

@@ -37,7 +37,7 @@ impl PoseNoise {
     }
 
     /// The disturbed attitude: about x, then y, then z of its own frame, which in the reference is that of the beam.
-    pub fn disturb(&self, attitude: Rotation, device: u32, pulse: u64) -> Rotation {
+    pub fn apply_noise(&self, attitude: Rotation, device: u32, pulse: u64) -> Rotation {
         let about: [fn(f64) -> Rotation; 3] = [Rotation::about_x, Rotation::about_y, Rotation::about_z];
         self.attitude.iter().zip(about).fold(attitude, |a, (source, about)| match source {
             Some(source) => a.after(about(source.value(device, pulse))),
@@ -87,7 +87,7 @@ mod tests {
             |v: f64| Some(Noise { kind: NoiseKind::Uniform { min: v, max: v }, clip: None, lifespan: 1 });
         let noise =
             PlatformNoise { position: [None, None, None], attitude: [fixed(0.01), fixed(0.02), fixed(0.03)] };
-        let beam = PoseNoise::new(&noise, 1).disturb(Rotation::IDENTITY, 0, 0).forward();
+        let beam = PoseNoise::new(&noise, 1).apply_noise(Rotation::IDENTITY, 0, 0).forward();
         assert!((beam - DVec3::new(-0.029990, 0.999494, 0.010595)).length() < 2e-6, "{beam}");
     }
 
@@ -113,7 +113,7 @@ mod tests {
             let noise = PoseNoise::new(&PlatformNoise { position: [None, None, None], attitude }, 3);
             let angles: Vec<f64> = (0..4000)
                 .map(|i| {
-                    let turned = noise.disturb(Rotation::IDENTITY, 0, i);
+                    let turned = noise.apply_noise(Rotation::IDENTITY, 0, i);
                     let about = [turned.u.x, turned.u.y, turned.u.z];
                     assert!((0..3).all(|other| other == axis || about[other] == 0.0), "{turned:?}");
                     2.0 * about[axis].atan2(turned.w)

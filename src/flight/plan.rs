@@ -228,7 +228,7 @@ impl FlightPlan {
     }
 
     /// Number of legs to be flown, added ones included.
-    pub fn legs(&self) -> usize {
+    pub fn leg_count(&self) -> usize {
         self.legs.len()
     }
 

@@ -14,7 +14,7 @@ use crate::survey::Kinematics;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Time went on by one pulse period of the first leg.
-    Went,
+    Advanced,
     /// The next leg began; no time passed.
     LegChanged,
     /// Nothing happened, because poses must arrive first, see [`FlightState::feed`].
@@ -179,7 +179,7 @@ impl FlightState {
             self.sample(plan, leg, sink);
         }
         self.tick(plan);
-        Ok(Step::Went)
+        Ok(Step::Advanced)
     }
 
     #[inline]
@@ -313,7 +313,7 @@ impl FlightState {
     }
 
     /// The survey's number of the current leg, which names output files.
-    pub fn leg(&self, plan: &FlightPlan) -> u32 {
+    pub fn leg_number(&self, plan: &FlightPlan) -> u32 {
         plan.legs[self.leg].number
     }
 
@@ -361,7 +361,7 @@ impl FlightState {
     }
 
     /// No pose will follow: the flight ends at the last one.
-    pub fn end_of_poses(&mut self) {
+    pub fn end_poses(&mut self) {
         if let Some(stream) = self.platform.stream_mut() {
             stream.end();
         }
@@ -392,10 +392,10 @@ impl FlightPlan {
         let (device, emitted) = (index as u32, state.pulses - 1);
         let of_platform = self.kinematics.attitude_noise_of_platform;
         let (place, steady) = (platform.position(), platform.pointing(&self.platform));
-        let noisy = |attitude: Rotation| self.noise.disturb(attitude, device, emitted);
+        let noisy = |attitude: Rotation| self.noise.apply_noise(attitude, device, emitted);
         let exact_deflection = state.deflector.exact_rotation(plan);
         let deflection =
-            if state.deflector.is_disturbed() { state.deflector.rotation(plan) } else { exact_deflection };
+            if state.deflector.has_error() { state.deflector.rotation(plan) } else { exact_deflection };
         // The beam of a platform with this attitude, and the same without mechanical errors and noise, if there are any.
         let beams = |steady: Rotation| {
             let carrier = if of_platform { noisy(steady) } else { steady }.after(self.mount.rotation);
@@ -481,7 +481,7 @@ mod tests {
                 steps += 1;
                 let step = state.step(plan, &mut count).unwrap();
                 ended = step == Step::Ended;
-                if step != Step::Went || count.pulses >= size {
+                if step != Step::Advanced || count.pulses >= size {
                     break;
                 }
             }
@@ -601,7 +601,7 @@ mod tests {
                     assert_eq!(before, format!("{state:?}"), "asking for poses changes nothing");
                     match blocks.next() {
                         Some(block) => state.feed(&plan, block.to_vec()),
-                        None => state.end_of_poses(),
+                        None => state.end_poses(),
                     }
                 }
                 Step::Ended => return keep,

@@ -173,7 +173,7 @@ pub fn fly_plan(plan: &FlightPlan, state: &mut FlightState) -> Result<Vec<FlownL
         leg.pulses.append(&mut keep.pulses);
         leg.poses.append(&mut keep.poses);
         match step {
-            Step::Went => leg.steps += 1,
+            Step::Advanced => leg.steps += 1,
             Step::LegChanged => legs.push(FlownLeg::default()),
             Step::NeedsPoses => panic!("poses are missing"),
             Step::Ended => return Ok(legs),

@@ -52,7 +52,7 @@ impl Aabb {
     }
 
     /// The same box moved by `offset`.
-    pub fn moved(&self, offset: DVec3) -> Aabb {
+    pub fn translated(&self, offset: DVec3) -> Aabb {
         Aabb { min: self.min + offset, max: self.max + offset }
     }
 

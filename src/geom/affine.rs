@@ -33,24 +33,24 @@ impl Affine {
     }
 
     /// The image of a direction.
-    pub fn turn(&self, v: DVec3) -> DVec3 {
+    pub fn apply_to_vector(&self, v: DVec3) -> DVec3 {
         let [x, y, z] = self.columns;
         x * v.x + y * v.y + z * v.z
     }
 
     /// The image of a point.
     pub fn apply(&self, p: DVec3) -> DVec3 {
-        self.turn(p) + self.shift
+        self.apply_to_vector(p) + self.shift
     }
 
     /// `self ∘ first`: the map that applies `first` and then `self`.
     pub fn after(&self, first: &Affine) -> Affine {
-        Affine { columns: first.columns.map(|c| self.turn(c)), shift: self.apply(first.shift) }
+        Affine { columns: first.columns.map(|c| self.apply_to_vector(c)), shift: self.apply(first.shift) }
     }
 
     /// The same map about `centre` instead of the origin.
     pub fn about(&self, centre: DVec3) -> Affine {
-        Affine { shift: (self.shift + centre) - self.turn(centre), ..*self }
+        Affine { shift: (self.shift + centre) - self.apply_to_vector(centre), ..*self }
     }
 }
 
@@ -74,7 +74,7 @@ mod tests {
             prop_assert!((both.apply(p) - turn.apply(mirror.apply(p))).length() < 1e-10);
             prop_assert!((turn.apply(c) - c).length() < 1e-11);
             prop_assert!(((both.apply(p) - both.apply(q)).length() - (p - q).length()).abs() < 1e-10);
-            prop_assert!((turn.turn(p) - Rotation::about(n, a).apply(p)).length() < 1e-11);
+            prop_assert!((turn.apply_to_vector(p) - Rotation::about(n, a).apply(p)).length() < 1e-11);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
-use crate::platform::{PoseReader, Waited};
+use crate::platform::{PollResult, PoseReader};
 use crate::scene::{MotionPlan, MotionState};
 use crate::schedule::{Feed, Outcome, Stop, Tasks};
 use std::time::{Duration, Instant};
@@ -46,7 +46,7 @@ impl Chunk {
             motion: motion.cloned(),
             steps: 0,
             pulses: 0,
-            leg: state.leg(plan),
+            leg: state.leg_number(plan),
             done: f64::NAN,
             poses: 0,
         }
@@ -112,12 +112,12 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
         let mut first = None;
         let step = loop {
             let step = state.step(plan, &mut count)?;
-            if step != Step::Went {
+            if step != Step::Advanced {
                 let waiting = count.pulses > 0 || count.poses > 0;
                 if step == Step::NeedsPoses && waiting && !stop.asked() {
                     feed.settle()?;
                     let since = *first.get_or_insert_with(Instant::now);
-                    let latency = poses.as_ref().map_or(Duration::ZERO, PoseReader::latency);
+                    let latency = poses.as_ref().map_or(Duration::ZERO, PoseReader::max_latency);
                     let timeout = latency.saturating_sub(since.elapsed());
                     if feed_poses_within(timeout, plan, &mut poses, &mut [&mut *state, &mut chunk.start]) {
                         continue;
@@ -135,7 +135,7 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
         };
         (chunk.pulses, chunk.poses) = (count.pulses, count.poses);
         chunk.done = done(plan, state);
-        let is_full = step == Step::Went && chunk.pulses >= size;
+        let is_full = step == Step::Advanced && chunk.pulses >= size;
         let rest = if is_full {
             feed.offer(chunk)?
         } else if chunk.has_content() {
@@ -150,7 +150,7 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
                 return Ok(());
             }
             _ if stop.asked() => return Ok(()),
-            Step::Went => {}
+            Step::Advanced => {}
             Step::LegChanged => feed.leg_ended()?,
             Step::NeedsPoses => {
                 feed.settle()?;
@@ -175,7 +175,7 @@ fn feed_poses_within(
     poses: &mut Option<PoseReader>,
     ends: &mut [&mut FlightState],
 ) -> bool {
-    let Some(Ok(Waited::Poses(block))) = poses.as_mut().map(|p| p.wait(timeout)) else { return false };
+    let Some(Ok(PollResult::Poses(block))) = poses.as_mut().map(|p| p.poll(timeout)) else { return false };
     ends.iter_mut().for_each(|state| state.feed(plan, block.clone()));
     true
 }
@@ -187,21 +187,21 @@ fn wait_for_poses(
     stop: &Stop,
 ) -> Result<()> {
     let Some(poses) = poses else {
-        state.end_of_poses();
+        state.end_poses();
         return Ok(());
     };
     loop {
-        match poses.wait(STOP_CHECK_PERIOD)? {
-            Waited::Poses(block) => {
+        match poses.poll(STOP_CHECK_PERIOD)? {
+            PollResult::Poses(block) => {
                 state.feed(plan, block);
                 return Ok(());
             }
-            Waited::End => {
-                state.end_of_poses();
+            PollResult::End => {
+                state.end_poses();
                 return Ok(());
             }
-            Waited::Nothing if stop.asked() => return Ok(()),
-            Waited::Nothing => {}
+            PollResult::TimedOut if stop.asked() => return Ok(()),
+            PollResult::TimedOut => {}
         }
     }
 }
@@ -211,5 +211,5 @@ fn done(plan: &FlightPlan, state: &FlightState) -> f64 {
     if plan.follows_stream() {
         return f64::NAN;
     }
-    (state.leg_index() as f64 + state.progress(plan)) / plan.legs() as f64
+    (state.leg_index() as f64 + state.progress(plan)) / plan.leg_count() as f64
 }

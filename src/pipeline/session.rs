@@ -174,9 +174,9 @@ impl Session {
         (self.observer)(Notice::Warnings(found));
         let mut poses = self.open_poses()?;
         if let PlatformKind::Stream(stream) = &settings.survey.platform.kind {
-            let bounds = scene.bounds.moved(scene.shift);
+            let bounds = scene.bounds.translated(scene.shift);
             let mut check = PoseCheck::new(stream, bounds, is_reported.clone());
-            poses = poses.map(|poses| poses.observed(move |seen| check.add(seen)));
+            poses = poses.map(|poses| poses.on_pose(move |seen| check.add(seen)));
         }
         let is_live = poses.is_some();
         let mut state = FlightState::start(&flight);
@@ -329,8 +329,8 @@ impl Session {
             )));
         }
         let (observer, strict) = (self.observer.clone(), self.settings.strict);
-        let reader = PoseReader::open(stream)?.patient(self.settings.max_latency);
-        Ok(Some(reader.telling(strict, move |notice| observer(notice))))
+        let reader = PoseReader::open(stream)?.with_max_latency(self.settings.max_latency);
+        Ok(Some(reader.on_notice(strict, move |notice| observer(notice))))
     }
 
     /// Reports the files of earlier runs that stay because what would have replaced them is partial.

@@ -1,115 +1,183 @@
-//! Which column of a row of numbers holds what.
+//! Which column of a row of numbers holds which component of a pose, in what unit.
 
-use super::rows::{ColumnName, QUANTITIES, Quantity, Separator, column_name, number};
+use crate::columns::{Dimension, Heading, HeadingError, Separator, parse_heading};
+use crate::geom::radians;
 use std::ops::Range;
 
-/// The columns of a table of poses, each list in the order of [`QUANTITIES`].
+/// A component of a pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PoseColumn {
+    Time,
+    Roll,
+    Pitch,
+    Yaw,
+    X,
+    Y,
+    Z,
+    Longitude,
+    Latitude,
+}
+
+/// The columns of a pose on a grid, in the order of trajectory files without names.
+pub(super) const POSE_COLUMNS: [PoseColumn; 7] = [
+    PoseColumn::Time,
+    PoseColumn::Roll,
+    PoseColumn::Pitch,
+    PoseColumn::Yaw,
+    PoseColumn::X,
+    PoseColumn::Y,
+    PoseColumn::Z,
+];
+
+/// Roll, pitch and yaw.
+pub(super) const ANGLES: [PoseColumn; 3] = [PoseColumn::Roll, PoseColumn::Pitch, PoseColumn::Yaw];
+
+impl PoseColumn {
+    /// The name in messages.
+    fn name(self) -> &'static str {
+        match self {
+            PoseColumn::Time => "time",
+            PoseColumn::Roll => "roll",
+            PoseColumn::Pitch => "pitch",
+            PoseColumn::Yaw => "yaw",
+            PoseColumn::X => "x",
+            PoseColumn::Y => "y",
+            PoseColumn::Z => "z",
+            PoseColumn::Longitude => "longitude",
+            PoseColumn::Latitude => "latitude",
+        }
+    }
+
+    fn dimension(self) -> Dimension {
+        match self {
+            PoseColumn::Time => Dimension::Time,
+            PoseColumn::X | PoseColumn::Y | PoseColumn::Z => Dimension::Length,
+            _ => Dimension::Angle,
+        }
+    }
+
+    fn named(name: &str) -> Option<PoseColumn> {
+        Some(match name {
+            "lat" | "latitude" => PoseColumn::Latitude,
+            "lon" | "long" | "lng" | "longitude" => PoseColumn::Longitude,
+            "t" | "time" | "gpstime" | "gps_time" | "timestamp" | "sow" => PoseColumn::Time,
+            "x" | "easting" | "east" | "e" => PoseColumn::X,
+            "y" | "northing" | "north" | "n" => PoseColumn::Y,
+            "z" | "h" | "height" | "altitude" | "alt" | "elevation" | "up" => PoseColumn::Z,
+            "roll" => PoseColumn::Roll,
+            "pitch" => PoseColumn::Pitch,
+            "yaw" | "heading" | "hdg" => PoseColumn::Yaw,
+            _ => return None,
+        })
+    }
+
+    /// Parses a heading; `Ok(None)` for names of other things, an error for units that do not fit.
+    pub fn parse(heading: &str) -> Result<Option<Heading<PoseColumn>>, String> {
+        let known = |name: &str| PoseColumn::named(name).map(|column| (column, column.dimension()));
+        match parse_heading(heading, known) {
+            Ok(heading) => Ok(Some(heading)),
+            Err(HeadingError::UnknownName(_)) => Ok(None),
+            Err(HeadingError::WrongUnit(found, expected)) => Err(format!("{found}, {expected}")),
+        }
+    }
+}
+
+/// The columns of a table of poses, each array in the order of [`POSE_COLUMNS`].
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Layout {
+pub(super) struct PoseLayout {
     pub columns: [Option<usize>; 7],
-    /// Factors of units that the names state.
+    /// Factors to seconds, metres and radians where the headings state units.
     pub factors: [Option<f64>; 7],
     /// X is the longitude, Y the latitude.
     pub geographic: bool,
 }
 
-/// Columns as they are named one by one.
-struct Naming {
-    layout: Layout,
-    /// Columns and factors of longitude and latitude.
-    degrees: [Option<(usize, Option<f64>)>; 2],
-}
+/// Columns as their headings are read one by one, in the order of [`PoseColumn`].
+#[derive(Default)]
+struct Headings([Option<(usize, Option<f64>)>; 9]);
 
-impl Naming {
-    fn new() -> Naming {
-        Naming { layout: Layout::in_order([]), degrees: [None; 2] }
-    }
-
-    fn add(&mut self, column: usize, name: ColumnName) -> Result<(), String> {
-        let at = name.quantity as usize;
-        let taken = if name.geographic {
-            let place = &mut self.degrees[usize::from(name.quantity == Quantity::Y)];
-            place.replace((column, name.factor)).is_some()
-        } else {
-            self.layout.factors[at] = name.factor;
-            self.layout.columns[at].replace(column).is_some()
-        };
-        let what = if name.geographic { geographic_name(name.quantity) } else { name.quantity.name() };
-        if taken { Err(format!("a second column for {what}")) } else { Ok(()) }
-    }
-
-    /// The layout; coordinates that are projected already come before latitude and longitude.
-    fn finish(self) -> Layout {
-        let mut layout = self.layout;
-        let (x, y) = (Quantity::X as usize, Quantity::Y as usize);
-        if let [Some(longitude), Some(latitude)] = self.degrees
-            && (layout.columns[x].is_none() || layout.columns[y].is_none())
-        {
-            (layout.columns[x], layout.factors[x]) = (Some(longitude.0), longitude.1);
-            (layout.columns[y], layout.factors[y]) = (Some(latitude.0), latitude.1);
-            layout.geographic = true;
+impl Headings {
+    fn add(&mut self, column: usize, heading: Heading<PoseColumn>) -> Result<(), String> {
+        match self.0[heading.column as usize].replace((column, heading.factor)) {
+            Some(_) => Err(format!("a second column for {}", heading.column.name())),
+            None => Ok(()),
         }
-        layout
+    }
+
+    /// The layout. Projected coordinates take precedence over latitude and longitude.
+    fn finish(self) -> PoseLayout {
+        let [time, roll, pitch, yaw, x, y, z, longitude, latitude] = self.0;
+        let geographic = longitude.is_some() && latitude.is_some() && (x.is_none() || y.is_none());
+        let (x, y) = if geographic { (longitude, latitude) } else { (x, y) };
+        let found = [time, roll, pitch, yaw, x, y, z];
+        PoseLayout {
+            columns: found.map(|f| f.map(|(column, _)| column)),
+            factors: found.map(|f| f.and_then(|(_, factor)| factor)),
+            geographic,
+        }
     }
 }
 
-fn geographic_name(quantity: Quantity) -> &'static str {
-    match quantity {
-        Quantity::X => "longitude",
-        Quantity::Y => "latitude",
-        other => other.name(),
-    }
-}
-
-/// A wrong place in a line.
+/// What is wrong with a line, and where.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RowError {
     pub at: Range<usize>,
     pub message: String,
 }
 
-impl Layout {
-    /// Columns by number, in the order of [`QUANTITIES`].
-    pub fn numbered(columns: [usize; 7]) -> Layout {
-        Layout { columns: columns.map(Some), factors: [None; 7], geographic: false }
+impl PoseLayout {
+    /// Columns by number, in the order of [`POSE_COLUMNS`].
+    pub fn numbered(columns: [usize; 7]) -> PoseLayout {
+        PoseLayout { columns: columns.map(Some), factors: [None; 7], geographic: false }
     }
 
-    /// Columns 0, 1, 2 … in the given order.
-    pub fn in_order(order: impl IntoIterator<Item = Quantity>) -> Layout {
-        let mut layout = Layout { columns: [None; 7], factors: [None; 7], geographic: false };
-        for (column, quantity) in order.into_iter().enumerate() {
-            layout.columns[quantity as usize] = Some(column);
+    /// The given columns in the places 0, 1, 2 …, without `time`, whose place is `time` where that is given.
+    pub fn in_order(order: &[PoseColumn], time: Option<usize>) -> PoseLayout {
+        let mut layout = PoseLayout { columns: [None; 7], factors: [None; 7], geographic: false };
+        let places = (0..).filter(|place| Some(*place) != time);
+        let others = order.iter().filter(|c| time.is_none() || **c != PoseColumn::Time);
+        for (column, place) in others.zip(places) {
+            layout.columns[*column as usize] = Some(place);
         }
+        layout.set_time(time);
         layout
     }
 
-    /// Columns by their names; names of other things are passed over. `fields` are byte ranges of `line`.
-    pub fn named(line: &str, fields: &[Range<usize>]) -> Result<Layout, RowError> {
-        let mut naming = Naming::new();
-        let mut column = 0;
-        for (i, field) in fields.iter().enumerate() {
-            let mut at = field.clone();
-            // `roll (deg)` in a line that blanks separate is one name.
-            if is_unit(&line[field.clone()]) && i > 0 {
-                continue;
-            }
-            if let Some(unit) = fields.get(i + 1).filter(|u| is_unit(&line[(*u).clone()])) {
-                at.end = unit.end;
-            }
-            let named =
-                column_name(&line[at.clone()]).map_err(|message| RowError { at: at.clone(), message })?;
-            if let Some(named) = named {
-                naming.add(column, named).map_err(|message| RowError { at, message })?;
-            }
-            column += 1;
+    /// Puts the time into column `time` where that is given.
+    pub fn set_time(&mut self, time: Option<usize>) {
+        if time.is_some() {
+            self.columns[PoseColumn::Time as usize] = time;
         }
-        Ok(naming.finish())
     }
 
-    /// Columns that a user chooses: names in their order, where names of other things pass over a column, or `name=number`
-    /// with numbers from 1.
-    pub fn chosen(columns: &[String]) -> Result<Layout, String> {
-        let mut naming = Naming::new();
+    /// The layout that a line of headings describes; unknown names are ignored.
+    pub fn from_headings(line: &str, separator: Separator) -> Result<PoseLayout, RowError> {
+        let fields = separator.split(line);
+        let is_unit = |field: &Range<usize>| {
+            let text = &line[field.clone()];
+            text.starts_with(['(', '[']) && text.ends_with([')', ']'])
+        };
+        let mut headings = Headings::default();
+        let mut column = 0;
+        for (i, field) in fields.iter().enumerate() {
+            // `roll (deg)` in a line separated by blanks is one heading.
+            if is_unit(field) && i > 0 {
+                continue;
+            }
+            let end = fields.get(i + 1).filter(|next| is_unit(next)).unwrap_or(field).end;
+            let at = field.start..end;
+            let added = PoseColumn::parse(&line[at.clone()])
+                .and_then(|heading| heading.map_or(Ok(()), |heading| headings.add(column, heading)));
+            added.map_err(|message| RowError { at, message })?;
+            column += 1;
+        }
+        Ok(headings.finish())
+    }
+
+    /// The layout that a user chooses: headings in their order, where unknown names skip a column, or `heading=number` with
+    /// numbers from 1.
+    pub fn chosen(columns: &[String]) -> Result<PoseLayout, String> {
+        let mut headings = Headings::default();
         let numbered = columns.iter().any(|column| column.contains('='));
         for (i, column) in columns.iter().enumerate() {
             let (name, number) = match column.rsplit_once('=') {
@@ -120,117 +188,166 @@ impl Layout {
             if number == 0 {
                 return Err(format!("`{column}`: expected a name and a number from 1, such as time=1"));
             }
-            match column_name(name)? {
-                Some(named) => naming.add(number - 1, named)?,
+            match PoseColumn::parse(name)? {
+                Some(heading) => headings.add(number - 1, heading)?,
                 None if numbered => {
                     return Err(format!("`{name}` is none of time, x, y, z, roll, pitch, yaw, lat, lon"));
                 }
                 None => {}
             }
         }
-        Ok(naming.finish())
+        Ok(headings.finish())
     }
 
     /// The name of a column in messages.
-    fn name_of(&self, quantity: Quantity) -> &'static str {
-        if self.geographic { geographic_name(quantity) } else { quantity.name() }
+    fn name_of(&self, column: PoseColumn) -> &'static str {
+        match column {
+            PoseColumn::X if self.geographic => PoseColumn::Longitude.name(),
+            PoseColumn::Y if self.geographic => PoseColumn::Latitude.name(),
+            column => column.name(),
+        }
     }
 
-    /// The names of `wanted` quantities that no column holds.
-    pub fn missing(&self, wanted: &[Quantity]) -> Vec<&'static str> {
-        wanted.iter().filter(|q| self.columns[**q as usize].is_none()).map(|q| q.name()).collect()
+    /// This layout if it has all `wanted` columns.
+    pub fn complete(self, wanted: &[PoseColumn]) -> Result<PoseLayout, String> {
+        let is_missing = |c: &&PoseColumn| self.columns[**c as usize].is_none();
+        let missing: Vec<&str> = wanted.iter().filter(is_missing).map(|c| c.name()).collect();
+        if missing.is_empty() { Ok(self) } else { Err(format!("no column for {}", missing.join(", "))) }
     }
 
-    /// The numbers of `line` in the order of [`QUANTITIES`], untouched by units; quantities without a column are 0.
-    pub fn values(&self, line: &str, separator: Separator) -> Result<[f64; 7], RowError> {
-        self.row(line, separator).map(|(values, _)| values)
-    }
-
-    /// As [`Layout::values`], and where the time stands.
-    pub fn row(&self, line: &str, separator: Separator) -> Result<([f64; 7], Range<usize>), RowError> {
+    /// The numbers of `line` as they are written, in the order of [`POSE_COLUMNS`], and where the time is. Components without
+    /// a column are 0.
+    pub fn read(&self, line: &str, separator: Separator) -> Result<([f64; 7], Range<usize>), RowError> {
         let fields = separator.split(line);
         let (mut values, mut time) = ([0.0; 7], 0..0);
-        for quantity in QUANTITIES {
-            let Some(column) = self.columns[quantity as usize] else { continue };
-            let Some(field) = fields.get(column) else {
+        for column in POSE_COLUMNS {
+            let Some(index) = self.columns[column as usize] else { continue };
+            let name = self.name_of(column);
+            let Some(field) = fields.get(index) else {
                 let message = format!(
-                    "column {} for {} is missing: {} column{} separated by {}",
-                    column + 1,
-                    self.name_of(quantity),
+                    "column {} for {name} is missing: {} column{} separated by {}",
+                    index + 1,
                     fields.len(),
                     if fields.len() == 1 { "" } else { "s" },
                     separator.name()
                 );
                 return Err(RowError { at: 0..line.len(), message });
             };
-            if quantity == Quantity::Time {
+            if column == PoseColumn::Time {
                 time = field.clone();
             }
-            values[quantity as usize] = number(&line[field.clone()]).ok_or_else(|| RowError {
+            let text = &line[field.clone()];
+            let number = text.parse().ok().filter(|v: &f64| v.is_finite());
+            values[column as usize] = number.ok_or_else(|| RowError {
                 at: field.clone(),
-                message: format!(
-                    "expected a number for {}, found `{}`",
-                    self.name_of(quantity),
-                    &line[field.clone()]
-                ),
+                message: format!("expected a number for {name}, found `{text}`"),
             })?;
         }
         Ok((values, time))
     }
+
+    /// `values` in seconds, metres and radians. Angles without a unit are degrees where `degrees` says so.
+    pub fn in_si(&self, mut values: [f64; 7], degrees: bool) -> [f64; 7] {
+        for column in POSE_COLUMNS {
+            let is_angle = column.dimension() == Dimension::Angle
+                || self.geographic && matches!(column, PoseColumn::X | PoseColumn::Y);
+            let value = &mut values[column as usize];
+            match self.factors[column as usize] {
+                Some(factor) => *value *= factor,
+                None if degrees && is_angle => *value = radians(*value),
+                None => {}
+            }
+        }
+        values
+    }
 }
 
-fn is_unit(text: &str) -> bool {
-    text.starts_with(['(', '[']) && text.ends_with([')', ']'])
+/// What the comments of a HELIOS++ trajectory file say about its columns.
+#[derive(Debug, Default)]
+pub(super) struct Directives {
+    /// `#HEADER:`
+    pub layout: Option<PoseLayout>,
+    /// `#TIME_COLUMN:`
+    pub time_column: Option<usize>,
 }
 
-/// Whether no column of `line` is a number: a line of names.
+impl Directives {
+    /// Parses a comment line; whether it was a directive.
+    pub fn parse(&mut self, comment: &str) -> Result<bool, String> {
+        if let Some(names) = comment.strip_prefix("#HEADER:") {
+            let layout = PoseLayout::from_headings(names, Separator::guess(names));
+            self.layout = Some(layout.map_err(|e| e.message)?);
+        } else if let Some(column) = comment.strip_prefix("#TIME_COLUMN:") {
+            let column = column.trim();
+            let number = column.parse();
+            self.time_column =
+                Some(number.map_err(|_| format!("expected the number of a column, found `{column}`"))?);
+        } else {
+            return Ok(false);
+        }
+        Ok(true)
+    }
+}
+
+/// Whether `line` consists of headings: no column is a number, and one at least names a component of a pose.
 pub(super) fn is_header(line: &str, separator: Separator) -> bool {
     let fields = separator.split(line);
-    !fields.is_empty()
-        && fields.iter().all(|f| line[f.clone()].parse::<f64>().map_or(true, |v| !v.is_finite()))
-        && fields.iter().any(|f| matches!(column_name(&line[f.clone()]), Ok(Some(_)) | Err(_)))
+    fields.iter().all(|f| line[f.clone()].parse::<f64>().map_or(true, |v| !v.is_finite()))
+        && fields.iter().any(|f| PoseColumn::parse(&line[f.clone()]) != Ok(None))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn named(line: &str) -> Result<Layout, RowError> {
-        Layout::named(line, &Separator::guess(line).split(line))
+    fn layout(line: &str) -> Result<PoseLayout, RowError> {
+        PoseLayout::from_headings(line, Separator::guess(line))
     }
 
     #[test]
-    fn names_find_their_columns_in_any_order() {
-        let l = named("x,y,z,gps_time,quality,Roll[deg],pitch,heading").unwrap();
+    fn headings_are_found_in_any_order() {
+        let l = layout("x,y,z,gps_time,quality,Roll[deg],pitch,heading").unwrap();
         assert_eq!(l.columns, [Some(3), Some(5), Some(6), Some(7), Some(0), Some(1), Some(2)]);
         assert!(l.factors[1].is_some() && l.factors[2].is_none());
-        assert!(l.missing(&QUANTITIES).is_empty());
+        assert!(l.complete(&POSE_COLUMNS).is_ok());
     }
 
     #[test]
-    fn units_apart_from_their_names_are_no_columns() {
-        let l = named("time x y z roll (deg) pitch (deg) yaw (deg)").unwrap();
+    fn units_separated_from_their_names_are_no_columns() {
+        let l = layout("time x y z roll (deg) pitch (deg) yaw (deg)").unwrap();
         assert_eq!(l.columns, [Some(0), Some(4), Some(5), Some(6), Some(1), Some(2), Some(3)]);
         assert!(l.factors[3].is_some());
     }
 
     #[test]
-    fn wrong_rows_are_marked() {
-        let l = Layout::in_order(QUANTITIES);
-        let comma = Separator::Char(',');
-        let e = l.values("1,2,3,abc,5,6,7", comma).unwrap_err();
-        assert_eq!((e.at, e.message.as_str()), (6..9, "expected a number for yaw, found `abc`"));
-        assert!(
-            l.values("1,2,3", comma).unwrap_err().message.contains("column 4 for yaw is missing: 3 columns")
+    fn geographic_columns_count_where_there_are_no_projected_ones() {
+        let l = layout("t,lat[rad],longitude,h").unwrap();
+        assert!(l.geographic && l.columns[4] == Some(2) && l.columns[5] == Some(1));
+        assert_eq!(
+            l.in_si([1.0, 2.0, 0.0, 0.0, 180.0, 0.5, 9.0], true)[4..],
+            [std::f64::consts::PI, 0.5, 9.0]
         );
-        assert!(l.values("1,2,3,nan,5,6,7", comma).is_err());
-        assert!(named("time,x,x").unwrap_err().message.contains("second column for x"));
+        let l = layout("t,lat,lon,x,northing,z").unwrap();
+        assert!(!l.geographic && l.columns[4] == Some(3) && l.columns[5] == Some(4));
+        assert!(layout("lat[m]").unwrap_err().message.contains("expected rad, mrad or deg"));
     }
 
     #[test]
-    fn headers_are_lines_of_names() {
-        assert!(is_header("time,x,y", Separator::Char(',')));
-        assert!(!is_header("1,x,y", Separator::Char(',')));
-        assert!(!is_header("foo,bar", Separator::Char(',')));
+    fn errors_in_rows_are_located() {
+        let l = PoseLayout::in_order(&POSE_COLUMNS, None);
+        let comma = Separator::Char(',');
+        let e = l.read("1,2,3,abc,5,6,7", comma).unwrap_err();
+        assert_eq!((e.at, e.message.as_str()), (6..9, "expected a number for yaw, found `abc`"));
+        let e = l.read("1,2,3", comma).unwrap_err();
+        assert!(e.message.contains("column 4 for yaw is missing: 3 columns"));
+        assert!(l.read("1,2,3,nan,5,6,7", comma).is_err());
+        assert!(layout("time,x,x").unwrap_err().message.contains("second column for x"));
+    }
+
+    #[test]
+    fn headers_are_lines_of_headings() {
+        let comma = Separator::Char(',');
+        let lines = ["time,x,y", "1,x,y", "foo,bar", ""];
+        assert_eq!(lines.map(|line| is_header(line, comma)), [true, false, false, false]);
     }
 }

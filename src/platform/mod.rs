@@ -12,15 +12,13 @@ mod multicopter;
 mod physics;
 mod pose_table;
 mod poses;
-mod rows;
 mod stream;
 mod table;
 mod trajectory_file;
 
 pub use course::{LegCourse, Span};
 pub use interpolated::InterpolatedState;
-pub use poses::{Pose, PoseReader, Seen, Waited};
-pub(crate) use rows::Separator;
+pub use poses::{PollResult, Pose, PoseEvent, PoseReader};
 use stream::StreamPlan;
 pub use stream::{Readiness, StreamState};
 pub use table::TrajectoryTable;

@@ -1,7 +1,7 @@
 //! Poses in an Arrow stream, spelled as the lines of text that the pose reader understands: poses are few, and one reader
 //! that knows names, units and orders is enough.
 
-use super::rows::column_name;
+use super::layout::PoseColumn;
 use crate::error::Result;
 use crate::input::arrow::{ArrowDecoder, ArrowDetection, detect_arrow, table_error};
 use std::path::{Path, PathBuf};
@@ -117,7 +117,7 @@ impl Speller {
                 lines.extend(field.heading.bytes().map(|b| if b",;\t\n".contains(&b) { b'_' } else { b }));
                 lines.push(b',');
                 columns.push(position);
-            } else if !matches!(column_name(&field.heading), Ok(None)) {
+            } else if PoseColumn::parse(&field.heading) != Ok(None) {
                 let message = format!("column `{}` holds {}, expected numbers", field.heading, field.holds);
                 return Err(table_error(&self.path, message, ""));
             }

@@ -2,21 +2,20 @@
 
 use super::course::reported_angles;
 use super::interpolated::composed;
-use super::layout::{Layout, is_header};
+use super::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is_header};
 use super::poses::{Fix, FixPlace, Frame, Pose, Problem, read_binary};
-use super::rows::{QUANTITIES, Quantity, Separator};
 use super::table::{PoseValues, TrajectoryTable, filter_slopes, near};
+use crate::columns::Separator;
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use crate::geom::radians;
 use crate::survey::{Interpolated, TrajectoryFile};
 use std::path::Path;
 
-/// More problems than these are counted, not listed.
-const MOST_PROBLEMS: usize = 20;
+/// Wrong rows that are listed; further ones are only counted.
+const MAX_LISTED_ROWS: usize = 20;
 
-/// Reads all files of `settings` into one table in world coordinates and radians. Problems of the files go into `problems`
-/// with line and column, all of a file at once; `None` if there were any that end the run.
+/// Reads all files of `settings` into one table in world coordinates and radians. All problems of a file go into `problems`
+/// with line and column; `None` if any of them prevents the run.
 ///
 /// # Errors
 /// Files that cannot be read.
@@ -29,37 +28,10 @@ pub fn read_trajectories(
     let mut frame = Frame::of_grid(settings.grid);
     for (i, file) in settings.files.iter().enumerate() {
         let bytes = std::fs::read(&file.path).map_err(|e| Error::io("read", &file.path, e))?;
-        let thinned = |rows| {
-            if i == 0 && file.slope_filter > 0.0 { thinned(rows, file.slope_filter) } else { rows }
-        };
-        if let Some(read) = read_binary(&file.path, &bytes, &mut frame) {
-            match read.and_then(|poses| at_least_two(&file.path, poses)) {
-                Ok(poses) => table.extend(thinned(angle_rows(&poses, settings))),
-                Err(found) => {
-                    problems.extend(found);
-                    usable = false;
-                }
-            }
-            continue;
-        }
-        let text = String::from_utf8_lossy(&bytes);
-        let Some((rows, layout)) = read_rows(file, &text, settings.position_only, problems) else {
-            usable = false;
-            continue;
-        };
-        let rows = thinned(rows).into_iter().map(|(t, v)| in_radians(t, v, &layout, settings.degrees));
-        if layout.geographic {
-            match rows.map(|(time, values)| projected(time, values, settings, &mut frame)).collect() {
-                Ok::<Vec<Pose>, Problem>(poses) => table.extend(angle_rows(&poses, settings)),
-                Err(problem) => {
-                    problems
-                        .error(None, format!("{}: {}", file.path.display(), problem.message))
-                        .help(problem.help);
-                    usable = false;
-                }
-            }
-        } else {
-            table.extend(rows);
+        let threshold = if i == 0 { file.slope_filter } else { 0.0 };
+        match read_file(file, &bytes, settings, &mut frame, threshold, problems) {
+            Some(rows) => table.extend(rows),
+            None => usable = false,
         }
     }
     if settings.files.is_empty() {
@@ -69,29 +41,58 @@ pub fn read_trajectories(
     Ok(if usable { TrajectoryTable::new(table) } else { None })
 }
 
-fn at_least_two(path: &Path, poses: Vec<Pose>) -> std::result::Result<Vec<Pose>, Diagnostics> {
-    if poses.len() >= 2 {
-        return Ok(poses);
+/// The rows of one file, thinned if `threshold` is above 0; `None` if it has problems.
+fn read_file(
+    file: &TrajectoryFile,
+    bytes: &[u8],
+    settings: &Interpolated,
+    frame: &mut Frame,
+    threshold: f64,
+    problems: &mut Diagnostics,
+) -> Option<Vec<(f64, PoseValues)>> {
+    if let Some(read) = read_binary(&file.path, bytes, frame) {
+        let poses = read.map_err(|found| problems.extend(found)).ok()?;
+        check_count(&file.path, poses.len(), problems)?;
+        return Some(thin(pose_rows(&poses, settings), threshold));
     }
-    let mut found = Diagnostics::default();
-    found.error(None, format!("{} holds {} poses, expected at least 2", path.display(), poses.len()));
-    Err(found)
+    let (rows, layout) = read_rows(file, &String::from_utf8_lossy(bytes), settings.position_only, problems)?;
+    let rows = thin(rows, threshold).into_iter().map(|(time, [roll, pitch, yaw, x, y, z])| {
+        let [time, values @ ..] = layout.in_si([time, roll, pitch, yaw, x, y, z], settings.degrees);
+        (time, values)
+    });
+    if !layout.geographic {
+        return Some(rows.collect());
+    }
+    match rows.map(|(time, values)| project(time, values, settings, frame)).collect::<Result<Vec<_>, _>>() {
+        Ok(poses) => Some(pose_rows(&poses, settings)),
+        Err(Problem { message, help, .. }) => {
+            problems.error(None, format!("{}: {message}", file.path.display())).help(help);
+            None
+        }
+    }
+}
+
+fn check_count(path: &Path, poses: usize, problems: &mut Diagnostics) -> Option<()> {
+    if poses < 2 {
+        problems.error(None, format!("{} holds {poses} poses, expected at least 2", path.display()));
+    }
+    (poses >= 2).then_some(())
 }
 
 /// A row whose x and y are longitude and latitude as a pose on the grid.
-fn projected(
+fn project(
     time: f64,
     [roll, pitch, yaw, longitude, latitude, height]: PoseValues,
     settings: &Interpolated,
     frame: &mut Frame,
-) -> std::result::Result<Pose, Problem> {
+) -> Result<Pose, Problem> {
     let attitude = composed(settings.rotation_spec, roll, pitch, yaw);
     let place = FixPlace::Geographic([latitude, longitude, height]);
     frame.pose(&Fix { time, place, attitude, unitless_angles: None })
 }
 
-/// Poses as rows of the table: angles as the survey composes them, each near the one before it so that nothing turns about.
-fn angle_rows(poses: &[Pose], settings: &Interpolated) -> Vec<(f64, PoseValues)> {
+/// Poses as rows of the table: angles as the survey composes them, each within half a turn of the one before.
+fn pose_rows(poses: &[Pose], settings: &Interpolated) -> Vec<(f64, PoseValues)> {
     let mut rows: Vec<(f64, PoseValues)> = Vec::with_capacity(poses.len());
     for pose in poses {
         let [roll, pitch, yaw] = match settings.position_only {
@@ -108,178 +109,104 @@ fn angle_rows(poses: &[Pose], settings: &Interpolated) -> Vec<(f64, PoseValues)>
     rows
 }
 
-fn thinned(mut rows: Vec<(f64, PoseValues)>, threshold: f64) -> Vec<(f64, PoseValues)> {
-    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-    filter_slopes(&rows, threshold)
-}
-
-fn in_radians(time: f64, mut values: PoseValues, layout: &Layout, degrees: bool) -> (f64, PoseValues) {
-    for (i, quantity) in [Quantity::Roll, Quantity::Pitch, Quantity::Yaw].into_iter().enumerate() {
-        values[i] = match layout.factors[quantity as usize] {
-            Some(factor) => values[i] * factor,
-            None if degrees => radians(values[i]),
-            None => values[i],
-        };
+fn thin(mut rows: Vec<(f64, PoseValues)>, threshold: f64) -> Vec<(f64, PoseValues)> {
+    if threshold > 0.0 {
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        rows = filter_slopes(&rows, threshold);
     }
-    if layout.geographic {
-        for (i, quantity) in [(3, Quantity::X), (4, Quantity::Y)] {
-            values[i] = match layout.factors[quantity as usize] {
-                Some(factor) => values[i] * factor,
-                None if degrees => radians(values[i]),
-                None => values[i],
-            };
-        }
-    }
-    (time * layout.factors[Quantity::Time as usize].unwrap_or(1.0), values)
+    rows
 }
 
-/// What the comments of a file say about its columns.
-#[derive(Default)]
-struct Directives {
-    layout: Option<Layout>,
-    time_column: Option<usize>,
-}
-
-/// The rows as they stand in the file (time; roll, pitch, yaw, x, y, z) and their layout.
+/// The rows as they are written in the file (time; roll, pitch, yaw, x, y, z) and their layout.
 fn read_rows(
     file: &TrajectoryFile,
     text: &str,
     position_only: bool,
     problems: &mut Diagnostics,
-) -> Option<(Vec<(f64, PoseValues)>, Layout)> {
-    let path = &file.path;
+) -> Option<(Vec<(f64, PoseValues)>, PoseLayout)> {
     let mut directives = Directives::default();
-    let mut reading: Option<(Layout, Separator)> = None;
-    let mut rows = Vec::new();
-    let mut wrong = 0;
+    let mut reading: Option<(PoseLayout, Separator)> = None;
+    let (mut rows, mut wrong) = (Vec::new(), 0);
     for (number, line) in text.lines().enumerate() {
-        let place = |at| Some(Place::in_line(path, number + 1, line, at));
+        let place = |at| Some(Place::in_line(&file.path, number + 1, line, at));
         let content = line.trim_start();
         if content.is_empty() {
             continue;
         }
         if content.starts_with('#') {
-            if let Err(e) = directives.take(content) {
+            if let Err(e) = directives.parse(content) {
                 problems.error(place(0..line.len()), e);
                 return None;
             }
             continue;
         }
-        let (layout, separator) = match &reading {
-            Some(known) => known,
-            None => {
-                let separator = file.separator.map_or_else(|| Separator::guess(line), Separator::named);
-                let header = is_header(line, separator);
-                let layout =
-                    choose_layout(file, &directives, header.then_some((line, separator)), position_only);
-                match layout {
-                    Ok(layout) => reading = Some((layout, separator)),
-                    Err(message) => {
-                        problems.error(place(0..line.len()), message).help(
-                            "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
-                             \"yaw\", \"x\", \"y\", \"z\"` in the file",
-                        );
-                        return None;
-                    }
+        if reading.is_none() {
+            let separator = file.separator.map_or_else(|| Separator::guess(line), Separator::named);
+            let header = is_header(line, separator);
+            let named = header.then_some((line, separator));
+            match choose_layout(file, &directives, named, position_only) {
+                Ok(layout) => reading = Some((layout, separator)),
+                Err(message) => {
+                    problems.error(place(0..line.len()), message).help(
+                        "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
+                         \"yaw\", \"x\", \"y\", \"z\"` in the file",
+                    );
+                    return None;
                 }
-                if header {
-                    continue;
-                }
-                reading.as_ref()?
             }
-        };
-        match layout.values(line, *separator) {
-            Ok([t, values @ ..]) => rows.push((t, values)),
+            if header {
+                continue;
+            }
+        }
+        let (layout, separator) = reading.as_ref()?;
+        match layout.read(line, *separator) {
+            Ok(([t, values @ ..], _)) => rows.push((t, values)),
             Err(e) => {
                 wrong += 1;
-                if wrong <= MOST_PROBLEMS {
+                if wrong <= MAX_LISTED_ROWS {
                     problems.error(place(e.at), e.message);
                 }
             }
         }
     }
-    finish(path, rows, reading, wrong, problems)
-}
-
-fn finish(
-    path: &Path,
-    rows: Vec<(f64, PoseValues)>,
-    reading: Option<(Layout, Separator)>,
-    wrong: usize,
-    problems: &mut Diagnostics,
-) -> Option<(Vec<(f64, PoseValues)>, Layout)> {
-    if wrong > MOST_PROBLEMS {
-        problems.error(None, format!("{} more wrong rows in {}", wrong - MOST_PROBLEMS, path.display()));
+    if wrong > MAX_LISTED_ROWS {
+        let more = wrong - MAX_LISTED_ROWS;
+        problems.error(None, format!("{more} more wrong rows in {}", file.path.display()));
     }
     if wrong > 0 {
         return None;
     }
-    if rows.len() < 2 {
-        let message = format!("{} holds {} poses, expected at least 2", path.display(), rows.len());
-        problems.error(None, message);
-        return None;
-    }
+    check_count(&file.path, rows.len(), problems)?;
     Some((rows, reading?.0))
 }
 
-impl Directives {
-    fn take(&mut self, comment: &str) -> Result<(), String> {
-        if let Some(names) = comment.strip_prefix("#HEADER:") {
-            let separator = Separator::guess(names);
-            self.layout = Some(Layout::named(names, &separator.split(names)).map_err(|e| e.message)?);
-        } else if let Some(column) = comment.strip_prefix("#TIME_COLUMN:") {
-            let column = column.trim();
-            self.time_column = Some(
-                column.parse().map_err(|_| format!("expected the number of a column, found `{column}`"))?,
-            );
-        }
-        Ok(())
-    }
-}
-
-/// The survey's column numbers win over the file's `#HEADER`, that over a first line of names, and that over the order
-/// roll, pitch, yaw, x, y, z around a `#TIME_COLUMN`.
+/// Chooses by precedence: the survey's column numbers, the file's `#HEADER`, a first line of headings, the order roll, pitch,
+/// yaw, x, y, z around a `#TIME_COLUMN`.
 fn choose_layout(
     file: &TrajectoryFile,
     directives: &Directives,
     header: Option<(&str, Separator)>,
     position_only: bool,
-) -> Result<Layout, String> {
-    let all: &[Quantity] = &QUANTITIES;
-    let wanted = if position_only { &[Quantity::Time, Quantity::X, Quantity::Y, Quantity::Z] } else { all };
+) -> Result<PoseLayout, String> {
+    use PoseColumn::{Time, X, Y, Z};
+    let wanted: &[PoseColumn] = if position_only { &[Time, X, Y, Z] } else { &POSE_COLUMNS };
     let mut layout = if let Some(columns) = file.columns {
-        Layout::numbered(columns)
+        PoseLayout::numbered(columns)
     } else if let Some(layout) = &directives.layout {
         let mut layout = layout.clone();
-        if let Some(time) = directives.time_column {
-            layout.columns[Quantity::Time as usize] = Some(time);
-        }
+        layout.set_time(directives.time_column);
         layout
     } else if let Some((line, separator)) = header {
-        Layout::named(line, &separator.split(line)).map_err(|e| e.message)?
-    } else if let Some(time) = directives.time_column {
-        around_time(time, wanted)
+        PoseLayout::from_headings(line, separator).map_err(|e| e.message)?
+    } else if directives.time_column.is_some() {
+        PoseLayout::in_order(wanted, directives.time_column)
     } else {
         return Err("nothing says which column holds the time".to_owned());
     };
     if position_only {
-        for angle in [Quantity::Roll, Quantity::Pitch, Quantity::Yaw] {
-            layout.columns[angle as usize] = None;
-        }
+        ANGLES.iter().for_each(|&angle| layout.columns[angle as usize] = None);
     }
-    let missing = layout.missing(wanted);
-    if missing.is_empty() { Ok(layout) } else { Err(format!("no column for {}", missing.join(", "))) }
-}
-
-/// The wanted quantities in order in the columns that time leaves.
-fn around_time(time: usize, wanted: &[Quantity]) -> Layout {
-    let mut layout = Layout::in_order([]);
-    layout.columns[Quantity::Time as usize] = Some(time);
-    let others = wanted.iter().filter(|q| **q != Quantity::Time);
-    for (quantity, column) in others.zip((0..).filter(|c| *c != time)) {
-        layout.columns[*quantity as usize] = Some(column);
-    }
-    layout
+    layout.complete(wanted)
 }
 
 #[cfg(test)]

@@ -205,7 +205,7 @@ impl DeflectorState {
     }
 
     /// Whether the deflection has an error now.
-    pub fn is_disturbed(&self) -> bool {
+    pub fn has_error(&self) -> bool {
         matches!(self, DeflectorState::Polygon(mirror) if mirror.angle != mirror.exact)
     }
 

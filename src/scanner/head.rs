@@ -68,7 +68,7 @@ impl HeadState {
     }
 
     /// The angle with its error, rad.
-    pub fn disturbed_angle(&self, plan: &DevicePlan) -> f64 {
+    pub fn angle_with_error(&self, plan: &DevicePlan) -> f64 {
         match (&plan.errors.head, self.error_at) {
             (Some((error, distance)), Some(at)) => {
                 self.angle + error.eval(kept_off_multiples_of_pi(at, *distance))
@@ -81,7 +81,7 @@ impl HeadState {
     pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
         match &self.still {
             Some([disturbed, _]) => *disturbed,
-            None => Rotation::about(plan.head_axis, self.disturbed_angle(plan) % TAU),
+            None => Rotation::about(plan.head_axis, self.angle_with_error(plan) % TAU),
         }
     }
 
@@ -182,9 +182,9 @@ mod tests {
         let mut d = device(Deflector::Polygon { effective_max: 1.0 });
         d.errors.head = Some((crate::survey::Formula::parse("0.1*THETA").unwrap(), radians(1.0)));
         let (plan, mut h) = head(&d, 100, 36.0, 0.0, 90.0);
-        assert_eq!(h.disturbed_angle(&plan), 0.0, "setting the present angle does nothing");
+        assert_eq!(h.angle_with_error(&plan), 0.0, "setting the present angle does nothing");
         h.step(&plan, 0.0);
-        assert!((degrees(h.disturbed_angle(&plan) - h.angle()) - 0.1).abs() < 1e-12);
+        assert!((degrees(h.angle_with_error(&plan) - h.angle()) - 0.1).abs() < 1e-12);
         let turned = h.exact_rotation(&plan).apply(DVec3::Y);
         assert!((libm::atan2(-turned.x, turned.y) - h.angle()).abs() < 1e-12);
     }

@@ -44,7 +44,7 @@ impl Inventory {
         let mut all = Inventory {
             triangles: scene.geometry.triangles.len() as u64,
             cubes: scene.geometry.cubes.len() as u64,
-            bounds: scene.bounds.moved(scene.shift),
+            bounds: scene.bounds.translated(scene.shift),
             of_part: vec![0; scene.parts.len()],
             of_material: vec![0; scene.materials.len()],
             ..Inventory::default()

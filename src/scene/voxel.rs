@@ -64,7 +64,7 @@ impl Voxel {
     /// Turns or mirrors the normal as a moving part is.
     pub(super) fn turn(&mut self, map: &Affine) {
         if let Some(normal) = self.normal() {
-            self.normal = map.turn(normal).to_array().map(|c| c as f32);
+            self.normal = map.apply_to_vector(normal).to_array().map(|c| c as f32);
         }
     }
 

@@ -1,5 +1,6 @@
 //! The columns of a stream of pulses: names, units, what they mean and which of them may be missing.
 
+use crate::columns::{Dimension, Heading, HeadingError, parse_heading};
 use crate::diag::nearest;
 
 /// A column of a stream of pulses.
@@ -89,70 +90,55 @@ pub struct Entry {
     pub name: &'static str,
     /// Other names by which it is read.
     aliases: &'static [&'static str],
-    /// What it counts in.
-    pub quantity: Quantity,
-}
-
-/// What a column counts in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
-    /// Time; ns inside.
-    Time,
-    /// Metres.
-    Length,
-    /// Radians.
-    Angle,
-    /// A plain number.
-    Ratio,
-    /// A whole number of at least 0.
-    Count,
+    /// What it measures. Times are ns inside.
+    pub(crate) dimension: Dimension,
 }
 
 const fn entry(
     column: Column,
     name: &'static str,
     aliases: &'static [&'static str],
-    quantity: Quantity,
+    dimension: Dimension,
 ) -> Entry {
-    Entry { column, name, aliases, quantity }
+    Entry { column, name, aliases, dimension }
 }
 
 /// All columns by their numbers.
 pub static ENTRIES: [Entry; COLUMNS] = [
-    entry(Column::Time, "time", &["t", "gps_time", "gpstime"], Quantity::Time),
-    entry(Column::X, "x", &["origin_x", "ox"], Quantity::Length),
-    entry(Column::Y, "y", &["origin_y", "oy"], Quantity::Length),
-    entry(Column::Z, "z", &["origin_z", "oz"], Quantity::Length),
-    entry(Column::DirectionX, "dx", &["direction_x", "dir_x"], Quantity::Ratio),
-    entry(Column::DirectionY, "dy", &["direction_y", "dir_y"], Quantity::Ratio),
-    entry(Column::DirectionZ, "dz", &["direction_z", "dir_z"], Quantity::Ratio),
-    entry(Column::Leg, "leg", &[], Quantity::Count),
-    entry(Column::Device, "device", &["channel"], Quantity::Count),
-    entry(Column::Pulse, "pulse", &["pulse_number", "number"], Quantity::Count),
-    entry(Column::Step, "step", &[], Quantity::Count),
-    entry(Column::AttitudeW, "qw", &[], Quantity::Ratio),
-    entry(Column::AttitudeX, "qx", &[], Quantity::Ratio),
-    entry(Column::AttitudeY, "qy", &[], Quantity::Ratio),
-    entry(Column::AttitudeZ, "qz", &[], Quantity::Ratio),
-    entry(Column::ScanAngle, "scan_angle", &["scanangle"], Quantity::Angle),
-    entry(Column::LowX, "x_low", &[], Quantity::Length),
-    entry(Column::LowY, "y_low", &[], Quantity::Length),
-    entry(Column::LowZ, "z_low", &[], Quantity::Length),
-    entry(Column::ExactW, "exact_qw", &[], Quantity::Ratio),
-    entry(Column::ExactX, "exact_qx", &[], Quantity::Ratio),
-    entry(Column::ExactY, "exact_qy", &[], Quantity::Ratio),
-    entry(Column::ExactZ, "exact_qz", &[], Quantity::Ratio),
-    entry(Column::RangeError, "range_error", &[], Quantity::Length),
-    entry(Column::Divergence, "divergence", &["beam_divergence"], Quantity::Angle),
-    entry(Column::StartDivergence, "start_divergence", &[], Quantity::Angle),
-    entry(Column::Play, "play", &[], Quantity::Count),
-    entry(Column::ReportedW, "reported_qw", &[], Quantity::Ratio),
-    entry(Column::ReportedX, "reported_qx", &[], Quantity::Ratio),
-    entry(Column::ReportedY, "reported_qy", &[], Quantity::Ratio),
-    entry(Column::ReportedZ, "reported_qz", &[], Quantity::Ratio),
-    entry(Column::OriginErrorX, "x_error", &[], Quantity::Length),
-    entry(Column::OriginErrorY, "y_error", &[], Quantity::Length),
-    entry(Column::OriginErrorZ, "z_error", &[], Quantity::Length),
+    entry(Column::Time, "time", &["t", "gps_time", "gpstime"], Dimension::Time),
+    entry(Column::X, "x", &["origin_x", "ox"], Dimension::Length),
+    entry(Column::Y, "y", &["origin_y", "oy"], Dimension::Length),
+    entry(Column::Z, "z", &["origin_z", "oz"], Dimension::Length),
+    entry(Column::DirectionX, "dx", &["direction_x", "dir_x"], Dimension::Ratio),
+    entry(Column::DirectionY, "dy", &["direction_y", "dir_y"], Dimension::Ratio),
+    entry(Column::DirectionZ, "dz", &["direction_z", "dir_z"], Dimension::Ratio),
+    entry(Column::Leg, "leg", &[], Dimension::Count),
+    entry(Column::Device, "device", &["channel"], Dimension::Count),
+    entry(Column::Pulse, "pulse", &["pulse_number", "number"], Dimension::Count),
+    entry(Column::Step, "step", &[], Dimension::Count),
+    entry(Column::AttitudeW, "qw", &[], Dimension::Ratio),
+    entry(Column::AttitudeX, "qx", &[], Dimension::Ratio),
+    entry(Column::AttitudeY, "qy", &[], Dimension::Ratio),
+    entry(Column::AttitudeZ, "qz", &[], Dimension::Ratio),
+    entry(Column::ScanAngle, "scan_angle", &["scanangle"], Dimension::Angle),
+    entry(Column::LowX, "x_low", &[], Dimension::Length),
+    entry(Column::LowY, "y_low", &[], Dimension::Length),
+    entry(Column::LowZ, "z_low", &[], Dimension::Length),
+    entry(Column::ExactW, "exact_qw", &[], Dimension::Ratio),
+    entry(Column::ExactX, "exact_qx", &[], Dimension::Ratio),
+    entry(Column::ExactY, "exact_qy", &[], Dimension::Ratio),
+    entry(Column::ExactZ, "exact_qz", &[], Dimension::Ratio),
+    entry(Column::RangeError, "range_error", &[], Dimension::Length),
+    entry(Column::Divergence, "divergence", &["beam_divergence"], Dimension::Angle),
+    entry(Column::StartDivergence, "start_divergence", &[], Dimension::Angle),
+    entry(Column::Play, "play", &[], Dimension::Count),
+    entry(Column::ReportedW, "reported_qw", &[], Dimension::Ratio),
+    entry(Column::ReportedX, "reported_qx", &[], Dimension::Ratio),
+    entry(Column::ReportedY, "reported_qy", &[], Dimension::Ratio),
+    entry(Column::ReportedZ, "reported_qz", &[], Dimension::Ratio),
+    entry(Column::OriginErrorX, "x_error", &[], Dimension::Length),
+    entry(Column::OriginErrorY, "y_error", &[], Dimension::Length),
+    entry(Column::OriginErrorZ, "z_error", &[], Dimension::Length),
 ];
 
 impl Column {
@@ -165,11 +151,11 @@ impl Column {
 impl Entry {
     /// The unit in which it is written; empty for plain numbers.
     pub fn unit(&self) -> &'static str {
-        match self.quantity {
-            Quantity::Time => "ns",
-            Quantity::Length => "m",
-            Quantity::Angle => "rad",
-            Quantity::Ratio | Quantity::Count => "",
+        match self.dimension {
+            Dimension::Time => "ns",
+            Dimension::Length => "m",
+            Dimension::Angle => "rad",
+            Dimension::Ratio | Dimension::Count => "",
         }
     }
 
@@ -179,55 +165,34 @@ impl Entry {
     }
 }
 
-/// The column of a name such as `time[s]`, `X (m)` or `scan_angle[deg]`, and the factor that takes its values to the unit
+/// The column of a heading such as `time[s]`, `X (m)` or `scan_angle[deg]`, and the factor that takes its values to the unit
 /// inside. Without a unit times are seconds.
 ///
 /// # Errors
 /// What is wrong with it, and advice.
 pub fn named(text: &str) -> Result<(Column, f64), (String, String)> {
-    let lower = text.trim().trim_matches(['"', '\'']).trim().to_ascii_lowercase();
-    let (name, unit) = match lower.find(['[', '(']) {
-        Some(i) => (lower[..i].trim_end(), lower[i..].trim_matches(['[', ']', '(', ')', ' '])),
-        None => (lower.as_str(), ""),
+    let known = |name: &str| {
+        let entry = ENTRIES.iter().find(|e| e.name == name || e.aliases.contains(&name))?;
+        Some((entry, entry.dimension))
     };
-    let known = ENTRIES.iter().find(|e| e.name == name || e.aliases.contains(&name));
-    let Some(entry) = known else {
-        let names = ENTRIES.iter().flat_map(|e| std::iter::once(e.name).chain(e.aliases.iter().copied()));
-        let help = match nearest(name, names) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => {
-                format!("the columns are {}", ENTRIES.iter().map(|e| e.name).collect::<Vec<_>>().join(", "))
-            }
-        };
-        return Err((format!("unknown column `{}`", text.trim()), help));
-    };
-    match factor(entry.quantity, unit) {
-        Some(factor) => Ok((entry.column, factor)),
-        None => {
-            let expected = match entry.quantity {
-                Quantity::Time => "s, ms, us or ns",
-                Quantity::Length => "m",
-                Quantity::Angle => "rad, mrad or deg",
-                Quantity::Ratio | Quantity::Count => "no unit",
-            };
-            Err((format!("column `{}` is in `{unit}`", text.trim()), format!("expected {expected}")))
+    match parse_heading(text, known) {
+        Ok(Heading { column: entry, factor }) => {
+            let inside = if entry.dimension == Dimension::Time { 1e9 } else { 1.0 };
+            Ok((entry.column, inside * factor.unwrap_or(1.0)))
+        }
+        Err(HeadingError::WrongUnit(found, expected)) => Err((found, expected)),
+        Err(HeadingError::UnknownName(name)) => {
+            let names = ENTRIES.iter().flat_map(|e| std::iter::once(e.name).chain(e.aliases.iter().copied()));
+            let help = nearest(&name, names).map_or_else(
+                || {
+                    let names: Vec<&str> = ENTRIES.iter().map(|e| e.name).collect();
+                    format!("the columns are {}", names.join(", "))
+                },
+                |near| format!("did you mean `{near}`?"),
+            );
+            Err((format!("unknown column `{}`", text.trim()), help))
         }
     }
-}
-
-fn factor(quantity: Quantity, unit: &str) -> Option<f64> {
-    Some(match (quantity, unit) {
-        (Quantity::Time, "" | "s" | "sec" | "seconds") => 1e9,
-        (Quantity::Time, "ms") => 1e6,
-        (Quantity::Time, "us" | "µs") => 1e3,
-        (Quantity::Time, "ns") => 1.0,
-        (Quantity::Angle, "deg" | "degrees" | "°") => std::f64::consts::PI / 180.0,
-        (Quantity::Angle, "mrad") => 1e-3,
-        (Quantity::Angle, "" | "rad" | "radians") => 1.0,
-        (Quantity::Length, "" | "m" | "metres" | "meters") => 1.0,
-        (Quantity::Ratio | Quantity::Count, "" | "1" | "-") => 1.0,
-        _ => return None,
-    })
 }
 
 #[cfg(test)]
@@ -246,6 +211,9 @@ mod tests {
     fn units_are_understood_and_slips_are_named() {
         assert_eq!(named("time").unwrap(), (Column::Time, 1e9));
         assert_eq!(named(" Direction_X ").unwrap(), (Column::DirectionX, 1.0));
+        for (unit, factor) in [("ns", 1.0), ("us", 1e3), ("ms", 1e6), ("s", 1e9)] {
+            assert_eq!(named(&format!("t[{unit}]")).unwrap(), (Column::Time, factor));
+        }
         assert_eq!(named("divergence (mrad)").unwrap(), (Column::Divergence, 1e-3));
         assert!(named("divergense").unwrap_err().1.contains("did you mean `divergence`"));
         assert!(named("x[ft]").unwrap_err().0.contains("is in `ft`"));

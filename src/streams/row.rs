@@ -1,6 +1,7 @@
 //! One pulse on its way between commands: from the flight to a row of numbers and back, bit for bit.
 
-use super::columns::{COLUMNS, Column, ENTRIES, Quantity};
+use super::columns::{COLUMNS, Column, ENTRIES};
+use crate::columns::Dimension;
 use crate::flight::Pulse;
 use crate::geom::{DVec3, Rotation, unit};
 
@@ -205,7 +206,7 @@ fn check_numbers(values: &Values, present: Present) -> Result<(), RowFault> {
         if !value.is_finite() {
             return Err(fault(entry.column, format!("{} is {value}, expected a number", entry.name)));
         }
-        if entry.quantity == Quantity::Count && !whole {
+        if entry.dimension == Dimension::Count && !whole {
             let message = format!("{} is {value}, expected a whole number of at least 0", entry.name);
             return Err(fault(entry.column, message));
         }

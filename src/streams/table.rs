@@ -1,8 +1,9 @@
 //! Pulses and poses as an Arrow IPC stream: the columns and values of the text, units and meanings as metadata of each
 //! column.
 
-use super::columns::{Column, ENTRIES, Quantity};
+use super::columns::{Column, ENTRIES};
 use super::row::{Present, PulseRow};
+use crate::columns::Dimension;
 use crate::flight::PoseSample;
 use crate::geom::{DVec3, degrees};
 use ::arrow_array::{ArrayRef, Float64Array, RecordBatch, UInt64Array};
@@ -43,7 +44,7 @@ pub fn pose_columns() -> Vec<TableColumn> {
 pub fn pulse_columns(present: Present) -> Vec<TableColumn> {
     let entries = ENTRIES.iter().filter(|e| present.has(e.column));
     let column =
-        entries.map(|e| TableColumn { name: e.name, unit: e.unit(), whole: e.quantity == Quantity::Count });
+        entries.map(|e| TableColumn { name: e.name, unit: e.unit(), whole: e.dimension == Dimension::Count });
     column.collect()
 }
 

@@ -1,9 +1,10 @@
 //! Pulses and poses as comma-separated values: a header of names and units, then one row per line, every number with as
 //! many digits as bring back its bits.
 
-use super::columns::{Column, ENTRIES, Quantity};
+use super::columns::{Column, ENTRIES};
 use super::row::{ATTITUDE, DIRECTION, EXACT, ORIGIN, ORIGIN_ERROR, Present, PulseRow, REPORTED};
 use super::table::pose_values;
+use crate::columns::Dimension;
 use crate::flight::PoseSample;
 use crate::geom::DVec3;
 
@@ -40,8 +41,8 @@ pub fn push_pulse(out: &mut Vec<u8>, row: &PulseRow, present: Present, shift: DV
     let values = row.values(shift);
     for entry in ENTRIES.iter().filter(|e| present.has(e.column)) {
         let value = values[entry.column as usize];
-        match entry.quantity {
-            Quantity::Count => push_count(out, value as u64),
+        match entry.dimension {
+            Dimension::Count => push_count(out, value as u64),
             _ => push_number(out, value),
         }
         out.push(b',');

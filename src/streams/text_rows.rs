@@ -3,10 +3,10 @@
 use super::columns::{COLUMNS, Column, named};
 use super::read::check_complete;
 use super::row::{DIRECTION, ORIGIN, Present, PulseRow};
+use crate::columns::Separator;
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
-use crate::platform::Separator;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -40,7 +40,7 @@ pub(super) fn check(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3], mou
         .filter_map(|side| if let Side::Below(depth) = side { Some(*depth) } else { None })
         .collect();
     let flight = Aabb::around(places.iter().map(|&place| scene.to_world(place)));
-    let platform = flight.moved(DVec3::Z * -mount);
+    let platform = flight.translated(DVec3::Z * -mount);
     if !depths.is_empty() && depths.len() as f64 > MAX_SHARE_BELOW * over {
         depths.sort_by(f64::total_cmp);
         let depth = depths[depths.len() / 2];

@@ -71,9 +71,9 @@ pub fn check_flight(survey: &Survey, scene: &Scene, tree: &Tree, flight: &Flight
         found.extend(finding.into_warning(None));
     }
     let mount = DVec3::Z * survey.platform.mount.offset.z;
-    let places = flight.places(PLACES_PER_LEG);
+    let places = flight.planned_positions(PLACES_PER_LEG);
     let reach = target(survey, scene).ranges[1].min(boxes::MAX_REACH);
-    let bounds = scene.bounds.moved(scene.shift);
+    let bounds = scene.bounds.translated(scene.shift);
     let leg =
         |number: u32| survey.legs.iter().find(|leg| leg.number == number).and_then(|leg| leg.place.clone());
     if matches!(survey.platform.kind, PlatformKind::Static) {
@@ -108,7 +108,7 @@ fn recorded_angles(settings: &Interpolated, flight: &FlightPlan) -> Option<Findi
     };
     let option = "the survey's toRadians";
     let mut check = AngleCheck::new(convention, settings.degrees, option);
-    for (angles, position) in flight.recorded()?.poses() {
+    for (angles, position) in flight.trajectory_table()?.poses() {
         let written = if settings.degrees { angles.map(f64::to_degrees) } else { angles };
         if let Some(finding) = check.add(position, written) {
             return Some(finding);

@@ -80,8 +80,8 @@ impl YieldCheck<'_> {
         if share >= MIN_YIELD && share >= MIN_YIELD_WITHIN * within {
             return None;
         }
-        let bounds = scene.bounds.moved(scene.shift);
-        let flight = aim.origins.moved(scene.shift);
+        let bounds = scene.bounds.translated(scene.shift);
+        let flight = aim.origins.translated(scene.shift);
         let gap = (bounds.min - flight.max).max(flight.min - bounds.max).max(DVec3::ZERO);
         let across = gap.x.hypot(gap.y);
         let below = ground::check("the flight", scene, self.tree, &log.places, mount.offset.z);
@@ -112,7 +112,7 @@ impl YieldCheck<'_> {
             format!(
                 "the flight is {} below the scene; {}",
                 metres(depth),
-                boxes::heights(&flight.moved(DVec3::Z * -mount.offset.z), depth)
+                boxes::heights(&flight.translated(DVec3::Z * -mount.offset.z), depth)
             )
         } else if towards < 0.5 && mount.rotation == Rotation::IDENTITY {
             "no mount turns the scanner towards the scene: name the platform that carries it ([platform] catalogue = \

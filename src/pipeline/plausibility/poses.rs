@@ -4,7 +4,7 @@ use super::angles::AngleCheck;
 use super::boxes;
 use crate::diag::Diagnostics;
 use crate::geom::Aabb;
-use crate::platform::Seen;
+use crate::platform::PoseEvent;
 use crate::survey::{AngleConvention, PoseStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -35,10 +35,10 @@ impl PoseCheck {
     }
 
     /// Checks the next pose, or the whole when the stream has ended.
-    pub fn add(&mut self, seen: Seen) -> Diagnostics {
+    pub fn add(&mut self, seen: PoseEvent) -> Diagnostics {
         let mut found = Diagnostics::default();
         let finding = match seen {
-            Seen::Pose(pose, angles) => {
+            PoseEvent::Pose(pose, angles) => {
                 self.flight = self.flight.with(pose.position);
                 if !self.is_reported.load(Relaxed)
                     && let Some(finding) =
@@ -49,7 +49,7 @@ impl PoseCheck {
                 }
                 angles.and_then(|angles| self.angles.add(pose.position, angles))
             }
-            Seen::End => self.angles.end(),
+            PoseEvent::End => self.angles.end(),
         };
         finding.into_iter().for_each(|finding| found.extend(finding.into_warning(None)));
         found

@@ -15,7 +15,7 @@ mod order;
 mod source;
 mod text;
 
-use super::layout::Layout;
+use super::layout::PoseLayout;
 use super::pose_table::Spelling;
 use crate::diag::{Diagnostics, Notice};
 use crate::error::{Error, Result};
@@ -44,18 +44,18 @@ pub struct Pose {
 
 /// What waiting for poses came to.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Waited {
+pub enum PollResult {
     /// Some arrived.
     Poses(Vec<Pose>),
-    /// None within the time given.
-    Nothing,
-    /// None will any more.
+    /// None arrived within the time given.
+    TimedOut,
+    /// The stream is over.
     End,
 }
 
 /// What an observer of a trajectory sees.
 #[derive(Clone, Copy, Debug)]
-pub enum Seen {
+pub enum PoseEvent {
     /// The next pose, with its angles as they stand in text that names no unit for them.
     Pose(Pose, Option<[f64; 3]>),
     /// No more poses will come.
@@ -90,7 +90,7 @@ pub struct PoseReader {
     ended: bool,
     strict: bool,
     tell: Box<dyn FnMut(Notice) + Send>,
-    observe: Box<dyn FnMut(Seen) -> Diagnostics + Send>,
+    observe: Box<dyn FnMut(PoseEvent) -> Diagnostics + Send>,
     latency: Duration,
 }
 
@@ -109,15 +109,15 @@ impl PoseReader {
     /// # Errors
     /// The file cannot be opened; columns that are none.
     pub fn open(settings: &PoseStream) -> Result<PoseReader> {
-        if let Some(Err(message)) = settings.columns.as_deref().map(Layout::chosen) {
+        if let Some(Err(message)) = settings.columns.as_deref().map(PoseLayout::chosen) {
             return Err(Error::input(format!("columns of the trajectory: {message}")));
         }
         let input = InputStream::open(&settings.path).map_err(|e| Error::io("read", &settings.path, e))?;
-        Ok(PoseReader::of(input, settings))
+        Ok(PoseReader::new(input, settings))
     }
 
     /// Reads what arrives; `settings.path` is the name in messages.
-    pub fn of(input: InputStream, settings: &PoseStream) -> PoseReader {
+    pub fn new(input: InputStream, settings: &PoseStream) -> PoseReader {
         let stdin = is_stdin(&settings.path);
         PoseReader {
             input,
@@ -141,22 +141,22 @@ impl PoseReader {
     }
 
     /// The same reader, whose poses may wait so long for others to be flown along together.
-    pub fn patient(self, latency: Duration) -> PoseReader {
+    pub fn with_max_latency(self, latency: Duration) -> PoseReader {
         PoseReader { latency, ..self }
     }
 
     /// The same reader, which tells `tell` what it meets as it meets it. With `strict` a warning is an error.
-    pub fn telling(self, strict: bool, tell: impl FnMut(Notice) + Send + 'static) -> PoseReader {
+    pub fn on_notice(self, strict: bool, tell: impl FnMut(Notice) + Send + 'static) -> PoseReader {
         PoseReader { strict, tell: Box::new(tell), ..self }
     }
 
     /// The same reader, which shows every pose to `observe` as it arrives and tells what that finds.
-    pub fn observed(self, observe: impl FnMut(Seen) -> Diagnostics + Send + 'static) -> PoseReader {
+    pub fn on_pose(self, observe: impl FnMut(PoseEvent) -> Diagnostics + Send + 'static) -> PoseReader {
         PoseReader { observe: Box::new(observe), ..self }
     }
 
     /// How long what is flown along its poses may wait for more of them.
-    pub fn latency(&self) -> Duration {
+    pub fn max_latency(&self) -> Duration {
         self.latency
     }
 
@@ -165,16 +165,16 @@ impl PoseReader {
     /// # Errors
     /// A line or record that is no pose, or whose time does not ascend, with its number; a trajectory that cannot be read,
     /// or that is empty. Poses before the wrong one are returned first. The error stays: waiting again meets it again.
-    pub fn wait(&mut self, patience: Duration) -> Result<Waited> {
-        let until = Instant::now() + patience;
+    pub fn poll(&mut self, timeout: Duration) -> Result<PollResult> {
+        let until = Instant::now() + timeout;
         while self.arrived.is_empty() && self.failure.is_none() && !self.ended {
             if !self.receive(Some(until.saturating_duration_since(Instant::now()))) {
-                return Ok(Waited::Nothing);
+                return Ok(PollResult::TimedOut);
             }
         }
         if !self.arrived.is_empty() {
             let count = self.arrived.len().min(MOST_POSES);
-            return Ok(Waited::Poses(self.arrived.drain(..count).collect()));
+            return Ok(PollResult::Poses(self.arrived.drain(..count).collect()));
         }
         self.ended = true;
         match &self.failure {
@@ -182,20 +182,20 @@ impl PoseReader {
             Some(Failure::Io(kind, text)) => {
                 Err(Error::io("read", &self.path, std::io::Error::new(*kind, text.clone())))
             }
-            None => Ok(Waited::End),
+            None => Ok(PollResult::End),
         }
     }
 
     /// Waits for at least one pose, as long as it takes; `None` at the end of the stream.
     ///
     /// # Errors
-    /// As [`PoseReader::wait`].
+    /// As [`PoseReader::poll`].
     pub fn next_block(&mut self) -> Result<Option<Vec<Pose>>> {
         loop {
-            match self.wait(Duration::from_secs(3600))? {
-                Waited::Poses(block) => return Ok(Some(block)),
-                Waited::End => return Ok(None),
-                Waited::Nothing => {}
+            match self.poll(Duration::from_secs(3600))? {
+                PollResult::Poses(block) => return Ok(Some(block)),
+                PollResult::End => return Ok(None),
+                PollResult::TimedOut => {}
             }
         }
     }
@@ -276,7 +276,7 @@ impl PoseReader {
         if let Some(note) = self.order.course(&pose) {
             (self.tell)(Notice::Note(format!("{}: {note}", self.path.display())));
         }
-        self.show(Seen::Pose(pose, fix.unitless_angles));
+        self.show(PoseEvent::Pose(pose, fix.unitless_angles));
         self.poses += 1;
         self.arrived.push_back(pose);
     }
@@ -308,7 +308,7 @@ impl PoseReader {
         )));
     }
 
-    fn show(&mut self, seen: Seen) {
+    fn show(&mut self, seen: PoseEvent) {
         let found = (self.observe)(seen);
         if found.is_empty() {
             return;
@@ -322,7 +322,7 @@ impl PoseReader {
 
     /// Judges the trajectory as a whole.
     fn look_back(&mut self) {
-        self.show(Seen::End);
+        self.show(PoseEvent::End);
         if self.poses > 0 {
             let (poses, path) = (self.poses, self.path.display());
             return (self.tell)(Notice::Detail(format!("{path}: {poses} poses")));
@@ -404,7 +404,7 @@ pub(super) mod tests {
 
     fn reader(text: &str, size: usize, settings: &PoseStream) -> PoseReader {
         let trickle = Trickle { text: text.as_bytes().to_vec(), size };
-        PoseReader::of(InputStream::from_reader(trickle), settings)
+        PoseReader::new(InputStream::from_reader(trickle), settings)
     }
 
     fn read_all(text: &str, size: usize, settings: &PoseStream) -> Result<Vec<Pose>, String> {
@@ -459,7 +459,7 @@ pub(super) mod tests {
         let counts: Vec<usize> = std::iter::from_fn(|| r.next_block().unwrap()).map(|b| b.len()).collect();
         assert_eq!(counts, [1, 1, 1]);
         let many: String = (0..3000).map(|i| format!("{i},0,0,0,0,0,0\n")).collect();
-        let mut r = PoseReader::of(InputStream::from_reader(std::io::Cursor::new(many)), &settings());
+        let mut r = PoseReader::new(InputStream::from_reader(std::io::Cursor::new(many)), &settings());
         let counts: Vec<usize> = std::iter::from_fn(|| r.next_block().unwrap()).map(|b| b.len()).collect();
         assert_eq!(counts, [1024, 1024, 952]);
     }
@@ -491,8 +491,8 @@ pub(super) mod tests {
         let all = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
         let heard = all.clone();
         let mut reader =
-            PoseReader::of(InputStream::from_reader(std::io::Cursor::new(bytes.to_vec())), &settings())
-                .telling(strict, move |told| heard.lock().unwrap().push(told));
+            PoseReader::new(InputStream::from_reader(std::io::Cursor::new(bytes.to_vec())), &settings())
+                .on_notice(strict, move |told| heard.lock().unwrap().push(told));
         let mut poses = 0;
         let end = loop {
             match reader.next_block() {
@@ -564,7 +564,7 @@ pub(super) mod tests {
             assert_eq!(whole, Ok(300));
             for size in [1, 7, 137, 4096] {
                 let trickle = Trickle { text: bytes.clone(), size };
-                let mut reader = PoseReader::of(InputStream::from_reader(trickle), &settings());
+                let mut reader = PoseReader::new(InputStream::from_reader(trickle), &settings());
                 let mut count = 0;
                 while let Some(block) = reader.next_block().unwrap() {
                     count += block.len();

@@ -3,11 +3,11 @@
 //! lines as HELIOS++ writes them are known by their numbers of decimals.
 
 use super::super::interpolated::composed;
-use super::super::layout::{Layout, is_header};
-use super::super::rows::{QUANTITIES, Quantity, Separator};
+use super::super::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is_header};
 use super::fix::{Fix, FixPlace, Mark, Problem};
 use super::source::Next;
-use crate::geom::{Rotation, radians};
+use crate::columns::Separator;
+use crate::geom::Rotation;
 use crate::survey::{AngleConvention, PoseFormat, PoseStream, RotationSpec};
 use std::borrow::Cow;
 use std::f64::consts::FRAC_PI_2;
@@ -24,9 +24,8 @@ pub struct Lines {
     rotation: AngleConvention,
     settings: PoseStream,
     line: usize,
-    directive: Option<Layout>,
-    time_column: Option<usize>,
-    reading: Option<(Layout, Separator)>,
+    directives: Directives,
+    reading: Option<(PoseLayout, Separator)>,
     helios: bool,
 }
 
@@ -37,8 +36,7 @@ impl Lines {
             rotation: AngleConvention::Heading,
             settings,
             line: 0,
-            directive: None,
-            time_column: None,
+            directives: Directives::default(),
             reading: None,
             helios,
         }
@@ -80,7 +78,9 @@ impl Lines {
             return Ok(None);
         }
         if content.starts_with('#') {
-            return self.take_comment(content).map(|()| None).map_err(Problem::new);
+            let is_directive = self.directives.parse(content).map_err(Problem::new)?;
+            self.helios |= is_directive && self.settings.format.is_none();
+            return Ok(None);
         }
         if self.reading.is_none() {
             let separator = self.settings.separator.map_or_else(|| Separator::guess(line), Separator::named);
@@ -97,75 +97,52 @@ impl Lines {
         }
         let Some((layout, separator)) = &self.reading else { return Ok(None) };
         let (values, time) = layout
-            .row(line, *separator)
+            .read(line, *separator)
             .map_err(|e| Problem { at: Some(e.at), ..Problem::new(e.message) })?;
         Ok(Some((self.fix(layout, values), time)))
     }
 
-    fn take_comment(&mut self, comment: &str) -> Result<(), String> {
-        if let Some(names) = comment.strip_prefix("#HEADER:") {
-            let layout =
-                Layout::named(names, &Separator::guess(names).split(names)).map_err(|e| e.message)?;
-            self.directive = Some(layout);
-            self.helios |= self.settings.format.is_none();
-        } else if let Some(column) = comment.strip_prefix("#TIME_COLUMN:") {
-            let column = column.trim();
-            let number =
-                column.parse().map_err(|_| format!("expected the number of a column, found `{column}`"))?;
-            self.time_column = Some(number);
-            self.helios |= self.settings.format.is_none();
-        }
-        Ok(())
-    }
-
-    /// The user's names win over the stream's header, that over a `#HEADER`, and that over the usual orders.
-    fn choose_layout(&mut self, line: &str, separator: Separator, header: bool) -> Result<Layout, String> {
-        use Quantity::{Pitch, Roll, Time, X, Y, Yaw, Z};
+    /// Chooses by precedence: the user's columns, the stream's header, a `#HEADER` directive, the default orders.
+    fn choose_layout(
+        &mut self,
+        line: &str,
+        separator: Separator,
+        header: bool,
+    ) -> Result<PoseLayout, String> {
+        use PoseColumn::{Pitch, Roll, Time, X, Y, Yaw, Z};
+        let time = self.directives.time_column;
         let mut layout = if let Some(columns) = &self.settings.columns {
-            Layout::chosen(columns)?
+            PoseLayout::chosen(columns)?
         } else if header {
-            Layout::named(line, &separator.split(line)).map_err(|e| e.message)?
-        } else if let Some(layout) = &self.directive {
+            PoseLayout::from_headings(line, separator).map_err(|e| e.message)?
+        } else if let Some(layout) = &self.directives.layout {
             layout.clone()
-        } else if let Some(time) = self.time_column {
-            let mut order = vec![Roll, Pitch, Yaw, X, Y, Z];
-            order.insert(time.min(6), Time);
-            Layout::in_order(order)
+        } else if time.is_some() {
+            PoseLayout::in_order(&POSE_COLUMNS, time)
         } else if self.helios || self.settings.format.is_none() && is_helios_output(line, separator) {
             self.helios = true;
-            Layout::in_order([X, Y, Z, Time, Roll, Pitch, Yaw])
+            PoseLayout::in_order(&[X, Y, Z, Time, Roll, Pitch, Yaw], None)
         } else {
-            Layout::in_order([Time, X, Y, Z, Roll, Pitch, Yaw])
+            PoseLayout::in_order(&[Time, X, Y, Z, Roll, Pitch, Yaw], None)
         };
-        if let Some(time) = self.time_column.filter(|_| !header && self.settings.columns.is_none()) {
-            layout.columns[Time as usize] = Some(time);
+        if !header && self.settings.columns.is_none() {
+            layout.set_time(time);
         }
-        let missing = layout.missing(&QUANTITIES);
-        if missing.is_empty() { Ok(layout) } else { Err(format!("no column for {}", missing.join(", "))) }
+        layout.complete(&POSE_COLUMNS)
     }
 
-    fn fix(&self, layout: &Layout, values: [f64; 7]) -> Fix {
-        let in_radians = |q: Quantity| match layout.factors[q as usize] {
-            Some(factor) => values[q as usize] * factor,
-            None if self.settings.degrees => radians(values[q as usize]),
-            None => values[q as usize],
-        };
-        let [time, .., x, y, z] = values;
-        let angles = [Quantity::Roll, Quantity::Pitch, Quantity::Yaw];
-        let unitless = angles.iter().all(|&q| layout.factors[q as usize].is_none());
+    fn fix(&self, layout: &PoseLayout, values: [f64; 7]) -> Fix {
+        let [time, roll, pitch, yaw, x, y, z] = layout.in_si(values, self.settings.degrees);
+        let unitless = ANGLES.iter().all(|&angle| layout.factors[angle as usize].is_none());
         Fix {
-            unitless_angles: unitless.then(|| angles.map(|q| values[q as usize])),
-            time: time * layout.factors[Quantity::Time as usize].unwrap_or(1.0),
-            place: match layout.geographic {
-                true => FixPlace::Geographic([in_radians(Quantity::Y), in_radians(Quantity::X), z]),
-                false => FixPlace::Local([x, y, z]),
+            unitless_angles: unitless.then(|| ANGLES.map(|angle| values[angle as usize])),
+            time,
+            place: if layout.geographic {
+                FixPlace::Geographic([y, x, z])
+            } else {
+                FixPlace::Local([x, y, z])
             },
-            attitude: attitude(
-                self.rotation,
-                in_radians(Quantity::Roll),
-                in_radians(Quantity::Pitch),
-                in_radians(Quantity::Yaw),
-            ),
+            attitude: attitude(self.rotation, roll, pitch, yaw),
         }
     }
 }
@@ -195,7 +172,7 @@ fn is_helios_output(line: &str, separator: Separator) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::DVec3;
+    use crate::geom::{DVec3, radians};
 
     fn first(settings: PoseStream, text: &str) -> Fix {
         let (mut lines, mut at) = (Lines::new(settings), 0);

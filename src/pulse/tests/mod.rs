@@ -273,8 +273,8 @@ fn a_box_behind_the_scanner_is_not_met_and_one_around_it_is() {
 fn what_moved_out_of_the_scene_s_box_vanishes_unless_corrected() {
     // spec pulse-physics §6: a plate that leaves the initial box of y from 100 to 120
     let mut scene = rectangles(half_white(), &[wall(-20.0, 20.0, 99.5), wall(-20.0, 20.0, 120.0)]);
-    scene.bounds =
-        Aabb { min: DVec3::new(-20.0, 100.0, -20.0), max: DVec3::new(20.0, 120.0, 20.0) }.moved(-scene.shift);
+    scene.bounds = Aabb { min: DVec3::new(-20.0, 100.0, -20.0), max: DVec3::new(20.0, 120.0, 20.0) }
+        .translated(-scene.shift);
     let range = |options| fire(&scene, &tls(), options).echoes[0].range;
     assert!((range(legacy()) - 120.0).abs() < 1e-9);
     assert!((range(with(legacy(), "unbounded_scene")) - 99.5).abs() < 1e-9);

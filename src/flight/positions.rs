@@ -6,7 +6,7 @@ use crate::platform::TrajectoryTable;
 
 /// A place from which a leg measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlannedPlace {
+pub struct PlannedPosition {
     /// The survey's number of the leg.
     pub leg: u32,
     /// The platform, m, scene frame.
@@ -17,13 +17,13 @@ impl FlightPlan {
     /// Up to `per_leg` places along each active leg: a standing platform's own, those between two waypoints, those of a
     /// recorded flight at even times. None for a stream, whose poses are not known yet. Vehicles and multicopters leave the
     /// straight line between waypoints by little.
-    pub fn places(&self, per_leg: u32) -> Vec<PlannedPlace> {
+    pub fn planned_positions(&self, per_leg: u32) -> Vec<PlannedPosition> {
         let courses = self.platform.legs();
         let mut places = Vec::new();
         for (i, (leg, course)) in
             self.legs.iter().zip(courses).enumerate().filter(|(_, (l, _))| l.settings.active)
         {
-            let mut add = |position: DVec3| places.push(PlannedPlace { leg: leg.number, position });
+            let mut add = |position: DVec3| places.push(PlannedPosition { leg: leg.number, position });
             let shares = (0..per_leg.max(2)).map(|k| f64::from(k) / f64::from(per_leg.max(2) - 1));
             match (self.platform.table(), course.span, courses.get(i + 1)) {
                 _ if self.platform.is_stream() => {}
@@ -41,7 +41,7 @@ impl FlightPlan {
     }
 
     /// The recorded poses of an interpolated platform.
-    pub fn recorded(&self) -> Option<&TrajectoryTable> {
+    pub fn trajectory_table(&self) -> Option<&TrajectoryTable> {
         self.platform.table()
     }
 }
@@ -59,7 +59,7 @@ mod tests {
             .to_vec();
         legs[1].scanner.active = false;
         let flight = survey(PlatformKind::LinearPath, Mount::IDENTITY, straight(), legs.clone());
-        let places = plan_of(&flight).unwrap().0.places(3);
+        let places = plan_of(&flight).unwrap().0.planned_positions(3);
         let of = |leg: u32| places.iter().filter(|p| p.leg == leg).map(|p| p.position).collect::<Vec<_>>();
         assert_eq!(of(0), [[0.0, 0.0, 50.0], [50.0, 0.0, 55.0], [100.0, 0.0, 60.0]].map(DVec3::from));
         assert_eq!((of(1).len(), of(2)), (0, vec![DVec3::new(100.0, 50.0, 60.0)]));

@@ -1,0 +1,212 @@
+//! Columns of tables in text and in Arrow streams: separators of lines, and headings such as `time[s]` or `roll_deg`.
+
+use std::ops::Range;
+
+/// How the columns of a line are told apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Separator {
+    /// One character; blanks around it do not count.
+    Char(char),
+    /// Any run of blanks and tabs.
+    Blanks,
+}
+
+impl Separator {
+    /// The separator that a survey or a user names.
+    pub fn named(c: char) -> Separator {
+        if c == ' ' { Separator::Blanks } else { Separator::Char(c) }
+    }
+
+    /// The separator that `line` most likely uses: semicolon, comma, tab, or blanks.
+    pub fn guess(line: &str) -> Separator {
+        [';', ',', '\t']
+            .into_iter()
+            .find(|&c| line.trim().contains(c))
+            .map_or(Separator::Blanks, Separator::Char)
+    }
+
+    /// The columns of `line` as byte ranges without surrounding blanks.
+    pub fn split(self, line: &str) -> Vec<Range<usize>> {
+        let mut fields = Vec::with_capacity(8);
+        match self {
+            Separator::Char(c) => {
+                let mut start = 0;
+                for part in line.split(c) {
+                    fields.push(trimmed(line, start..start + part.len()));
+                    start += part.len() + c.len_utf8();
+                }
+                // A separator at the end of the line starts no further column.
+                if fields.len() > 1 && fields.last().is_some_and(|f| f.is_empty()) {
+                    fields.pop();
+                }
+            }
+            Separator::Blanks => {
+                let mut start = None;
+                for (i, c) in line.char_indices() {
+                    match (c.is_whitespace(), start) {
+                        (false, None) => start = Some(i),
+                        (true, Some(s)) => {
+                            fields.push(s..i);
+                            start = None;
+                        }
+                        _ => {}
+                    }
+                }
+                if let Some(s) = start {
+                    fields.push(s..line.len());
+                }
+            }
+        }
+        fields
+    }
+
+    /// A word for messages.
+    pub fn name(self) -> String {
+        match self {
+            Separator::Blanks => "blanks".to_owned(),
+            Separator::Char('\t') => "tabs".to_owned(),
+            Separator::Char(c) => format!("`{c}`"),
+        }
+    }
+}
+
+fn trimmed(line: &str, at: Range<usize>) -> Range<usize> {
+    let text = &line[at.clone()];
+    let start = at.start + (text.len() - text.trim_start().len());
+    start..start + text.trim().len()
+}
+
+/// What a column measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Dimension {
+    /// Seconds.
+    Time,
+    /// Metres.
+    Length,
+    /// Radians.
+    Angle,
+    /// A plain number.
+    Ratio,
+    /// A whole number of at least 0.
+    Count,
+}
+
+impl Dimension {
+    /// Factor from `unit` to seconds, metres or radians; `None` for units of other dimensions.
+    fn factor(self, unit: &str) -> Option<f64> {
+        Some(match (self, unit) {
+            (Dimension::Time, "s" | "sec" | "seconds") => 1.0,
+            (Dimension::Time, "ms") => 1e-3,
+            (Dimension::Time, "us" | "µs") => 1e-6,
+            (Dimension::Time, "ns") => 1e-9,
+            (Dimension::Length, "m" | "metres" | "meters") => 1.0,
+            (Dimension::Angle, "deg" | "degrees" | "°") => std::f64::consts::PI / 180.0,
+            (Dimension::Angle, "mrad") => 1e-3,
+            (Dimension::Angle, "rad" | "radians") => 1.0,
+            (Dimension::Ratio | Dimension::Count, "1" | "-") => 1.0,
+            _ => return None,
+        })
+    }
+
+    /// The units that [`Dimension::factor`] knows, for messages.
+    fn units(self) -> &'static str {
+        match self {
+            Dimension::Time => "s, ms, us or ns",
+            Dimension::Length => "m",
+            Dimension::Angle => "rad, mrad or deg",
+            Dimension::Ratio | Dimension::Count => "no unit",
+        }
+    }
+}
+
+/// A heading whose name is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Heading<T> {
+    /// What the name stands for.
+    pub column: T,
+    /// Factor to seconds, metres or radians where the heading states a unit.
+    pub factor: Option<f64>,
+}
+
+/// What is wrong with a heading.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum HeadingError {
+    /// `known` does not know this name.
+    UnknownName(String),
+    /// The unit does not fit the column: what was found, and what was expected.
+    WrongUnit(String, String),
+}
+
+/// Parses a heading: a name, quoted or not, with a unit in brackets (`Roll[deg]`, `heading (deg)`) or behind an underscore
+/// (`time_ns`). `known` resolves names in lower case to columns and their dimensions.
+pub(crate) fn parse_heading<T>(
+    text: &str,
+    known: impl Fn(&str) -> Option<(T, Dimension)>,
+) -> Result<Heading<T>, HeadingError> {
+    let lower = text.trim().trim_matches(['"', '\'']).trim().to_ascii_lowercase();
+    let (name, bracketed) = match lower.find(['[', '(']) {
+        Some(i) => (lower[..i].trim_end(), Some(lower[i..].trim_matches(['[', ']', '(', ')', ' ']))),
+        None => (lower.as_str(), None),
+    };
+    let with_suffix = || name.rsplit_once('_').filter(|_| bracketed.is_none());
+    let found = known(name).map(|column| (column, bracketed.unwrap_or_default()));
+    let found = found.or_else(|| with_suffix().and_then(|(stem, unit)| Some((known(stem)?, unit))));
+    let Some(((column, dimension), unit)) = found else {
+        return Err(HeadingError::UnknownName(name.to_owned()));
+    };
+    if unit.is_empty() {
+        return Ok(Heading { column, factor: None });
+    }
+    let factor = dimension.factor(unit).ok_or_else(|| {
+        let found = format!("column `{}` is in `{unit}`", text.trim());
+        HeadingError::WrongUnit(found, format!("expected {}", dimension.units()))
+    })?;
+    Ok(Heading { column, factor: Some(factor) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texts(separator: Separator, line: &str) -> Vec<&str> {
+        separator.split(line).into_iter().map(|r| &line[r]).collect()
+    }
+
+    #[test]
+    fn separators_are_guessed_and_split_without_blanks() {
+        assert_eq!(texts(Separator::guess("1, 2,3"), "1, 2,3"), ["1", "2", "3"]);
+        assert_eq!(texts(Separator::guess("1;2 ;3;"), "1;2 ;3;"), ["1", "2", "3"]);
+        assert_eq!(texts(Separator::guess("  1\t2\t"), "  1\t2\t"), ["1", "2"]);
+        assert_eq!(texts(Separator::guess(" 1  2\r"), " 1  2\r"), ["1", "2"]);
+        assert_eq!(texts(Separator::Char(','), "1,,3"), ["1", "", "3"]);
+    }
+
+    #[test]
+    fn headings_state_name_and_unit() {
+        let known = |name: &str| match name {
+            "t" | "gps_time" => Some(('t', Dimension::Time)),
+            "roll" => Some(('r', Dimension::Angle)),
+            "x" => Some(('x', Dimension::Length)),
+            _ => None,
+        };
+        for (text, column, factor) in [
+            ("\"t\"", 't', None),
+            ("GPS_time", 't', None),
+            ("gps_time_ns", 't', Some(1e-9)),
+            ("Roll (deg)", 'r', Some(std::f64::consts::PI / 180.0)),
+            ("roll[rad]", 'r', Some(1.0)),
+            ("roll_mrad", 'r', Some(1e-3)),
+            (" X[]", 'x', None),
+        ] {
+            assert_eq!(parse_heading(text, known), Ok(Heading { column, factor }), "{text}");
+        }
+        let velocity = HeadingError::UnknownName("velocity_x".into());
+        assert_eq!(parse_heading("velocity_x", known), Err(velocity));
+        let gon = HeadingError::WrongUnit(
+            "column `roll[gon]` is in `gon`".into(),
+            "expected rad, mrad or deg".into(),
+        );
+        assert_eq!(parse_heading("roll[gon]", known), Err(gon));
+        assert!(matches!(parse_heading("x_deg", known), Err(HeadingError::WrongUnit(..))));
+    }
+}
