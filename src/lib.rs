@@ -51,6 +51,7 @@ mod columns;
 mod damage;
 pub mod diag;
 pub mod error;
+mod files;
 pub mod flight;
 pub mod generate;
 pub mod geom;

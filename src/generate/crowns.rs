@@ -1,7 +1,7 @@
 //! Foliage as opaque cells of a grid (an AMAPVox file), as voxelised laser scans of trees have it.
 
 use super::chance::{Dice, Topic};
-use super::obj::PartFile;
+use super::obj::NewFile;
 use super::tree::Tree;
 use crate::error::{Error, Result};
 use crate::geom::{Aabb, DVec3};
@@ -89,7 +89,7 @@ fn write_cells(cells: &[[i64; 3]], folder: &Path) -> Result<Cells> {
         hi[1] - lo[1],
         hi[2] - lo[2],
     );
-    let mut file = PartFile::create(&folder.join(FILE))?;
+    let mut file = NewFile::create(&folder.join(FILE))?;
     for [x, y, z] in cells {
         let _ = writeln!(text, "{} {} {} 1 0 0 0 0 0 0 0 0 0 0.5 0 0", x - lo[0], y - lo[1], z - lo[2]);
         if text.len() > 1 << 20 {

@@ -1,6 +1,6 @@
 //! A recorded flight: the trajectory of an aircraft that winds its way over a made scene.
 
-use super::obj::PartFile;
+use super::obj::NewFile;
 use crate::error::{Error, Result};
 use crate::geom::{UtmZone, degrees, radians};
 use libm::{atan2, cos, sin};
@@ -43,7 +43,7 @@ const NAMES: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]";
 /// aeronautics: yaw clockwise from north (+y), pitch with the nose up, roll (innermost) with the right wing down.
 pub fn write_flight(options: &FlightOptions, path: &Path) -> Result<PathBuf> {
     let poses = options.poses()?;
-    let mut file = PartFile::create(path)?;
+    let mut file = NewFile::create(path)?;
     let mut text = format!("{NAMES}\n");
     for i in 0..=poses {
         let t = i as f64 / options.rate_hz;
@@ -74,7 +74,7 @@ pub struct GridPlace {
 /// wanders. Accelerations and angular rates are 0.
 pub fn write_sbet(options: &FlightOptions, place: &GridPlace, path: &Path) -> Result<PathBuf> {
     let poses = options.poses()?;
-    let mut file = PartFile::create(path)?;
+    let mut file = NewFile::create(path)?;
     for i in 0..=poses {
         let t = i as f64 / options.rate_hz;
         let [x, y, z, roll, pitch, heading] = options.pose(t);

@@ -1,7 +1,7 @@
 //! A mixed forest on rolling ground.
 
 use super::chance::{Dice, Octave, Relief, Topic};
-use super::obj::{Mesh, ObjFile, PartFile};
+use super::obj::{Mesh, NewFile, ObjFile};
 use super::solid::{ground, ground_cells};
 use super::tree::{SMALLEST_TREE, Species, Tree, shrub};
 use super::{Assembly, Part, SceneOptions, crowns};
@@ -291,7 +291,7 @@ fn write_models(
         progress(0.3 + 0.5 * (number + 1) as f64 / models as f64);
     }
 
-    let mut table = PartFile::create(&folder.join(TABLE))?;
+    let mut table = NewFile::create(&folder.join(TABLE))?;
     table.write(b"file,x,y,z,yaw,scale\n")?;
     let columns = ((trees as f64).sqrt().ceil() as u64).max(1);
     let step = extent / columns as f64;

@@ -19,7 +19,7 @@ pub use flight::{FlightOptions, GridPlace, write_flight, write_sbet};
 
 use crate::error::{Error, Result};
 use crate::geom::Aabb;
-use obj::{Mesh, PartFile};
+use obj::{Mesh, NewFile};
 use std::path::{Path, PathBuf};
 
 /// What is made.
@@ -229,7 +229,7 @@ fn refuse_existing(folder: &Path) -> Result<()> {
 }
 
 fn write_text(folder: &Path, name: &str, text: &str) -> Result<PathBuf> {
-    let mut file = PartFile::create(&folder.join(name))?;
+    let mut file = NewFile::create(&folder.join(name))?;
     file.write(text.as_bytes())?;
     file.finish()
 }

@@ -1,6 +1,7 @@
 //! Writes a mesh as OBJ text while it is being made; nothing of the mesh is kept in memory.
 
 use crate::error::{Error, Result};
+use crate::files::TemporaryFile;
 use crate::geom::{Aabb, DVec3};
 use std::fs::File;
 use std::io::Write;
@@ -11,46 +12,31 @@ const DECIMALS: usize = 4;
 const UNITS_PER_METRE: f64 = 10_000.0;
 const FLUSH_AT: usize = 1 << 20;
 
-/// A file that has its name only once it is complete; until then it is `NAME.part`, and it is removed when it is dropped
-/// unfinished.
-pub(super) struct PartFile {
+/// A file being written, with its errors.
+pub(super) struct NewFile {
+    temporary: TemporaryFile,
     file: File,
-    path: PathBuf,
-    part: PathBuf,
-    finished: bool,
 }
 
-impl PartFile {
-    pub(super) fn create(path: &Path) -> Result<PartFile> {
-        let mut part = path.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
-        let file = File::create(&part).map_err(|e| Error::io("create", &part, e))?;
-        Ok(PartFile { file, path: path.to_path_buf(), part, finished: false })
+impl NewFile {
+    pub(super) fn create(path: &Path) -> Result<NewFile> {
+        let (temporary, file) = TemporaryFile::create(path, true)?;
+        Ok(NewFile { temporary, file })
     }
 
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        self.file.write_all(bytes).map_err(|e| Error::io("write", &self.part, e))
+        self.file.write_all(bytes).map_err(|e| Error::io("write", self.temporary.path(), e))
     }
 
-    pub(super) fn finish(mut self) -> Result<PathBuf> {
-        std::fs::rename(&self.part, &self.path).map_err(|e| Error::io("create", &self.path, e))?;
-        self.finished = true;
-        Ok(std::mem::take(&mut self.path))
-    }
-}
-
-impl Drop for PartFile {
-    fn drop(&mut self) {
-        if !self.finished {
-            let _ = std::fs::remove_file(&self.part);
-        }
+    /// Gives the complete file its name, which is returned.
+    pub(super) fn finish(self) -> Result<PathBuf> {
+        self.temporary.commit()
     }
 }
 
 /// An OBJ file under construction.
 pub(super) struct ObjFile {
-    file: PartFile,
+    file: NewFile,
     text: Vec<u8>,
     vertices: u64,
     pub(super) triangles: u64,
@@ -61,7 +47,7 @@ impl ObjFile {
     pub(super) fn create(path: &Path, materials: &str) -> Result<ObjFile> {
         let mut text = Vec::with_capacity(FLUSH_AT + 4096);
         text.extend_from_slice(format!("mtllib {materials}\n").as_bytes());
-        Ok(ObjFile { file: PartFile::create(path)?, text, vertices: 0, triangles: 0, bounds: Aabb::EMPTY })
+        Ok(ObjFile { file: NewFile::create(path)?, text, vertices: 0, triangles: 0, bounds: Aabb::EMPTY })
     }
 
     /// The material of the faces that follow.
@@ -160,16 +146,5 @@ mod tests {
         assert_eq!(text(1_234_567), "123.4567");
         assert_eq!(text(-5), "-0.0005");
         assert_eq!(text(-1_205_000), "-120.5");
-    }
-
-    #[test]
-    fn an_unfinished_file_leaves_nothing_behind() {
-        let folder = tempfile::tempdir().unwrap();
-        drop(PartFile::create(&folder.path().join("a.obj")).unwrap());
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
-        let mut whole = PartFile::create(&folder.path().join("b.obj")).unwrap();
-        whole.write(b"v 0 0 0\n").unwrap();
-        assert!(!folder.path().join("b.obj").exists());
-        assert_eq!(std::fs::read(whole.finish().unwrap()).unwrap(), b"v 0 0 0\n");
     }
 }

@@ -2,10 +2,9 @@
 
 use super::number::{is_blank, skip_blanks, word_end};
 use crate::diag::{Diagnostics, Place};
+use crate::store::FileBytes;
 use memchr::{memchr, memrchr};
 use std::borrow::Cow;
-use std::fs::File;
-use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -15,49 +14,32 @@ pub(super) const SHOWN_PROBLEMS: usize = 20;
 /// Longest part of a line that a message shows, bytes.
 const SHOWN_LINE: usize = 160;
 
-/// A file's bytes.
+/// A file of a scene, mapped.
 pub(super) struct Source {
     path: PathBuf,
-    data: Data,
+    data: FileBytes,
     /// Where the content begins: behind a byte order mark.
     begin: usize,
 }
 
-/// UTF-8's byte order mark, which says nothing here.
+/// UTF-8's byte order mark, which carries no information.
 const MARK: &[u8] = b"\xef\xbb\xbf";
 
-enum Data {
-    Mapped(memmap2::Mmap),
-    Held(Vec<u8>),
-}
-
 impl Source {
-    /// Maps `path`, or reads it if it is no plain file.
+    /// Maps `path`, or reads it if it is no regular file.
     pub fn open(path: &Path) -> std::io::Result<Source> {
-        let mut file = File::open(path)?;
-        let about = file.metadata()?;
-        let data = if about.is_file() && about.len() > 0 {
-            // SAFETY: the mapping is read-only and private to this value. A scene file that another program shortens
-            // during loading is outside of what any reader of mapped files can guard against.
-            Data::Mapped(unsafe { memmap2::Mmap::map(&file)? })
-        } else {
-            let mut held = Vec::new();
-            file.read_to_end(&mut held)?;
-            Data::Held(held)
-        };
-        Ok(Source::new(path, data))
+        FileBytes::open(path).map(|data| Source::new(path, data))
     }
 
-    fn new(path: &Path, data: Data) -> Source {
-        let mut source = Source { path: path.to_path_buf(), data, begin: 0 };
-        source.begin = if source.bytes().starts_with(MARK) { MARK.len() } else { 0 };
-        source
+    fn new(path: &Path, data: FileBytes) -> Source {
+        let begin = if data.starts_with(MARK) { MARK.len() } else { 0 };
+        Source { path: path.to_path_buf(), data, begin }
     }
 
     /// A source without a file.
     #[cfg(test)]
     pub fn of(path: &str, text: &[u8]) -> Source {
-        Source::new(Path::new(path), Data::Held(text.to_vec()))
+        Source::new(Path::new(path), FileBytes::Read(text.to_vec()))
     }
 
     /// The file's name.
@@ -67,11 +49,7 @@ impl Source {
 
     /// The whole content.
     pub fn bytes(&self) -> &[u8] {
-        let all: &[u8] = match &self.data {
-            Data::Mapped(map) => map,
-            Data::Held(held) => held,
-        };
-        &all[self.begin..]
+        &self.data[self.begin..]
     }
 
     /// Whether the file holds text at all; otherwise an error that names the first line that is none.

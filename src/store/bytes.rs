@@ -1,50 +1,50 @@
-//! Small values one after the other, little-endian. What is read is what was written, bit for bit; there is nothing else to
-//! be known about them, since their bytes stand behind a checksum.
+//! Encodes small values one after the other, little-endian and bit for bit. The bytes carry no types of their own: a
+//! checksum guards them, and the reader asks for what the writer wrote.
 
 use crate::geom::DVec3;
 
-/// Values that are being written.
+/// Appends encoded values to a vector of bytes.
 #[derive(Debug, Default)]
 pub struct ByteWriter(Vec<u8>);
 
 impl ByteWriter {
-    /// What was written so far.
+    /// The bytes written so far.
     pub fn bytes(&self) -> &[u8] {
         &self.0
     }
 
-    /// A number.
+    /// Appends an integer.
     pub fn u64(&mut self, value: u64) {
         self.0.extend(value.to_le_bytes());
     }
 
-    /// A number, with its bits.
+    /// Appends the bits of a number.
     pub fn f64(&mut self, value: f64) {
         self.u64(value.to_bits());
     }
 
-    /// Three of them.
+    /// Appends three numbers.
     pub fn vector(&mut self, value: DVec3) {
         value.to_array().into_iter().for_each(|x| self.f64(x));
     }
 
-    /// Yes or no.
+    /// Appends a boolean as one byte.
     pub fn flag(&mut self, value: bool) {
         self.0.push(u8::from(value));
     }
 
-    /// A text.
+    /// Appends a string with its length.
     pub fn text(&mut self, value: &str) {
         self.blob(value.as_bytes());
     }
 
-    /// Bytes.
+    /// Appends bytes with their number.
     pub fn blob(&mut self, value: &[u8]) {
         self.u64(value.len() as u64);
         self.0.extend(value);
     }
 
-    /// Perhaps something.
+    /// Appends a flag and, if there is one, the value.
     pub fn option<T>(&mut self, value: Option<T>, write: impl FnOnce(&mut ByteWriter, T)) {
         self.flag(value.is_some());
         if let Some(value) = value {
@@ -52,18 +52,18 @@ impl ByteWriter {
         }
     }
 
-    /// Several of a kind.
+    /// Appends values with their number.
     pub fn list<T>(&mut self, values: &[T], mut write: impl FnMut(&mut ByteWriter, &T)) {
         self.u64(values.len() as u64);
         values.iter().for_each(|value| write(self, value));
     }
 }
 
-/// The values end before all were read, or are none of their kind.
+/// The bytes end before a value is complete, or encode no value of the wanted type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnexpectedEnd;
 
-/// Values that are being read.
+/// Decodes values that a [`ByteWriter`] encoded.
 #[derive(Clone, Debug)]
 pub struct ByteReader<'a>(pub &'a [u8]);
 
@@ -74,48 +74,48 @@ impl<'a> ByteReader<'a> {
         Ok(taken)
     }
 
-    /// A number.
+    /// Reads an integer.
     pub fn u64(&mut self) -> Result<u64, UnexpectedEnd> {
         self.take(8)?.try_into().map(u64::from_le_bytes).map_err(|_| UnexpectedEnd)
     }
 
-    /// A number of at most 32 bits.
+    /// Reads an integer that fits into 32 bits.
     pub fn u32(&mut self) -> Result<u32, UnexpectedEnd> {
         u32::try_from(self.u64()?).map_err(|_| UnexpectedEnd)
     }
 
-    /// A number of things.
+    /// Reads an integer that fits into `usize`.
     pub fn size(&mut self) -> Result<usize, UnexpectedEnd> {
         usize::try_from(self.u64()?).map_err(|_| UnexpectedEnd)
     }
 
-    /// A number, with its bits.
+    /// Reads the bits of a number.
     pub fn f64(&mut self) -> Result<f64, UnexpectedEnd> {
         self.u64().map(f64::from_bits)
     }
 
-    /// Three of them.
+    /// Reads three numbers.
     pub fn vector(&mut self) -> Result<DVec3, UnexpectedEnd> {
         Ok(DVec3::new(self.f64()?, self.f64()?, self.f64()?))
     }
 
-    /// Yes or no.
+    /// Reads a boolean.
     pub fn flag(&mut self) -> Result<bool, UnexpectedEnd> {
         Ok(self.take(1)? != [0])
     }
 
-    /// A text.
+    /// Reads a string.
     pub fn text(&mut self) -> Result<String, UnexpectedEnd> {
         String::from_utf8(self.blob()?.to_vec()).map_err(|_| UnexpectedEnd)
     }
 
-    /// Bytes.
+    /// Reads bytes with their number.
     pub fn blob(&mut self) -> Result<&'a [u8], UnexpectedEnd> {
         let count = self.size()?;
         self.take(count)
     }
 
-    /// Perhaps something.
+    /// Reads a value that may be absent.
     pub fn option<T>(
         &mut self,
         read: impl FnOnce(&mut ByteReader<'a>) -> Result<T, UnexpectedEnd>,
@@ -123,13 +123,13 @@ impl<'a> ByteReader<'a> {
         if self.flag()? { read(self).map(Some) } else { Ok(None) }
     }
 
-    /// Several of a kind.
+    /// Reads a list of values.
     pub fn list<T>(
         &mut self,
         mut read: impl FnMut(&mut ByteReader<'a>) -> Result<T, UnexpectedEnd>,
     ) -> Result<Vec<T>, UnexpectedEnd> {
         let count = self.u64()?;
-        // Everything takes at least a byte, so that a wrong number cannot ask for memory.
+        // Every value takes a byte or more, so a wrong count cannot make this allocate more than that.
         (0..count.min(self.0.len() as u64 + 1)).map(|_| read(self)).collect()
     }
 }

@@ -1,20 +1,21 @@
-//! The container: named arrays in one file, to be mapped.
+//! A file of named arrays, to be mapped.
 //!
 //! ```text
-//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ place, length, checksum of the table │ length of the file │ checksum
+//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ offset, length, checksum of the table │ length of the file │ checksum
 //! 64   arrays, each at a multiple of 64, padded with zeros
-//!      table: for each array its name, place, bytes, bytes of an element, checksum
+//!      table: for each array its name, first and last offset, bytes of an element, checksum
 //! ```
 //!
-//! Opening checks the header and the table, which takes microseconds whatever the arrays hold: their sums would need all of
-//! them to be read, so that is done by [`ArrayFile::verify`] only. What opening does find is every file of another kind,
-//! version or byte order, one that is cut short or has grown, and damage outside of the arrays.
+//! Opening checks the header and the table, which takes microseconds whatever the size: it finds files of another format,
+//! version or byte order, truncated and extended ones, and damage outside of the arrays. The checksums of the arrays
+//! require reading all of them and are compared by [`ArrayFile::verify`] only.
 
-use super::Store;
+use super::array::Store;
 use super::bytes::{ByteReader, ByteWriter, UnexpectedEnd};
+use super::mapped::FileBytes;
 use crate::error::{Error, Result};
+use crate::files::TemporaryFile;
 use bytemuck::{AnyBitPattern, NoUninit};
-use memmap2::Mmap;
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -25,21 +26,20 @@ use xxhash_rust::xxh3::xxh3_64;
 
 const MAGIC: &[u8; 8] = b"VLSCENE\n";
 
-/// Raised whenever an array's elements or the other contents change their meaning.
+/// Version of the contents; incremented whenever the elements of an array or anything else changes its meaning.
 const VERSION: u32 = 2;
 
-/// Written as the machine writes it: another machine reads another number.
+/// Written in native byte order: a machine of the other order reads another number.
 const BYTE_ORDER: u32 = 0x0102_0304;
 
-const HEADER: usize = 64;
+const HEADER_BYTES: usize = 64;
 
-/// Arrays begin at multiples of this, as their elements may ask for.
+/// Offsets of arrays are multiples of this, which satisfies the alignment of every element type.
 const ALIGNMENT: u64 = 64;
 
-/// A file that is being written. It stands under its name when it is complete; until then it is `NAME.part`.
+/// Writes a file of arrays, which gets its name when it is complete.
 pub struct ArrayFileWriter {
-    path: PathBuf,
-    part: PathBuf,
+    temporary: TemporaryFile,
     out: BufWriter<File>,
     at: u64,
     table: Vec<Entry>,
@@ -54,20 +54,12 @@ struct Entry {
 }
 
 impl ArrayFileWriter {
-    /// Begins a file.
+    /// Creates the temporary file. An existing file is replaced at the end.
     pub fn create(path: &Path) -> Result<ArrayFileWriter> {
-        let mut part = path.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
-        let file = File::create(&part).map_err(|e| Error::io("create", &part, e))?;
-        let mut writer = ArrayFileWriter {
-            path: path.to_path_buf(),
-            part,
-            out: BufWriter::with_capacity(1 << 20, file),
-            at: 0,
-            table: Vec::new(),
-        };
-        writer.put(&[0; HEADER])?;
+        let (temporary, file) = TemporaryFile::create(path, true)?;
+        let out = BufWriter::with_capacity(1 << 20, file);
+        let mut writer = ArrayFileWriter { temporary, out, at: 0, table: Vec::new() };
+        writer.put(&[0; HEADER_BYTES])?;
         Ok(writer)
     }
 
@@ -99,30 +91,30 @@ impl ArrayFileWriter {
             header.extend(number.to_ne_bytes());
         }
         header.extend(xxh3_64(&header).to_ne_bytes());
-        let ArrayFileWriter { path, part, mut out, at, .. } = self;
+        let ArrayFileWriter { temporary, mut out, at, .. } = self;
         let write = |out: &mut BufWriter<File>| {
             out.seek(SeekFrom::Start(0))?;
             out.write_all(&header)?;
             out.flush()?;
             out.get_ref().sync_all()
         };
-        write(&mut out).map_err(|e| Error::io("write", &part, e))?;
-        std::fs::rename(&part, &path).map_err(|e| Error::io("rename", &part, e))?;
+        write(&mut out).map_err(|e| Error::io("write", temporary.path(), e))?;
+        temporary.commit()?;
         Ok(at)
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
-        self.out.write_all(bytes).map_err(|e| Error::io("write", &self.part, e))?;
+        self.out.write_all(bytes).map_err(|e| Error::io("write", self.temporary.path(), e))?;
         self.at += bytes.len() as u64;
         Ok(())
     }
 }
 
-/// An open file.
+/// A mapped file of arrays.
 #[derive(Debug)]
 pub struct ArrayFile {
     path: PathBuf,
-    map: Arc<Mmap>,
+    bytes: Arc<FileBytes>,
     table: Vec<Entry>,
 }
 
@@ -133,43 +125,40 @@ impl std::fmt::Debug for Entry {
 }
 
 impl ArrayFile {
-    /// Maps a file and checks everything but its arrays.
+    /// Maps a file and checks its header and its table.
     ///
     /// # Errors
     /// [`Error::Input`] with the reason why the file cannot be used; [`Error::Io`] when it cannot be read.
     pub fn open(path: &Path) -> Result<ArrayFile> {
-        let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
-        let length = file.metadata().map_err(|e| Error::io("read", path, e))?.len();
-        if length < HEADER as u64 {
+        let bytes = FileBytes::open(path).map_err(|e| Error::io("read", path, e))?;
+        if bytes.len() < HEADER_BYTES {
             return Err(refuse(path, "it is too short to be a packed scene"));
         }
-        // SAFETY: the mapping is read-only and private to this process; see `Store` for what it is trusted with.
-        let map = unsafe { Mmap::map(&file) }.map_err(|e| Error::io("map", path, e))?;
-        let table = read_table(&map).map_err(|reason| refuse(path, &reason))?;
-        Ok(ArrayFile { path: path.to_path_buf(), map: Arc::new(map), table })
+        let table = read_table(&bytes).map_err(|reason| refuse(path, &reason))?;
+        Ok(ArrayFile { path: path.to_path_buf(), bytes: Arc::new(bytes), table })
     }
 
-    /// The file.
+    /// The file's name.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// Length of the file, bytes.
     pub fn length(&self) -> u64 {
-        self.map.len() as u64
+        self.bytes.len() as u64
     }
 
-    /// An array. The error says why there is none.
+    /// An array by its name. The error tells why it cannot be used.
     pub fn array<T: AnyBitPattern>(&self, name: &str) -> std::result::Result<Store<T>, String> {
         let entry = self.table.iter().find(|e| e.name == name);
         let entry = entry.ok_or_else(|| format!("it lacks the array {name}"))?;
         let range = entry.bytes.start as usize..entry.bytes.end as usize;
         let values =
-            (entry.element == size_of::<T>() as u64).then(|| Store::mapped(&self.map, range)).flatten();
+            (entry.element == size_of::<T>() as u64).then(|| Store::mapped(&self.bytes, range)).flatten();
         values.ok_or_else(|| format!("the array {name} has another layout"))
     }
 
-    /// A small array whose checksum is compared at once.
+    /// A small array of bytes, after comparing its checksum.
     pub fn checked(&self, name: &str) -> std::result::Result<Store<u8>, String> {
         let values = self.array::<u8>(name)?;
         let sound = self.table.iter().any(|e| e.name == name && e.sum == xxh3_64(&values));
@@ -181,7 +170,7 @@ impl ArrayFile {
     /// # Errors
     /// [`Error::Input`] that names the damaged arrays.
     pub fn verify(&self) -> Result<()> {
-        let sum = |e: &Entry| self.map.get(e.bytes.start as usize..e.bytes.end as usize).map(xxh3_64);
+        let sum = |e: &Entry| self.bytes.get(e.bytes.start as usize..e.bytes.end as usize).map(xxh3_64);
         let damaged: Vec<&str> =
             self.table.par_iter().filter(|e| sum(e) != Some(e.sum)).map(|e| &e.name[..]).collect();
         if damaged.is_empty() {
@@ -200,32 +189,32 @@ fn refuse(path: &Path, reason: &str) -> Error {
     Error::input(format!("cannot use the packed scene {}: {reason}", path.display()))
 }
 
-fn read_table(map: &[u8]) -> std::result::Result<Vec<Entry>, String> {
-    let long = |at: usize| map[at..at + 8].try_into().map_or(0, u64::from_ne_bytes);
-    let short = |at: usize| map[at..at + 4].try_into().map_or(0, u32::from_ne_bytes);
-    if !map.starts_with(MAGIC) {
+fn read_table(file: &[u8]) -> std::result::Result<Vec<Entry>, String> {
+    let u64_at = |at: usize| file[at..at + 8].try_into().map_or(0, u64::from_ne_bytes);
+    let u32_at = |at: usize| file[at..at + 4].try_into().map_or(0, u32::from_ne_bytes);
+    if !file.starts_with(MAGIC) {
         return Err("it is a file of another kind".to_owned());
     }
-    match short(12) {
+    match u32_at(12) {
         BYTE_ORDER => {}
         n if n == BYTE_ORDER.swap_bytes() => {
             return Err("it was made on a machine of the other byte order; pack the scene again".to_owned());
         }
         _ => return Err("its header is damaged".to_owned()),
     }
-    if short(8) != VERSION {
-        let found = short(8);
+    if u32_at(8) != VERSION {
+        let found = u32_at(8);
         return Err(format!("it has version {found}, this program reads {VERSION}; pack the scene again"));
     }
-    if long(48) != xxh3_64(&map[..48]) {
+    if u64_at(48) != xxh3_64(&file[..48]) {
         return Err("its header is damaged".to_owned());
     }
-    let (start, length, sum, whole) = (long(16), long(24), long(32), long(40));
-    if whole != map.len() as u64 {
-        return Err(format!("it has {} bytes instead of {whole}; is it cut short?", map.len()));
+    let (start, length, sum, whole) = (u64_at(16), u64_at(24), u64_at(32), u64_at(40));
+    if whole != file.len() as u64 {
+        return Err(format!("it has {} bytes instead of {whole}; is it cut short?", file.len()));
     }
     let range = start as usize..start.saturating_add(length) as usize;
-    let bytes = map.get(range).filter(|b| xxh3_64(b) == sum).ok_or("its table is damaged")?;
+    let bytes = file.get(range).filter(|b| xxh3_64(b) == sum).ok_or("its table is damaged")?;
     let entry = |r: &mut ByteReader| {
         let name = r.text()?;
         let bytes = r.u64()?..r.u64()?;

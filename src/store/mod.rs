@@ -1,15 +1,18 @@
-//! Arrays that live in memory or in a mapped file, and the file of such arrays.
+//! Arrays in memory or in mapped files, and the file format of such arrays.
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `array` | [`Store`]: a `Vec`, or a part of a mapped file, seen as a slice |
-//! | `file` | the container: named arrays behind a checked header and table |
-//! | `bytes` | small values, one after the other |
+//! | `array` | [`Store`]: a `Vec` or an array in a mapped file, read as a slice |
+//! | `bytes` | encodes and decodes small values |
+//! | `file` | the file format: named arrays, a checked header and a checked table |
+//! | `mapped` | mapped files; the only `unsafe` code here |
 
 mod array;
 mod bytes;
 mod file;
+mod mapped;
 
 pub use array::Store;
 pub use bytes::{ByteReader, ByteWriter, UnexpectedEnd};
 pub use file::{ArrayFile, ArrayFileWriter};
+pub use mapped::FileBytes;
