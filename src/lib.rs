@@ -18,8 +18,9 @@
 //!
 //! | room | what it does | imports |
 //! |---|---|---|
-//! | [`geom`], [`rng`], [`diag`], [`error`], `quantity`, [`input`], `columns`, `damage` | rotations, boxes; counter-based random numbers; places and reports; quantities as text; byte streams and Arrow tables read while they arrive; separators and headings of columns; panics of decoders | nothing |
+//! | [`geom`], [`rng`], [`diag`], [`error`], `quantity`, [`input`], `columns`, `damage`, `files` | rotations, boxes; counter-based random numbers; places and reports; quantities as text; byte streams and Arrow tables read while they arrive; separators and headings of columns; panics of decoders; files named when complete | nothing |
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
+//! | `points` | reads point clouds: LAS and LAZ, PLY, columns of text | geom, damage |
 //! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, input |
 //! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
 //! | [`scene`] | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree |
@@ -59,6 +60,7 @@ pub mod input;
 pub mod output;
 pub mod pipeline;
 pub mod platform;
+mod points;
 pub mod preview;
 pub mod pulse;
 mod quantity;

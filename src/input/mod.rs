@@ -1,8 +1,7 @@
 //! Input that is read while it arrives: [`InputStream`] reads bytes on a thread of its own, so that the consumer can wait
-//! for them with a timeout; [`arrow`] decodes Arrow streams batch by batch; [`ply`] converts properties of PLY vertices.
+//! for them with a timeout; [`arrow`] decodes Arrow streams batch by batch.
 
 pub mod arrow;
-pub mod ply;
 
 use std::io::{ErrorKind, Read};
 use std::path::Path;

@@ -14,9 +14,7 @@ mod panel;
 mod picture;
 mod points;
 mod read;
-mod read_las;
 mod read_packets;
-mod read_ply;
 mod read_table;
 mod wave;
 
@@ -24,7 +22,7 @@ pub use chart::Chart;
 pub use page::{Page, PageOptions, write_page};
 pub use picture::{Picture, Rgb};
 pub use points::{Attributes, Point, Points};
-pub use read::{read_points, read_text};
+pub use read::read_points;
 pub use read_packets::read_packet;
 pub use wave::{Wave, read_wave};
 

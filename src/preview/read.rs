@@ -1,13 +1,15 @@
 //! Reads point clouds: text, LAS, LAZ, PLY, Arrow, Parquet.
 
 use super::points::{Attributes, Point, Points};
-use super::read_table::Layout;
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use crate::geom::DVec3;
 use crate::input::arrow::{ArrowDetection, detect_arrow};
+use crate::points::text::{Separators, is_heading, is_skipped};
+use crate::points::{Attribute, Columns, LasReader, PlyReader, PointReader, PointRow, Selection};
+use crate::store::FileBytes;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
+use std::ops::Range;
 use std::path::Path;
 
 /// Reads a point cloud; the ending of its name tells the format: `.las` and `.laz`, `.ply`, `.parquet`; everything else is
@@ -25,8 +27,8 @@ pub fn read_points(path: &Path) -> Result<Points> {
     }
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     match ending.as_str() {
-        "las" | "laz" => super::read_las::read(path),
-        "ply" => super::read_ply::read(path),
+        "las" | "laz" => read_binary(path, true),
+        "ply" => read_binary(path, false),
         "parquet" => super::read_table::read_parquet(path),
         _ => {
             let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
@@ -52,167 +54,148 @@ fn read_text_or_arrow(mut source: impl BufRead, path: &Path) -> Result<Points> {
     if is_arrow { super::read_table::read_arrow(whole, path) } else { read_text(whole, path) }
 }
 
-/// Problems after which reading stops.
-const ENOUGH_PROBLEMS: usize = 10;
+/// Reads a file of points with a header.
+fn read_binary(path: &Path, is_las: bool) -> Result<Points> {
+    let file = FileBytes::open(path).map_err(|e| Error::io("read", path, e))?;
+    let failed = |problem: String| Error::input(format!("{}: {problem}", path.display()));
+    let mut reader: Box<dyn PointReader + '_> = match is_las {
+        true => Box::new(LasReader::open(&file, Selection::All).map_err(failed)?),
+        false => Box::new(PlyReader::open(&file).map_err(failed)?),
+    };
+    let mut points = Points::new(attributes(|attribute| reader.has(attribute)));
+    if let Some(centre) = reader.stated_centre() {
+        points.set_origin(centre);
+    }
+    let mut batch = Vec::new();
+    let mut more = true;
+    while more {
+        batch.clear();
+        more = reader.read_batch(&mut batch).map_err(failed)?;
+        for row in &batch {
+            push_row(&mut points, row, None);
+        }
+    }
+    not_empty(points, path)
+}
+
+/// Adds a point; `object` replaces its number.
+pub(super) fn push_row(points: &mut Points, row: &PointRow, object: Option<&str>) {
+    let mut number = itoa::Buffer::new();
+    points.push(&Point {
+        position: row.position,
+        intensity: row.intensity,
+        class: row.class.into(),
+        return_number: row.return_number.into(),
+        object: object.unwrap_or_else(|| number.format(row.object)),
+    });
+}
+
+/// The points, of which there must be some.
+pub(super) fn not_empty(points: Points, path: &Path) -> Result<Points> {
+    match points.is_empty() {
+        true => Err(Error::input(format!("{} holds no points", path.display()))),
+        false => Ok(points),
+    }
+}
+
+/// The attributes of a file that has some.
+pub(super) fn attributes(has: impl Fn(Attribute) -> bool) -> Attributes {
+    Attributes {
+        intensity: has(Attribute::Intensity),
+        class: has(Attribute::Class),
+        return_number: has(Attribute::ReturnNumber),
+        object: has(Attribute::Object),
+    }
+}
+
+/// Number of problems after which reading stops.
+const MAX_PROBLEMS: usize = 10;
+
+/// Longest line that is read: a binary file without line ends must not fill the memory.
+const MAX_LINE_BYTES: u64 = 1 << 16;
 
 /// Reads text; `path` is its name in messages.
-pub fn read_text(mut source: impl BufRead, path: &Path) -> Result<Points> {
+fn read_text(mut source: impl BufRead, path: &Path) -> Result<Points> {
     let mut problems = Diagnostics::default();
     let mut points: Option<Points> = None;
-    let mut line = Vec::new();
-    let mut number = 0;
-    let mut first = true;
-    let mut named: Option<Layout> = None;
-    loop {
+    let (mut line, mut words) = (Vec::new(), Vec::new());
+    let mut named: Option<Columns> = None;
+    let mut is_first = true;
+    for number in 1.. {
         line.clear();
-        // No line of a point cloud is this long; a binary file without line ends must not fill the memory.
-        let read = Read::take(&mut source, 1 << 16)
-            .read_until(b'\n', &mut line)
-            .map_err(|e| Error::io("read", path, e))?;
-        if read == 0 {
+        let read = source.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line);
+        if read.map_err(|e| Error::io("read", path, e))? == 0 {
             break;
         }
-        number += 1;
-        let whole = String::from_utf8_lossy(&line);
-        let text = whole.trim_matches(|c: char| c.is_ascii_whitespace() || c == '\u{feff}');
-        if text.is_empty() || text.starts_with('#') || text.starts_with("//") {
+        let text = line.trim_ascii_end();
+        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+        if is_skipped(text) {
             continue;
         }
-        let columns = Columns::of(text);
-        let outcome = match &named {
-            Some(layout) => by_name(layout, text, &mut points),
-            None => columns
-                .point()
-                .map(|point| {
-                    points.get_or_insert_with(|| Points::new(columns.attributes())).push(&point);
-                })
-                .map_err(|(column, expected)| {
-                    (columns.fields[..columns.count].get(column).copied().unwrap_or_default(), expected)
-                }),
-        };
-        match outcome {
-            Ok(()) => {}
-            Err(_) if first && text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '"') => {
-                let names: Vec<&str> = fields(text).map(|name| name.trim_matches('"')).collect();
-                named = Layout::of(&names, path).ok().filter(|_| names.len() > 4);
+        words.clear();
+        words.extend(Separators::guess(text).split(text));
+        let columns = named.unwrap_or_else(|| columns_by_count(text, &mut words));
+        match columns.parse(text, &words) {
+            Ok(row) => {
+                let object = columns.get(Attribute::Object).and_then(|column| words.get(column));
+                let object = object.map(|at| String::from_utf8_lossy(text[at.clone()].trim_ascii()));
+                let points = points.get_or_insert_with(|| Points::new(attributes(|a| columns.has(a))));
+                push_row(points, &row, object.as_deref());
             }
-            Err((found, expected)) => {
-                let excerpt: String = whole.trim_end().chars().take(200).collect();
-                let marked = if found.is_empty() {
-                    excerpt.len()..excerpt.len()
-                } else {
-                    let start = found.as_ptr() as usize - whole.as_ptr() as usize;
-                    start..start + found.len()
-                };
-                let place = Place::in_line(path, number, &excerpt, marked);
-                let what =
+            Err(_) if is_first && is_heading(text, &words) => {
+                let name = |at: &Range<usize>| String::from_utf8_lossy(&text[at.clone()]).trim().to_owned();
+                let names: Vec<String> = words.iter().map(name).collect();
+                let found = Columns::find(names.iter().map(|name| name.trim_matches('"')));
+                let has_position = Attribute::POSITION.iter().all(|a| found.has(*a));
+                named = Some(found).filter(|_| has_position && names.len() > 4);
+            }
+            Err(bad) => {
+                let shown = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+                let (before, found) = (shown(&text[..bad.at.start]), shown(text[bad.at].trim_ascii()));
+                let place =
+                    Place::in_line(path, number, &shown(text), before.len()..before.len() + found.len());
+                let found =
                     if found.is_empty() { "the end of the line".to_owned() } else { format!("{found:?}") };
-                problems.error(Some(place), format!("expected {expected}, found {what}"));
-                if problems.items().len() == ENOUGH_PROBLEMS {
+                problems.error(Some(place), format!("expected {}, found {found}", bad.attribute.described()));
+                if problems.items().len() == MAX_PROBLEMS {
                     break;
                 }
             }
         }
-        first = false;
+        is_first = false;
     }
     problems.finish(false)?;
-    match points {
-        Some(points) if !points.is_empty() => Ok(points),
-        _ => Err(Error::input(format!("{} holds no points", path.display()))),
-    }
+    not_empty(points.unwrap_or_default(), path)
 }
 
-/// Adds the point of a line whose columns have names. Otherwise what was found there and what belongs there.
-fn by_name<'t>(
-    layout: &Layout,
-    text: &'t str,
-    points: &mut Option<Points>,
-) -> Result<(), (&'t str, &'static str)> {
-    let texts: Vec<&str> = fields(text).collect();
-    let mut numbers = vec![f64::NAN; texts.len()];
-    for column in layout.columns() {
-        let found = texts.get(column).copied().unwrap_or_default();
-        match found.parse() {
-            Ok(number) => numbers[column] = number,
-            Err(_) => return Err((found, "a number")),
-        }
+/// Columns of the point files of this program and of HELIOS++ (spec outputs §3).
+const FULL_COLUMNS: usize = 11;
+
+/// What the words of a line hold by their number. The name of the hit object may be empty, which blanks do not show: its
+/// word is inserted then.
+fn columns_by_count(line: &[u8], words: &mut Vec<Range<usize>>) -> Columns {
+    const OBJECT: usize = 8;
+    words.truncate(FULL_COLUMNS);
+    if words.len() == FULL_COLUMNS - 1 && !line.iter().any(|b| matches!(b, b',' | b';')) {
+        words.insert(OBJECT, 0..0);
     }
-    layout.push(points.get_or_insert_with(|| Points::new(layout.attributes())), |column| numbers[column]);
-    Ok(())
-}
-
-/// The fields of a line: between commas or semicolons if there are any, else between blanks.
-fn fields(text: &str) -> Box<dyn Iterator<Item = &str> + '_> {
-    if text.bytes().any(|b| matches!(b, b',' | b';')) {
-        return Box::new(text.split([',', ';']).map(str::trim));
-    }
-    Box::new(text.split_ascii_whitespace())
-}
-
-/// Columns of the point files of this program.
-const FULL: usize = 11;
-
-/// The fields of a line.
-struct Columns<'a> {
-    fields: [&'a str; FULL],
-    count: usize,
-}
-
-impl<'a> Columns<'a> {
-    fn of(text: &'a str) -> Columns<'a> {
-        let separated = text.bytes().any(|b| matches!(b, b',' | b';'));
-        let mut columns = Columns { fields: [&text[..0]; FULL], count: 0 };
-        if separated {
-            text.split([',', ';']).map(str::trim).take(FULL).for_each(|f| columns.add(f));
-        } else {
-            text.split_ascii_whitespace().take(FULL).for_each(|f| columns.add(f));
-        }
-        // The name of the hit object may be empty, which blanks do not show.
-        if !separated && columns.count == FULL - 1 {
-            columns.fields.copy_within(8..10, 9);
-            columns.fields[8] = &text[..0];
-            columns.count = FULL;
-        }
-        columns
-    }
-
-    fn add(&mut self, field: &'a str) {
-        self.fields[self.count] = field;
-        self.count += 1;
-    }
-
-    fn attributes(&self) -> Attributes {
-        let full = self.count == FULL;
-        Attributes { intensity: self.count >= 4, class: full, return_number: full, object: full }
-    }
-
-    /// The point, or the column that is wrong and what belongs there.
-    fn point(&self) -> Result<Point<'a>, (usize, &'static str)> {
-        let number = |column: usize, what: &'static str| match self.fields[column].parse::<f64>() {
-            Ok(value) if column < self.count => Ok(value),
-            _ => Err((column, what)),
-        };
-        let position = DVec3::new(
-            number(0, "x, a number of metres")?,
-            number(1, "y, a number of metres")?,
-            number(2, "z, a number of metres")?,
-        );
-        let mut point = Point { position, ..Point::default() };
-        if self.count >= 4 {
-            point.intensity = number(3, "an intensity")? as f32;
-        }
-        if self.count == FULL {
-            point.return_number = number(5, "the number of the return")? as u32;
-            point.object = self.fields[8];
-            point.class = number(9, "a point class")? as i32;
-        }
-        Ok(point)
+    let columns = Attribute::POSITION.into_iter().zip(0..);
+    let columns = columns.fold(Columns::default(), |columns, (a, column)| columns.with(a, column));
+    match words.len() {
+        FULL_COLUMNS => columns
+            .with(Attribute::Intensity, 3)
+            .with(Attribute::ReturnNumber, 5)
+            .with(Attribute::Object, OBJECT)
+            .with(Attribute::Class, 9),
+        4.. => columns.with(Attribute::Intensity, 3),
+        _ => columns,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::DVec3;
 
     fn read(text: &str) -> Result<Points> {
         read_text(text.as_bytes(), Path::new("cloud.xyz"))
@@ -282,5 +265,124 @@ mod tests {
         // Infinite coordinates are numbers; the point is left out.
         assert!(matches!(read("inf 0 0\n"), Err(Error::Input(_))));
         assert_eq!(read("inf 0 0\n1 2 3\n").unwrap().skipped(), 1);
+    }
+
+    fn written(name: &str, compressed: bool) -> (tempfile::TempDir, std::path::PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        let mut builder = las::Builder::from((1, 4));
+        builder.point_format = las::point::Format::new(6).unwrap();
+        builder.point_format.is_compressed = compressed;
+        builder.point_format.extra_bytes = 12;
+        let mut descriptors = vec![0u8; 2 * 192];
+        for (i, (kind, label)) in
+            [(10u8, &b"heliosAmplitude"[..]), (6, b"hitObjectId")].into_iter().enumerate()
+        {
+            descriptors[192 * i + 2] = kind;
+            descriptors[192 * i + 4..192 * i + 4 + label.len()].copy_from_slice(label);
+        }
+        builder.vlrs.push(las::Vlr {
+            user_id: "LASF_Spec".into(),
+            record_id: 4,
+            description: String::new(),
+            data: descriptors,
+        });
+        let mut writer = las::Writer::from_path(&path, builder.into_header().unwrap()).unwrap();
+        for i in 0..1000u32 {
+            let mut extra = f64::from(i).to_le_bytes().to_vec();
+            extra.extend_from_slice(&(i as i32 / 500).to_le_bytes());
+            let point = las::Point {
+                x: f64::from(i) * 0.1,
+                y: 2.0,
+                z: 3.0,
+                return_number: 1 + (i % 3) as u8,
+                number_of_returns: 3,
+                classification: las::point::Classification::new(5).unwrap(),
+                extra_bytes: extra,
+                gps_time: Some(0.0),
+                ..las::Point::default()
+            };
+            writer.write_point(point).unwrap();
+        }
+        writer.close().unwrap();
+        (folder, path)
+    }
+
+    #[test]
+    fn las_and_laz_give_position_class_return_amplitude_and_object() {
+        for (name, compressed) in [("a.las", false), ("b.laz", true)] {
+            let (_folder, path) = written(name, compressed);
+            let points = read_points(&path).unwrap();
+            assert_eq!(points.len(), 1000, "{name}");
+            assert!((points.bounds().max.x - 99.9).abs() < 1e-9);
+            assert_eq!(points.class[7], 5);
+            assert_eq!(points.return_number[..4], [1, 2, 3, 1]);
+            assert_eq!(points.intensity[321], 321.0);
+            assert_eq!(points.objects, ["0", "1"]);
+        }
+    }
+
+    #[test]
+    fn damaged_files_are_input_problems() {
+        let (folder, path) = written("a.las", false);
+        let whole = std::fs::read(path).unwrap();
+        for length in [0, 3, 100, 300, whole.len() - 5000] {
+            let cut = folder.path().join("cut.las");
+            std::fs::write(&cut, &whole[..length]).unwrap();
+            assert!(matches!(read_points(&cut), Err(Error::Input(_))), "cut at {length}");
+        }
+        assert!(matches!(read_points(&folder.path().join("none.las")), Err(Error::Io { .. })));
+    }
+
+    const HEADER: &str = "element camera 1\nproperty float focal\nelement vertex 2\nproperty double x\n\
+                          property double y\nproperty float z\nproperty uchar Classification\n\
+                          property int hit_object_id\nproperty list uchar int unused\nend_header\n";
+
+    fn read_ply(bytes: &[u8]) -> Result<Points> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cloud.ply");
+        std::fs::write(&path, bytes).unwrap();
+        read_points(&path)
+    }
+
+    fn check(points: &Points) {
+        assert_eq!(points.len(), 2);
+        assert_eq!(points.bounds().min, DVec3::new(1.25, 2.0, 3.0));
+        assert_eq!(points.bounds().max.x, 5_474_500.125);
+        assert_eq!(points.class, [2, 5]);
+        assert_eq!(points.objects, ["7", "-1"]);
+        assert!(!points.attributes().intensity);
+    }
+
+    #[test]
+    fn text_and_binary_files_are_alike() {
+        let text =
+            format!("ply\nformat ascii 1.0\n{HEADER}35.0\n1.25 2 3 2 7 0\n5474500.125 5 6 5 -1 2 8 9\n");
+        check(&read_ply(text.as_bytes()).unwrap());
+        let mut binary = format!("ply\nformat binary_little_endian 1.0\n{HEADER}").into_bytes();
+        binary.extend_from_slice(&35f32.to_le_bytes());
+        for (x, y, z, class, object, list) in
+            [(1.25, 2.0, 3f32, 2u8, 7i32, &[][..]), (5_474_500.125, 5.0, 6.0, 5, -1, &[8i32, 9][..])]
+        {
+            binary.extend_from_slice(&f64::to_le_bytes(x));
+            binary.extend_from_slice(&f64::to_le_bytes(y));
+            binary.extend_from_slice(&z.to_le_bytes());
+            binary.push(class);
+            binary.extend_from_slice(&object.to_le_bytes());
+            binary.push(list.len() as u8);
+            list.iter().for_each(|v| binary.extend_from_slice(&v.to_le_bytes()));
+        }
+        check(&read_ply(&binary).unwrap());
+        // Cut anywhere, it is an input problem.
+        for length in (0..binary.len()).step_by(7) {
+            assert!(matches!(read_ply(&binary[..length]), Err(Error::Input(_))), "cut at {length}");
+        }
+    }
+
+    #[test]
+    fn a_vast_count_does_not_ask_for_memory() {
+        let text =
+            "ply\nformat ascii 1.0\nelement vertex 18446744073709551615\nproperty float x\nend_header\n1\n";
+        assert!(matches!(read_ply(text.as_bytes()), Err(Error::Input(_))));
     }
 }

@@ -1,12 +1,11 @@
 //! Reads the waveform of one pulse from the packets that points of LAS and LAZ refer to (LAS 1.4 R15, point formats 4, 5, 9
 //! and 10).
 
-use super::read_las::{broken, field, number};
 use super::wave::{Near, Wave};
-use crate::damage;
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
-use las::{PointDataBuilder, Reader};
+use crate::points::{LasReader, Selection};
+use crate::store::FileBytes;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -21,58 +20,55 @@ const LONGEST: u32 = 1 << 28;
 /// # Errors
 /// [`Error::Input`] when the file has no packets or none of that pulse, with the nearest that are there.
 pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
-    damage::catch_decoder_panic(|| read_sound(path, number_wanted)).unwrap_or_else(|| Err(broken(path)))
-}
-
-fn read_sound(path: &Path, number_wanted: u64) -> Result<Wave> {
-    let shown = path.display();
-    let failed = |e: las::Error| match e {
-        las::Error::Io(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io("read", path, e),
-        e => Error::input(format!("{shown} is not a LAS file that can be read: {e}")),
-    };
-    let mut reader = Reader::from_path(path).map_err(failed)?;
-    let header = reader.header().clone();
-    let format = header.point_format().to_u8().unwrap_or(0) & 0x3f;
+    let file = FileBytes::open(path).map_err(|e| Error::io("read", path, e))?;
+    let failed = |problem: String| Error::input(format!("{}: {problem}", path.display()));
+    let mut reader = LasReader::open(&file, Selection::All).map_err(failed)?;
+    let format = reader.header.format;
     let Some((packet_at, time_at)) = place(format) else {
-        return Err(Error::input(format!(
-            "{shown} has points without waveform packets (format {format}); write them with --wave-packets inside"
+        return Err(failed(format!(
+            "its points have no waveform packets (format {format}); write them with --wave-packets inside"
         )));
     };
-    let Some(index) = field(&header, &["fullwaveIndex"]) else {
-        return Err(Error::input(format!("{shown} does not tell pulses apart: no dimension fullwaveIndex")));
+    let dimensions = reader.extra_dimensions().map_err(failed)?;
+    let dimension = |wanted: &str| dimensions.iter().find(|(name, _)| name == wanted).map(|(_, d)| *d);
+    let Some(index) = dimension("fullwaveIndex") else {
+        return Err(failed("it does not tell pulses apart: no dimension fullwaveIndex".to_owned()));
     };
-    let range = field(&header, &["range"]);
-    let mut batch = PointDataBuilder::new().for_header(&header).build();
-    let mut left = header.number_of_points();
-    let (mut near, mut found): (Near, Option<(Packet, Wave)>) = (Near::default(), None);
-    while left > 0 {
-        let read = reader.fill_points(left.min(65_536), &mut batch).map_err(failed)?;
-        if read == 0 {
-            break;
-        }
-        left -= read;
-        let positions = batch.x().zip(batch.y()).zip(batch.z());
-        for (record, ((x, y), z)) in batch.raw_bytes().chunks_exact(batch.record_len()).zip(positions) {
-            // Files have the low 32 bits of the number.
-            let Some(pulse) = number(&index, record).map(|pulse| pulse as i64 as u32) else { continue };
-            near.see(u64::from(pulse), number_wanted);
-            if u64::from(pulse) != number_wanted & u64::from(u32::MAX) {
-                continue;
-            }
-            let Some(packet) = Packet::of(record, packet_at) else { continue };
-            match &mut found {
-                Some((first, wave)) if *first != packet => wave.namesakes += 1,
-                Some(_) => {}
-                None => {
-                    let range = range.as_ref().and_then(|f| number(f, record));
-                    let time = f64_at(record, time_at).unwrap_or(0.0);
-                    let wave = packet.wave(number_wanted, DVec3::new(x, y, z), range, time, &header, path)?;
-                    found = Some((packet, wave));
+    let range = dimension("range");
+    let (mut near, mut found): (Near, Option<(Packet, Echo)>) = (Near::default(), None);
+    let mut namesakes = 0;
+    let mut more = true;
+    while more {
+        more = reader
+            .read_records(|record, position| {
+                // Files have the low 32 bits of the number.
+                let Some(pulse) = index.value(record).map(|pulse| pulse as i64 as u32) else { return };
+                near.see(u64::from(pulse), number_wanted);
+                if u64::from(pulse) != number_wanted & u64::from(u32::MAX) {
+                    return;
                 }
-            }
-        }
+                let Some(packet) = Packet::of(record, packet_at) else { return };
+                match &found {
+                    Some((first, _)) => namesakes += u64::from(*first != packet),
+                    None => {
+                        let range = range.and_then(|dimension| dimension.value(record));
+                        let gps_time = f64_at(record, time_at).unwrap_or(0.0);
+                        found = Some((packet, Echo { position, range, gps_time }));
+                    }
+                }
+            })
+            .map_err(failed)?;
     }
-    found.map(|(_, wave)| wave).ok_or_else(|| Error::input(near.advice(path, number_wanted)))
+    let (packet, echo) = found.ok_or_else(|| Error::input(near.advice(path, number_wanted)))?;
+    let wave = packet.wave(number_wanted, &echo, &reader, path)?;
+    Ok(Wave { namesakes, ..wave })
+}
+
+/// The first point of the pulse.
+struct Echo {
+    position: DVec3,
+    range: Option<f64>,
+    gps_time: f64,
 }
 
 /// Where in a record its packet and its GPS time stand.
@@ -119,19 +115,11 @@ impl Packet {
         (packet.descriptor != 0).then_some(packet)
     }
 
-    fn wave(
-        &self,
-        pulse: u64,
-        point: DVec3,
-        range: Option<f64>,
-        gps_time: f64,
-        header: &las::Header,
-        path: &Path,
-    ) -> Result<Wave> {
+    fn wave(&self, pulse: u64, echo: &Echo, file: &LasReader, path: &Path) -> Result<Wave> {
         let wrong = |what: &str| Error::input(format!("{}: {what}", path.display()));
         let id = 99 + u16::from(self.descriptor);
-        let vlr = header.all_vlrs().find(|v| v.user_id == "LASF_Spec" && v.record_id == id);
-        let data = vlr.filter(|v| v.data.len() >= 26).map(|v| &v.data[..]);
+        let data = file.variable_record("LASF_Spec", id).map_err(|problem| wrong(&problem))?;
+        let data = data.filter(|data| data.len() >= 26);
         let data = data.ok_or_else(|| wrong("the points refer to a packet descriptor that is not there"))?;
         let bits = usize::from(data[0]);
         if data[1] != 0 || !matches!(bits, 8 | 16 | 32) {
@@ -158,11 +146,11 @@ impl Packet {
         let bin = metres / C;
         // Where the range is not known, the first sample is where time begins.
         let before = self.location / spacing * bin;
-        let range = range.unwrap_or(before * C);
+        let range = echo.range.unwrap_or(before * C);
         let start = range / C - before;
         let end = start + (samples.len() - 1) as f64 * bin;
-        let origin = point - direction * range;
-        Ok(Wave { pulse, origin, direction, start, end, gps_time, samples, namesakes: 0 })
+        let origin = echo.position - direction * range;
+        Ok(Wave { pulse, origin, direction, start, end, gps_time: echo.gps_time, samples, namesakes: 0 })
     }
 
     /// The packet from this file, or from the one beside it.

@@ -1,85 +1,33 @@
 //! Reads points from Arrow streams and files and from Parquet: columns by their names, whatever their order.
 
-use super::points::{Attributes, Point, Points};
+use super::points::Points;
+use super::read::{attributes, not_empty, push_row};
 use crate::error::{Error, Result};
-use crate::geom::DVec3;
 use crate::input::arrow::{ArrowDecoder, numbers};
+use crate::points::{Attribute, Columns};
 use ::parquet::arrow::ProjectionMask;
 use ::parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Which columns hold what a preview shows.
-#[derive(Debug, PartialEq)]
-pub(super) struct Layout {
-    position: [usize; 3],
-    intensity: Option<usize>,
-    class: Option<usize>,
-    return_number: Option<usize>,
-    object: Option<usize>,
-}
-
-impl Layout {
-    /// Finds the columns among these names; text that names no coordinates has none.
-    pub fn of(names: &[&str], path: &Path) -> Result<Layout> {
-        let find = |known: &[&str]| {
-            known
-                .iter()
-                .find_map(|known| names.iter().position(|name| bare(name).eq_ignore_ascii_case(known)))
-        };
-        let needed = |name: &'static str| {
-            find(&[name]).ok_or_else(|| {
-                let names = names.join(", ");
-                Error::input(format!("{}: no column {name} with numbers; there are {names}", path.display()))
-            })
-        };
-        Ok(Layout {
-            position: [needed("X")?, needed("Y")?, needed("Z")?],
-            intensity: find(&["Amplitude", "Intensity"]),
-            class: find(&["SurfaceClass", "Classification"]),
-            return_number: find(&["ReturnNumber"]),
-            object: find(&["ObjectId", "hitObjectId", "Part"]),
-        })
+/// Finds the columns of the points among those of a table; text columns have empty names.
+fn find_columns(names: &[&str], path: &Path) -> Result<Columns> {
+    let columns = Columns::find(names.iter().copied());
+    match Attribute::POSITION.into_iter().find(|axis| !columns.has(*axis)) {
+        Some(axis) => Err(Error::input(format!(
+            "{}: no column {axis:?} with numbers; there are {}",
+            path.display(),
+            names.join(", ")
+        ))),
+        None => Ok(columns),
     }
-
-    pub fn attributes(&self) -> Attributes {
-        Attributes {
-            intensity: self.intensity.is_some(),
-            class: self.class.is_some(),
-            return_number: self.return_number.is_some(),
-            object: self.object.is_some(),
-        }
-    }
-
-    /// All columns.
-    pub fn columns(&self) -> impl Iterator<Item = usize> {
-        let others = [self.intensity, self.class, self.return_number, self.object];
-        self.position.into_iter().chain(others.into_iter().flatten())
-    }
-
-    /// Adds the point of a row.
-    pub fn push(&self, points: &mut Points, value: impl Fn(usize) -> f64) {
-        let object = self.object.map(|column| (value(column) as i64).to_string());
-        points.push(&Point {
-            position: DVec3::from(self.position.map(&value)),
-            intensity: self.intensity.map_or(0.0, |column| value(column) as f32),
-            class: self.class.map_or(0, |column| value(column) as i32),
-            return_number: self.return_number.map_or(0, |column| value(column) as u32),
-            object: object.as_deref().unwrap_or_default(),
-        });
-    }
-}
-
-/// The name without a unit behind it.
-fn bare(name: &str) -> &str {
-    name.find(['[', '(']).map_or(name, |at| name[..at].trim_end())
 }
 
 /// Reads an Arrow stream or file from its beginning; `path` is its name in messages.
 pub(super) fn read_arrow(mut source: impl Read, path: &Path) -> Result<Points> {
     let mut decoder = ArrowDecoder::new(path);
-    let mut read: Option<(Layout, Points)> = None;
+    let mut read: Option<(Columns, Points)> = None;
     let mut buffer = vec![0; 1 << 18];
     loop {
         let count = match source.read(&mut buffer) {
@@ -96,16 +44,17 @@ pub(super) fn read_arrow(mut source: impl Read, path: &Path) -> Result<Points> {
                 // What is no number is not looked for.
                 let names: Vec<&str> =
                     fields.iter().map(|f| if f.is_number() { f.heading.as_str() } else { "" }).collect();
-                let layout = Layout::of(&names, path)?;
-                let points = Points::new(layout.attributes());
-                read = Some((layout, points));
+                let columns = find_columns(&names, path)?;
+                read = Some((columns, Points::new(attributes(|a| columns.has(a)))));
             }
-            let Some((layout, points)) = &mut read else { continue };
-            (0..batch.rows).for_each(|row| layout.push(points, |column| batch.value(column, row)));
+            let Some((columns, points)) = &mut read else { continue };
+            for row in 0..batch.rows {
+                push_row(points, &columns.row(|column| batch.value(column, row)), None);
+            }
         }
     }
     decoder.end()?;
-    some(read.map(|(_, points)| points), path)
+    not_empty(read.map(|(_, points)| points).unwrap_or_default(), path)
 }
 
 /// Reads a Parquet file.
@@ -121,35 +70,31 @@ pub(super) fn read_parquet(path: &Path) -> Result<Points> {
         .iter()
         .map(|field| if field.data_type().is_numeric() { field.name().as_str() } else { "" })
         .collect();
-    let layout = Layout::of(&names, path)?;
-    let mask = ProjectionMask::roots(builder.parquet_schema(), layout.columns());
-    let mut points = Points::new(layout.attributes());
+    let columns = find_columns(&names, path)?;
+    let mask = ProjectionMask::roots(builder.parquet_schema(), columns.used().map(|(_, column)| column));
+    let mut points = Points::new(attributes(|a| columns.has(a)));
     let batches = builder.with_projection(mask).build().map_err(|e| failed(&e))?;
     for batch in batches {
         let batch = batch.map_err(|e| failed(&e))?;
-        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
-        for column in layout.columns() {
+        let mut values: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
+        for (_, column) in columns.used() {
             let name = names[column];
-            columns[column] =
+            values[column] =
                 batch.column_by_name(name).and_then(|array| numbers(array)).ok_or_else(|| {
                     Error::input(format!("{}: column {name} holds no usual numbers", path.display()))
                 })?;
         }
-        (0..batch.num_rows()).for_each(|row| layout.push(&mut points, |column| columns[column][row]));
+        for row in 0..batch.num_rows() {
+            push_row(&mut points, &columns.row(|column| values[column][row]), None);
+        }
     }
-    some(Some(points), path)
-}
-
-fn some(points: Option<Points>, path: &Path) -> Result<Points> {
-    match points {
-        Some(points) if !points.is_empty() => Ok(points),
-        _ => Err(Error::input(format!("{} holds no points", path.display()))),
-    }
+    not_empty(points, path)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::DVec3;
     use ::arrow_array::{
         ArrayRef, Float32Array, Float64Array, Int32Array, RecordBatch, StringArray, UInt8Array,
     };

@@ -16,10 +16,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Largest coordinate that is taken for a position, m. Beyond it double precision no longer resolves millimetres.
-pub(super) const FARTHEST: f64 = 1e12;
+pub(super) const MAX_COORDINATE: f64 = 1e12;
 
 /// Most vertices and most primitives of a scene: their numbers have 32 bits and the last one means "none".
-pub(super) const MOST_NUMBERS: usize = u32::MAX as usize - 1;
+pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
 
 /// Geometry and materials as far as they are loaded.
 pub(super) struct Assembly<'a> {
@@ -177,9 +177,9 @@ impl<'a> Assembly<'a> {
 
     /// Whether vertices and primitives can be numbered.
     pub fn check_numbers(&self) -> Result<()> {
-        if self.geometry.vertices.len() > MOST_NUMBERS || self.geometry.len() > MOST_NUMBERS {
+        if self.geometry.vertices.len() > MAX_ELEMENTS || self.geometry.len() > MAX_ELEMENTS {
             let message = format!(
-                "the scene has {} vertices and {} primitives; at most {MOST_NUMBERS} of each can be numbered",
+                "the scene has {} vertices and {} primitives; at most {MAX_ELEMENTS} of each can be numbered",
                 self.geometry.vertices.len(),
                 self.geometry.len()
             );

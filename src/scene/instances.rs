@@ -1,7 +1,7 @@
 //! Parts of the same mesh share it: when they are many or large, the mesh is kept once, as a model, and every part is an
 //! instance of it.
 
-use super::assembly::{Assembly, FARTHEST, MOST_NUMBERS};
+use super::assembly::{Assembly, MAX_COORDINATE, MAX_ELEMENTS};
 use super::ground;
 use super::library::Names;
 use super::{Surface, epoch, load};
@@ -179,7 +179,7 @@ pub(super) fn freeze(stock: Stock, own: usize) -> Result<Option<InstanceSet>> {
     let Some(instances) = Instances::new(stock.models, stock.places, own) else {
         return Err(Error::input(format!(
             "the scene has {total} primitives with all its instances; at most {} can be numbered",
-            MOST_NUMBERS
+            MAX_ELEMENTS
         )));
     };
     Ok(Some(InstanceSet {
@@ -189,10 +189,10 @@ pub(super) fn freeze(stock: Stock, own: usize) -> Result<Option<InstanceSet>> {
     }))
 }
 
-/// Whether an instance is certainly within [`FARTHEST`].
+/// Whether an instance is certainly within [`MAX_COORDINATE`].
 pub(super) fn is_near(stock: &Stock, instance: usize) -> bool {
     let (model, _, placement) = stock.places[instance];
-    placement.magnitude(DVec3::ZERO, stock.models[model as usize].reach()) <= FARTHEST
+    placement.magnitude(DVec3::ZERO, stock.models[model as usize].reach()) <= MAX_COORDINATE
 }
 
 /// The box around an instance in the world's frame, exactly.

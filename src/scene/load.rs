@@ -1,7 +1,7 @@
 //! From a scene's description to the frozen scene (spec input-formats §3.6): load all parts, place each, settle those that
 //! stand on the ground, move the whole to its centre.
 
-use super::assembly::{Assembly, Extent, FARTHEST, PartSource};
+use super::assembly::{Assembly, Extent, MAX_COORDINATE, PartSource};
 use super::epoch::{self, SceneFrame};
 use super::ground::{self, Body, PlacedPart};
 use super::instances::{self, Sharing};
@@ -290,10 +290,10 @@ fn check_coordinates(scene: &mut Assembly, id: &str, body: &Body, place: Option<
     }
     let bounds = ground::bounds_of(scene, body);
     let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-    if farthest.is_nan() || farthest > FARTHEST {
+    if farthest.is_nan() || farthest > MAX_COORDINATE {
         let message = format!(
             "part \"{id}\" reaches {farthest:e} m after its transforms; at most {:e} m can be computed",
-            FARTHEST
+            MAX_COORDINATE
         );
         scene.diagnostics.error(place.cloned(), message);
     }

@@ -4,15 +4,12 @@
 //! and a power of ten up to 10²² are both exact, so one multiplication or division rounds correctly. Everything else goes
 //! to the standard library.
 
+pub(super) use crate::points::text::{float, is_blank};
+
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
     1e19, 1e20, 1e21, 1e22,
 ];
-
-/// Whether `byte` separates words of a line; a carriage return counts, so CRLF files need no care.
-pub(super) fn is_blank(byte: u8) -> bool {
-    matches!(byte, b' ' | b'\t' | b'\r' | 0x0b | 0x0c)
-}
 
 /// The number that starts at `at` and ends before a blank or the end of `line`, and where it ends. `None` for a word that
 /// is no number; `nan` and `inf` are numbers here.
@@ -53,11 +50,6 @@ pub(super) fn float_at(line: &[u8], at: usize) -> (Option<f64>, usize) {
     }
     let end = word_end(line, at);
     (float(&line[at..end]), end)
-}
-
-/// The number that `word` is, if the whole of it is one.
-pub(super) fn float(word: &[u8]) -> Option<f64> {
-    std::str::from_utf8(word).ok()?.parse().ok()
 }
 
 /// First position from `at` on that is blank or the end of `line`.

@@ -1,6 +1,6 @@
 //! AMAPVox vegetation voxels (spec input-formats §4.5).
 
-use super::assembly::{Assembly, FARTHEST, PartSource};
+use super::assembly::{Assembly, MAX_COORDINATE, PartSource};
 use super::number::float;
 use super::text::{Line, Lines, Problems, Source, Words, cut_into_pieces, is_empty_line, shown};
 use super::voxel::{Voxel, VoxelKind};
@@ -169,7 +169,8 @@ impl Fields {
                 _ => continue,
             };
             let words = field[colon + 1..].split(|b| b" \t\r,()".contains(b)).filter(|w| !w.is_empty());
-            let values: Option<Vec<f64>> = words.map(|w| float(w).filter(|v| v.abs() <= FARTHEST)).collect();
+            let values: Option<Vec<f64>> =
+                words.map(|w| float(w).filter(|v| v.abs() <= MAX_COORDINATE)).collect();
             match values {
                 Some(values) => *slot = Some(values),
                 None => problems.error(line.number, line.start..line.start + line.text.len(), || {

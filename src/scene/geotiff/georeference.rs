@@ -1,7 +1,7 @@
 //! Where the pixels of a raster lie (OGC GeoTIFF 1.1, §7.1 and annex B.6; GDAL's no-data tag).
 
 use crate::geom::DVec3;
-use crate::scene::assembly::FARTHEST;
+use crate::scene::assembly::MAX_COORDINATE;
 use std::io::{Read, Seek};
 use std::path::Path;
 use tiff::decoder::Decoder;
@@ -32,7 +32,7 @@ impl Georeference {
     /// Whether all pixels up to that one lie where coordinates can be computed.
     pub fn is_near(&self, column: usize, row: usize) -> bool {
         let far = self.centre(column, row, 0.0);
-        let near = |x: f64| x.abs() <= FARTHEST;
+        let near = |x: f64| x.abs() <= MAX_COORDINATE;
         [far.x, far.y, self.origin.0, self.origin.1].into_iter().all(near)
     }
 

@@ -4,7 +4,7 @@ mod georeference;
 #[cfg(test)]
 mod tests;
 
-use super::assembly::{Assembly, FARTHEST, MOST_NUMBERS, PartSource, as_size, memory_of};
+use super::assembly::{Assembly, MAX_COORDINATE, MAX_ELEMENTS, PartSource, as_size, memory_of};
 use super::text::Source;
 use crate::error::Result;
 use crate::geom::DVec3;
@@ -84,7 +84,7 @@ pub(super) fn load(scene: &mut Assembly, part: &PartSource, source: &Source, mat
     for warning in warnings {
         scene.diagnostics.warn(part.place.cloned(), format!("{}: {warning}", source.path().display()));
     }
-    if raster.triangles().max(raster.pixels()) > MOST_NUMBERS {
+    if raster.triangles().max(raster.pixels()) > MAX_ELEMENTS {
         return refuse(scene, part, source, "it has more pixels than can be numbered");
     }
     scene.check_memory(memory_of(raster.pixels(), raster.triangles(), 0), source.path())?;
@@ -178,7 +178,7 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
         ));
     }
     if !georeference.is_near(columns, rows) {
-        return Err(format!("it reaches beyond {FARTHEST:e} m, where coordinates cannot be computed"));
+        return Err(format!("it reaches beyond {MAX_COORDINATE:e} m, where coordinates cannot be computed"));
     }
     let no_data = georeference::no_data(&mut decoder).unwrap_or_else(|problem| {
         warnings.push(problem);
@@ -259,7 +259,7 @@ fn heights(decoder: &mut BlockDecoder, raster: &Raster, block: usize) -> Result<
     if bands == 0 {
         return Err(format!("block {block} is shorter than its {width} x {height} pixels"));
     }
-    let is_height = |z: f64| z.abs() <= FARTHEST && (no_data.is_nan() || (z - no_data).abs() >= 1e-7);
+    let is_height = |z: f64| z.abs() <= MAX_COORDINATE && (no_data.is_nan() || (z - no_data).abs() >= 1e-7);
     Ok(values.into_iter().step_by(bands).map(|z| if is_height(z) { z } else { f64::NAN }).collect())
 }
 

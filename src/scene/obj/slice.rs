@@ -1,7 +1,7 @@
 //! One piece of an OBJ file, read independently of all others (spec input-formats §4.1).
 
 use crate::geom::DVec3;
-use crate::scene::assembly::FARTHEST;
+use crate::scene::assembly::MAX_COORDINATE;
 use crate::scene::number::{float_at, is_blank, skip_blanks};
 use crate::scene::text::{Line, Lines, Problems, Words, is_empty_line, shown};
 use std::ops::Range;
@@ -105,7 +105,7 @@ impl Slice {
         for coordinate in &mut position {
             at = skip_blanks(text, at);
             let (value, end) = float_at(text, at);
-            match value.filter(|v| v.abs() <= FARTHEST) {
+            match value.filter(|v| v.abs() <= MAX_COORDINATE) {
                 Some(value) => *coordinate = value,
                 None => {
                     self.vertices.push(DVec3::NAN);
@@ -124,7 +124,7 @@ impl Slice {
         self.problems.error(line.number, line.start + at.start..line.start + at.end, || {
             let found =
                 if found.is_empty() { "the end of the line".to_owned() } else { format!("\"{found}\"") };
-            format!("expected a coordinate within ±{FARTHEST:e}, found {found}")
+            format!("expected a coordinate within ±{MAX_COORDINATE:e}, found {found}")
         });
     }
 

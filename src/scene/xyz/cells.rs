@@ -1,7 +1,7 @@
 //! The grid of a point cloud and what its cells know of their points.
 
-use super::points::Point;
 use crate::geom::{Aabb, DVec3, unit};
+use crate::points::PointRow;
 use crate::scene::plane::{Moments, least_direction};
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -95,7 +95,7 @@ impl Sums {
     const NOTHING: Sums =
         Sums { count: 0, first: DVec3::ZERO, second: [0.0; 6], extent: Aabb::EMPTY, class: 0, lead: 0 };
 
-    fn add(&mut self, centre: DVec3, point: &Point, rule: NormalRule) {
+    fn add(&mut self, centre: DVec3, point: &PointRow, rule: NormalRule) {
         let d = point.position - centre;
         match (rule, point.normal) {
             (NormalRule::Plane, _) => {
@@ -147,7 +147,7 @@ pub(super) struct Cells(HashMap<Cell, Sums, BuildHasherDefault<CellHasher>>);
 
 impl Cells {
     /// Adds a point to its cell.
-    pub fn add(&mut self, grid: &Grid, point: &Point, rule: NormalRule) {
+    pub fn add(&mut self, grid: &Grid, point: &PointRow, rule: NormalRule) {
         let cell = grid.cell_of(point.position);
         self.0.entry(cell).or_insert(Sums::NOTHING).add(grid.centre(cell), point, rule);
     }
@@ -219,7 +219,7 @@ mod tests {
             let points: Vec<DVec3> = points.into_iter().map(|[x, y, z]| DVec3::new(x, y, tilt * x + 0.01 * z) + 1000.0).collect();
             let mut sums = Sums::NOTHING;
             for &position in &points {
-                sums.add(DVec3::splat(1000.5), &Point { position, normal: None, class: 0 }, NormalRule::Plane);
+                sums.add(DVec3::splat(1000.5), &PointRow { position, ..PointRow::default() }, NormalRule::Plane);
             }
             let plane = crate::scene::plane::fit(&points).unwrap();
             let spread = points.iter().map(|p| (*p - plane.centre).length()).fold(0.0, f64::max);

@@ -1,26 +1,25 @@
-//! Point clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from LAS, LAZ and PLY. The file is
+//! PointRow clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from LAS, LAZ and PLY. The file is
 //! read twice, once for its extent and once into the cells of the grid, so that memory grows with the number of occupied
 //! cells and not with that of the points.
 
 mod cells;
-mod las;
-mod ply;
-mod points;
 #[cfg(test)]
 mod tests;
+mod text;
 
-use super::assembly::{Assembly, FARTHEST, PartSource};
+use super::assembly::{Assembly, MAX_COORDINATE, PartSource};
 use super::text::{Problems, Source, cut_into_pieces, shown};
 use super::voxel::Voxel;
 use crate::diag::Diagnostics;
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3, unit};
+use crate::points::{self, LasReader, PlyReader, PointReader, PointRow, Selection};
 use crate::survey::XyzLoader;
 use crate::tree::Cube;
 use cells::{Cells, Grid, NormalRule, SHARDS};
-use points::{Batches, Columns, Point};
 use rayon::prelude::*;
 use std::ops::Range;
+use text::RowFormat;
 
 /// Bytes that one task reads.
 const PIECE: usize = 1 << 20;
@@ -66,7 +65,7 @@ pub(super) fn load(
         Cloud::Text { pieces } => sorter.sort_text(scene, source, pieces)?,
         binary => {
             let mut failure = Ok(());
-            let read = binary.each_batch(source, &settings, |batches| {
+            let read = binary.each_batch(source, |batches| {
                 failure = sorter.sort(scene, source, batches);
                 failure.is_ok()
             });
@@ -98,8 +97,8 @@ impl Cloud {
         let extension = source.path().extension().map(|e| e.to_ascii_lowercase());
         let named = ["las", "laz", "ply"].into_iter().find(|n| extension.as_ref().is_some_and(|e| e == n));
         match named {
-            _ if las::is_las(bytes) => Some(Cloud::Las),
-            _ if ply::is_ply(bytes) => Some(Cloud::Ply),
+            _ if points::is_las(bytes) => Some(Cloud::Las),
+            _ if points::is_ply(bytes) => Some(Cloud::Ply),
             Some(name) => {
                 let (path, found) = (source.path().display(), shown(&bytes[..bytes.len().min(4)]));
                 let message = format!(
@@ -118,13 +117,13 @@ impl Cloud {
     /// The box around all points; `None` after an error.
     fn extent(&self, source: &Source, settings: &Settings, diagnostics: &mut Diagnostics) -> Option<Aabb> {
         if let Cloud::Text { pieces } = self {
-            return extent_of_text(source, pieces, &settings.columns, diagnostics);
+            return extent_of_text(source, pieces, &settings.format, diagnostics);
         }
         let (mut extent, mut passed, mut wrong) = (Aabb::EMPTY, 0, None);
-        let read = self.each_batch(source, settings, |batches| {
+        let read = self.each_batch(source, |batches| {
             for point in batches.iter().flatten() {
                 // Also false for what is no number.
-                let is_near = point.position.abs().max_element() <= FARTHEST;
+                let is_near = point.position.abs().max_element() <= MAX_COORDINATE;
                 wrong =
                     wrong.or((!(point.position.is_finite() && is_near)).then_some((passed, point.position)));
                 extent = extent.with(point.position);
@@ -133,9 +132,9 @@ impl Cloud {
             wrong.is_none()
         });
         let read = match wrong {
-            Some((number, p)) => {
-                Err(format!("expected points within ±{FARTHEST:e} m, point {number} (from 0) is at {p}"))
-            }
+            Some((number, p)) => Err(format!(
+                "expected points within ±{MAX_COORDINATE:e} m, point {number} (from 0) is at {p}"
+            )),
             None => read,
         };
         match read {
@@ -152,20 +151,18 @@ impl Cloud {
     fn each_batch(
         &self,
         source: &Source,
-        settings: &Settings,
-        mut take: impl FnMut(&[Vec<Point>]) -> bool,
+        mut take: impl FnMut(&[Vec<PointRow>]) -> bool,
     ) -> std::result::Result<(), String> {
-        let with_normals = settings.rule != NormalRule::Plane;
-        let mut points: Box<dyn Batches + '_> = match self {
-            Cloud::Ply => Box::new(ply::Cloud::open(source.bytes(), with_normals)?),
-            _ => Box::new(las::Cloud::open(source.bytes())?),
+        let mut points: Box<dyn PointReader + '_> = match self {
+            Cloud::Ply => Box::new(PlyReader::open(source.bytes())?),
+            _ => Box::new(LasReader::open(source.bytes(), Selection::PositionAndClass)?),
         };
         let mut batches = vec![Vec::new(); rayon::current_num_threads()];
         let mut more = true;
         while more {
             for batch in &mut batches {
                 batch.clear();
-                more = more && points.next(batch)?;
+                more = more && points.read_batch(batch)?;
             }
             if !take(&batches) {
                 break;
@@ -177,7 +174,7 @@ impl Cloud {
 
 /// A loader's settings, checked.
 struct Settings {
-    columns: Columns,
+    format: RowFormat,
     voxel_size: f64,
     default_normal: Option<DVec3>,
     rule: NormalRule,
@@ -200,9 +197,9 @@ impl Settings {
             (0, true) => NormalRule::Nearest,
             (0, false) => NormalRule::Mean,
         };
-        let columns = Columns::new(loader, rule != NormalRule::Plane);
+        let format = RowFormat::new(loader, rule != NormalRule::Plane);
         let has_material = loader.material.file.is_some();
-        Ok(Settings { columns, voxel_size: size, default_normal, rule, has_material })
+        Ok(Settings { format, voxel_size: size, default_normal, rule, has_material })
     }
 }
 
@@ -210,7 +207,7 @@ impl Settings {
 fn extent_of_text(
     source: &Source,
     pieces: &[Range<usize>],
-    columns: &Columns,
+    format: &RowFormat,
     diagnostics: &mut Diagnostics,
 ) -> Option<Aabb> {
     let read: Vec<(Aabb, Problems, usize)> = pieces
@@ -218,9 +215,8 @@ fn extent_of_text(
         .map(|piece| {
             let (mut extent, mut problems) = (Aabb::EMPTY, Problems::default());
             let bytes = &source.bytes()[piece.clone()];
-            let lines = points::each(bytes, piece.start == 0, columns, &mut problems, |p| {
-                extent = extent.with(p.position)
-            });
+            let lines =
+                format.read(bytes, piece.start == 0, &mut problems, |p| extent = extent.with(p.position));
             (extent, problems, lines)
         })
         .collect();
@@ -231,7 +227,7 @@ fn extent_of_text(
         passed += lines;
     }
     if let Some((number, at, last)) = source.unended_line()
-        && let Some((columns, found)) = points::cut(source.bytes(), last, columns)
+        && let Some((columns, found)) = format.find_truncation(source.bytes(), last)
     {
         problems.error(number, at..at + last.len(), || {
             format!("expected {columns} columns as in the first line, found {found}; is the file whole?")
@@ -253,11 +249,11 @@ impl Sorter<'_> {
             let read: Vec<_> = wave
                 .par_iter()
                 .map(|piece| {
-                    let mut sorted: [Vec<Point>; SHARDS] = Default::default();
+                    let mut sorted: [Vec<PointRow>; SHARDS] = Default::default();
                     let mut reported = Problems::default();
                     let (bytes, is_first) = (&source.bytes()[piece.clone()], piece.start == 0);
-                    let columns = &self.settings.columns;
-                    points::each(bytes, is_first, columns, &mut reported, |p| self.put(p, &mut sorted));
+                    let format = &self.settings.format;
+                    format.read(bytes, is_first, &mut reported, |p| self.put(p, &mut sorted));
                     sorted
                 })
                 .collect();
@@ -266,11 +262,11 @@ impl Sorter<'_> {
         Ok(())
     }
 
-    fn sort(&mut self, scene: &Assembly, source: &Source, batches: &[Vec<Point>]) -> Result<()> {
+    fn sort(&mut self, scene: &Assembly, source: &Source, batches: &[Vec<PointRow>]) -> Result<()> {
         let sorted: Vec<_> = batches
             .par_iter()
             .map(|batch| {
-                let mut sorted: [Vec<Point>; SHARDS] = Default::default();
+                let mut sorted: [Vec<PointRow>; SHARDS] = Default::default();
                 batch.iter().for_each(|p| self.put(*p, &mut sorted));
                 sorted
             })
@@ -278,13 +274,13 @@ impl Sorter<'_> {
         self.add(scene, source, &sorted)
     }
 
-    fn put(&self, point: Point, sorted: &mut [Vec<Point>; SHARDS]) {
+    fn put(&self, point: PointRow, sorted: &mut [Vec<PointRow>; SHARDS]) {
         if let Some(point) = self.settings.usable(point) {
             sorted[self.grid.shard_of(point.position)].push(point);
         }
     }
 
-    fn add(&mut self, scene: &Assembly, source: &Source, sorted: &[[Vec<Point>; SHARDS]]) -> Result<()> {
+    fn add(&mut self, scene: &Assembly, source: &Source, sorted: &[[Vec<PointRow>; SHARDS]]) -> Result<()> {
         let (grid, rule) = (self.grid, self.settings.rule);
         self.shards.par_iter_mut().enumerate().for_each(|(shard, cells)| {
             sorted.iter().flat_map(|batch| &batch[shard]).for_each(|p| cells.add(grid, p, rule));
@@ -296,10 +292,12 @@ impl Sorter<'_> {
 
 impl Settings {
     /// The point with a normal that can be used: a bad one is replaced by the default or costs the point.
-    fn usable(&self, point: Point) -> Option<Point> {
+    fn usable(&self, point: PointRow) -> Option<PointRow> {
         let is_good = |n: &DVec3| n.is_finite() && *n != DVec3::ZERO;
         match point.normal {
-            Some(n) if !is_good(&n) => self.default_normal.map(|n| Point { normal: Some(n), ..point }),
+            Some(n) if self.rule != NormalRule::Plane && !is_good(&n) => {
+                self.default_normal.map(|n| PointRow { normal: Some(n), ..point })
+            }
             _ => Some(point),
         }
     }
