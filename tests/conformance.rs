@@ -55,7 +55,7 @@ fn suite() -> Option<PathBuf> {
     if folder.join("run_suite.py").is_file() {
         return Some(folder);
     }
-    println!("skipped: no conformance suite at {}", folder.display());
+    common::missing("conformance", &format!("no suite at {}", folder.display()));
     None
 }
 
@@ -72,7 +72,7 @@ fn the_reference_points_are_met() {
         .args(CASES)
         .output();
     let Ok(judged) = judged else {
-        println!("skipped: no python3 to run the suite with");
+        common::missing("python3", "apt install python3");
         return;
     };
     assert!(judged.status.success(), "{}\n{}", common::text(&judged.stdout), common::text(&judged.stderr));

@@ -158,33 +158,28 @@ fn an_interrupt_leaves_complete_files_that_say_they_are_partial() {
         // A whole run over the same names takes the notes away.
         succeed(dir.path(), &["run", &room(), "-q", "-o", "a.xyz", "--force"]);
         assert!(!dir.path().join("a.xyz.partial").exists());
-        let Some(python) = python_with_laspy() else { continue };
+        let Some(python) = common::python("laspy, lazrs, pyarrow") else { continue };
         let script = format!(
             r#"
-import laspy
+import laspy, pyarrow as pa, pyarrow.parquet as pq
 for name in ("a.las", "a.laz"):
     las = laspy.read(name)
     assert len(las) == {points}, (len(las), {points})
     state = [v.record_data_bytes() for v in las.header.vlrs if (v.user_id, v.record_id) == ("vlscan", 2)]
     assert state[0].startswith(b"partial"), state
-try:
-    import pyarrow as pa, pyarrow.parquet as pq
-except ImportError:
-    print("skipped: no pyarrow")
-else:
-    reader = pa.ipc.open_stream("a.arrow")
-    rows, told = 0, {{}}
-    while True:
-        try:
-            batch, metadata = reader.read_next_batch_with_custom_metadata()
-        except StopIteration:
-            break
-        rows, told = rows + batch.num_rows, dict(metadata or {{}})
-    assert rows == {points} and told[b"state"].startswith(b"partial"), (rows, told)
-    assert pa.ipc.open_stream("a.arrow").read_all().num_rows == {points}
-    parquet = pq.ParquetFile("a.parquet")
-    assert parquet.metadata.num_rows == {points}
-    assert parquet.metadata.metadata[b"state"].startswith(b"partial")
+reader = pa.ipc.open_stream("a.arrow")
+rows, state = 0, {{}}
+while True:
+    try:
+        batch, metadata = reader.read_next_batch_with_custom_metadata()
+    except StopIteration:
+        break
+    rows, state = rows + batch.num_rows, dict(metadata or {{}})
+assert rows == {points} and state[b"state"].startswith(b"partial"), (rows, state)
+assert pa.ipc.open_stream("a.arrow").read_all().num_rows == {points}
+parquet = pq.ParquetFile("a.parquet")
+assert parquet.metadata.num_rows == {points}
+assert parquet.metadata.metadata[b"state"].startswith(b"partial")
 "#
         );
         let judged =
@@ -297,7 +292,7 @@ fn a_reader_that_leaves_does_not_end_the_other_outputs() {
 fn shell(folder: &std::path::Path, needs: &[&str], line: &str) -> Option<Output> {
     for program in std::iter::once(&"bash").chain(needs) {
         if std::process::Command::new(program).arg("--version").stdin(Stdio::null()).output().is_err() {
-            println!("skipped: no {program}");
+            common::missing(program, &format!("apt install {program}"));
             return None;
         }
     }
@@ -369,7 +364,7 @@ fn cloudcompare_reads_ply() {
         .stdout
         .is_empty()
     {
-        println!("skipped: no CloudCompare");
+        common::missing("CloudCompare", "apt install cloudcompare");
         return;
     }
     let line = "QT_QPA_PLATFORM=offscreen HOME=$PWD timeout 120 CloudCompare -SILENT -O a.ply -C_EXPORT_FMT ASC -PREC 6 \
@@ -395,7 +390,7 @@ fn gnu_parallel_makes_the_same_clouds() {
         parallel --will-cite -j 2 '"$VLSCAN" run "$SURVEY" -q --seed {} -o {}.laz' ::: 1 2 3"#;
     let out = shell(dir.path(), &[], line).unwrap();
     if out.status.code() == Some(99) {
-        println!("skipped: no GNU parallel");
+        common::missing("parallel", "apt install parallel");
         return;
     }
     assert!(out.status.success(), "{}", text(&out.stderr));

@@ -27,7 +27,7 @@ fn man_finds_nothing_wrong_with_them() {
         let checked =
             Command::new("groff").args(["-man", "-ww", "-z", "-Tutf8"]).arg(pages.join(&name)).output();
         let Ok(checked) = checked else {
-            println!("skipped: no groff");
+            common::missing("groff", "apt install groff");
             return;
         };
         assert!(
@@ -62,7 +62,7 @@ fn every_shell_gets_completions() {
                 assert!(!text(&read.stderr).contains("parse error"), "{shell}: {}", text(&read.stderr));
             }
             Ok(read) => assert!(read.status.success(), "{shell}: {}", text(&read.stderr)),
-            Err(_) => println!("skipped: no {shell}"),
+            Err(_) => common::missing(shell, &format!("apt install {shell}")),
         }
     }
 }

@@ -60,7 +60,7 @@ impl Desk {
         for example in examples {
             let missing = OTHERS.iter().find(|name| mentions(example, name) && !is_here(name));
             if let Some(name) = missing {
-                println!("skipped: no {name} for this example of {page}:\n{example}");
+                common::missing(name, &format!("for this example of {page}:\n{example}"));
                 continue;
             }
             let Some(script) = runnable(example) else { continue };
@@ -352,7 +352,7 @@ fn every_pipeline_shows_what_it_says() {
 #[test]
 fn a_dataset_is_made_by_as_many_processes_as_there_are_cores() {
     if !is_here("parallel") {
-        println!("skipped: no parallel (GNU) for pipelines/dataset.sh");
+        common::missing("parallel", "pipelines/dataset.sh needs GNU parallel");
         return;
     }
     let desk = Desk::new();

@@ -21,7 +21,7 @@ fn chromium() -> Option<String> {
             return Some(program);
         }
     }
-    println!("skipped: no chromium (apt install chromium, or VLSCAN_CHROMIUM)");
+    common::missing("chromium", "apt install chromium, or name one in VLSCAN_CHROMIUM");
     None
 }
 

@@ -391,7 +391,7 @@ fn points_do_not_wait_for_a_silent_writer() {
     let dir = folder();
     let pipe = dir.path().join("poses");
     if !std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|s| s.success()) {
-        println!("skipped: no mkfifo");
+        common::missing("mkfifo", "apt install coreutils");
         return;
     }
     let flight = rows(100);

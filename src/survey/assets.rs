@@ -5,7 +5,7 @@
 //! Last comes the catalogue that is built in.
 
 use super::catalogue::{self, BuiltIn};
-use regex::Regex;
+use regex_lite::Regex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

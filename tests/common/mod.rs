@@ -1,4 +1,4 @@
-//! What the whole-run tests share: the program, fixtures, temporary folders, other people's readers.
+//! What the whole-run tests share: the program, fixtures, temporary folders, readers of other makers.
 #![allow(dead_code)] // each test binary uses its own part of this
 
 use std::io::Write;
@@ -77,7 +77,7 @@ pub fn files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// A Python that can import these modules, or `None` (with a printed note) where there is none.
+/// A Python that can import these modules, or `None` where there is none, see [`missing`].
 pub fn python(modules: &str) -> Option<PathBuf> {
     let candidates = [std::env::var("VLSCAN_PYTHON").ok(), Some("python3".to_owned())];
     for python in candidates.into_iter().flatten() {
@@ -91,8 +91,19 @@ pub fn python(modules: &str) -> Option<PathBuf> {
             return Some(python.into());
         }
     }
-    println!("skipped: no python3 with {modules} (pip install {})", modules.replace(',', ""));
+    let pip = modules.replace(',', "");
+    for module in modules.split(", ") {
+        missing(module, &format!("pip install {pip}"));
+    }
     None
+}
+
+/// Says that a test, or a part of it, is skipped because `what` is not on this machine, and how to get it. Fails where it
+/// has to be: `VLSCAN_TEST_NEEDS` lists, with commas, what the continuous integration installs.
+pub fn missing(what: &str, how: &str) {
+    let needs = std::env::var("VLSCAN_TEST_NEEDS").unwrap_or_default();
+    assert!(!needs.split(',').any(|need| need == what), "{what} should be here and is not ({how})");
+    println!("skipped: no {what} ({how})");
 }
 
 /// A Python that has laspy and lazrs.

@@ -1,0 +1,343 @@
+//! The structure of the sources: no lower module imports a higher one, no more than two files import each other in a
+//! circle, and the maps in the documentation of modules name the files that exist.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A file of `src/`.
+struct Source {
+    /// Its path below `src/`.
+    path: String,
+    /// The module that it is, as names from the crate's root.
+    module: Vec<String>,
+    /// Its text as written.
+    text: String,
+    /// Its text without comments and without its tests.
+    code: String,
+}
+
+fn src() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+}
+
+/// All files of `src/` but those that hold tests only.
+fn sources() -> Vec<Source> {
+    let mut folders = vec![src()];
+    let mut found = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                if !path.ends_with("tests") {
+                    folders.push(path);
+                }
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let text = fs::read_to_string(&path).unwrap();
+                let path = path.strip_prefix(src()).unwrap().to_str().unwrap().replace('\\', "/");
+                let mut module: Vec<String> =
+                    path.trim_end_matches(".rs").split('/').map(str::to_owned).collect();
+                if ["mod", "lib"].contains(&module.last().unwrap().as_str()) {
+                    module.pop();
+                }
+                found.push(Source { path, module, code: code_of(&text), text });
+            }
+        }
+    }
+    let tests = test_modules(&found);
+    found.retain(|file| !tests.contains(&file.module) && file.path != "main.rs");
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    found
+}
+
+/// Modules declared behind `#[cfg(test)]`.
+fn test_modules(files: &[Source]) -> BTreeSet<Vec<String>> {
+    let mut found = BTreeSet::new();
+    for file in files {
+        let mut lines = file.text.lines();
+        while let Some(line) = lines.next() {
+            if line.trim().starts_with("#[cfg(test)]")
+                && let Some(name) = lines.clone().map(str::trim).find_map(declared_module)
+                && lines.clone().map(str::trim).find(|l| !l.starts_with("#[")).and_then(declared_module)
+                    == Some(name)
+            {
+                let mut module = file.module.clone();
+                module.push(name.to_owned());
+                found.insert(module);
+            }
+        }
+    }
+    found
+}
+
+/// The name in `mod name;`, with or without visibility.
+fn declared_module(line: &str) -> Option<&str> {
+    let name = line.strip_suffix(';')?;
+    let (before, name) = name.rsplit_once(' ')?;
+    let is_module =
+        before == "mod" || before == "pub mod" || before.starts_with("pub(") && before.ends_with(" mod");
+    is_module.then_some(name)
+}
+
+/// Text without comments, and without what follows the head of a module of tests in the file.
+fn code_of(text: &str) -> String {
+    let end = text.find("#[cfg(test)]\nmod tests {").unwrap_or(text.len());
+    text[..end].lines().map(|line| line.split("//").next().unwrap()).collect::<Vec<_>>().join("\n")
+}
+
+/// Paths that the code imports or writes out, each with whether it is re-exported.
+fn paths_of(code: &str) -> Vec<(Vec<String>, bool)> {
+    let mut paths = Vec::new();
+    let mut rest = code;
+    let mut body = String::new();
+    while let Some(at) = find_use(rest) {
+        body.push_str(&rest[..at]);
+        let line = rest[..at].rfind('\n').map_or(0, |n| n + 1);
+        let is_public = rest[line..at].trim().starts_with("pub");
+        let tree = &rest[at + 4..];
+        let end = tree.find(';').unwrap_or(tree.len());
+        expand(&[], &tree[..end], &mut |path| paths.push((path, is_public)));
+        rest = &tree[end..];
+    }
+    body.push_str(rest);
+    let word = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    for path in body.split(|c: char| !word(c)) {
+        let names: Vec<String> = path.split("::").map(str::to_owned).collect();
+        if names.len() > 1 && ["crate", "super", "self"].contains(&names[0].as_str()) {
+            paths.push((names, false));
+        }
+    }
+    paths
+}
+
+/// Where the next `use` declaration begins.
+fn find_use(code: &str) -> Option<usize> {
+    let mut from = 0;
+    while let Some(at) = code[from..].find("use ").map(|at| at + from) {
+        let line = code[..at].rfind('\n').map_or(0, |n| n + 1);
+        let before = code[line..at].trim();
+        if before.is_empty() || before == "pub" || before.starts_with("pub(") && before.ends_with(')') {
+            return Some(at);
+        }
+        from = at + 4;
+    }
+    None
+}
+
+/// The single paths of a tree of imports, such as `a::{b, c::{d, e}}`.
+fn expand(prefix: &[String], tree: &str, found: &mut dyn FnMut(Vec<String>)) {
+    let tree = tree.trim();
+    let with = |path: &str| {
+        let names = path.split("::").map(|n| n.trim().to_owned()).filter(|n| !n.is_empty());
+        prefix.iter().cloned().chain(names).collect::<Vec<_>>()
+    };
+    let Some((head, inner)) = tree.split_once('{') else {
+        if !tree.is_empty() {
+            found(with(tree.split(" as ").next().unwrap()));
+        }
+        return;
+    };
+    let prefix = with(head);
+    let inner = &inner[..inner.rfind('}').unwrap_or(inner.len())];
+    let (mut depth, mut start) = (0, 0);
+    for (at, c) in inner.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => {
+                expand(&prefix, &inner[start..at], found);
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+    expand(&prefix, &inner[start..], found);
+}
+
+/// Names of the items that a file defines at its top level.
+fn items_of(code: &str) -> BTreeSet<String> {
+    const KINDS: [&str; 10] =
+        ["struct", "enum", "union", "trait", "type", "const", "static", "fn", "macro_rules!", "mod"];
+    let mut items = BTreeSet::new();
+    for line in code.lines().filter(|line| !line.starts_with(' ')) {
+        let mut words = line.split_whitespace().peekable();
+        while words.peek().is_some_and(|w| w.starts_with("pub") || ["unsafe", "const", "async"].contains(w)) {
+            let word = words.next().unwrap();
+            // `const fn` is a function, `const NAME` a constant.
+            if word == "const" && !words.peek().is_some_and(|w| ["fn", "unsafe"].contains(w)) {
+                items.extend(words.peek().map(|name| identifier(name)));
+            }
+        }
+        if words.next().is_some_and(|word| KINDS.contains(&word)) {
+            items.extend(words.next().map(identifier));
+        }
+    }
+    items
+}
+
+fn identifier(text: &str) -> String {
+    text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+}
+
+/// Which file each file imports from, re-exports followed to where an item is defined.
+struct Imports<'a> {
+    files: &'a [Source],
+    by_module: BTreeMap<&'a [String], usize>,
+    items: Vec<BTreeSet<String>>,
+    paths: Vec<Vec<(Vec<String>, bool)>>,
+}
+
+impl Imports<'_> {
+    fn new(files: &[Source]) -> Imports<'_> {
+        Imports {
+            files,
+            by_module: files.iter().enumerate().map(|(i, f)| (f.module.as_slice(), i)).collect(),
+            items: files.iter().map(|f| items_of(&f.code)).collect(),
+            paths: files.iter().map(|f| paths_of(&f.code)).collect(),
+        }
+    }
+
+    /// The file that defines what `path`, as written in file `from`, names; none for other crates.
+    fn resolve(&self, from: usize, path: &[String], depth: usize) -> Option<usize> {
+        let mut module = self.files[from].module.clone();
+        let mut names = path;
+        match names.first()?.as_str() {
+            "crate" => (module, names) = (Vec::new(), &names[1..]),
+            "self" => names = &names[1..],
+            "super" => {
+                while names.first().is_some_and(|name| name == "super") {
+                    module.pop();
+                    names = &names[1..];
+                }
+            }
+            child => {
+                module.push(child.to_owned());
+                self.by_module.get(module.as_slice())?;
+                module.pop();
+            }
+        }
+        while let Some(name) = names.first() {
+            module.push(name.clone());
+            if !self.by_module.contains_key(module.as_slice()) {
+                module.pop();
+                break;
+            }
+            names = &names[1..];
+        }
+        let file = *self.by_module.get(module.as_slice())?;
+        let Some(name) = names.first().filter(|name| *name != "self" && *name != "*") else {
+            return Some(file);
+        };
+        if self.items[file].contains(name) || depth > 8 {
+            return Some(file);
+        }
+        let exported = self.paths[file].iter().filter(|(_, is_public)| *is_public);
+        let found = exported.filter_map(|(path, _)| match path.last() {
+            Some(last) if last == name => self.resolve(file, path, depth + 1),
+            Some(last) if last == "*" => {
+                let mut path = path.clone();
+                *path.last_mut().unwrap() = name.clone();
+                self.resolve(file, &path, depth + 1).filter(|&f| self.items[f].contains(name))
+            }
+            _ => None,
+        });
+        found.last().or(Some(file))
+    }
+
+    /// The files from which file `from` imports.
+    fn of(&self, from: usize) -> BTreeSet<usize> {
+        let uses = self.paths[from].iter().filter(|(_, is_public)| !is_public);
+        uses.filter_map(|(path, _)| self.resolve(from, path, 0)).filter(|&to| to != from).collect()
+    }
+}
+
+/// Everything that can be reached from `start`.
+fn reachable(edges: &[BTreeSet<usize>], start: usize) -> BTreeSet<usize> {
+    let mut seen = BTreeSet::new();
+    let mut next = vec![start];
+    while let Some(at) = next.pop() {
+        next.extend(edges[at].iter().filter(|&&to| seen.insert(to)));
+    }
+    seen
+}
+
+#[test]
+fn no_circle_of_imports_has_more_than_two_files() {
+    let files = sources();
+    let imports = Imports::new(&files);
+    let edges: Vec<_> = (0..files.len()).map(|i| imports.of(i)).collect();
+    assert!(edges.iter().map(BTreeSet::len).sum::<usize>() > files.len(), "imports are not found");
+    let reach: Vec<_> = (0..files.len()).map(|i| reachable(&edges, i)).collect();
+    let circle = |i: usize| reach[i].iter().filter(|&&j| reach[j].contains(&i)).map(|&j| &files[j].path);
+    let circles: BTreeSet<Vec<_>> = (0..files.len()).map(|i| circle(i).collect()).collect();
+    let large: Vec<_> = circles.iter().filter(|files| files.len() > 2).collect();
+    assert!(large.is_empty(), "these files import one another: {large:#?}");
+}
+
+/// The rows of modules in the map of `lib.rs`, lower ones first.
+fn layers() -> Vec<Vec<String>> {
+    let text = fs::read_to_string(src().join("lib.rs")).unwrap();
+    let rows = text.lines().filter_map(|line| line.strip_prefix("//! | "));
+    let cells = rows.map(|row| row.split('|').next().unwrap());
+    cells.map(|cell| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()).collect()
+}
+
+#[test]
+fn no_lower_module_imports_a_higher_one() {
+    let layers = layers();
+    let rank = |module: &String| layers.iter().position(|row| row.contains(module));
+    let mut wrong = BTreeSet::new();
+    for file in sources().iter().filter(|file| !file.module.is_empty()) {
+        let own = &file.module[0];
+        let own_rank = rank(own).unwrap_or_else(|| panic!("the map in lib.rs does not name {own}"));
+        for (path, _) in paths_of(&file.code) {
+            if path[0] == "crate"
+                && let Some(other) = path.get(1)
+                && let Some(other_rank) = rank(other)
+                && other_rank > own_rank
+            {
+                wrong.insert(format!("{} imports {other}", file.path));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "the map of lib.rs has these the other way round: {wrong:#?}");
+}
+
+#[test]
+fn maps_name_the_files_that_exist() {
+    let files = sources();
+    let (mut maps, mut wrong) = (0, String::new());
+    for file in &files {
+        let children: BTreeSet<&str> = files
+            .iter()
+            .filter(|f| f.module.len() == file.module.len() + 1 && f.module.starts_with(&file.module))
+            .map(|f| f.module.last().unwrap().as_str())
+            .collect();
+        let rows = file.text.lines().filter_map(|line| line.strip_prefix("//! | "));
+        let cells = rows.map(|row| row.split('|').next().unwrap());
+        let named: BTreeSet<&str> = cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
+        if children.len() < 5 || (named.is_empty() && !file.path.ends_with("mod.rs") && file.path != "lib.rs")
+        {
+            continue;
+        }
+        maps += 1;
+        let missing: Vec<_> = children.difference(&named).collect();
+        let gone: Vec<_> = named.difference(&children).collect();
+        if !missing.is_empty() || !gone.is_empty() {
+            wrong += &format!("src/{}: not named {missing:?}, not there {gone:?}\n", file.path);
+        }
+    }
+    assert!(wrong.is_empty(), "maps and files differ:\n{wrong}");
+    assert!(maps >= 10, "{maps} maps");
+}
+
+#[test]
+fn imports_are_read() {
+    let code = "use crate::a::{b, c::{D, self}};\npub use super::e::F as G;\nlet x = crate::h::i(j);\n";
+    let paths: Vec<_> = paths_of(code).into_iter().map(|(path, public)| (path.join("::"), public)).collect();
+    let expected = [("crate::a::b", false), ("crate::a::c::D", false), ("crate::a::c::self", false)];
+    assert_eq!(paths[..3], expected.map(|(path, public)| (path.to_owned(), public)));
+    assert_eq!(paths[3..], [("super::e::F".to_owned(), true), ("crate::h::i".to_owned(), false)]);
+    assert_eq!(declared_module("pub(crate) mod a;"), Some("a"));
+    assert_eq!(declared_module("model;"), None);
+}
