@@ -16,27 +16,30 @@
 //!                                       output: xyz, csv, las, laz, ply, arrow, parquet, trajectory, waveforms, pulses
 //! ```
 //!
-//! | room | what it does | imports |
+//! | module | what it does | imports |
 //! |---|---|---|
-//! | [`geom`], [`rng`], [`diag`], [`error`], `quantity`, [`input`], `columns`, `damage`, `files` | rotations, boxes; counter-based random numbers; places and reports; quantities as text; byte streams and Arrow tables read while they arrive; separators and headings of columns; panics of decoders; files named when complete | nothing |
+//! | [`error`], [`diag`] | errors; diagnostics with file, line and caret | |
+//! | [`geom`], [`rng`] | rotations, boxes, map projection; counter-based random numbers | |
+//! | `quantity`, `columns` | counts and sizes as text; headings and separators of columns | |
+//! | `files`, `damage`, [`input`] | files named when complete; panics of decoders caught; byte streams and Arrow tables read while they arrive | |
 //! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
-//! | `points` | reads point clouds: LAS and LAZ, PLY, columns of text | geom, damage |
-//! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, diag, input |
-//! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of lidar | geom, store |
-//! | [`scene`] | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree |
+//! | `points` | reads point clouds: LAS and LAZ, PLY, columns of text | geom |
+//! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, input |
+//! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of LiDAR | geom, store |
+//! | [`scene`] | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree, points |
 //! | [`generate`] | procedural scenes with the surveys that scan them | geom, rng |
-//! | [`platform`] | the movers: position and attitude per step; recorded trajectories in every layout | survey, geom |
+//! | [`platform`] | position and attitude per step; recorded trajectories in every layout | survey, geom |
 //! | [`scanner`] | heads and deflectors per step | survey, geom |
-//! | [`flight`] | the clock: legs, steps, pulses; cheap to replay from a snapshot | platform, scanner |
-//! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes echoes | flight, scene, tree |
-//! | [`schedule`] | four ways to hand out chunks, workers, order; records and replays | nothing of lidar |
-//! | [`output`] | sinks, one file per format | pulse, flight, scene, survey |
+//! | [`flight`] | the clock: legs, steps, pulses; replayed from a snapshot | platform, scanner |
+//! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes returns | flight, scene, tree |
+//! | [`schedule`] | four ways to distribute chunks to workers; records and replays | nothing of LiDAR |
+//! | [`output`] | writers, one file per format | pulse, flight, scene, survey |
 //! | [`streams`] | pulses and poses between commands, as rows of text or of Arrow streams | flight, platform, schedule |
-//! | [`preview`] | draws point clouds as PNG and as pages for a browser, and waveforms | pulse, geom, diag |
-//! | [`pipeline`] | the wiring of all of them | all above |
+//! | [`preview`] | draws point clouds as PNG and as pages for a browser, and waveforms | points, geom |
+//! | [`pipeline`] | the session that joins all of them | all above |
 //! | [`cli`] | the command line | all above |
 //!
-//! The lower rooms never import the higher ones.
+//! No module imports one from a row below its own; `tests/structure.rs` holds it.
 //!
 //! What holds everywhere:
 //! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and tree: every
@@ -44,8 +47,8 @@
 //!   alone ([`tree`]);
 //! * a scene is never changed: a chunk holds the state of its moving parts as it holds that of the platform, workers replay
 //!   both, and every epoch of a scene with swapped parts has a scene of its own;
-//! * coordinates are `f64` in the scene frame, which is the world's minus the scene's centre;
-//! * points go to stdout and nothing else does.
+//! * coordinates are `f64` in the scene frame, which is the world frame minus the scene's centre;
+//! * only data goes to stdout.
 
 pub mod cli;
 mod columns;

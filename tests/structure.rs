@@ -268,7 +268,9 @@ fn no_circle_of_imports_has_more_than_two_files() {
     let edges: Vec<_> = (0..files.len()).map(|i| imports.of(i)).collect();
     assert!(edges.iter().map(BTreeSet::len).sum::<usize>() > files.len(), "imports are not found");
     let reach: Vec<_> = (0..files.len()).map(|i| reachable(&edges, i)).collect();
-    let circle = |i: usize| reach[i].iter().filter(|&&j| reach[j].contains(&i)).map(|&j| &files[j].path);
+    let reach_of = &reach;
+    let circle =
+        |i: usize| reach[i].iter().filter(move |&&j| reach_of[j].contains(&i)).map(|&j| &files[j].path);
     let circles: BTreeSet<Vec<_>> = (0..files.len()).map(|i| circle(i).collect()).collect();
     let large: Vec<_> = circles.iter().filter(|files| files.len() > 2).collect();
     assert!(large.is_empty(), "these files import one another: {large:#?}");
