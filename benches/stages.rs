@@ -13,7 +13,7 @@ use std::sync::Arc;
 use vlscan::flight::{FlightOptions, FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
 use vlscan::generate;
 use vlscan::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
-use vlscan::pulse::{Batch, Lap, Physics, PhysicsOptions};
+use vlscan::pulse::{Batch, Phase, Physics, PhysicsOptions, PulseSimulator};
 use vlscan::scene::{self, LoadOptions, Scene};
 use vlscan::survey::{ReadOptions, Survey, read_survey};
 use vlscan::tree::{BuildOptions, Tree};
@@ -122,14 +122,14 @@ impl River<'_> {
     fn over_the_scene(&self) -> Result<FlightState> {
         let mut state = FlightState::start(self.flight);
         let (mut skipped, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });
-        let mut shooter = self.physics.shooter();
+        let mut simulator = PulseSimulator::new(&self.physics);
         loop {
             let mut batch = Batch::default();
             replay.step(&mut state.clone(), self.flight, CHUNK)?;
             if replay.seen < CHUNK || state.leg_index() > 0 {
                 return Ok(FlightState::start(self.flight));
             }
-            shooter.fire_all(0, &replay.pulses, &mut batch)?;
+            simulator.simulate(0, &replay.pulses, &mut batch)?;
             if 2 * batch.echoes.len() >= replay.seen {
                 return Ok(state);
             }
@@ -151,7 +151,7 @@ impl River<'_> {
         };
         let (mut counter, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });
         let mut counting = self.over_the_scene()?;
-        let mut shooter = self.physics.shooter();
+        let mut simulator = PulseSimulator::new(&self.physics);
         let mut batches = Vec::new();
         for _ in 0..PULSES / CHUNK {
             let mut state = counting.clone();
@@ -165,10 +165,10 @@ impl River<'_> {
             replay.step(&mut state, self.flight, CHUNK)?;
             pass.replay += lap();
             let mut batch = Batch::default();
-            shooter.fire_timed(0, &replay.pulses, &mut batch, |stage| match stage {
-                Lap::Aimed => pass.aim += lap(),
-                Lap::Traced => pass.trace += lap(),
-                Lap::Received => pass.receive += lap(),
+            simulator.simulate_timed(0, &replay.pulses, &mut batch, |stage| match stage {
+                Phase::RayGeneration => pass.aim += lap(),
+                Phase::Traversal => pass.trace += lap(),
+                Phase::Detection => pass.receive += lap(),
             })?;
             batches.push(batch);
         }

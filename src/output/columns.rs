@@ -6,7 +6,7 @@ use super::plan::LegFacts;
 use super::text::seconds;
 use crate::diag::nearest;
 use crate::geom::{DVec3, degrees};
-use crate::pulse::Echo;
+use crate::pulse::{Echo, EchoTruth};
 
 /// How the values of a column are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,6 +155,8 @@ pub(super) struct ColumnCodec<'a> {
     pub shift: DVec3,
     pub objects: &'a ObjectIds,
     pub las: &'a LasFormat,
+    /// What really caused the echoes of the batch.
+    pub truths: &'a [EchoTruth],
 }
 
 impl ColumnCodec<'_> {
@@ -170,7 +172,7 @@ impl ColumnCodec<'_> {
     }
 
     fn push_column(&self, column: Column, out: &mut Vec<u8>, leg: &LegFacts, echoes: &[&Echo]) {
-        let shift = self.shift;
+        let (shift, truths) = (self.shift, self.truths);
         match column {
             Column::X => f64s(out, echoes, |e| e.position.x + shift.x),
             Column::Y => f64s(out, echoes, |e| e.position.y + shift.y),
@@ -201,17 +203,17 @@ impl ColumnCodec<'_> {
             Column::BeamDirectionX => f64s(out, echoes, |e| e.direction.x),
             Column::BeamDirectionY => f64s(out, echoes, |e| e.direction.y),
             Column::BeamDirectionZ => f64s(out, echoes, |e| e.direction.z),
-            Column::TrueX => f64s(out, echoes, |e| e.true_position().x + shift.x),
-            Column::TrueY => f64s(out, echoes, |e| e.true_position().y + shift.y),
-            Column::TrueZ => f64s(out, echoes, |e| e.true_position().z + shift.z),
-            Column::SurfaceX => f64s(out, echoes, |e| e.truth.surface.x + shift.x),
-            Column::SurfaceY => f64s(out, echoes, |e| e.truth.surface.y + shift.y),
-            Column::SurfaceZ => f64s(out, echoes, |e| e.truth.surface.z + shift.z),
-            Column::NormalX => f32s(out, echoes, |e| e.truth.normal.x as f32),
-            Column::NormalY => f32s(out, echoes, |e| e.truth.normal.y as f32),
-            Column::NormalZ => f32s(out, echoes, |e| e.truth.normal.z as f32),
-            Column::FootprintFraction => f32s(out, echoes, |e| e.truth.fraction as f32),
-            Column::Subray => u32s(out, echoes, |e| e.truth.subray),
+            Column::TrueX => f64s(out, echoes, |e| e.true_position(truths).x + shift.x),
+            Column::TrueY => f64s(out, echoes, |e| e.true_position(truths).y + shift.y),
+            Column::TrueZ => f64s(out, echoes, |e| e.true_position(truths).z + shift.z),
+            Column::SurfaceX => f64s(out, echoes, |e| e.truth(truths).surface.x + shift.x),
+            Column::SurfaceY => f64s(out, echoes, |e| e.truth(truths).surface.y + shift.y),
+            Column::SurfaceZ => f64s(out, echoes, |e| e.truth(truths).surface.z + shift.z),
+            Column::NormalX => f32s(out, echoes, |e| e.truth(truths).normal.x as f32),
+            Column::NormalY => f32s(out, echoes, |e| e.truth(truths).normal.y as f32),
+            Column::NormalZ => f32s(out, echoes, |e| e.truth(truths).normal.z as f32),
+            Column::FootprintFraction => f32s(out, echoes, |e| e.truth(truths).fraction as f32),
+            Column::Subray => u32s(out, echoes, |e| e.truth(truths).subray),
         }
     }
 }

@@ -138,16 +138,16 @@ impl OutputPlan {
         let ply = PlyFields { shift: self.shift, objects: &self.objects, more: self.ply_more() };
         match format {
             PointFormat::Xyz if self.columns_chosen => {
-                self.tables(leg, slots, echoes, pieces, |out, rows, block| {
+                self.tables(leg, slots, batch, echoes, pieces, |out, rows, block| {
                     table::push_rows(out, &self.columns, rows, &block, b' ');
                 });
             }
-            PointFormat::Csv => self.tables(leg, slots, echoes, pieces, |out, rows, block| {
+            PointFormat::Csv => self.tables(leg, slots, batch, echoes, pieces, |out, rows, block| {
                 table::push_rows(out, &self.columns, rows, &block, b',');
             }),
             PointFormat::Arrow | PointFormat::Parquet => {
                 let before = pieces.len();
-                self.tables(leg, slots, echoes, pieces, |out, _, block| *out = block);
+                self.tables(leg, slots, batch, echoes, pieces, |out, _, block| *out = block);
                 pieces[before..].iter_mut().for_each(|piece| piece.is_block = true);
             }
             PointFormat::Xyz | PointFormat::Bin => {
@@ -155,7 +155,7 @@ impl OutputPlan {
                 encode_points(&codec, leg, slots, echoes, pieces);
             }
             PointFormat::Las | PointFormat::Laz | PointFormat::Copc => {
-                let codec = LasCodec { format: &self.las, objects: &self.objects };
+                let codec = LasCodec { format: &self.las, objects: &self.objects, truths: &batch.truths };
                 match &self.las.packets {
                     None => encode_points(&codec, leg, slots, echoes, pieces),
                     Some(packets) => encode_with_packets(&codec, packets, leg, slots, echoes, batch, pieces),
@@ -171,12 +171,18 @@ impl OutputPlan {
         &self,
         leg: &LegFacts,
         slots: &Slots,
+        batch: &Batch,
         echoes: &[Echo],
         pieces: &mut Vec<Piece>,
         write: impl Fn(&mut Vec<u8>, usize, Vec<u8>),
     ) {
-        let codec =
-            ColumnCodec { columns: &self.columns, shift: self.shift, objects: &self.objects, las: &self.las };
+        let codec = ColumnCodec {
+            columns: &self.columns,
+            shift: self.shift,
+            objects: &self.objects,
+            las: &self.las,
+            truths: &batch.truths,
+        };
         for (index, &slot) in slots.as_slice().iter().enumerate() {
             let own: Vec<&Echo> = echoes.iter().filter(|echo| slots.of(echo.device) == index).collect();
             let mut piece = Piece::new(slot, 0);

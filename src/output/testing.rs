@@ -16,8 +16,6 @@ pub(super) fn echo(number: u32, of: u32) -> Echo {
         position: DVec3::ZERO,
         origin: DVec3::new(0.0, 0.0, 100.0),
         direction: DVec3::NEG_Z,
-        true_beam: [DVec3::ZERO, DVec3::NEG_Z],
-        truth: crate::pulse::EchoTruth::default(),
         range: 100.0,
         true_range: 100.0,
         intensity: 1.0,
@@ -32,6 +30,7 @@ pub(super) fn echo(number: u32, of: u32) -> Echo {
         incidence_cosine: 1.0,
         scan_angle: 0.0,
         time_ns: 0.0,
+        truth_index: Echo::NO_TRUTH,
     }
 }
 

@@ -5,7 +5,7 @@ use super::moving::MovingParts;
 use super::worker::{Measured, Worker};
 use crate::error::Result;
 use crate::geom::DVec3;
-use crate::pulse::{Equipment, PhysicsOptions};
+use crate::pulse::{InstrumentTable, PhysicsOptions};
 use crate::scene::MotionState;
 use crate::schedule::{Feed, Outcome, Stop, Tasks};
 use crate::streams::{Block, Column, PulseReader, PulseRow};
@@ -98,9 +98,9 @@ pub(super) struct StreamWorker<'a> {
     worker: Worker<'a>,
     tracing: &'a Tracing<'a>,
     /// The survey's own instruments.
-    own: Equipment,
+    own: InstrumentTable,
     /// Instruments by their divergences.
-    others: HashMap<[u64; 2], Equipment>,
+    others: HashMap<[u64; 2], InstrumentTable>,
     /// The moving parts, and the number of steps that they have gone.
     motion: Option<(MotionState, u64)>,
     rows: Vec<PulseRow>,
@@ -116,7 +116,7 @@ impl<'a> StreamWorker<'a> {
         let worker = Worker::new(pass);
         StreamWorker {
             tracing,
-            own: pass.physics.equipment(),
+            own: pass.physics.instruments().clone(),
             others: HashMap::new(),
             motion: worker.moving.as_ref().map(|moving| (moving.start(), 0)),
             rows: Vec::new(),
@@ -154,7 +154,7 @@ impl<'a> StreamWorker<'a> {
     fn set_instruments(&mut self, row: &PulseRow) -> Result<u32> {
         let rule = self.tracing.legs;
         let Some([start, leg]) = row.divergence.filter(|_| rule.streamed_divergence) else {
-            self.worker.shooter.take_up(&self.own);
+            self.worker.simulator.set_instruments(&self.own);
             return Ok(if rule.known { row.leg } else { 0 });
         };
         let key = [start.to_bits(), leg.to_bits()];
@@ -162,12 +162,12 @@ impl<'a> StreamWorker<'a> {
             if self.others.len() >= MAX_CACHED_INSTRUMENTS {
                 self.others.clear();
             }
-            let equipment =
-                Equipment::new(&self.tracing.with_divergences(start, leg), &self.tracing.options)?;
-            self.others.insert(key, equipment);
+            let instruments =
+                InstrumentTable::new(&self.tracing.with_divergences(start, leg), &self.tracing.options)?;
+            self.others.insert(key, instruments);
         }
-        if let Some(equipment) = self.others.get(&key) {
-            self.worker.shooter.take_up(equipment);
+        if let Some(instruments) = self.others.get(&key) {
+            self.worker.simulator.set_instruments(instruments);
         }
         Ok(1)
     }

@@ -5,7 +5,7 @@ use super::{Aim, Chunk, Pass};
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
 use crate::output::Encoded;
-use crate::pulse::{Batch, Shooter};
+use crate::pulse::{Batch, PulseSimulator};
 use crate::schedule::Outcome;
 
 /// What consecutive pulses of a leg became.
@@ -59,7 +59,7 @@ impl Outcome for Vec<Measured> {
 /// Simulates and encodes the pulses that its owner puts into `pulses`. The memory is reused from batch to batch.
 pub(super) struct Worker<'a> {
     pass: &'a Pass<'a>,
-    pub shooter: Shooter<'a>,
+    pub simulator: PulseSimulator<'a>,
     /// The moving parts of the scene, if there are any.
     pub moving: Option<MovingParts<'a>>,
     pub pulses: Vec<Pulse>,
@@ -70,7 +70,7 @@ impl<'a> Worker<'a> {
     pub fn new(pass: &'a Pass<'a>) -> Worker<'a> {
         Worker {
             pass,
-            shooter: pass.physics.shooter(),
+            simulator: PulseSimulator::new(pass.physics),
             moving: pass.motion.map(|plan| MovingParts::new(plan, pass.trees)),
             pulses: Vec::new(),
             batch: Batch::default(),
@@ -80,12 +80,12 @@ impl<'a> Worker<'a> {
     /// Simulates `pulses` and encodes the echoes. `leg` is the number of the leg in the survey, `instrument_leg` that of
     /// the leg whose instruments are used.
     pub fn measure(&mut self, leg: u32, instrument_leg: u32, done: f64) -> Result<Measured> {
-        let Worker { pass, shooter, moving, pulses, batch } = self;
+        let Worker { pass, simulator, moving, pulses, batch } = self;
         match moving {
             Some(MovingParts { scene, changes, .. }) => {
-                shooter.fire_moving(instrument_leg, pulses, scene, changes, batch)?;
+                simulator.simulate_dynamic(instrument_leg, pulses, scene, changes, batch)?;
             }
-            None => shooter.fire_all(instrument_leg, pulses, batch)?,
+            None => simulator.simulate(instrument_leg, pulses, batch)?,
         }
         Ok(Measured {
             encoded: pass.output.encode(batch),

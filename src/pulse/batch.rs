@@ -1,6 +1,6 @@
-//! What one chunk of pulses yields.
+//! The records of one chunk of pulses.
 
-use super::{Echo, PulseRecord, WaveformRecord};
+use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
 use crate::flight::PoseSample;
 
 /// Everything that a chunk measured, in the order of emission.
@@ -8,10 +8,12 @@ use crate::flight::PoseSample;
 pub struct Batch {
     /// Index of the leg among the survey's legs.
     pub leg: u32,
-    /// What records say is the number of the leg, where the survey's legs do not tell: pulses of other origin.
+    /// Number of the leg in records, if it is not that of the survey's leg: for streamed pulses.
     pub leg_number: Option<u32>,
     /// Echoes, pulse by pulse, by return number within a pulse.
     pub echoes: Vec<Echo>,
+    /// What really caused echoes, if it is recorded or differs from what they report; see [`Echo::truth_index`].
+    pub truths: Vec<EchoTruth>,
     /// Waveforms, when they are recorded.
     pub waveforms: Vec<WaveformRecord>,
     /// Samples of all waveforms.
@@ -28,6 +30,7 @@ impl Batch {
         self.leg = leg;
         self.leg_number = None;
         self.echoes.clear();
+        self.truths.clear();
         self.waveforms.clear();
         self.samples.clear();
         self.pulses.clear();

@@ -4,12 +4,11 @@
 //! one peak only, and only the samples around it are computed; of others, all samples. They are those that
 //! [`super::waveform::Waveform::receive`] adds up, digit by digit.
 
-use super::detect::Return;
-use super::instrument::Instrument;
-use super::light::Light;
+use super::detector::{DetectorSettings, Return};
 use super::peaks::PeakRule;
+use super::pulse_starts::PulseStarts;
+use super::return_profile::ReturnProfile;
 use super::shape::PulseShape;
-use super::starts::Starts;
 
 /// What is known beforehand of clusters.
 #[derive(Clone, Debug)]
@@ -48,8 +47,8 @@ impl ClusterRule {
 
 /// Memory for clusters.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Clusters {
-    starts: Starts,
+pub(super) struct ClusterDetector {
+    starts: PulseStarts,
     samples: Vec<f64>,
 }
 
@@ -61,27 +60,27 @@ struct Top {
     after: f64,
 }
 
-impl Clusters {
+impl ClusterDetector {
     /// Appends what is detected of `light`, nearest first, at most as many returns as the instrument reports. `kept` says of
     /// a range whether it counts. `false`, and nothing appended, if an intensity is no number.
     #[inline(always)]
     pub fn detect(
         &mut self,
         rule: &ClusterRule,
-        light: &Light,
-        instrument: &Instrument,
+        light: &ReturnProfile,
+        detector: &DetectorSettings,
         kept: impl Fn(f64) -> bool,
         out: &mut Vec<Return>,
     ) -> bool {
-        let (shape, c) = (&instrument.shape, instrument.light_speed);
+        let (shape, c) = (&detector.shape, detector.light_speed);
         let Some(nearest) = light.ranges().first() else { return true };
         if !light.intensities().iter().sum::<f64>().is_finite() {
             return false;
         }
         let start = nearest / c - shape.peak as f64 * shape.bin;
-        self.starts.compute(light, instrument, 0.0);
+        self.starts.compute(light, detector, 0.0);
         let count = light.ranges().len();
-        let most = if instrument.max_returns > 0 { instrument.max_returns as usize } else { usize::MAX };
+        let most = if detector.max_returns > 0 { detector.max_returns as usize } else { usize::MAX };
         let mut report = |t: Top| {
             let position = t.bin as f64 + shape.offset(t.before, t.after);
             let range = c * (position * shape.bin + start);
@@ -189,16 +188,16 @@ mod tests {
     use super::*;
     use crate::pulse::detect::detect;
     use crate::pulse::options::Corrections;
-    use crate::pulse::testkit::{received, tls_instrument};
+    use crate::pulse::testkit::{received, tls_detector};
     use proptest::prelude::*;
 
     /// An instrument that reads between bins.
-    fn instrument(length: f64, threshold: f64, window: u64) -> Instrument {
-        let mut instrument = tls_instrument(length);
-        instrument.corrections =
-            Corrections { fractional_bins: true, clip_dead_zone: true, ..instrument.corrections };
-        instrument.rule = PeakRule { threshold, weak_neighbours: true, first_bin: true, window };
-        instrument
+    fn detector(length: f64, threshold: f64, window: u64) -> DetectorSettings {
+        let mut detector = tls_detector(length);
+        detector.corrections =
+            Corrections { fractional_bins: true, clip_dead_zone: true, ..detector.corrections };
+        detector.rule = PeakRule { threshold, weak_neighbours: true, first_bin: true, window };
+        detector
     }
 
     proptest! {
@@ -215,23 +214,23 @@ mod tests {
             map.extend(near.iter().chain(&behind).map(|(by, i)| (nearest + by, *i)));
             map.sort_by(|a, b| a.0.total_cmp(&b.0));
             map.dedup_by(|a, b| a.0 == b.0);
-            let instrument = instrument(length, threshold, window);
-            let rule = ClusterRule::new(&instrument.shape, &instrument.rule).expect("a fast path");
+            let detector = detector(length, threshold, window);
+            let rule = ClusterRule::new(&detector.shape, &detector.rule).expect("a fast path");
             let (mut found, mut all) = (Vec::new(), Vec::new());
-            prop_assert!(Clusters::default().detect(&rule, &Light::of(&map), &instrument, |_| true, &mut found));
-            detect::<false>(&received(&map, &instrument), &instrument, false, |_| true, &mut all);
+            prop_assert!(ClusterDetector::default().detect(&rule, &ReturnProfile::of(&map), &detector, |_| true, &mut found));
+            detect::<false>(&received(&map, &detector), (&detector, None), false, |_| true, &mut all);
             prop_assert_eq!(all, found);
         }
     }
 
     #[test]
     fn no_more_returns_than_the_instrument_reports() {
-        let mut instrument = instrument(4.0, 1e-9, 4);
-        instrument.max_returns = 2;
-        let rule = ClusterRule::new(&instrument.shape, &instrument.rule).expect("a fast path");
+        let mut detector = detector(4.0, 1e-9, 4);
+        detector.max_returns = 2;
+        let rule = ClusterRule::new(&detector.shape, &detector.rule).expect("a fast path");
         let mut found = Vec::new();
-        let light = Light::of(&[(100.0, 1.0), (110.0, 1.0), (120.0, 1.0)]);
-        assert!(Clusters::default().detect(&rule, &light, &instrument, |r| r > 105.0, &mut found));
+        let light = ReturnProfile::of(&[(100.0, 1.0), (110.0, 1.0), (120.0, 1.0)]);
+        assert!(ClusterDetector::default().detect(&rule, &light, &detector, |r| r > 105.0, &mut found));
         let ranges: Vec<f64> = found.iter().map(|r| r.range.round()).collect();
         assert_eq!(ranges, [110.0, 120.0]);
     }

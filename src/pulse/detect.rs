@@ -1,44 +1,31 @@
 //! From reflections to returns: the receiver (spec pulse-physics §4).
 
+use super::detector::{DetectorSettings, Return};
 use super::fit;
-use super::instrument::Instrument;
 use super::peaks::Peaks;
+use super::receiver::ReceiverModel;
 use super::reflections::Reflections;
 use super::waveform::Waveform;
 
 /// Echoes with a narrower fit are dropped, ns.
-const NARROWEST_ECHO: f64 = 0.1;
+const MIN_ECHO_WIDTH: f64 = 0.1;
 
-/// A peak that counts as an echo.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Return {
-    /// Range that the waveform says, m: no errors, no noise.
-    pub range: f64,
-    /// Amplitude of the peak.
-    pub amplitude: f64,
-    /// Width of the fit, ns, or 0.
-    pub width: f64,
-    /// Noise of the receiver alone made it.
-    pub is_noise: bool,
-}
-
-/// Appends what the detector reports of `waveform`, nearest first, at most as many as it can. `kept` says of a range
-/// whether it counts.
+/// Appends the returns of `waveform`, nearest first, up to the detector's maximum: those whose range `is_kept` accepts.
 #[inline(always)]
 pub(super) fn detect<const WIDE: bool>(
     waveform: &Waveform,
-    instrument: &Instrument,
+    (detector, receiver): (&DetectorSettings, Option<&ReceiverModel>),
     echo_width: bool,
-    kept: impl Fn(f64) -> bool,
+    is_kept: impl Fn(f64) -> bool,
     out: &mut Vec<Return>,
 ) {
-    let corrections = &instrument.corrections;
-    let (shape, most) = (&instrument.shape, instrument.max_returns as usize);
-    for (bin, amplitude) in Peaks::<WIDE>::of(waveform, instrument.rule) {
+    let corrections = &detector.corrections;
+    let (shape, max_returns) = (&detector.shape, detector.max_returns as usize);
+    for (bin, amplitude) in Peaks::<WIDE>::of(waveform, detector.rule) {
         let width = if echo_width {
             let reach = corrections.local_fit.then_some(shape.samples.len() as u64);
             let width = fit::width(waveform, bin, amplitude, reach) * shape.bin;
-            if width < NARROWEST_ECHO && !corrections.keep_narrow_echoes {
+            if width < MIN_ECHO_WIDTH && !corrections.keep_narrow_echoes {
                 continue;
             }
             width
@@ -47,19 +34,19 @@ pub(super) fn detect<const WIDE: bool>(
         };
         let mut position = bin as f64;
         if corrections.fractional_bins && bin > 0 {
-            let calibrated = instrument.receiver.as_ref().and_then(|r| r.offset(waveform, bin));
+            let calibrated = receiver.and_then(|r| r.offset(waveform, bin));
             position +=
                 calibrated.unwrap_or_else(|| shape.offset(waveform.at(bin - 1), waveform.at(bin + 1)));
         }
-        let mut range = instrument.light_speed * (position * shape.bin + waveform.start);
-        if let Some(receiver) = &instrument.receiver {
+        let mut range = detector.light_speed * (position * shape.bin + waveform.start);
+        if let Some(receiver) = receiver {
             range += receiver.walk(amplitude);
         }
-        if !kept(range) {
+        if !is_kept(range) {
             continue;
         }
         out.push(Return { range, amplitude, width, is_noise: false });
-        if most > 0 && out.len() >= most {
+        if max_returns > 0 && out.len() >= max_returns {
             return;
         }
     }
@@ -72,23 +59,23 @@ pub(super) fn attribute(reflections: &Reflections, range: f64) -> usize {
     // The bits of floats that are not negative are ordered like the floats.
     let off = |entry: &f64| (entry - range).abs().to_bits();
     let entries = reflections.entries();
-    let mut least = u64::MAX;
+    let mut min = u64::MAX;
     for entry in entries {
-        least = least.min(off(entry));
+        min = min.min(off(entry));
     }
-    entries.iter().position(|entry| off(entry) == least).unwrap_or(0)
+    entries.iter().position(|entry| off(entry) == min).unwrap_or(0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pulse::testkit::{received, tls_instrument};
+    use crate::pulse::testkit::{received, tls_detector};
     use crate::survey::WaveformSettings;
     use proptest::prelude::*;
 
-    fn returns(of: &[(f64, f64)], instrument: &Instrument) -> Vec<Return> {
+    fn returns(of: &[(f64, f64)], detector: &DetectorSettings) -> Vec<Return> {
         let mut out = Vec::new();
-        detect::<false>(&received(of, instrument), instrument, false, |_| true, &mut out);
+        detect::<false>(&received(of, detector), (detector, None), false, |_| true, &mut out);
         out
     }
 
@@ -96,7 +83,7 @@ mod tests {
         let mut all = Reflections::default();
         all.clear(of.len());
         for (range, intensity) in of {
-            all.add((0, 0), (*range, *range), 0, 1.0, *intensity);
+            all.push((0, 0), (*range, *range), 0, 1.0, *intensity);
         }
         all
     }
@@ -114,13 +101,13 @@ mod tests {
             (1.0, 30, &[(5, 100.0, 0.536880), (18, 100.974325, 0.536880)]),
             (2.0, 43, &[(5, 100.0, 0.536880), (31, 101.948651, 0.536880)]),
         ];
-        let instrument = tls_instrument(4.0);
+        let detector = tls_detector(4.0);
         for (s, bins, expected) in table {
-            let waveform = received(&[(100.0, 1.0), (100.0 + s, 1.0)], &instrument);
+            let waveform = received(&[(100.0, 1.0), (100.0 + s, 1.0)], &detector);
             assert_eq!(waveform.bins, bins, "s = {s}");
-            let found: Vec<_> = Peaks::<false>::of(&waveform, instrument.rule).map(|p| p.0).collect();
+            let found: Vec<_> = Peaks::<false>::of(&waveform, detector.rule).map(|p| p.0).collect();
             assert_eq!(found, expected.iter().map(|e| e.0).collect::<Vec<_>>(), "s = {s}");
-            for (r, e) in returns(&[(100.0, 1.0), (100.0 + s, 1.0)], &instrument).iter().zip(expected) {
+            for (r, e) in returns(&[(100.0, 1.0), (100.0 + s, 1.0)], &detector).iter().zip(expected) {
                 assert!(
                     (r.range - e.1).abs() < 1e-6 && (r.amplitude - e.2).abs() < 1e-6,
                     "s = {s}: {r:?} is not {e:?}"
@@ -140,12 +127,12 @@ mod tests {
     #[test]
     fn a_map_of_three_reflections() {
         // spec pulse-physics §4.12 (e)
-        let instrument = tls_instrument(4.0);
+        let detector = tls_detector(4.0);
         let map = [(50.0, 2.0), (50.1, 1.0), (53.0, 0.5)];
-        let waveform = received(&map, &instrument);
+        let waveform = received(&map, &detector);
         assert_eq!(waveform.bins, 57);
         assert!((waveform.start - 165.532047599).abs() < 1e-9);
-        let found = returns(&map, &instrument);
+        let found = returns(&map, &detector);
         assert_eq!(found.len(), 2);
         assert!((found[0].range - 50.0).abs() < 1e-9 && (found[0].amplitude - 1.605942006).abs() < 1e-9);
         assert!(
@@ -157,22 +144,22 @@ mod tests {
     fn the_weakest_bin_of_the_window_must_reach_the_threshold() {
         // spec pulse-physics §4.12 (g)
         for (length, weakest) in [(5.0, 4.10970e-4), (4.0, 3.13322e-4)] {
-            let mut instrument = tls_instrument(length);
-            assert_eq!(returns(&[(100.0, weakest * 0.9999)], &instrument).len(), 0);
-            assert_eq!(returns(&[(100.0, weakest * 1.0001)], &instrument).len(), 1);
-            instrument.rule.weak_neighbours = true;
-            assert_eq!(returns(&[(100.0, weakest * 0.9)], &instrument).len(), 1, "with the correction");
+            let mut detector = tls_detector(length);
+            assert_eq!(returns(&[(100.0, weakest * 0.9999)], &detector).len(), 0);
+            assert_eq!(returns(&[(100.0, weakest * 1.0001)], &detector).len(), 1);
+            detector.rule.weak_neighbours = true;
+            assert_eq!(returns(&[(100.0, weakest * 0.9)], &detector).len(), 1, "with the correction");
         }
     }
 
     #[test]
     fn a_window_of_one_bin_makes_every_bin_an_echo() {
         // spec pulse-physics §4.12 (j)
-        let mut instrument = tls_instrument(4.0);
+        let mut detector = tls_detector(4.0);
         let settings = WaveformSettings { bin: 1.0, window: 1.0, quality: 1, max_range: 0.0 };
-        instrument.shape = crate::pulse::shape::PulseShape::new(4.0, false, &settings);
-        instrument.rule.window = 1;
-        let found = returns(&[(50.0, 1.0)], &instrument);
+        detector.shape = crate::pulse::shape::PulseShape::new(4.0, false, &settings);
+        detector.rule.window = 1;
+        let found = returns(&[(50.0, 1.0)], &detector);
         let expected = [(50.0, 0.5322), (50.2998, 0.3699), (50.5996, 0.1446)];
         assert_eq!(found.len(), expected.len());
         for (r, e) in found.iter().zip(expected) {
@@ -182,11 +169,11 @@ mod tests {
 
     #[test]
     fn ranges_between_bins_are_exact_when_asked_for() {
-        let mut instrument = tls_instrument(4.0);
-        instrument.corrections.fractional_bins = true;
+        let mut detector = tls_detector(4.0);
+        detector.corrections.fractional_bins = true;
         for i in 0..200 {
             let second = 103.0 + f64::from(i) * 1.7e-3;
-            let found = returns(&[(100.0, 1.0), (second, 1.0)], &instrument);
+            let found = returns(&[(100.0, 1.0), (second, 1.0)], &detector);
             assert_eq!(found.len(), 2);
             assert!((found[0].range - 100.0).abs() < 1e-9, "{}", found[0].range);
             assert!((found[1].range - second).abs() < 1e-3, "{} is not {second}", found[1].range);
@@ -194,8 +181,8 @@ mod tests {
     }
 
     /// The spec's procedure word by word, on an array of all bins.
-    fn plain(map: &[(f64, f64)], instrument: &Instrument) -> (Vec<f64>, Vec<usize>) {
-        let (shape, c, bin) = (&instrument.shape, instrument.light_speed, instrument.shape.bin);
+    fn plain(map: &[(f64, f64)], detector: &DetectorSettings) -> (Vec<f64>, Vec<usize>) {
+        let (shape, c, bin) = (&detector.shape, detector.light_speed, detector.shape.bin);
         let lead = shape.peak as f64 * bin;
         let (t0, t1) = (map[0].0 / c - lead, map[map.len() - 1].0 / c + shape.length - lead + bin);
         let n = ((t1 / bin).ceil() - (t0 / bin).ceil()) as usize;
@@ -214,7 +201,7 @@ mod tests {
                 }
             }
         }
-        let (w, least) = (instrument.rule.window as i64, instrument.rule.threshold);
+        let (w, least) = (detector.rule.window as i64, detector.rule.threshold);
         let peaks = (0..n as i64).filter(|&i| {
             let top = f[i as usize];
             let good = |j: i64| f[j as usize] >= least && f[j as usize] < top;
@@ -235,22 +222,22 @@ mod tests {
             map.extend(far);
             map.sort_by(|a, b| a.0.total_cmp(&b.0));
             map.dedup_by(|a, b| a.0 == b.0);
-            let mut instrument = tls_instrument(4.0);
-            (instrument.rule.window, instrument.rule.threshold) = (window, threshold);
-            let waveform = received(&map, &instrument);
-            let (f, peaks) = plain(&map, &instrument);
+            let mut detector = tls_detector(4.0);
+            (detector.rule.window, detector.rule.threshold) = (window, threshold);
+            let waveform = received(&map, &detector);
+            let (f, peaks) = plain(&map, &detector);
             let mut all = Vec::new();
             waveform.append_to(&mut all, 0);
             prop_assert_eq!(all.len(), f.len());
             for (a, b) in all.iter().zip(&f) {
                 prop_assert_eq!(a.to_bits(), b.to_bits());
             }
-            let found: Vec<usize> = Peaks::<false>::of(&waveform, instrument.rule).map(|p| p.0 as usize).collect();
+            let found: Vec<usize> = Peaks::<false>::of(&waveform, detector.rule).map(|p| p.0 as usize).collect();
             prop_assert_eq!(&found, &peaks);
             #[cfg(target_arch = "x86_64")]
             if is_x86_feature_detected!("avx512f") {
                 let found: Vec<usize> =
-                    Peaks::<true>::of(&waveform, instrument.rule).map(|p| p.0 as usize).collect();
+                    Peaks::<true>::of(&waveform, detector.rule).map(|p| p.0 as usize).collect();
                 prop_assert_eq!(found, peaks);
             }
         }
@@ -258,13 +245,13 @@ mod tests {
 
     #[test]
     fn a_leaf_and_a_mountain_need_no_memory_for_the_air_between() {
-        let instrument = tls_instrument(4.0);
+        let detector = tls_detector(4.0);
         let map = [(5.0, 1.0), (5e9, 1.0)];
-        let waveform = received(&map, &instrument);
+        let waveform = received(&map, &detector);
         assert!(waveform.bins > 60_000_000_000);
         let stored: usize = waveform.segments().map(|s| s.1.len()).sum();
         assert!(stored < 100, "{stored} bins are stored");
-        let found = returns(&map, &instrument);
+        let found = returns(&map, &detector);
         assert_eq!(found.len(), 2);
         assert!((found[0].range - 5.0).abs() < 1e-9 && (found[1].range - 5e9).abs() < 0.1);
     }

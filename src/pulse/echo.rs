@@ -1,8 +1,8 @@
-//! What a pulse yields.
+//! The records of a pulse.
 
 use crate::geom::DVec3;
 
-/// One echo (spec pulse-physics §7.1). Positions are in the scene frame; sinks add the shift.
+/// One echo (spec pulse-physics §7.1). Positions are in the scene frame; writers add the shift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Echo {
     /// Measured position, m, scene frame.
@@ -11,8 +11,6 @@ pub struct Echo {
     pub origin: DVec3,
     /// Reported beam direction, unit.
     pub direction: DVec3,
-    /// Origin and direction from the pose that was flown; those reported unless there are errors of navigation.
-    pub true_beam: [DVec3; 2],
     /// Measured range, m, noise and errors included.
     pub range: f64,
     /// Distance along its subray to what was hit, m: no noise, no errors, no bins.
@@ -41,14 +39,17 @@ pub struct Echo {
     pub scan_angle: f64,
     /// Emission time, ns of the GPS week.
     pub time_ns: f64,
-    /// What really sent it; default unless it was asked for.
-    pub truth: EchoTruth,
+    /// Index into [`super::Batch::truths`], or [`Echo::NO_TRUTH`].
+    pub truth_index: u32,
 }
 
-/// What really sent an echo.
+/// What really caused an echo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EchoTruth {
-    /// Where its strongest subray met a surface, m, scene frame: beside the beam's axis, where the point is put.
+    /// Origin and direction of the beam from the pose that was flown, scene frame: those reported unless there are
+    /// errors of navigation.
+    pub beam: [DVec3; 2],
+    /// Where its strongest subray hit a surface, m, scene frame: beside the beam's axis, on which the point lies.
     pub surface: DVec3,
     /// Unit normal there, towards the instrument; 0 in voxels.
     pub normal: DVec3,
@@ -59,13 +60,15 @@ pub struct EchoTruth {
 }
 
 impl Echo {
-    /// What a pulse without echoes leaves: no part and no primitive, numbers of returns of 0, at the beam's origin.
+    /// [`Echo::truth_index`] of echoes whose truth is not recorded and whose pulse has no errors of navigation.
+    pub const NO_TRUTH: u32 = u32::MAX;
+
+    /// The record of a pulse without echoes: no part and no primitive, numbers of returns of 0, at the beam's origin.
     pub fn miss(pulse: &PulseRecord) -> Echo {
         Echo {
             position: pulse.origin,
             origin: pulse.origin,
             direction: pulse.direction,
-            true_beam: [pulse.origin, pulse.direction],
             range: 0.0,
             true_range: 0.0,
             intensity: 0.0,
@@ -80,13 +83,18 @@ impl Echo {
             incidence_cosine: 1.0,
             scan_angle: pulse.scan_angle,
             time_ns: pulse.time_ns,
-            truth: EchoTruth::default(),
+            truth_index: Echo::NO_TRUTH,
         }
     }
 
-    /// Where the point is with the pose that was flown, m, scene frame.
-    pub fn true_position(&self) -> DVec3 {
-        self.true_beam[0] + self.true_beam[1] * self.range
+    /// What really caused the echo, zeros if that is not recorded; `truths` are those of its batch.
+    pub fn truth(&self, truths: &[EchoTruth]) -> EchoTruth {
+        truths.get(self.truth_index as usize).copied().unwrap_or_default()
+    }
+
+    /// Position with the pose that was flown, m, scene frame; `truths` are those of the echo's batch.
+    pub fn true_position(&self, truths: &[EchoTruth]) -> DVec3 {
+        truths.get(self.truth_index as usize).map_or(self.position, |t| t.beam[0] + t.beam[1] * self.range)
     }
 
     /// Whether it stands for a pulse without echoes.

@@ -4,9 +4,9 @@ use super::waveform::Waveform;
 use libm::exp;
 
 /// Most iterations of a fit.
-const MOST_ITERATIONS: u32 = 10_000;
+const MAX_ITERATIONS: u32 = 10_000;
 /// A step that gains less than this ends the fit.
-const LEAST_GAIN: f64 = 1e-4;
+const MIN_GAIN: f64 = 1e-4;
 /// Largest distance of a fitted bin from the peak; 5 km of 0.25 ns bins on either side.
 const REACH: u64 = 1 << 16;
 /// e^(−x) is exactly zero from here on.
@@ -15,11 +15,11 @@ const UNDERFLOW: f64 = 746.0;
 /// Half width at 1/e, in bins, of the Gaussian on a pedestal that fits `waveform` around its peak of height `top` in bin
 /// `peak`. Bins up to `reach` away take part, or all of them. May come out negative, absurd or NaN.
 pub(super) fn width(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> f64 {
-    bell(waveform, peak, top, reach)[3]
+    gaussian(waveform, peak, top, reach)[3]
 }
 
 /// That Gaussian: pedestal, height above it, centre and half width at 1/e, in bins.
-pub(super) fn bell(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> [f64; 4] {
+pub(super) fn gaussian(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> [f64; 4] {
     let reach = reach.unwrap_or(REACH).min(REACH);
     let window = (peak.saturating_sub(reach), peak.saturating_add(reach + 1).min(waveform.bins));
     marquardt(waveform, window, [0.0, top, peak as f64, 1.0]).0
@@ -28,12 +28,12 @@ pub(super) fn bell(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>)
 /// Fits and says how many iterations that took.
 fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64; 4], u32) {
     let mut at = start;
-    let mut sums = Sums::over(waveform, window, &at);
+    let mut sums = NormalEquations::over(waveform, window, &at);
     let mut mu = 0.01;
-    for iteration in 1..=MOST_ITERATIONS {
+    for iteration in 1..=MAX_ITERATIONS {
         let Some(step) = sums.step(mu) else { return (at, iteration) };
         let tried = std::array::from_fn(|k| at[k] + step[k]);
-        let there = Sums::over(waveform, window, &tried);
+        let there = NormalEquations::over(waveform, window, &tried);
         let gain = sums.error - there.error;
         if gain < 0.0 {
             mu *= 10.0;
@@ -41,16 +41,16 @@ fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64;
         }
         (at, sums) = (tried, there);
         // NaN begets NaN: nothing can change any more.
-        if (0.0..LEAST_GAIN).contains(&gain) || at[3].is_nan() {
+        if (0.0..MIN_GAIN).contains(&gain) || at[3].is_nan() {
             return (at, iteration);
         }
     }
-    (at, MOST_ITERATIONS)
+    (at, MAX_ITERATIONS)
 }
 
 /// What a step of the fit needs, summed over the bins.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums {
+struct NormalEquations {
     /// JᵀJ, lower triangle.
     normal: [[f64; 4]; 4],
     /// Jᵀr.
@@ -59,49 +59,49 @@ struct Sums {
     error: f64,
 }
 
-impl Sums {
-    fn over(waveform: &Waveform, (from, to): (u64, u64), p: &[f64; 4]) -> Sums {
-        let mut sums = Sums::default();
-        let bell = Bell::new(p);
+impl NormalEquations {
+    fn over(waveform: &Waveform, (from, to): (u64, u64), p: &[f64; 4]) -> NormalEquations {
+        let mut sums = NormalEquations::default();
+        let gaussian = Gaussian::new(p);
         let mut done = from;
         for (first, bins) in waveform.segments() {
             let (start, end) = (first.clamp(done, to), (first + bins.len() as u64).clamp(done, to));
-            sums.add_dark(done, start, &bell);
-            sums.add_run(start, end, |i| bins[(i - first) as usize], &bell);
+            sums.add_dark(done, start, &gaussian);
+            sums.add_run(start, end, |i| bins[(i - first) as usize], &gaussian);
             done = end.max(start);
         }
-        sums.add_dark(done, to, &bell);
+        sums.add_dark(done, to, &gaussian);
         sums
     }
 
     /// Bins `start` up to `end`, whose heights `f` tells. The bell is followed bin by bin, from the one nearest to its top
     /// outwards both ways, so that no rounding grows.
-    fn add_run(&mut self, start: u64, end: u64, f: impl Fn(u64) -> f64, bell: &Bell) {
+    fn add_run(&mut self, start: u64, end: u64, f: impl Fn(u64) -> f64, gaussian: &Gaussian) {
         if start >= end {
             return;
         }
-        let top = (bell.centre.round().max(0.0) as u64).clamp(start, end - 1);
-        let height = bell.at(top);
-        let (mut b, mut ratio) = (height, bell.towards(top, 1.0));
+        let top = (gaussian.centre.round().max(0.0) as u64).clamp(start, end - 1);
+        let height = gaussian.at(top);
+        let (mut b, mut ratio) = (height, gaussian.towards(top, 1.0));
         for i in top..end {
-            self.add(i, f(i), b, bell);
+            self.add(i, f(i), b, gaussian);
             b *= ratio;
-            ratio *= bell.curvature;
+            ratio *= gaussian.curvature;
         }
-        let (mut b, mut ratio) = (height, bell.towards(top, -1.0));
+        let (mut b, mut ratio) = (height, gaussian.towards(top, -1.0));
         for i in (start..top).rev() {
             b *= ratio;
-            ratio *= bell.curvature;
-            self.add(i, f(i), b, bell);
+            ratio *= gaussian.curvature;
+            self.add(i, f(i), b, gaussian);
         }
     }
 
     /// Bin `i` of height `f`, where the bell is `b` high.
-    fn add(&mut self, i: u64, f: f64, b: f64, bell: &Bell) {
-        let distance = i as f64 - bell.centre;
-        let slope = bell.steepness * distance * b;
-        let j = [1.0, b, slope, slope * (distance * bell.inverse_width)];
-        self.accumulate(j, f - (bell.pedestal + bell.height * b));
+    fn add(&mut self, i: u64, f: f64, b: f64, gaussian: &Gaussian) {
+        let distance = i as f64 - gaussian.centre;
+        let slope = gaussian.steepness * distance * b;
+        let j = [1.0, b, slope, slope * (distance * gaussian.inverse_width)];
+        self.accumulate(j, f - (gaussian.pedestal + gaussian.height * b));
     }
 
     fn accumulate(&mut self, j: [f64; 4], r: f64) {
@@ -115,19 +115,19 @@ impl Sums {
     }
 
     /// Empty bins. Where the bell has vanished only the pedestal matters, and all such bins are alike.
-    fn add_dark(&mut self, from: u64, to: u64, bell: &Bell) {
+    fn add_dark(&mut self, from: u64, to: u64, gaussian: &Gaussian) {
         if from >= to {
             return;
         }
         let near = |x: f64| if x.is_nan() { from } else { (x.max(0.0) as u64).clamp(from, to) };
-        let foot = bell.inverse_width.abs().recip() * UNDERFLOW.sqrt();
-        let (start, end) = (near(bell.centre - foot), near(bell.centre + foot + 1.0));
-        self.add_run(start, end, |_| 0.0, bell);
+        let foot = gaussian.inverse_width.abs().recip() * UNDERFLOW.sqrt();
+        let (start, end) = (near(gaussian.centre - foot), near(gaussian.centre + foot + 1.0));
+        self.add_run(start, end, |_| 0.0, gaussian);
         let alike = (to - from - end.saturating_sub(start)) as f64;
         if alike > 0.0 {
             self.normal[0][0] += alike;
-            self.gradient[0] -= alike * bell.pedestal;
-            self.error += alike * (bell.pedestal * bell.pedestal);
+            self.gradient[0] -= alike * gaussian.pedestal;
+            self.error += alike * (gaussian.pedestal * gaussian.pedestal);
         }
     }
 
@@ -170,7 +170,7 @@ impl Sums {
 
 /// The fitted curve: a pedestal and a Gaussian bell.
 #[derive(Clone, Copy, Debug)]
-struct Bell {
+struct Gaussian {
     pedestal: f64,
     height: f64,
     centre: f64,
@@ -183,10 +183,10 @@ struct Bell {
     curvature: f64,
 }
 
-impl Bell {
-    fn new(p: &[f64; 4]) -> Bell {
+impl Gaussian {
+    fn new(p: &[f64; 4]) -> Gaussian {
         let narrowness = 1.0 / (p[3] * p[3]);
-        Bell {
+        Gaussian {
             pedestal: p[0],
             height: p[1],
             centre: p[2],
@@ -212,10 +212,10 @@ impl Bell {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pulse::testkit::{received, tls_instrument};
+    use crate::pulse::testkit::{received, tls_detector};
 
     fn fitted(pulse_length: f64, returns: &[(f64, f64)], peak: u64) -> (f64, u32) {
-        let waveform = received(returns, &tls_instrument(pulse_length));
+        let waveform = received(returns, &tls_detector(pulse_length));
         let top = waveform.at(peak);
         let ([.., p3], iterations) = marquardt(&waveform, (0, waveform.bins), [0.0, top, peak as f64, 1.0]);
         assert_eq!(p3.to_bits(), width(&waveform, peak, top, None).to_bits());
@@ -253,24 +253,24 @@ mod tests {
         let (second, iterations) = fitted(4.0, &returns, 45);
         assert!((second - 11.823276).abs() < 1e-3, "{second}");
         assert!((4000..6000).contains(&iterations), "{iterations}");
-        let waveform = received(&returns, &tls_instrument(4.0));
+        let waveform = received(&returns, &tls_detector(4.0));
         let local = width(&waveform, 45, waveform.at(45), Some(16)) * 0.25;
         assert!((0.9..1.2).contains(&local), "a fit near the peak gives {local}");
     }
 
     #[test]
     fn a_fit_without_numbers_ends_at_once_and_stays_nan() {
-        let waveform = received(&[(100.0, f64::NAN)], &tls_instrument(5.0));
+        let waveform = received(&[(100.0, f64::NAN)], &tls_detector(5.0));
         let ([.., p3], iterations) = marquardt(&waveform, (0, waveform.bins), [0.0, f64::NAN, 6.0, 1.0]);
         assert!(p3.is_nan() && iterations == 1);
     }
 
     #[test]
     fn empty_bins_count_alike_whether_stored_or_not() {
-        let bell = Bell::new(&[0.3, 2.0, 5.0, 1.5]);
-        let (mut by_one, mut at_once) = (Sums::default(), Sums::default());
-        by_one.add_run(0, 1000, |_| 0.0, &bell);
-        at_once.add_dark(0, 1000, &bell);
+        let gaussian = Gaussian::new(&[0.3, 2.0, 5.0, 1.5]);
+        let (mut by_one, mut at_once) = (NormalEquations::default(), NormalEquations::default());
+        by_one.add_run(0, 1000, |_| 0.0, &gaussian);
+        at_once.add_dark(0, 1000, &gaussian);
         assert!((by_one.error - at_once.error).abs() < 1e-9);
         assert_eq!(by_one.normal, at_once.normal);
     }
@@ -278,10 +278,10 @@ mod tests {
     #[test]
     fn the_bell_followed_bin_by_bin_is_the_bell() {
         for (centre, width) in [(40.3, 5.0), (-3.0, 20.0), (90.0, 0.7), (33.5, 1e9), (200.0, 90.0)] {
-            let bell = Bell::new(&[0.0, 1.0, centre, width]);
-            let mut followed = Sums::default();
-            followed.add_run(0, 80, |_| 0.0, &bell);
-            let sum: f64 = (0..80).map(|i| bell.at(i)).sum();
+            let gaussian = Gaussian::new(&[0.0, 1.0, centre, width]);
+            let mut followed = NormalEquations::default();
+            followed.add_run(0, 80, |_| 0.0, &gaussian);
+            let sum: f64 = (0..80).map(|i| gaussian.at(i)).sum();
             assert!((followed.normal[1][0] - sum).abs() <= 1e-11 * sum, "{centre} {width}");
         }
     }

@@ -27,7 +27,7 @@ pub(super) struct FreePaths {
 impl FreePaths {
     /// Length of the next free path through foliage of extinction `sigma` (1/m), m: exponentially distributed, ∞ when
     /// the draw is 0.
-    pub fn next(&mut self, sigma: f64) -> f64 {
+    pub fn sample(&mut self, sigma: f64) -> f64 {
         let u = self.stream.uniform(self.device, self.pulse, self.drawn);
         self.drawn = self.drawn.wrapping_add(1);
         -log(u) / sigma
@@ -36,45 +36,45 @@ impl FreePaths {
 
 /// What a voxel does to a ray that enters it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Passage {
+pub(super) enum MediumEvent {
     /// The ray is reflected that many metres behind its entry.
-    Stops(f64),
+    Scatter(f64),
     /// The ray leaves the voxel that far from where the current stretch of it began.
-    Leaves(f64),
+    Exit(f64),
     /// The ray is lost: there is no way out of the voxel ahead.
     Lost,
 }
 
 /// How a ray along `direction`, which began at `from` and enters primitive `i` at `entry` metres, fares in it.
-pub(super) fn pass(
+pub(super) fn medium_event(
     scene: &Scene,
     corrections: &Corrections,
     i: u32,
     (from, direction): (DVec3, DVec3),
     entry: f64,
     paths: &mut FreePaths,
-) -> Passage {
-    let Some(voxel) = scene.voxel(i) else { return Passage::Stops(0.0) };
+) -> MediumEvent {
+    let Some(voxel) = scene.voxel(i) else { return MediumEvent::Scatter(0.0) };
     if voxel.kind() == VoxelKind::Opaque {
-        return Passage::Stops(0.0);
+        return MediumEvent::Scatter(0.0);
     }
     let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangles.len()], from, direction);
     if exit.is_nan() || exit <= 0.0 {
-        return Passage::Lost;
+        return MediumEvent::Lost;
     }
     if voxel.kind() == VoxelKind::Transparent {
-        return Passage::Leaves(exit);
+        return MediumEvent::Exit(exit);
     }
     let sigma = extinction(voxel.density, leaf_angles(scene, i), corrections, direction);
     if sigma.is_nan() || sigma == 0.0 {
-        return Passage::Leaves(exit);
+        return MediumEvent::Exit(exit);
     }
-    let path = paths.next(sigma);
-    if path > exit - entry { Passage::Leaves(exit) } else { Passage::Stops(path) }
+    let path = paths.sample(sigma);
+    if path > exit - entry { MediumEvent::Exit(exit) } else { MediumEvent::Scatter(path) }
 }
 
 /// Whether rays stop within primitive `i` rather than where they enter it.
-pub(super) fn scatters(scene: &Scene, i: u32) -> bool {
+pub(super) fn is_scattering(scene: &Scene, i: u32) -> bool {
     scene.voxel(i).is_some_and(|v| v.kind() == VoxelKind::Transmittive)
 }
 
@@ -85,7 +85,7 @@ fn leaf_angles(scene: &Scene, i: u32) -> Option<&LadTable> {
 
 /// Where a ray along `direction` from `from` leaves voxel `i`, m from there, and the voxel's extinction, 1/m; `None` where
 /// it holds no leaves.
-pub(super) fn leaves(
+pub(super) fn leaf_extinction(
     scene: &Scene,
     corrections: &Corrections,
     i: u32,
@@ -154,7 +154,7 @@ fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
 
 /// The voxels of foliage that contain or touch `point`: no ray that begins there ever enters them. `size` is the edge of the
 /// scene's largest cube.
-pub(super) fn around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Vec<u32> {
+pub(super) fn voxels_around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Vec<u32> {
     let first_cube = scene.geometry.triangles.len();
     let contains = |i: u32| {
         let cube = (i as usize).checked_sub(first_cube).and_then(|c| scene.geometry.cubes.get(c));
@@ -211,7 +211,7 @@ mod tests {
     fn free_paths_are_exponential() {
         let mut p = paths();
         let n = 20_000;
-        let beyond = (0..n).filter(|_| p.next(1.0) > 1.0).count() as f64 / f64::from(n);
+        let beyond = (0..n).filter(|_| p.sample(1.0) > 1.0).count() as f64 / f64::from(n);
         assert!((beyond - 0.367879441).abs() < 0.012, "{beyond}");
         assert_eq!(p.drawn, n as u32);
     }
@@ -229,21 +229,22 @@ mod tests {
             None,
         );
         let mut p = paths();
-        let mut at =
-            |i: u32, entry| pass(&scene, &Corrections::NONE, i, (-scene.shift, DVec3::Y), entry, &mut p);
-        assert_eq!(at(0, 10.0), Passage::Stops(0.0));
-        assert!(matches!(at(1, 20.0), Passage::Leaves(x) if (x - 21.0).abs() < 1e-12));
-        assert!(matches!(at(2, 30.0), Passage::Leaves(_)));
-        assert!(matches!(at(3, 40.0), Passage::Leaves(_)));
+        let mut at = |i: u32, entry| {
+            medium_event(&scene, &Corrections::NONE, i, (-scene.shift, DVec3::Y), entry, &mut p)
+        };
+        assert_eq!(at(0, 10.0), MediumEvent::Scatter(0.0));
+        assert!(matches!(at(1, 20.0), MediumEvent::Exit(x) if (x - 21.0).abs() < 1e-12));
+        assert!(matches!(at(2, 30.0), MediumEvent::Exit(_)));
+        assert!(matches!(at(3, 40.0), MediumEvent::Exit(_)));
         assert_eq!(p.drawn, 0);
         let behind = (DVec3::Y * 500.0, DVec3::Y);
-        assert_eq!(pass(&scene, &Corrections::NONE, 1, behind, 1.0, &mut p), Passage::Lost);
+        assert_eq!(medium_event(&scene, &Corrections::NONE, 1, behind, 1.0, &mut p), MediumEvent::Lost);
     }
 
     #[test]
     fn the_voxel_around_a_point_is_found() {
         let scene = foliage(&[(10.0, 1.0, VoxelKind::Transmittive), (11.0, 1.0, VoxelKind::Opaque)], None);
-        let find = |y: f64| around(&scene, &tree(&scene), DVec3::Y * y - scene.shift, 1.0);
+        let find = |y: f64| voxels_around(&scene, &tree(&scene), DVec3::Y * y - scene.shift, 1.0);
         assert_eq!(find(10.5), [0]);
         assert!(find(11.5).is_empty(), "opaque ones are left alone");
         assert!(find(9.5).is_empty());

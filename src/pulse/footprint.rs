@@ -35,9 +35,9 @@ pub(super) struct Subray {
 }
 
 /// Patterns that pulses take turns at, for beams of few subrays.
-const TURNS: usize = 16;
+const PATTERNS: usize = 16;
 /// Beams of more subrays have one pattern: they cover any footprint, and patterns need memory.
-const MAX_TURNED_SUBRAYS: usize = 1000;
+const MAX_PATTERNED_SUBRAYS: usize = 1000;
 
 /// `count` subrays of equal energy, for each pattern. A single subray is the axis.
 ///
@@ -49,7 +49,7 @@ pub(super) fn patterns(beam: &Footprint, count: usize) -> impl Iterator<Item = V
         1 => vec![[0.0; 2]],
         _ => with_exact_moments(spiral(beam.profile, count), root_mean_square(beam.profile)),
     };
-    let turns = if (2..=MAX_TURNED_SUBRAYS).contains(&count) { TURNS } else { 1 };
+    let turns = if (2..=MAX_PATTERNED_SUBRAYS).contains(&count) { PATTERNS } else { 1 };
     let Footprint { half_angles, exit_radius, .. } = *beam;
     (0..turns).map(move |turn| {
         // Full turns, since the pattern has no symmetry.

@@ -1,70 +1,53 @@
-//! What the pulse physics needs to know of a device, computed once.
+//! The instruments of a survey: the constants of each device, computed once.
 
 use super::cluster::ClusterRule;
-use super::energy::{BeamState, Energy, half_angle};
+use super::detector::DetectorSettings;
+use super::energy::{BeamState, Energy, NANO, half_angle};
 use super::footprint::Footprint;
-use super::lone::Lone;
 use super::noise::{ReceiverNoise, signal_to_noise};
 use super::options::{Corrections, PhysicsOptions};
 use super::peaks::PeakRule;
-use super::radiometry::NANO;
 use super::receiver::{ReceiverModel, receiver_noise};
 use super::sampled;
 use super::shape::{PulseShape, sample_count};
+use super::single_bin::SingleBinDetector;
 use super::subray::Subrays;
 use crate::geom::LIGHT_SPEED;
 use crate::survey::{Beam, Device, Formula, Receiver, ReferenceTarget, ScannerSettings, Survey};
 use crate::{Error, Result};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::sync::Arc;
 
 /// Most rings of subrays: 512 rings are 822,000 rays per pulse.
-const MOST_RINGS: u32 = 512;
-/// The threshold of instruments that name none. As 1e-4 W no instrument would see anything: it counts as not given, and is in
-/// nanowatts with and without the correction of the unit.
+const MAX_RINGS: u32 = 512;
+/// The threshold of instruments that name none. Taken as watts, 1e-4 W would hide everything: it counts as not given, and is
+/// in nanowatts with and without the correction of the unit.
 const DEFAULT_THRESHOLD: f64 = 1e-4;
 /// Most bins of an outgoing pulse.
-const MOST_PULSE_BINS: f64 = (1u32 << 20) as f64;
+const MAX_PULSE_BINS: f64 = (1u32 << 20) as f64;
 
 /// A device with one divergence.
 #[derive(Clone, Debug)]
 pub(super) struct Instrument {
-    /// Beam geometry.
     pub subrays: Subrays,
     /// Radar equation.
     pub energy: Energy,
     /// Half angle of the beam, the larger one of an elliptical beam, rad.
     pub footprint_angle: f64,
-    /// Outgoing pulse.
-    pub shape: PulseShape,
-    /// Detection rule.
-    pub rule: PeakRule,
-    /// The same for pulses that return from one bin, if ranges are not read between bins and nothing cuts waveforms off.
-    pub lone: Option<Lone>,
-    /// The fast path of ranges that are read between bins.
+    pub detector: DetectorSettings,
+    /// Fast path for light within one bin, where ranges are not read between bins and waveforms are not cut off.
+    pub single_bin: Option<SingleBinDetector>,
+    /// Fast path where ranges are read between bins.
     pub clusters: Option<ClusterRule>,
-    /// Most returns per pulse, 0 = unlimited.
-    pub max_returns: u32,
-    /// Nearest range R0, m.
-    pub range_min: f64,
-    /// Farthest range, m.
-    pub range_max: f64,
-    /// Longest waveform, ns; 0 = unlimited.
-    pub longest: f64,
-    /// Metres of range per nanosecond of travel time.
-    pub light_speed: f64,
     /// 1σ range noise, m.
     pub range_accuracy: f64,
     /// Factor on the range noise.
     pub distance_error: Option<Formula>,
     /// Noise of recorded waveforms.
     pub waveform_noise: WaveformNoise,
-    /// What the receiver does if it is not ideal.
+    /// The receiver, if it is not ideal.
     pub receiver: Option<ReceiverModel>,
-    /// Samples lie on a grid of bins counted from the emission.
-    pub digitiser_clock: bool,
-    /// Corrections that hold.
-    pub corrections: Corrections,
 }
 
 impl Instrument {
@@ -100,7 +83,7 @@ impl Instrument {
         let rule = peak_rule(device, &c);
         let rule =
             PeakRule { threshold: threshold(device, receiver, noise.as_ref(), &rule, amplitude_of), ..rule };
-        // No longer than until the next pulse.
+        // Echoes count until the next pulse.
         let farthest = device.detector.range_max.min(LIGHT_SPEED * 0.5e9 / frequency);
         let gate = (device.detector.range_min / light_speed, farthest / light_speed);
         let model = ReceiverModel::new(receiver, noise, &shape, rule.threshold, gate, o.seed)
@@ -108,43 +91,38 @@ impl Instrument {
         let waveform_noise = match (o.waveform_noise, c.receiver) {
             (false, _) => WaveformNoise::None,
             (true, false) => WaveformNoise::Amplitude(device.detector.accuracy * 0.5),
-            // It is in the samples already.
+            // The samples have noise already.
             (true, true) if is_noisy => WaveformNoise::None,
             (true, true) => {
                 let ratio = signal_to_noise(shape.width() * light_speed, device.detector.accuracy);
                 WaveformNoise::OverPeak(1.0 / ratio)
             }
         };
-        let is_ideal = model.is_none() && !receiver.digitiser_clock;
-        let is_plain = is_ideal
-            && !c.fractional_bins
-            && !c.clip_dead_zone
-            && !o.echo_width
-            && device.waveform.max_range <= 0.0;
-        let is_smooth = is_ideal
-            && c.fractional_bins
-            && c.clip_dead_zone
-            && !o.echo_width
-            && device.waveform.max_range <= 0.0;
+        let has_fast_path =
+            model.is_none() && !receiver.digitiser_clock && !o.echo_width && device.waveform.max_range <= 0.0;
+        let single_bin = has_fast_path && !c.fractional_bins && !c.clip_dead_zone;
+        let clusters = has_fast_path && c.fractional_bins && c.clip_dead_zone;
         Ok(Instrument {
             energy: Energy::new(state, subrays.len(), context.multi_channel, o),
             subrays,
-            lone: if is_plain { Lone::new(&shape, &rule) } else { None },
-            clusters: if is_smooth { ClusterRule::new(&shape, &rule) } else { None },
             footprint_angle: half_angles.into_iter().fold(0.0, f64::max),
-            shape,
-            rule,
-            max_returns: device.detector.max_returns,
-            range_min: device.detector.range_min,
-            range_max: device.detector.range_max,
-            longest: device.waveform.max_range,
-            light_speed,
+            single_bin: if single_bin { SingleBinDetector::new(&shape, &rule) } else { None },
+            clusters: if clusters { ClusterRule::new(&shape, &rule) } else { None },
+            detector: DetectorSettings {
+                shape,
+                rule,
+                max_returns: device.detector.max_returns,
+                range_min: device.detector.range_min,
+                range_max: device.detector.range_max,
+                max_duration: device.waveform.max_range,
+                light_speed,
+                digitiser_clock: receiver.digitiser_clock,
+                corrections: c,
+            },
             range_accuracy: if c.own_accuracy { device.detector.accuracy } else { context.first_accuracy },
             distance_error: device.detector.distance_error.clone(),
             waveform_noise,
             receiver: model,
-            digitiser_clock: receiver.digitiser_clock,
-            corrections: c,
         })
     }
 }
@@ -175,8 +153,8 @@ fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
     }
 }
 
-/// Detection threshold, nW: by the instrument's maximum range, else as [`peak_rule`] has it, unless the instrument names none
-/// but has noise, which it then stays above. `amplitude_of` tells the peak of a target's echo, nW.
+/// Detection threshold, nW: the peak of an echo at the instrument's maximum range, if it names one; a multiple of its noise,
+/// if it has noise and names no threshold; else that of `rule`. `amplitude_of` computes the peak of a target's echo, nW.
 fn threshold(
     device: &Device,
     receiver: &Receiver,
@@ -186,12 +164,12 @@ fn threshold(
 ) -> f64 {
     match (&receiver.max_range, noise) {
         (Some(target), _) => amplitude_of(target),
-        (None, Some(noise)) if !device.detector.threshold_given => noise.usual_threshold(),
+        (None, Some(noise)) if !device.detector.threshold_given => noise.default_threshold(),
         _ => rule.threshold,
     }
 }
 
-/// Noise that is added to recorded waveforms on request; points never see it.
+/// Noise that is added to recorded waveforms on request, without effect on points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum WaveformNoise {
     None,
@@ -221,27 +199,31 @@ struct Divergence {
     leg: f64,
 }
 
-/// What all devices of a survey share.
+/// Settings that all devices of a survey share.
 struct Context<'a> {
     options: &'a PhysicsOptions,
     multi_channel: bool,
     first_accuracy: f64,
-    /// Pulse rate at which figures of data sheets hold that name none, Hz.
+    /// Pulse rate of figures in data sheets that name none, Hz.
     first_frequency: f64,
 }
 
-/// The instruments of a survey by leg and device.
+/// The instruments of a survey by leg and device. Clones share them.
 #[derive(Clone, Debug)]
-pub(super) struct Fleet {
-    instruments: Vec<Instrument>,
+pub struct InstrumentTable {
+    instruments: Arc<[Instrument]>,
     devices: usize,
-    /// For each leg and device an index into `instruments`.
-    used: Vec<u32>,
+    /// Index into `instruments` for each leg and device.
+    indices: Arc<[u32]>,
 }
 
-impl Fleet {
-    /// Computes all that `survey` uses. Errors name settings that no instrument can have or no memory hold.
-    pub fn new(survey: &Survey, options: &PhysicsOptions) -> Result<Fleet> {
+impl InstrumentTable {
+    /// Computes the instruments that `survey` uses.
+    ///
+    /// # Errors
+    /// Settings that no instrument can have (bins without width), or that need too much memory (millions of subrays or of
+    /// pulse samples).
+    pub fn new(survey: &Survey, options: &PhysicsOptions) -> Result<InstrumentTable> {
         let devices = &survey.scanner.devices;
         devices.iter().try_for_each(check)?;
         let context = Context {
@@ -250,7 +232,7 @@ impl Fleet {
             first_accuracy: devices.first().map_or(0.0, |d| d.detector.accuracy),
             first_frequency: survey.scanner.pulse_freqs.first().map_or(1.0, |f| f64::from(*f)),
         };
-        let mut fleet = Fleet { instruments: Vec::new(), devices: devices.len(), used: Vec::new() };
+        let (mut instruments, mut indices) = (Vec::new(), Vec::new());
         let mut known: HashMap<(usize, u64, u32), u32> = HashMap::new();
         for leg in &survey.legs {
             for (i, device) in devices.iter().enumerate() {
@@ -261,33 +243,37 @@ impl Fleet {
                     Entry::Occupied(known) => *known.get(),
                     Entry::Vacant(new) => {
                         let frequency = f64::from(leg.scanner.pulse_freq.max(1));
-                        fleet.instruments.push(Instrument::new(device, divergence, frequency, &context)?);
-                        *new.insert(fleet.instruments.len() as u32 - 1)
+                        instruments.push(Instrument::new(device, divergence, frequency, &context)?);
+                        *new.insert(instruments.len() as u32 - 1)
                     }
                 };
-                fleet.used.push(index);
+                indices.push(index);
             }
         }
-        Ok(fleet)
+        Ok(InstrumentTable {
+            instruments: instruments.into(),
+            devices: devices.len(),
+            indices: indices.into(),
+        })
     }
 
     /// Number of devices.
-    pub fn devices(&self) -> usize {
+    pub(super) fn devices(&self) -> usize {
         self.devices
     }
 
-    /// Most subrays that any device has.
-    pub fn most_rays(&self) -> usize {
+    /// Number of subrays of the device that has the most.
+    pub(super) fn max_rays(&self) -> usize {
         self.instruments.iter().map(|i| i.subrays.len()).max().unwrap_or(0)
     }
 
-    /// The instrument that fires as `device` in `leg` (position among the survey's legs).
+    /// The instrument of `device` in `leg` (index into the survey's legs).
     #[inline]
-    pub fn instrument(&self, leg: u32, device: u32) -> Result<&Instrument> {
+    pub(super) fn instrument(&self, leg: u32, device: u32) -> Result<&Instrument> {
         let known = (device as usize) < self.devices;
         let at = (leg as usize).checked_mul(self.devices).and_then(|l| l.checked_add(device as usize));
         at.filter(|_| known)
-            .and_then(|at| self.used.get(at))
+            .and_then(|at| self.indices.get(at))
             .map(|i| &self.instruments[*i as usize])
             .ok_or_else(|| {
                 Error::Internal(format!(
@@ -321,15 +307,15 @@ fn check(device: &Device) -> Result<()> {
     let length = device.beam.pulse_length.max(shape.as_ref().map_or(0.0, |s| sampled::duration(s)));
     let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
         format!("binSize_ns is {}, expected a positive number", w.bin)
-    } else if !(length.is_finite() && length / w.bin <= MOST_PULSE_BINS) {
+    } else if !(length.is_finite() && length / w.bin <= MAX_PULSE_BINS) {
         format!(
             "a pulse of {length} ns has more than a million bins of {} ns; choose a larger binSize_ns",
             w.bin
         )
-    } else if w.quality > MOST_RINGS {
-        format!("beamSampleQuality is {}, expected at most {MOST_RINGS}", w.quality)
+    } else if w.quality > MAX_RINGS {
+        format!("beamSampleQuality is {}, expected at most {MAX_RINGS}", w.quality)
     } else {
-        debug_assert!(sample_count(length, w.bin) <= MOST_PULSE_BINS as usize);
+        debug_assert!(sample_count(length, w.bin) <= MAX_PULSE_BINS as usize);
         return Ok(());
     };
     Err(Error::input(format!("device {}: {problem}", device.id)))
@@ -351,7 +337,7 @@ mod tests {
         for (word, bin, quality) in cases {
             let mut device = tls_device(5.0);
             (device.waveform.bin, device.waveform.quality) = (bin, quality);
-            let error = Fleet::new(&survey(vec![device]), &PhysicsOptions::helios()).unwrap_err();
+            let error = InstrumentTable::new(&survey(vec![device]), &PhysicsOptions::helios()).unwrap_err();
             assert!(error.to_string().contains(word), "{error} does not name {word}");
         }
     }
@@ -362,11 +348,11 @@ mod tests {
         s.legs.push(s.legs[0].clone());
         s.legs.push(s.legs[0].clone());
         s.legs[1].scanner.beam_divergence = 2e-3;
-        let fleet = Fleet::new(&s, &PhysicsOptions::helios()).unwrap();
-        assert_eq!((fleet.used.as_slice(), fleet.instruments.len()), ([0, 1, 2, 1, 0, 1].as_slice(), 3));
-        assert!(fleet.instrument(2, 1).is_ok());
-        assert!(fleet.instrument(3, 0).is_err() && fleet.instrument(0, 2).is_err());
-        assert!(fleet.instrument(u32::MAX, u32::MAX).is_err());
+        let table = InstrumentTable::new(&s, &PhysicsOptions::helios()).unwrap();
+        assert_eq!((&*table.indices, table.instruments.len()), ([0, 1, 2, 1, 0, 1].as_slice(), 3));
+        assert!(table.instrument(2, 1).is_ok());
+        assert!(table.instrument(3, 0).is_err() && table.instrument(0, 2).is_err());
+        assert!(table.instrument(u32::MAX, u32::MAX).is_err());
     }
 
     #[test]

@@ -1,174 +1,187 @@
-//! The way of a ray through foliage as a medium: the refined counterpart of spec pulse-physics §2.7.
+//! Rays through foliage as a participating medium: the refined counterpart of spec pulse-physics §2.7.
 //!
-//! Voxels are met in the order of their entries, and each draws one free path. The nearest stop of all of them counts, and
-//! only when nothing opaque lies before it; or all foliage on the way is listed (see [`super::continuum`]). So neighbouring voxels are never skipped, voxels that overlap add their
-//! extinctions, and a trunk within a voxel is seen through its leaves. A voxel does not own its upper faces: a ray that runs
-//! along a face belongs to one neighbour only.
+//! Voxels are visited in the order of their entries, and each draws one free path. The nearest scattering point of all of
+//! them counts, provided that nothing opaque lies before it; or all foliage along the ray is listed (see
+//! [`super::continuum`]). So neighbouring voxels are never skipped, voxels that overlap add their extinctions, and a trunk
+//! within a voxel is seen through its leaves. A voxel does not own its upper faces: a ray along a face belongs to one of
+//! the neighbours only.
 
-use super::continuum::{MAX_DEPTH, Stretch, depth};
-use super::foliage::{self, FreePaths, Passage};
-use super::instrument::Instrument;
-use super::reflect::{Encounter, STEP_BEHIND, Standing, View, distance};
+use super::continuum::{MAX_DEPTH, MediumSegment, depth};
+use super::detector::DetectorSettings;
+use super::foliage::{self, FreePaths, MediumEvent};
+use super::view::{Interaction, STEP_BEHIND, SceneView, SideOfBounds, distance};
 use crate::geom::DVec3;
 use crate::scene::VoxelKind;
 use crate::tree::Hits;
 
-/// A ray in foliage.
-struct Crossing<'v, 'a> {
-    view: &'v View<'a>,
-    instrument: &'v Instrument,
+/// A ray on its way through foliage.
+struct MediumWalk<'v, 'a> {
+    view: &'v SceneView<'a>,
+    detector: &'v DetectorSettings,
     origin: DVec3,
     direction: DVec3,
-    /// The nearest stop so far.
-    stop: Option<Encounter>,
+    /// The nearest scattering point so far.
+    nearest: Option<Interaction>,
     search: Search<'v>,
-    /// Voxels whose entries lie close before where the search goes on, with the distance of these from the origin.
+    /// Voxels entered shortly before the point from which the search continues, with the distance of the entry from the
+    /// origin.
     passed: Vec<(u32, f64)>,
 }
 
-/// What is wanted of the foliage on the way.
+/// What is wanted of the foliage along the ray.
 enum Search<'v> {
-    /// The nearest of the stops that are drawn for each voxel.
-    Stop(&'v mut FreePaths),
-    /// All of it, by ascending entry.
-    Stretches(&'v mut Vec<Stretch>),
+    /// The nearest of the scattering points that are drawn for each voxel.
+    ScatterPoint(&'v mut FreePaths),
+    /// All voxels, by ascending entry.
+    Segments(&'v mut Vec<MediumSegment>),
 }
 
-/// What is to be done after an encounter.
-enum Next {
-    /// Look on from here.
-    From(DVec3),
-    /// The way ends.
-    End(Option<Encounter>),
+/// How the walk goes on after an interaction.
+enum Step {
+    /// With the search from this point.
+    Continue(DVec3),
+    End(Option<Interaction>),
 }
 
-impl View<'_> {
-    /// Follows a subray from what it met first, through foliage, to what reflects it, or `None`. `around` are the voxels
-    /// of foliage in which it begins.
+impl SceneView<'_> {
+    /// Follows a subray from its first interaction through foliage to the one that reflects it, or `None`. `around` are the
+    /// voxels of foliage that contain its origin.
     #[inline(never)]
-    pub(super) fn cross(
+    pub(super) fn walk_medium(
         &self,
-        instrument: &Instrument,
-        origin: DVec3,
-        direction: DVec3,
-        first: Encounter,
+        detector: &DetectorSettings,
+        ray: (DVec3, DVec3),
+        first: Interaction,
         around: &[u32],
         paths: &mut FreePaths,
-    ) -> Option<Encounter> {
-        let (stop, search, passed) = (None, Search::Stop(paths), Vec::new());
-        Crossing { view: self, instrument, origin, direction, stop, search, passed }.run(first, around)
+    ) -> Option<Interaction> {
+        self.run_walk(detector, ray, first, around, Search::ScatterPoint(paths))
     }
 
-    /// Follows a subray through foliage to what is solid, or `None`, and lists the foliage on its way by ascending entry.
+    /// Follows a subray through foliage to a solid surface, or `None`, and lists the foliage on its way by ascending entry.
     #[inline(never)]
-    pub(super) fn collect(
+    pub(super) fn collect_medium(
         &self,
-        instrument: &Instrument,
-        (origin, direction): (DVec3, DVec3),
-        first: Encounter,
+        detector: &DetectorSettings,
+        ray: (DVec3, DVec3),
+        first: Interaction,
         around: &[u32],
-        stretches: &mut Vec<Stretch>,
-    ) -> Option<Encounter> {
-        stretches.clear();
-        let (stop, search, passed) = (None, Search::Stretches(stretches), Vec::new());
-        Crossing { view: self, instrument, origin, direction, stop, search, passed }.run(first, around)
+        segments: &mut Vec<MediumSegment>,
+    ) -> Option<Interaction> {
+        segments.clear();
+        self.run_walk(detector, ray, first, around, Search::Segments(segments))
     }
-}
 
-impl Crossing<'_, '_> {
-    fn run(mut self, first: Encounter, around: &[u32]) -> Option<Encounter> {
+    fn run_walk(
+        &self,
+        detector: &DetectorSettings,
+        (origin, direction): (DVec3, DVec3),
+        first: Interaction,
+        around: &[u32],
+        search: Search,
+    ) -> Option<Interaction> {
+        let (nearest, passed) = (None, Vec::new());
+        let mut walk = MediumWalk { view: self, detector, origin, direction, nearest, search, passed };
         for &voxel in around {
-            self.enter(Encounter { from: self.origin, t: 0.0, primitive: voxel, range: 0.0, stop: 0.0 });
-            self.passed.push((voxel, 0.0));
+            walk.enter(Interaction {
+                from: origin,
+                t: 0.0,
+                primitive: voxel,
+                range: 0.0,
+                scatter_range: 0.0,
+            });
+            walk.passed.push((voxel, 0.0));
         }
         let mut at = first;
         loop {
-            match self.meet(at) {
-                Next::End(end) => return end,
-                Next::From(from) => at = self.next(from),
+            match walk.visit(at) {
+                Step::End(end) => return end,
+                Step::Continue(from) => at = walk.next_interaction(from),
             }
         }
     }
+}
 
-    fn meet(&mut self, at: Encounter) -> Next {
-        let i = self.instrument;
+impl MediumWalk<'_, '_> {
+    fn visit(&mut self, at: Interaction) -> Step {
+        let detector = self.detector;
         if at.primitive == Hits::MISS
             || !at.range.is_finite()
-            || self.stop.is_some_and(|s| s.stop <= at.range)
-            || self.is_dark(at.range)
+            || self.nearest.is_some_and(|s| s.scatter_range <= at.range)
+            || self.is_extinguished(at.range)
         {
-            return Next::End(self.stopped());
+            return Step::End(self.measured_scatter());
         }
-        match self.view.standing(&at, self.direction) {
-            Standing::Beyond => return Next::End(self.stopped()),
-            Standing::Before(entry) => return Next::From(entry),
-            Standing::Inside => {}
+        match self.view.side_of_bounds(&at, self.direction) {
+            SideOfBounds::Beyond => return Step::End(self.measured_scatter()),
+            SideOfBounds::Before(entry) => return Step::Continue(entry),
+            SideOfBounds::Inside => {}
         }
-        let (scene, local) = self.view.shown(at.primitive);
+        let (scene, local) = self.view.locate(at.primitive);
         let kind = scene.voxel(local).map_or(VoxelKind::Opaque, |v| v.kind());
-        let by_stop = kind == VoxelKind::Transmittive && i.corrections.voxel_stop_point;
-        if at.range > i.range_max {
-            return Next::End(self.stopped());
+        let by_scatter_range = kind == VoxelKind::Transmittive && detector.corrections.voxel_stop_point;
+        if at.range > detector.range_max {
+            return Step::End(self.measured_scatter());
         }
-        if at.range < i.range_min && !by_stop {
-            // What is too near is in the way, unless it may be looked through.
+        if at.range < detector.range_min && !by_scatter_range {
+            // What is too near occludes the rest, unless rays see through it.
             let behind = at.point(self.direction) + self.direction * STEP_BEHIND;
-            return if i.corrections.see_through_near { Next::From(behind) } else { Next::End(None) };
+            let is_transparent = detector.corrections.see_through_near;
+            return if is_transparent { Step::Continue(behind) } else { Step::End(None) };
         }
         if kind == VoxelKind::Opaque {
-            return Next::End(Some(at));
+            return Step::End(Some(at));
         }
         self.enter(at);
         let entry = distance(at.point(self.direction) - self.origin);
-        // From a little before the entry, so that what begins at the same place is met, too.
+        // From slightly before the entry, so that primitives that begin at the same place are visited, too.
         let from = (entry - STEP_BEHIND).max(distance(at.from - self.origin));
         self.passed.retain(|(_, entered)| *entered >= from - STEP_BEHIND);
         self.passed.push((at.primitive, entry));
-        Next::From(self.origin + self.direction * from)
+        Step::Continue(self.origin + self.direction * from)
     }
 
-    /// Whether the collected foliage lets nothing through to that range.
-    fn is_dark(&self, range: f64) -> bool {
-        let Search::Stretches(stretches) = &self.search else { return false };
-        depth(stretches, range) > MAX_DEPTH
+    /// Whether the listed foliage transmits nothing up to that range.
+    fn is_extinguished(&self, range: f64) -> bool {
+        let Search::Segments(segments) = &self.search else { return false };
+        depth(segments, range) > MAX_DEPTH
     }
 
-    /// Draws the free path of a voxel, or lists it.
-    fn enter(&mut self, at: Encounter) {
-        let (scene, local) = self.view.shown(at.primitive);
-        let (ray, c) = ((at.from, self.direction), &self.instrument.corrections);
+    /// Draws the free path of a voxel, or lists the voxel.
+    fn enter(&mut self, at: Interaction) {
+        let (scene, local) = self.view.locate(at.primitive);
+        let (ray, c) = ((at.from, self.direction), &self.detector.corrections);
         if !foliage::is_within(scene, local, ray, at.t) {
             return;
         }
         let paths = match &mut self.search {
-            Search::Stop(paths) => paths,
-            Search::Stretches(stretches) => {
-                if let Some((exit, sigma)) = foliage::leaves(scene, c, local, ray) {
+            Search::ScatterPoint(paths) => paths,
+            Search::Segments(segments) => {
+                if let Some((exit, sigma)) = foliage::leaf_extinction(scene, c, local, ray) {
                     let from = distance(at.point(self.direction) - self.origin);
                     let to = distance((at.from + self.direction * exit) - self.origin);
-                    stretches.push(Stretch { entry: at, from, to, sigma });
+                    segments.push(MediumSegment { entry: at, from, to, sigma });
                 }
                 return;
             }
         };
-        if let Passage::Stops(path) = foliage::pass(scene, c, local, ray, at.t, paths) {
-            let stop = distance((at.point(self.direction) + self.direction * path) - self.origin);
-            if self.stop.is_none_or(|s| stop < s.stop) {
-                let inside = at.t == 0.0;
-                self.stop = Some(Encounter { stop, range: if inside { stop } else { at.range }, ..at });
+        if let MediumEvent::Scatter(path) = foliage::medium_event(scene, c, local, ray, at.t, paths) {
+            let scatter_range = distance((at.point(self.direction) + self.direction * path) - self.origin);
+            if self.nearest.is_none_or(|s| scatter_range < s.scatter_range) {
+                let range = if at.t == 0.0 { scatter_range } else { at.range };
+                self.nearest = Some(Interaction { scatter_range, range, ..at });
             }
         }
     }
 
-    /// The reflection of the nearest stop, if it can be measured.
-    fn stopped(&self) -> Option<Encounter> {
-        let i = self.instrument;
-        let by_stop = |s: &Encounter| s.t == 0.0 || i.corrections.voxel_stop_point;
-        self.stop.filter(|s| !by_stop(s) || (s.stop >= i.range_min && s.stop <= i.range_max))
+    /// The nearest scattering point, if it is in range.
+    fn measured_scatter(&self) -> Option<Interaction> {
+        let by_scatter_range = |s: &Interaction| s.t == 0.0 || self.detector.corrections.voxel_stop_point;
+        self.nearest.filter(|s| !by_scatter_range(s) || self.detector.is_in_range(s.scatter_range))
     }
 
-    fn next(&self, from: DVec3) -> Encounter {
+    fn next_interaction(&self, from: DVec3) -> Interaction {
         let is_new = |i: u32| !self.passed.iter().any(|p| p.0 == i);
-        self.view.first_behind(from, self.direction, self.origin, is_new)
+        self.view.nearest(from, self.direction, self.origin, is_new)
     }
 }

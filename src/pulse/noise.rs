@@ -103,7 +103,7 @@ impl ReceiverNoise {
     }
 
     /// Threshold of instruments that name none: well above the noise.
-    pub fn usual_threshold(&self) -> f64 {
+    pub fn default_threshold(&self) -> f64 {
         THRESHOLD_OVER_NOISE * self.dark_sigma()
     }
 
@@ -166,7 +166,7 @@ impl ReceiverNoise {
 
 /// Standard normal draws of `count` samples from number `first` on, numbers modulo 2³².
 fn draw_white(count: usize, first: u32, draws: &PulseDraws, out: &mut Vec<f64>) {
-    const LANES: usize = rng::LANES;
+    const LANES: usize = rng::NORMALS_PER_BLOCK;
     out.clear();
     let (device, pulse) = ([draws.device; LANES], [draws.pulse; LANES]);
     for block in 0..count.div_ceil(LANES) {

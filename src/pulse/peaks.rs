@@ -1,6 +1,6 @@
 //! Which bins of a waveform are echoes (spec pulse-physics §4.4).
 
-use super::energy::LANES;
+use super::lanes::LANES;
 use super::waveform::Waveform;
 
 /// What makes a bin a peak.

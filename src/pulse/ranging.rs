@@ -104,9 +104,9 @@ impl RangeReader {
             let (mut normal, mut gradient) = ([[0.0; 3]; 3], [0.0; 3]);
             for k in -self.reach..=self.reach {
                 let x = (k as f64 - centre) / width;
-                let bell = libm::exp(-0.5 * x * x);
-                let slope = height * bell * x / width;
-                let (by, rest) = ([bell, slope, slope * x], sample(k) / top - height * bell);
+                let gaussian = libm::exp(-0.5 * x * x);
+                let slope = height * gaussian * x / width;
+                let (by, rest) = ([gaussian, slope, slope * x], sample(k) / top - height * gaussian);
                 for (row, a) in normal.iter_mut().zip(by) {
                     row.iter_mut().zip(by).for_each(|(sum, b)| *sum += a * b);
                 }
@@ -160,7 +160,7 @@ mod tests {
     const PEAK: i64 = 40;
 
     /// A Gaussian of standard deviation `sigma` bins around [`PEAK`].
-    fn bell(sigma: f64) -> impl Fn(f64) -> f64 {
+    fn gaussian(sigma: f64) -> impl Fn(f64) -> f64 {
         move |x| (-0.5 * ((x - PEAK as f64) / sigma).powi(2)).exp()
     }
 
@@ -187,7 +187,7 @@ mod tests {
     fn noiseless_echoes_are_where_they_are_by_every_detector() {
         type Shape = Box<dyn Fn(f64) -> f64>;
         let shapes: [(f64, Shape); 3] =
-            [(7.8, Box::new(bell(3.3))), (7.8, Box::new(gamma(2.286))), (3.0, Box::new(gamma(0.9)))];
+            [(7.8, Box::new(gaussian(3.3))), (7.8, Box::new(gamma(2.286))), (3.0, Box::new(gamma(0.9)))];
         for (width, shape) in &shapes {
             for ranging in ALL {
                 let reader = reader(ranging, *width, shape);
@@ -208,7 +208,7 @@ mod tests {
         // of the matched filter's output. No detector may beat it.
         let (bin, fwhm) = (0.25, 2.0);
         let sigma = fwhm / bin / (8.0 * 2f64.ln()).sqrt();
-        let shape = bell(sigma);
+        let shape = gaussian(sigma);
         for ratio in [20.0, 50.0, 200.0] {
             let noise = ReceiverNoise::new(1.0, 0.0, matched_bandwidth(fwhm), bin);
             for (ranging, worst) in
@@ -237,7 +237,7 @@ mod tests {
     #[test]
     fn what_is_no_echo_moves_nothing() {
         for ranging in ALL {
-            let reader = reader(ranging, 7.8, &bell(3.3));
+            let reader = reader(ranging, 7.8, &gaussian(3.3));
             for value in [0.0, 1.0, f64::NAN, f64::INFINITY] {
                 assert!(reader.offset(|_| value).abs() <= reader.reach as f64, "{ranging:?} of {value}");
             }

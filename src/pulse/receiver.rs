@@ -3,15 +3,13 @@
 //! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise comes on the
 //! samples, then the receiver saturates, then echoes are detected.
 
-use super::detect::Return;
-use super::energy::LANES;
-use super::instrument::Instrument;
+use super::detector::{DetectorSettings, Return};
+use super::energy::NANO;
+use super::lanes::LANES;
 use super::noise::{FalseAlarm, PulseDraws, ReceiverNoise, matched_bandwidth, shot_variance};
-use super::physics::LONGEST_RECORD;
-use super::radiometry::NANO;
 use super::ranging::RangeReader;
 use super::shape::PulseShape;
-use super::waveform::Waveform;
+use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
 use crate::rng::{Purpose, Stream};
 use crate::survey::{AmplifierNoise, Ranging, Receiver, ReferenceTarget};
 use libm::sqrt;
@@ -122,7 +120,7 @@ impl ReceiverModel {
     /// others where that is not much work; else where bins are stored.
     pub fn distort(&self, waveform: &mut Waveform, is_recorded: bool, (device, pulse): (u32, u64)) {
         if let Some(noise) = &self.noise {
-            waveform.store_gaps(if is_recorded { LONGEST_RECORD } else { MAX_FILLED });
+            waveform.store_gaps(if is_recorded { MAX_RECORD_SAMPLES } else { MAX_FILLED });
             let (draws, mut white) = (self.draws(device, pulse), Vec::new());
             waveform.change_segments(|first, samples| noise.add(samples, first, &draws, &mut white));
         }
@@ -150,12 +148,12 @@ impl ReceiverModel {
     pub fn add_false_alarms(
         &self,
         waveform: &Waveform,
-        instrument: &Instrument,
+        detector: &DetectorSettings,
         (device, pulse): (u32, u64),
         returns: &mut Vec<Return>,
     ) {
         let Some(noise) = &self.noise else { return };
-        let time = |at: u64| waveform.start + at as f64 * instrument.shape.bin;
+        let time = |at: u64| waveform.start + at as f64 * detector.shape.bin;
         let lit = waveform.segments().map(|(first, bins)| (time(first), time(first + bins.len() as u64)));
         let mut alarms = Vec::new();
         noise.add_alarms(self.threshold, self.gate, lit, &self.draws(device, pulse), &mut alarms);
@@ -164,13 +162,13 @@ impl ReceiverModel {
         }
         let echo = |alarm: FalseAlarm| {
             let amplitude = saturated(alarm.amplitude, self.limit);
-            let range = instrument.light_speed * alarm.time + self.walk(amplitude);
+            let range = detector.light_speed * alarm.time + self.walk(amplitude);
             Return { range, amplitude, width: noise.alarm_width(), is_noise: true }
         };
         returns.extend(alarms.into_iter().map(echo));
         returns.sort_by(|a, b| a.range.total_cmp(&b.range));
-        if instrument.max_returns > 0 {
-            returns.truncate(instrument.max_returns as usize);
+        if detector.max_returns > 0 {
+            returns.truncate(detector.max_returns as usize);
         }
     }
 

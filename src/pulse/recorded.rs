@@ -25,7 +25,7 @@ pub struct RecordedEcho {
 /// Samples on either side that an echo tops; one nanosecond in waveforms of the usual 0.25 ns.
 const WINDOW: u64 = 5;
 /// Echoes are at least this share of the highest.
-const LEAST_SHARE: f64 = 0.01;
+const MIN_SHARE: f64 = 0.01;
 
 /// The echoes of `samples` in their order. A waveform of one echo is fitted whole, as a run with echo widths does; several
 /// are fitted each up to the nearer of the valleys beside it.
@@ -36,12 +36,12 @@ pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     }
     let waveform = Waveform::of_samples(samples);
     let rule =
-        PeakRule { threshold: LEAST_SHARE * highest, window: WINDOW, weak_neighbours: true, first_bin: true };
+        PeakRule { threshold: MIN_SHARE * highest, window: WINDOW, weak_neighbours: true, first_bin: true };
     let peaks: Vec<(u64, f64)> = Peaks::<false>::of(&waveform, rule).collect();
     let echo = |&(bin, amplitude): &(u64, f64)| {
         let sample = bin as usize;
         let reach = (peaks.len() > 1).then(|| valley(samples, sample));
-        let [pedestal, height, centre, width] = fit::bell(&waveform, bin, amplitude, reach);
+        let [pedestal, height, centre, width] = fit::gaussian(&waveform, bin, amplitude, reach);
         RecordedEcho { sample, amplitude, width: width.abs(), centre, height, pedestal }
     };
     peaks.iter().map(echo).collect()

@@ -1,368 +1,249 @@
 //! From what the subrays hit to reflections (spec pulse-physics §2).
 
-use super::continuum::{Continuum, Leaves, Stretch, depth};
-use super::energy::LANES;
-use super::facet::Facets;
-use super::foliage::{self, FreePaths, Passage};
+use super::continuum::{FoliageContinuum, LeafResponse, MediumSegment, depth};
+use super::foliage::{self, FreePaths, MediumEvent};
 use super::instrument::Instrument;
+use super::lanes::LANES;
 use super::options::Corrections;
-use super::reflections::{Lanes, Reflections};
-use super::sight::{Shot, Sight};
-use crate::geom::{Aabb, DVec3, unit};
-use crate::scene::{DynamicObject, Material, Scene, Voxel};
-use crate::tree::{Hit, Hits, Tree};
+use super::reflections::{LaneMask, Reflections};
+use super::traced::{SubrayGains, TracedPulse};
+use super::triangle_cache::TriangleCache;
+use super::view::{Interaction, STEP_BEHIND, SceneView, SideOfBounds, distance};
+use crate::geom::{DVec3, unit};
+use crate::scene::{Material, Scene, Voxel};
+use crate::tree::Hits;
 
-/// How far behind a surface a ray goes on, m.
-pub(super) const STEP_BEHIND: f64 = 1e-5;
-/// Tolerance of the scene's box, m.
-const BOX_SLACK: f64 = 1e-4;
-
-/// The scene as rays see it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct View<'a> {
-    /// What there is.
-    pub scene: &'a Scene,
-    /// Finds what is hit of it, other than the moving parts.
-    pub tree: &'a Tree,
-    /// The moving parts where they are seen now.
-    pub moving: &'a [DynamicObject],
-    /// The scene's box, outside of which nothing is visible; `None` when nothing lies outside, or may be seen there.
-    pub limits: Option<Aabb>,
-    /// All surfaces face the beam.
-    pub fixed_incidence: bool,
-    /// Edge of the largest cube, m.
-    pub largest_cube: f64,
-}
-
-/// Memory for the way of single rays.
+/// Scratch memory of the reflection of a pulse.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Probe {
-    foliage: Vec<(usize, f64)>,
-    continuum: Continuum,
-    /// Triangles that were met.
-    pub facets: Facets,
+pub(super) struct ReflectScratch {
+    /// Position among the reflections and cross-section of voxels that follow their own radar equation.
+    cross_sections: Vec<(usize, f64)>,
+    continuum: FoliageContinuum,
+    pub triangles: TriangleCache,
 }
 
-impl<'a> View<'a> {
+impl<'a> SceneView<'a> {
     /// Replaces `out` by the reflections of a pulse's subrays, in their order.
     #[inline(always)]
     pub fn reflect(
         &self,
         instrument: &Instrument,
-        (shot, sight): (Shot, Sight),
+        pulse: (TracedPulse, SubrayGains),
         paths: &mut FreePaths,
-        probe: &mut Probe,
+        scratch: &mut ReflectScratch,
         out: &mut Reflections,
     ) {
         out.clear(instrument.subrays.len());
-        let around = self.voxels_around(instrument, shot.origin);
-        let is_plain = around.is_empty()
+        let around = match instrument.detector.corrections.adjacent_voxels {
+            true => self.voxels_around(pulse.0.origin),
+            false => Vec::new(),
+        };
+        let is_done = around.is_empty()
             && self.limits.is_none()
-            && self.reflect_plainly(instrument, (shot, sight), &mut probe.facets, out);
-        if !is_plain {
-            // What was found until then is found again.
+            && self.shade_triangles(instrument, pulse, &mut scratch.triangles, out);
+        if !is_done {
+            // Drops what [`SceneView::shade_triangles`] found before it gave up.
             out.clear(instrument.subrays.len());
-            self.reflect_each(instrument, (shot, sight), &around, paths, probe, out);
+            self.reflect_each(instrument, pulse, &around, paths, scratch, out);
         }
     }
 
-    /// [`View::reflect`] of a pulse that meets triangles only, none of which lets rays through; `false` for any other.
+    /// [`SceneView::reflect`] for pulses that hit nothing but opaque triangles, a block of subrays at a time; `false` for
+    /// any other pulse.
     #[inline(always)]
-    fn reflect_plainly(
+    fn shade_triangles(
         &self,
         instrument: &Instrument,
-        (shot, sight): (Shot, Sight),
-        facets: &mut Facets,
+        (traced, gains): (TracedPulse, SubrayGains),
+        triangles: &mut TriangleCache,
         out: &mut Reflections,
     ) -> bool {
-        let mut left = shot.primitive.len();
-        let [x, y, z] = shot.directions;
-        let gains = sight.gains.as_chunks::<LANES>().0;
-        let blocks = shot.met.iter().zip(sight.ranges.as_chunks::<LANES>().0).zip(gains);
-        for (((met, range), gain), ((x, y), z)) in blocks.zip(x.iter().zip(y).zip(z)) {
+        let mut left = traced.primitives.len();
+        let [x, y, z] = traced.directions;
+        let gain_blocks = gains.gains.as_chunks::<LANES>().0;
+        let blocks = traced.primitive_blocks.iter().zip(gains.ranges.as_chunks::<LANES>().0).zip(gain_blocks);
+        for (((primitives, range), gain), ((x, y), z)) in blocks.zip(x.iter().zip(y).zip(z)) {
             let (mut hits, mut seen) = ([0; LANES], [0; LANES]);
             for i in 0..LANES {
-                hits[i] = u8::from((met[i] != Hits::MISS) & (i < left));
-                let in_range = (range[i] >= instrument.range_min) & (range[i] <= instrument.range_max);
+                hits[i] = u8::from((primitives[i] != Hits::MISS) & (i < left));
+                let in_range =
+                    (range[i] >= instrument.detector.range_min) & (range[i] <= instrument.detector.range_max);
                 seen[i] = hits[i] & u8::from(in_range);
             }
             left = left.saturating_sub(LANES);
-            if instrument.corrections.see_through_near && hits != seen {
+            if instrument.detector.corrections.see_through_near && hits != seen {
                 return false;
             }
             let (mut cosine, mut intensity) = ([1.0; LANES], [0.0; LANES]);
-            let mut others = Lanes::of(seen);
-            // Neighbours mostly meet the same triangle: there are few rounds.
-            while let Some(first) = others.first() {
-                let Some(facet) = facets.look_up(self, met[first]) else { return false };
+            let mut unshaded = LaneMask::of(seen);
+            // Neighbouring subrays mostly hit the same triangle: few rounds.
+            while let Some(first) = unshaded.first() {
+                let Some(triangle) = triangles.look_up(self, primitives[first]) else { return false };
                 let mut same = [0; LANES];
                 for i in 0..LANES {
-                    same[i] = u8::from(met[i] == met[first]);
+                    same[i] = u8::from(primitives[i] == primitives[first]);
                 }
                 if !self.fixed_incidence {
-                    facet.cosines([x, y, z], &same, &mut cosine);
+                    triangle.cosines([x, y, z], &same, &mut cosine);
                 }
-                facet.intensities(self, &cosine, gain, &same, &mut intensity);
-                others = others.without(Lanes::of(same));
+                triangle.intensities(self, &cosine, gain, &same, &mut intensity);
+                unshaded = unshaded.without(LaneMask::of(same));
             }
-            out.add_plain(Lanes::of(seen), range, &intensity, &cosine, met);
+            out.push_triangles(LaneMask::of(seen), range, &intensity, &cosine, primitives);
         }
-        out.are_plain();
+        out.mark_opaque_only();
         true
     }
 
-    /// [`View::reflect`] of any pulse; `around` are the voxels of foliage in which it begins.
+    /// [`SceneView::reflect`] for any pulse; `around` are the voxels of foliage that contain its origin.
     #[inline(never)]
     fn reflect_each(
         &self,
         instrument: &Instrument,
-        (shot, sight): (Shot, Sight),
+        (traced, gains): (TracedPulse, SubrayGains),
         around: &[u32],
         paths: &mut FreePaths,
-        probe: &mut Probe,
+        scratch: &mut ReflectScratch,
         out: &mut Reflections,
     ) {
-        let (rings, c) = (&instrument.subrays.ring, &instrument.corrections);
-        probe.foliage.clear();
-        let spreads = c.foliage_continuum && c.adjacent_voxels && c.leaf_table_law && rings.len() > 1;
-        if spreads {
-            probe.continuum.clear(instrument);
+        let (rings, c) = (&instrument.subrays.ring, &instrument.detector.corrections);
+        scratch.cross_sections.clear();
+        let is_continuous = c.foliage_continuum && c.adjacent_voxels && c.leaf_table_law && rings.len() > 1;
+        if is_continuous {
+            scratch.continuum.clear(&instrument.detector);
         }
-        let asks = !around.is_empty() || self.limits.is_some();
+        let may_be_occluded = !around.is_empty() || self.limits.is_some();
         let (triangles, own) = (self.scene.geometry.triangles.len(), self.scene.geometry.len());
         let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
-        let mut face = Face::none(self.scene);
-        let t = shot.t.as_flattened();
-        for (i, (ring, range)) in rings.iter().zip(sight.ranges).enumerate() {
-            let (primitive, direction) = (shot.primitive[i], shot.direction(i));
-            let in_range = *range >= instrument.range_min && *range <= instrument.range_max;
-            if !asks && is_triangle(primitive) && in_range {
-                face.turn_to(self, primitive);
-                let cosine = if self.fixed_incidence { 1.0 } else { face.plane_cosine(direction) };
-                out.add((i as u32, *ring), (*range, *range), primitive, cosine, face.factor(cosine));
+        let mut surface = ShadedSurface::none(self.scene);
+        let t = traced.t.as_flattened();
+        for (i, (ring, range)) in rings.iter().zip(gains.ranges).enumerate() {
+            let (primitive, direction) = (traced.primitives[i], traced.direction(i));
+            if !may_be_occluded && is_triangle(primitive) && instrument.detector.is_in_range(*range) {
+                surface.load(self, primitive);
+                let cosine = if self.fixed_incidence { 1.0 } else { surface.plane_cosine(direction) };
+                out.push((i as u32, *ring), (*range, *range), primitive, cosine, surface.factor(cosine));
             } else if primitive != Hits::MISS || !around.is_empty() {
-                let first = Encounter { from: shot.origin, t: t[i], primitive, range: *range, stop: *range };
-                let end = if spreads {
-                    self.spread((instrument, *ring), (shot.origin, direction), first, around, (paths, probe))
+                let ray = (traced.origin, direction);
+                let first =
+                    Interaction { from: ray.0, t: t[i], primitive, range: *range, scatter_range: *range };
+                let end = if is_continuous {
+                    self.scatter_continuously((instrument, *ring), ray, first, around, (paths, scratch))
                 } else if c.adjacent_voxels {
-                    self.cross(instrument, shot.origin, direction, first, around, paths)
+                    self.walk_medium(&instrument.detector, ray, first, around, paths)
                 } else {
-                    self.follow(instrument, shot.origin, direction, first, paths)
+                    self.walk_voxels(instrument, ray, first, paths)
                 };
                 let Some(at) = end else { continue };
-                face.turn_to(self, at.primitive);
-                let Leaves { cosine, factor } = face.response(&at, direction, self.fixed_incidence, c);
-                if let Some(sigma) = foliage::cross_section(face.scene, c, face.local, direction) {
-                    probe.foliage.push((out.count(), sigma));
+                surface.load(self, at.primitive);
+                let LeafResponse { cosine, factor } =
+                    surface.response(&at, direction, self.fixed_incidence, c);
+                if let Some(sigma) = foliage::cross_section(surface.scene, c, surface.local, direction) {
+                    scratch.cross_sections.push((out.count(), sigma));
                 }
-                let entry = if c.voxel_stop_point { at.stop } else { at.range };
-                out.add((i as u32, *ring), (at.stop, entry), at.primitive, cosine, factor);
+                let entry = if c.voxel_stop_point { at.scatter_range } else { at.range };
+                out.push((i as u32, *ring), (at.scatter_range, entry), at.primitive, cosine, factor);
             }
         }
-        out.illuminate(instrument, &probe.foliage);
-        if spreads {
-            probe.continuum.emit(out);
+        out.apply_energy(&instrument.energy, &scratch.cross_sections);
+        if is_continuous {
+            scratch.continuum.emit(out);
         }
     }
 
-    /// Follows a subray of `ring` through foliage to what reflects it behind, or `None`: where foliage intercepts it, the
-    /// light from there joins that of the pulse.
-    fn spread(
+    /// Follows a subray of `ring` through foliage to the solid surface that reflects it. `None` if nothing does, or if the
+    /// foliage intercepts it: then its light joins the continuum.
+    fn scatter_continuously(
         &self,
         (instrument, ring): (&Instrument, u32),
         (origin, direction): (DVec3, DVec3),
-        first: Encounter,
+        first: Interaction,
         around: &[u32],
-        (paths, probe): (&mut FreePaths, &mut Probe),
-    ) -> Option<Encounter> {
-        let continuum = &mut probe.continuum;
-        let behind = self.collect(instrument, (origin, direction), first, around, &mut continuum.stretches);
-        if continuum.stretches.is_empty() {
-            return behind;
+        (paths, scratch): (&mut FreePaths, &mut ReflectScratch),
+    ) -> Option<Interaction> {
+        let continuum = &mut scratch.continuum;
+        let solid = self.collect_medium(
+            &instrument.detector,
+            (origin, direction),
+            first,
+            around,
+            &mut continuum.segments,
+        );
+        if continuum.segments.is_empty() {
+            return solid;
         }
-        let end = behind.map_or(f64::INFINITY, |b| b.range);
-        // The optical depth at which the light is intercepted.
-        if paths.next(1.0) > depth(&continuum.stretches, end) {
-            return behind;
+        let end = solid.map_or(f64::INFINITY, |s| s.range);
+        // The optical depth at which the subray is intercepted.
+        if paths.sample(1.0) > depth(&continuum.segments, end) {
+            return solid;
         }
-        let leaves = |stretch: &Stretch| {
-            let mut face = Face::none(self.scene);
-            face.turn_to(self, stretch.entry.primitive);
-            face.response(&stretch.entry, direction, self.fixed_incidence, &instrument.corrections)
+        let response = |segment: &MediumSegment| {
+            let mut surface = ShadedSurface::none(self.scene);
+            surface.load(self, segment.entry.primitive);
+            surface.response(
+                &segment.entry,
+                direction,
+                self.fixed_incidence,
+                &instrument.detector.corrections,
+            )
         };
-        continuum.scatter(instrument, ring, end, leaves);
+        continuum.scatter((&instrument.energy, &instrument.detector), ring, end, response);
         None
     }
 
-    /// The voxels of foliage around a pulse's origin, if they are to be seen at all.
-    fn voxels_around(&self, instrument: &Instrument, origin: DVec3) -> Vec<u32> {
-        let b = self.scene.bounds;
-        let may = instrument.corrections.adjacent_voxels
-            && self.largest_cube > 0.0
-            && origin.cmpge(b.min).all()
-            && origin.cmple(b.max).all();
-        let around = |scene, tree| foliage::around(scene, tree, origin, self.largest_cube);
-        if !may {
-            return Vec::new();
-        }
-        let moving = self.moving.iter().flat_map(|a| {
-            around(&a.scene, &a.tree).into_iter().map(|voxel| a.to_scene_index(voxel)).collect::<Vec<_>>()
-        });
-        around(self.scene, self.tree).into_iter().chain(moving).collect()
-    }
-
-    /// The scene that shows primitive `i` where it is now, and its number there.
-    #[inline]
-    pub fn shown(&self, i: u32) -> (&'a Scene, u32) {
-        let moving = self.moving.iter().find_map(|a| Some((&a.scene, a.to_object_index(i)?)));
-        moving.unwrap_or((self.scene, i))
-    }
-
-    /// Whether primitive `i` belongs to a moving part.
-    pub fn moves(&self, i: u32) -> bool {
-        self.moving.iter().any(|a| a.to_object_index(i).is_some())
-    }
-
-    /// Follows a subray from what it met first to what reflects it (§2.7), or `None`.
+    /// Follows a subray from its first interaction to the one that reflects it (spec pulse-physics §2.7), or `None`.
     #[inline(never)]
-    fn follow(
+    fn walk_voxels(
         &self,
         instrument: &Instrument,
-        origin: DVec3,
-        direction: DVec3,
-        mut at: Encounter,
+        (origin, direction): (DVec3, DVec3),
+        mut at: Interaction,
         paths: &mut FreePaths,
-    ) -> Option<Encounter> {
-        let corrections = &instrument.corrections;
+    ) -> Option<Interaction> {
+        let corrections = &instrument.detector.corrections;
         loop {
             if at.primitive == Hits::MISS || !at.range.is_finite() {
                 return None;
             }
-            let (scene, local) = self.shown(at.primitive);
-            let by_stop = corrections.voxel_stop_point && foliage::scatters(scene, local);
-            let next = match self.standing(&at, direction) {
-                Standing::Beyond => return None,
-                Standing::Before(entry) => entry,
-                Standing::Inside if at.range > instrument.range_max => return None,
-                Standing::Inside if at.range < instrument.range_min && !by_stop => {
+            let (scene, local) = self.locate(at.primitive);
+            let by_scatter_range = corrections.voxel_stop_point && foliage::is_scattering(scene, local);
+            let next = match self.side_of_bounds(&at, direction) {
+                SideOfBounds::Beyond => return None,
+                SideOfBounds::Before(entry) => entry,
+                SideOfBounds::Inside if at.range > instrument.detector.range_max => return None,
+                SideOfBounds::Inside if at.range < instrument.detector.range_min && !by_scatter_range => {
                     if !corrections.see_through_near {
                         return None;
                     }
                     at.point(direction) + direction * STEP_BEHIND
                 }
-                Standing::Inside => {
-                    match foliage::pass(scene, corrections, local, (at.from, direction), at.t, paths) {
-                        Passage::Stops(0.0) => return Some(at),
-                        Passage::Stops(path) => {
-                            at.stop = distance((at.point(direction) + direction * path) - origin);
-                            let within = at.stop >= instrument.range_min && at.stop <= instrument.range_max;
-                            return (within || !by_stop).then_some(at);
+                SideOfBounds::Inside => {
+                    match foliage::medium_event(scene, corrections, local, (at.from, direction), at.t, paths)
+                    {
+                        MediumEvent::Scatter(0.0) => return Some(at),
+                        MediumEvent::Scatter(path) => {
+                            at.scatter_range = distance((at.point(direction) + direction * path) - origin);
+                            let is_measured =
+                                !by_scatter_range || instrument.detector.is_in_range(at.scatter_range);
+                            return is_measured.then_some(at);
                         }
-                        Passage::Lost => return None,
-                        Passage::Leaves(exit) => at.from + direction * exit + direction * STEP_BEHIND,
+                        MediumEvent::Lost => return None,
+                        MediumEvent::Exit(exit) => at.from + direction * exit + direction * STEP_BEHIND,
                     }
                 }
             };
             if next == at.from {
                 return None;
             }
-            at = self.first_behind(next, direction, origin, |_| true);
+            at = self.nearest(next, direction, origin, |_| true);
         }
     }
-
-    /// Where an encounter lies relative to the scene's box. Only moving parts ever leave it (§6).
-    pub(super) fn standing(&self, at: &Encounter, direction: DVec3) -> Standing {
-        let Some(b) = self.limits else { return Standing::Inside };
-        let point = at.point(direction);
-        if point.cmpge(b.min - BOX_SLACK).all() && point.cmple(b.max + BOX_SLACK).all() {
-            return Standing::Inside;
-        }
-        match b.slabs(at.from, direction) {
-            Some((enter, exit)) if at.t <= exit + BOX_SLACK => {
-                if at.t < enter - BOX_SLACK {
-                    Standing::Before(at.from + direction * (enter - BOX_SLACK))
-                } else {
-                    Standing::Inside
-                }
-            }
-            _ => Standing::Beyond,
-        }
-    }
-
-    /// What a ray meets first from a point on its way on, of what `accept` approves; `origin` is the pulse's.
-    pub(super) fn first_behind(
-        &self,
-        from: DVec3,
-        direction: DVec3,
-        origin: DVec3,
-        accept: impl Fn(u32) -> bool,
-    ) -> Encounter {
-        let hit = self.tree.nearest_where(&self.scene.geometry, from, direction, &accept);
-        let nearest = self.moving.iter().fold(hit, |best, actor| {
-            let accept = |i| accept(actor.to_scene_index(i));
-            let hit = actor.tree.nearest_where(&actor.scene.geometry, from, direction, accept);
-            nearer(best, hit.map(|h| Hit { primitive: actor.to_scene_index(h.primitive), ..h }))
-        });
-        let Some(hit) = nearest else {
-            return Encounter {
-                from,
-                t: f64::INFINITY,
-                primitive: Hits::MISS,
-                range: f64::INFINITY,
-                stop: f64::INFINITY,
-            };
-        };
-        let range = distance((from + direction * hit.t) - origin);
-        Encounter { from, t: hit.t, primitive: hit.primitive, range, stop: range }
-    }
 }
 
-/// A ray meets a primitive.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Encounter {
-    /// Where this stretch of the ray began.
-    pub from: DVec3,
-    /// Way from there, m; 0 where the ray began within foliage.
-    pub t: f64,
-    /// What it met, or [`Hits::MISS`].
-    pub primitive: u32,
-    /// Distance of the entry from the pulse's origin, m.
-    pub range: f64,
-    /// Distance of what reflects the ray from there, m: behind the entry in foliage.
-    pub stop: f64,
-}
-
-impl Encounter {
-    pub fn point(&self, direction: DVec3) -> DVec3 {
-        self.from + direction * self.t
-    }
-}
-
-/// See [`View::standing`].
-pub(super) enum Standing {
-    Inside,
-    /// The box begins here, behind the encounter.
-    Before(DVec3),
-    Beyond,
-}
-
-/// The nearer of two hits; of equally near ones that of the smaller number.
-fn nearer(a: Option<Hit>, b: Option<Hit>) -> Option<Hit> {
-    match (a, b) {
-        (Some(a), Some(b)) if (b.t, b.primitive) < (a.t, a.primitive) => Some(b),
-        (a, b) => a.or(b),
-    }
-}
-
-/// √(x² + y² + z²), added in this order.
-pub(super) fn distance(d: DVec3) -> f64 {
-    (d.x * d.x + d.y * d.y + d.z * d.z).sqrt()
-}
-
-/// The primitive that was met last: neighbouring subrays mostly meet the same.
-struct Face<'a> {
+/// How the primitive of the last interaction reflects: neighbouring subrays mostly hit the same one.
+struct ShadedSurface<'a> {
     primitive: u32,
-    /// The scene that shows it, and its number there.
+    /// The scene that holds it in its current position, and its index there.
     scene: &'a Scene,
     local: u32,
     material: Option<&'a Material>,
@@ -370,25 +251,26 @@ struct Face<'a> {
     normal: Option<DVec3>,
 }
 
-impl<'a> Face<'a> {
-    fn none(scene: &'a Scene) -> Face<'a> {
-        Face { primitive: Hits::MISS, scene, local: Hits::MISS, material: None, normal: None }
+impl<'a> ShadedSurface<'a> {
+    fn none(scene: &'a Scene) -> ShadedSurface<'a> {
+        ShadedSurface { primitive: Hits::MISS, scene, local: Hits::MISS, material: None, normal: None }
     }
 
-    fn turn_to(&mut self, view: &View<'a>, primitive: u32) {
+    /// Looks the primitive up unless it is the last one.
+    fn load(&mut self, view: &SceneView<'a>, primitive: u32) {
         if self.primitive == primitive {
             return;
         }
-        let (scene, local) = view.shown(primitive);
+        let (scene, local) = view.locate(primitive);
         let normal = match scene.triangle(local) {
             Some([a, b, c]) => Some(unit((b - a).cross(c - a))),
             None => scene.voxel(local).and_then(Voxel::normal),
         };
-        *self = Face { primitive, scene, local, material: Some(scene.material_of(local)), normal };
+        *self = ShadedSurface { primitive, scene, local, material: Some(scene.material_of(local)), normal };
     }
 
-    /// Cosine of the incidence angle (§2.4).
-    fn cosine(&self, at: &Encounter, direction: DVec3) -> f64 {
+    /// Cosine of the incidence angle (spec pulse-physics §2.4).
+    fn cosine(&self, at: &Interaction, direction: DVec3) -> f64 {
         if self.normal.is_some() {
             return self.plane_cosine(direction);
         }
@@ -397,19 +279,25 @@ impl<'a> Face<'a> {
         face_of_cube(at.point(direction) - cube.centre, cube.half).dot(direction).abs().min(1.0)
     }
 
-    /// The same of a primitive that has a normal.
+    /// Cosine of the incidence angle on a primitive that has a normal.
     fn plane_cosine(&self, direction: DVec3) -> f64 {
         self.normal.map_or(1.0, |n| n.dot(direction).abs().min(1.0))
     }
 
-    /// How a surface or foliage reflects what came in at `at`.
-    fn response(&self, at: &Encounter, direction: DVec3, fixed_incidence: bool, c: &Corrections) -> Leaves {
-        if !fixed_incidence && c.foliage_incidence && foliage::scatters(self.scene, self.local) {
+    /// How the surface or its foliage reflects a ray that meets it at `at`.
+    fn response(
+        &self,
+        at: &Interaction,
+        direction: DVec3,
+        fixed_incidence: bool,
+        c: &Corrections,
+    ) -> LeafResponse {
+        if !fixed_incidence && c.foliage_incidence && foliage::is_scattering(self.scene, self.local) {
             let cosine = foliage::mean_cosine(self.scene, c, self.local, direction);
-            return Leaves { cosine, factor: self.material.map_or(0.0, |m| m.leaf_factor(cosine)) };
+            return LeafResponse { cosine, factor: self.material.map_or(0.0, |m| m.leaf_factor(cosine)) };
         }
         let cosine = if fixed_incidence { 1.0 } else { self.cosine(at, direction) };
-        Leaves { cosine, factor: self.factor(cosine) }
+        LeafResponse { cosine, factor: self.factor(cosine) }
     }
 
     /// Reflectance factor.
@@ -436,9 +324,9 @@ fn face_of_cube(p: DVec3, half: f64) -> DVec3 {
 mod tests {
     use super::*;
     use crate::geom::Rotation;
-    use crate::pulse::sight::Sights;
     use crate::pulse::subray::Subrays;
     use crate::pulse::testkit::{foliage, half_white, rectangles, tls_instrument, tree, wall};
+    use crate::pulse::traced::GainBuffer;
     use crate::rng::{Purpose, Stream};
     use crate::scene::{Reflection, VoxelKind};
     use crate::tree::RayGroup;
@@ -456,20 +344,26 @@ mod tests {
         scene: &Scene,
         instrument: &Instrument,
         turn: &Rotation,
-        ask: impl FnOnce(&View, (Shot, Sight), &mut FreePaths) -> R,
+        ask: impl FnOnce(&SceneView, (TracedPulse, SubrayGains), &mut FreePaths) -> R,
     ) -> R {
         let tree = tree(scene);
-        let view =
-            View { scene, tree: &tree, moving: &[], limits: None, fixed_incidence: false, largest_cube: 1.0 };
+        let view = SceneView {
+            scene,
+            tree: &tree,
+            moving: &[],
+            limits: None,
+            fixed_incidence: false,
+            max_cube_size: 1.0,
+        };
         let mut rays = RayGroup::new(instrument.subrays.len());
         instrument.subrays.expand(0, turn, rays.add(-scene.shift));
         let mut hits = Hits::default();
         tree.trace_group(&scene.geometry, &rays, &mut hits);
-        let (shot, mut sights) = (Shot::of(&rays, &hits, 0), Sights::default());
-        sights.push(instrument, &shot);
+        let (shot, mut gain_buffer) = (TracedPulse::of(&rays, &hits, 0), GainBuffer::default());
+        gain_buffer.push(instrument, &shot);
         let mut paths =
             FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
-        ask(&view, (shot, sights.of(0, &shot)), &mut paths)
+        ask(&view, (shot, gain_buffer.of(0, &shot)), &mut paths)
     }
 
     /// Room for the reflections of a pulse.
@@ -503,15 +397,15 @@ mod tests {
         for round in 0..60u32 {
             let scene = rectangles(Material { reflection: shiny(round), ..half_white() }, &boards);
             let mut instrument = tls_instrument(5.0);
-            (instrument.range_min, instrument.range_max) = (9.5, 18.5);
+            (instrument.detector.range_min, instrument.detector.range_max) = (9.5, 18.5);
             instrument.subrays = Subrays::new(0.02 * f64::from(round % 9), 3);
             let turn = Rotation::about_z(f64::from(round) * 0.02 - 0.6);
             shoot(&scene, &instrument, &turn, |view, seen, paths| {
-                let view = View { fixed_incidence: round % 7 == 0, ..*view };
+                let view = SceneView { fixed_incidence: round % 7 == 0, ..*view };
                 let (mut plain, mut each) = (room(&instrument), room(&instrument));
-                let mut probe = Probe::default();
-                assert!(view.reflect_plainly(&instrument, seen, &mut probe.facets, &mut plain));
-                view.reflect_each(&instrument, seen, &[], paths, &mut probe, &mut each);
+                let mut scratch = ReflectScratch::default();
+                assert!(view.shade_triangles(&instrument, seen, &mut scratch.triangles, &mut plain));
+                view.reflect_each(&instrument, seen, &[], paths, &mut scratch, &mut each);
                 assert_same(&plain, &each);
                 some += plain.primitives().len();
                 none += instrument.subrays.len() - plain.primitives().len();
@@ -529,11 +423,11 @@ mod tests {
         instrument.subrays = Subrays::new(0.01, 3);
         shoot(&scene, &instrument, &Rotation::about_z(-0.01), |view, seen, paths| {
             let (mut plain, mut each, mut out) = (room(&instrument), room(&instrument), room(&instrument));
-            let mut probe = Probe::default();
-            assert!(!view.reflect_plainly(&instrument, seen, &mut probe.facets, &mut plain));
+            let mut scratch = ReflectScratch::default();
+            assert!(!view.shade_triangles(&instrument, seen, &mut scratch.triangles, &mut plain));
             assert_eq!(plain.count(), 8);
-            view.reflect_each(&instrument, seen, &[], paths, &mut probe, &mut each);
-            view.reflect(&instrument, seen, paths, &mut probe, &mut out);
+            view.reflect_each(&instrument, seen, &[], paths, &mut scratch, &mut each);
+            view.reflect(&instrument, seen, paths, &mut scratch, &mut out);
             assert_eq!(out.count(), instrument.subrays.len());
             assert_same(&out, &each);
         });
@@ -547,7 +441,7 @@ mod tests {
         let turn = Rotation::about_x(0.01);
         let mut out = Reflections::default();
         shoot(&scene, &instrument, &turn, |view, seen, paths| {
-            view.reflect(&instrument, seen, paths, &mut Probe::default(), &mut out);
+            view.reflect(&instrument, seen, paths, &mut ReflectScratch::default(), &mut out);
         });
         let d = turn.forward();
         assert_eq!(out.primitives(), [0]);

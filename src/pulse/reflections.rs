@@ -1,16 +1,16 @@
-//! What the subrays of a pulse reflect (spec pulse-physics §2).
+//! The reflections of a pulse (spec pulse-physics §2).
 
-use super::energy::{Block, LANES};
-use super::instrument::Instrument;
+use super::energy::Energy;
+use super::lanes::{Block, LANES};
 use crate::tree::Hits;
 
 /// The reflections of a pulse in the order of its subrays, field by field.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reflections {
-    /// How many there are; the fields are longer.
+    /// Number of reflections; the fields are longer.
     count: usize,
-    /// All of them where the rays entered, so that `entry` and `ring` are not filled in.
-    is_plain: bool,
+    /// All are on opaque triangles, at whose entries light is reflected: `entry`, `ring` and `subray` are not filled in.
+    is_opaque_only: bool,
     range: Vec<f64>,
     entry: Vec<f64>,
     intensity: Vec<f64>,
@@ -21,27 +21,27 @@ pub(super) struct Reflections {
 }
 
 impl Reflections {
-    /// Forgets all of them and makes room for `most` in whole blocks.
-    pub fn clear(&mut self, most: usize) {
+    /// Removes all reflections and reserves memory for `max` of them in whole blocks.
+    pub fn clear(&mut self, max: usize) {
         self.count = 0;
-        self.is_plain = false;
-        self.make_room(most);
+        self.is_opaque_only = false;
+        self.reserve(max);
     }
 
-    fn make_room(&mut self, most: usize) {
-        let most = most.next_multiple_of(LANES);
-        if self.range.len() < most {
+    fn reserve(&mut self, max: usize) {
+        let max = max.next_multiple_of(LANES);
+        if self.range.len() < max {
             for field in [&mut self.range, &mut self.entry, &mut self.intensity, &mut self.cosine] {
-                field.resize(most, 0.0);
+                field.resize(max, 0.0);
             }
-            self.primitive.resize(most, Hits::MISS);
-            self.ring.resize(most, 0);
-            self.subray.resize(most, 0);
+            self.primitive.resize(max, Hits::MISS);
+            self.ring.resize(max, 0);
+            self.subray.resize(max, 0);
         }
     }
 
-    /// Adds one of a subray in a ring; its reflectance factor becomes an intensity later.
-    pub fn add(
+    /// Appends the reflection of a subray in a ring; [`Reflections::apply_energy`] turns its factor into an intensity.
+    pub fn push(
         &mut self,
         (subray, ring): (u32, u32),
         (range, entry): (f64, f64),
@@ -60,28 +60,28 @@ impl Reflections {
         self.count += 1;
     }
 
-    /// Adds one whose intensity is known, after [`Reflections::illuminate`]; makes room for it.
-    pub fn add_lit(&mut self, range: f64, primitive: u32, cosine: f64, intensity: f64) {
+    /// Appends a reflection of known intensity, after [`Reflections::apply_energy`], beyond the reserved memory if need be.
+    pub fn push_lit(&mut self, range: f64, primitive: u32, cosine: f64, intensity: f64) {
         if self.count == self.range.len() {
-            self.make_room(2 * self.count + LANES);
+            self.reserve(2 * self.count + LANES);
         }
-        self.add((0, 0), (range, range), primitive, cosine, intensity);
+        self.push((0, 0), (range, range), primitive, cosine, intensity);
     }
 
-    /// Adds those of a block's subrays that `which` names; their entries and rings are not filled in.
+    /// Appends the reflections of the subrays of a block that are in `mask`; see [`Reflections::mark_opaque_only`].
     #[inline(always)]
-    pub fn add_plain(
+    pub fn push_triangles(
         &mut self,
-        which: Lanes,
+        mask: LaneMask,
         range: &Block,
         intensity: &Block,
         cosine: &Block,
         primitive: &[u32; LANES],
     ) {
         let first = self.count;
-        self.count += which.count();
-        if which.are_first() {
-            // The others are overwritten by what follows, or lie behind the last.
+        self.count += mask.count();
+        if mask.is_prefix() {
+            // Lanes after the prefix are overwritten by the next reflections, or lie after the last.
             let row = first..first + LANES;
             self.range[row.clone()].copy_from_slice(range);
             self.intensity[row.clone()].copy_from_slice(intensity);
@@ -89,7 +89,7 @@ impl Reflections {
             self.primitive[row].copy_from_slice(primitive);
             return;
         }
-        for (to, from) in (first..).zip(which) {
+        for (to, from) in (first..).zip(mask) {
             self.range[to] = range[from];
             self.intensity[to] = intensity[from];
             self.cosine[to] = cosine[from];
@@ -97,27 +97,28 @@ impl Reflections {
         }
     }
 
-    /// Turns factors into intensities, and gives those in `foliage` (position, cross-section) theirs.
-    pub fn illuminate(&mut self, instrument: &Instrument, foliage: &[(usize, f64)]) {
+    /// Turns reflectance factors into intensities; those at the positions in `cross_sections` follow from their
+    /// cross-section.
+    pub fn apply_energy(&mut self, energy: &Energy, cross_sections: &[(usize, f64)]) {
         let n = self.count;
-        instrument.energy.apply(&self.ring[..n], &self.entry[..n], &mut self.intensity[..n]);
-        for (i, sigma) in foliage {
-            self.intensity[*i] = instrument.energy.of_cross_section(self.ring[*i], self.entry[*i], *sigma);
+        energy.apply(&self.ring[..n], &self.entry[..n], &mut self.intensity[..n]);
+        for (i, sigma) in cross_sections {
+            self.intensity[*i] = energy.of_cross_section(self.ring[*i], self.entry[*i], *sigma);
         }
     }
 
-    /// All of them are reflected where the rays entered.
+    /// Declares that all reflections come from [`Reflections::push_triangles`]: from the entries of opaque triangles.
     #[inline(always)]
-    pub fn are_plain(&mut self) {
-        self.is_plain = true;
+    pub fn mark_opaque_only(&mut self) {
+        self.is_opaque_only = true;
     }
 
-    /// Whether all of them are reflected where the rays entered opaque triangles.
-    pub fn is_plain(&self) -> bool {
-        self.is_plain
+    /// Whether all reflections are on opaque triangles.
+    pub fn is_opaque_only(&self) -> bool {
+        self.is_opaque_only
     }
 
-    /// How many there are.
+    /// Number of reflections.
     pub fn count(&self) -> usize {
         self.count
     }
@@ -127,14 +128,14 @@ impl Reflections {
         self.count == 0
     }
 
-    /// Ranges of what sends light back, m.
+    /// Ranges of the reflecting points, m.
     pub fn ranges(&self) -> &[f64] {
         &self.range[..self.count]
     }
 
-    /// Ranges at which the rays entered the primitives, m: what attribution goes by.
+    /// Ranges at which the rays enter the primitives, m: echoes are attributed by these.
     pub fn entries(&self) -> &[f64] {
-        if self.is_plain { self.ranges() } else { &self.entry[..self.count] }
+        if self.is_opaque_only { self.ranges() } else { &self.entry[..self.count] }
     }
 
     /// Received intensities.
@@ -147,38 +148,38 @@ impl Reflections {
         &self.cosine[..self.count]
     }
 
-    /// Numbers of the subrays; `None` if every subray that meets a triangle within the range has its reflection, in order.
+    /// Indices of the subrays; `None` if every subray with a hit in range has its reflection, in order.
     pub fn subrays(&self) -> Option<&[u32]> {
-        (!self.is_plain).then(|| &self.subray[..self.count])
+        (!self.is_opaque_only).then(|| &self.subray[..self.count])
     }
 
-    /// Numbers of the primitives.
+    /// Indices of the primitives.
     pub fn primitives(&self) -> &[u32] {
         &self.primitive[..self.count]
     }
 }
 
-/// Some subrays of a block: a byte of each is 1 or 0.
+/// A subset of the subrays of a block: a byte for each, 1 or 0.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lanes(u64);
+pub(super) struct LaneMask(u64);
 
-impl Lanes {
-    /// Those that are 1.
+impl LaneMask {
+    /// The subrays whose byte is 1.
     #[inline(always)]
-    pub fn of(which: [u8; LANES]) -> Lanes {
-        Lanes(u64::from_le_bytes(which))
+    pub fn of(bytes: [u8; LANES]) -> LaneMask {
+        LaneMask(u64::from_le_bytes(bytes))
     }
 
-    /// The first of them.
+    /// The first subray of the mask.
     #[inline(always)]
     pub fn first(self) -> Option<usize> {
         (self.0 != 0).then(|| self.0.trailing_zeros() as usize / 8)
     }
 
-    /// The others among them.
+    /// The subrays of this mask that are not in `others`.
     #[inline(always)]
-    pub fn without(self, others: Lanes) -> Lanes {
-        Lanes(self.0 & !others.0)
+    pub fn without(self, others: LaneMask) -> LaneMask {
+        LaneMask(self.0 & !others.0)
     }
 
     #[inline(always)]
@@ -186,14 +187,14 @@ impl Lanes {
         self.0.count_ones() as usize
     }
 
-    /// Whether none is missing before the last of them.
+    /// Whether no subray before the last one is missing.
     #[inline(always)]
-    fn are_first(self) -> bool {
+    fn is_prefix(self) -> bool {
         self.0 & ((self.0 << 8) | 1) == self.0
     }
 }
 
-impl Iterator for Lanes {
+impl Iterator for LaneMask {
     type Item = usize;
 
     #[inline(always)]
@@ -209,26 +210,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lanes_are_counted_and_told_apart() {
-        let some = Lanes::of([1, 1, 0, 1, 0, 0, 0, 1]);
-        assert_eq!((some.count(), some.first(), some.are_first()), (4, Some(0), false));
+    fn masks_count_iterate_and_subtract() {
+        let some = LaneMask::of([1, 1, 0, 1, 0, 0, 0, 1]);
+        assert_eq!((some.count(), some.first(), some.is_prefix()), (4, Some(0), false));
         assert_eq!(some.collect::<Vec<_>>(), [0, 1, 3, 7]);
-        let rest = some.without(Lanes::of([1, 1, 0, 1, 1, 0, 0, 0]));
+        let rest = some.without(LaneMask::of([1, 1, 0, 1, 1, 0, 0, 0]));
         assert_eq!((rest.count(), rest.first()), (1, Some(7)));
         for first in 0..=LANES {
-            let which = Lanes::of(std::array::from_fn(|i| u8::from(i < first)));
-            assert!(which.are_first() && which.count() == first, "{first}");
+            let which = LaneMask::of(std::array::from_fn(|i| u8::from(i < first)));
+            assert!(which.is_prefix() && which.count() == first, "{first}");
         }
     }
 
     #[test]
-    fn subrays_that_see_something_close_ranks() {
+    fn reflections_of_a_block_are_compacted() {
         let mut all = Reflections::default();
         all.clear(24);
         let (range, ones) = (std::array::from_fn(|i| i as f64), [1.0; LANES]);
         let primitive = std::array::from_fn(|i| i as u32);
         for which in [[1, 1, 1, 0, 0, 0, 0, 0], [0, 0, 1, 0, 0, 1, 0, 0], [0; 8], [1; 8]] {
-            all.add_plain(Lanes::of(which), &range, &ones, &ones, &primitive);
+            all.push_triangles(LaneMask::of(which), &range, &ones, &ones, &primitive);
         }
         assert_eq!(all.primitives(), [0, 1, 2, 2, 5, 0, 1, 2, 3, 4, 5, 6, 7]);
         assert_eq!(all.ranges()[3..6], [2.0, 5.0, 0.0]);

@@ -85,14 +85,14 @@ mod tests {
 
     #[test]
     fn a_late_pulse_is_the_same_pulse_later() {
-        let bell = |t: f64| (-0.5 * ((t - 5.0) / 0.9) * ((t - 5.0) / 0.9)).exp();
+        let gaussian = |t: f64| (-0.5 * ((t - 5.0) / 0.9) * ((t - 5.0) / 0.9)).exp();
         let times: Vec<f64> = (0..=1000).map(|i| f64::from(i) * 0.01).collect();
-        let pulse = PulseSamples { powers: times.iter().map(|t| bell(*t)).collect(), times };
+        let pulse = PulseSamples { powers: times.iter().map(|t| gaussian(*t)).collect(), times };
         let (samples, lateness) = in_bins(&pulse, 0.25);
         for by in [0.0, 0.2, 0.5, 0.9, 1.0] {
             for k in 1..40 {
                 let late = samples[k] + lateness[0][k] * by + lateness[1][k] * by * by;
-                let expected = bell((k as f64 - by) * 0.25);
+                let expected = gaussian((k as f64 - by) * 0.25);
                 assert!((late - expected).abs() < 3e-4, "{by} bins late, bin {k}: {late} is not {expected}");
             }
         }

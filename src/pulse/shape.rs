@@ -1,6 +1,6 @@
 //! The outgoing pulse, digitised (spec pulse-physics §4.1).
 
-use super::energy::{Block, LANES};
+use super::lanes::{Block, LANES};
 use super::sampled;
 use crate::survey::{PulseSamples, WaveformSettings, pulse_length_of_width, width_of_pulse_length};
 use libm::exp;

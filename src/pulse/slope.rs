@@ -1,44 +1,44 @@
-//! Subrays that meet one plane, as the whole beam meets it.
+//! Subrays that hit one plane, seen as the whole beam sees it.
 //!
-//! A beam that falls on a slope returns a pulse that is stretched by the depth of its footprint, w/2·tan θ of standard deviation
-//! for a Gaussian beam of radius w. A few subrays have this depth as their standard deviation, too
+//! A beam that falls on a slope returns a pulse that is stretched by the depth of its footprint, w/2·tan θ of standard
+//! deviation for a Gaussian beam of radius w. A few subrays have this depth as their standard deviation, too
 //! ([`super::footprint`]), but once the slope pulls them farther apart than the pulse is long, each becomes an echo of its
-//! own. So those that lie on one plane give way to what they sample: light whose ranges are normally distributed with their
-//! mean and variance, in steps of one bin.
+//! own. So the subrays on one plane are replaced by the light that they sample: its ranges are normally distributed with
+//! their mean and variance, in steps of one bin.
 
-use super::facet::Facets;
 use super::instrument::Instrument;
-use super::light::Light;
-use super::reflect::View;
 use super::reflections::Reflections;
-use super::sight::{Shot, Sight};
+use super::return_profile::ReturnProfile;
+use super::traced::{SubrayGains, TracedPulse};
+use super::triangle_cache::TriangleCache;
+use super::view::SceneView;
 use crate::geom::DVec3;
 use crate::tree::Hits;
 
-/// Subrays are on one plane that are not farther off it than this share of the pulse's length in range.
+/// Largest distance of subrays from a plane that they lie on, as a share of the pulse's length in range.
 const MAX_DISTANCE: f64 = 0.05;
-/// Their own planes are turned against it by less than 25°.
+/// Smallest cosine between the normals of the plane and of what its subrays hit: of 25°.
 const MIN_COSINE: f64 = 0.906;
-/// Depths, as a share of the pulse's length in range, from which on the subrays' pulses no longer flow into one another.
+/// Smallest depth, as a share of the pulse's length in range, at which the subrays' pulses no longer merge.
 const MIN_DEPTH: f64 = 0.1;
-/// Three subrays at least tell a plane from chance.
+/// Fewer subrays may lie on a plane by chance.
 const MIN_SUBRAYS: usize = 3;
-/// The distribution is cut off at so many standard deviations, where 6e-5 of it is left.
+/// The distribution is cut off at this many standard deviations, where 6e-5 of it is left.
 const CUT_OFF: f64 = 4.0;
 /// Most steps on either side of the mean; steps of longer slopes are longer.
 const MAX_STEPS: f64 = 4096.0;
 
-/// Memory for the slopes of a pulse.
+/// Scratch memory for merging the subrays on slopes.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Slopes {
+pub(super) struct SlopeMerger {
     points: Vec<Point>,
     light: Vec<(f64, f64)>,
 }
 
-/// Where a subray met a steep surface.
+/// Where a subray hit a steep surface.
 #[derive(Clone, Copy, Debug)]
 struct Point {
-    /// Position among the reflections.
+    /// Index of the reflection.
     reflection: usize,
     /// m, relative to the pulse's origin.
     at: DVec3,
@@ -48,67 +48,68 @@ struct Point {
     is_merged: bool,
 }
 
-impl Slopes {
-    /// Replaces the light of subrays that lie on steep planes. Of pulses that meet anything but opaque triangles, nothing is.
+impl SlopeMerger {
+    /// Replaces the light of subrays that lie on steep planes. Only pulses that hit nothing but opaque triangles change.
     #[inline(always)]
     pub fn merge(
         &mut self,
-        view: &View,
+        view: &SceneView,
         instrument: &Instrument,
-        (shot, sight): (Shot, Sight),
+        pulse: (TracedPulse, SubrayGains),
         reflections: &Reflections,
-        facets: &mut Facets,
-        light: &mut Light,
+        triangles: &mut TriangleCache,
+        profile: &mut ReturnProfile,
     ) {
-        let pulse_depth = instrument.light_speed * instrument.shape.length;
-        let (Some(first), Some(last)) = (light.ranges().first(), light.ranges().last()) else { return };
-        if last - first < 2.0 * MIN_DEPTH * pulse_depth || !reflections.is_plain() {
+        let pulse_depth = instrument.detector.light_speed * instrument.detector.shape.length;
+        let (Some(first), Some(last)) = (profile.ranges().first(), profile.ranges().last()) else { return };
+        if last - first < 2.0 * MIN_DEPTH * pulse_depth || !reflections.is_opaque_only() {
             return;
         }
-        // Half the beam's radius times the slope is the depth of a footprint that lies on it as a whole.
+        // The depth of a footprint that lies on one slope is half the beam's radius times the slope.
         let slope = MIN_DEPTH * pulse_depth / (0.5 * instrument.footprint_angle * last);
-        let steep = 1.0 / (1.0 + slope * slope).sqrt();
+        let max_cosine = 1.0 / (1.0 + slope * slope).sqrt();
         let mut count = 0;
         for cosine in reflections.cosines() {
-            count += usize::from(*cosine <= steep);
+            count += usize::from(*cosine <= max_cosine);
         }
         if count >= MIN_SUBRAYS {
-            self.merge_steep(view, instrument, (shot, sight), (reflections, steep), facets, light);
+            self.merge_steep(view, instrument, pulse, (reflections, max_cosine), triangles, profile);
         }
     }
 
-    /// Merges those that are met at cosines of at most `steep`.
+    /// Merges subrays with incidence cosines of at most `max_cosine`.
     #[inline(never)]
     fn merge_steep(
         &mut self,
-        view: &View,
+        view: &SceneView,
         instrument: &Instrument,
-        (shot, sight): (Shot, Sight),
-        (reflections, steep): (&Reflections, f64),
-        facets: &mut Facets,
-        light: &mut Light,
+        (traced, gains): (TracedPulse, SubrayGains),
+        (reflections, max_cosine): (&Reflections, f64),
+        triangles: &mut TriangleCache,
+        profile: &mut ReturnProfile,
     ) {
+        let detector = &instrument.detector;
         self.points.clear();
-        // The subrays that reflect something come in the order of the reflections.
+        // Reflections are in the order of the subrays that have one.
         let mut reflection = 0;
-        for (subray, primitive) in shot.primitive.iter().enumerate() {
-            let range = sight.ranges[subray];
-            if *primitive == Hits::MISS || !(range >= instrument.range_min && range <= instrument.range_max) {
+        for (subray, primitive) in traced.primitives.iter().enumerate() {
+            let range = gains.ranges[subray];
+            if *primitive == Hits::MISS || !detector.is_in_range(range) {
                 continue;
             }
-            if reflections.cosines()[reflection] <= steep
-                && let Some(facet) = facets.look_up(view, *primitive)
+            if reflections.cosines()[reflection] <= max_cosine
+                && let Some(triangle) = triangles.look_up(view, *primitive)
             {
-                let (at, normal) = (shot.direction(subray) * range, facet.normal());
+                let (at, normal) = (traced.direction(subray) * range, triangle.normal);
                 let intensity = reflections.intensities()[reflection];
                 self.points.push(Point { reflection, at, normal, range, intensity, is_merged: false });
             }
             reflection += 1;
         }
         self.light.clear();
-        let pulse_depth = instrument.light_speed * instrument.shape.length;
+        let pulse_depth = detector.light_speed * detector.shape.length;
         for i in 0..self.points.len() {
-            self.merge_plane_of(i, pulse_depth, instrument.light_speed * instrument.shape.bin);
+            self.merge_plane_of(i, pulse_depth, detector.light_speed * detector.shape.bin);
         }
         if self.light.is_empty() {
             return;
@@ -121,7 +122,7 @@ impl Slopes {
             }
         }
         self.light.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        light.set(&self.light);
+        profile.set(&self.light);
     }
 
     /// Merges the subrays on the plane of point `i` if they are many and deep enough.
@@ -153,7 +154,7 @@ impl Slopes {
         self.spread(seed.range + mean, deviation, sum, bin_depth);
     }
 
-    /// Adds light of an energy whose ranges are normally distributed.
+    /// Adds light of energy `energy` whose ranges are normally distributed.
     fn spread(&mut self, mean: f64, deviation: f64, energy: f64, bin_depth: f64) {
         let step = bin_depth * (CUT_OFF * deviation / bin_depth / MAX_STEPS).ceil().max(1.0);
         let steps = (CUT_OFF * deviation / step).ceil() as i64;

@@ -1,7 +1,7 @@
 //! The beam as subrays: the reference's rings (spec pulse-physics §1), or a pattern of equal energies ([`super::footprint`]).
 
-use super::energy::{Block, LANES};
 use super::footprint::{self, Footprint, Subray};
+use super::lanes::{Block, LANES};
 use crate::geom::{DVec3, Rotation};
 use std::array::from_fn;
 use std::f64::consts::TAU;

@@ -1,9 +1,10 @@
 //! Instruments, scenes and pulses that the tests of this room share.
 
-use super::instrument::{Fleet, Instrument};
-use super::light::Light;
+use super::detector::DetectorSettings;
+use super::instrument::{Instrument, InstrumentTable};
+use super::return_profile::ReturnProfile;
 use super::waveform::Waveform;
-use super::{Echo, Physics, PhysicsOptions};
+use super::{Echo, Physics, PhysicsOptions, PulseSimulator};
 use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3, Rotation};
 use crate::pulse::Batch;
@@ -59,8 +60,14 @@ pub fn tls_device(pulse_length: f64) -> Device {
 
 /// The instrument of [`tls_device`] in the reference's physics.
 pub fn tls_instrument(pulse_length: f64) -> Instrument {
-    let fleet = Fleet::new(&survey(vec![tls_device(pulse_length)]), &PhysicsOptions::helios()).unwrap();
-    fleet.instrument(0, 0).unwrap().clone()
+    let table =
+        InstrumentTable::new(&survey(vec![tls_device(pulse_length)]), &PhysicsOptions::helios()).unwrap();
+    table.instrument(0, 0).unwrap().clone()
+}
+
+/// Its detector.
+pub fn tls_detector(pulse_length: f64) -> DetectorSettings {
+    tls_instrument(pulse_length).detector
 }
 
 /// A survey of one leg with these devices and device 0's divergence.
@@ -124,9 +131,9 @@ pub fn survey(devices: Vec<Device>) -> Survey {
 }
 
 /// The waveform that an instrument receives from (range, intensity) pairs.
-pub fn received(returns: &[(f64, f64)], instrument: &Instrument) -> Waveform {
+pub fn received(returns: &[(f64, f64)], detector: &DetectorSettings) -> Waveform {
     let mut waveform = Waveform::default();
-    assert!(waveform.receive(&Light::of(returns), instrument), "the dead zone swallowed the pulse");
+    assert!(waveform.receive(&ReturnProfile::of(returns), detector), "the dead zone swallowed the pulse");
     waveform
 }
 
@@ -215,7 +222,7 @@ pub fn fire_as(scene: &Scene, survey: &Survey, options: PhysicsOptions, leg: u32
     let tree = tree(scene);
     let physics = Physics::new(scene, &tree, survey, options).unwrap();
     let mut batch = Batch::default();
-    physics.shooter().fire(leg, &in_frame(scene, pulse), &mut batch).unwrap();
+    PulseSimulator::new(&physics).simulate(leg, &[in_frame(scene, pulse)], &mut batch).unwrap();
     batch
 }
 

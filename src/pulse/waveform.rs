@@ -1,13 +1,16 @@
 //! The received waveform (spec pulse-physics §4.2, §4.3).
 
-use super::energy::{Block, LANES};
-use super::instrument::Instrument;
-use super::light::Light;
-use super::starts::Starts;
+use super::detector::DetectorSettings;
+use super::lanes::{Block, LANES};
+use super::pulse_starts::PulseStarts;
+use super::return_profile::ReturnProfile;
+
+/// Longest recorded waveform, samples (1,250 km of 0.25 ns bins).
+pub(super) const MAX_RECORD_SAMPLES: u64 = 1 << 24;
 
 /// Bins without any light that are still stored when light surrounds them; longer gaps only exist as a difference of
 /// bin numbers, so that a leaf at 5 m and a wall at 5 km take no more memory than two leaves.
-const LONGEST_STORED_GAP: u64 = 64;
+const MAX_STORED_GAP: u64 = 64;
 
 /// A waveform: bins of amplitude over one-way travel time, from bin 0 at [`Waveform::start`]. Bins outside the segments
 /// hold zero.
@@ -23,7 +26,7 @@ pub(super) struct Waveform {
     /// Where the returns lie, in bins.
     positions: Vec<Block>,
     /// Where pulses begin within bins.
-    starts: Starts,
+    starts: PulseStarts,
 }
 
 /// Samples that are cleared at a time.
@@ -42,26 +45,26 @@ impl Waveform {
     /// Adds up the pulses that `light` sends back. `false` when a return lies so near that nothing of this pulse is
     /// received.
     #[inline(always)]
-    pub fn receive(&mut self, light: &Light, instrument: &Instrument) -> bool {
+    pub fn receive(&mut self, light: &ReturnProfile, detector: &DetectorSettings) -> bool {
         self.segments.clear();
         self.samples.clear();
         self.bins = 0;
         let (Some(&nearest), Some(&farthest)) = (light.ranges().first(), light.ranges().last()) else {
             return true;
         };
-        let (shape, corrections) = (&instrument.shape, &instrument.corrections);
-        let (c, bin) = (instrument.light_speed, shape.bin);
+        let (shape, corrections) = (&detector.shape, &detector.corrections);
+        let (c, bin) = (detector.light_speed, shape.bin);
         let lead = shape.peak as f64 * bin;
         let begin = nearest / c - lead;
-        let start = if instrument.digitiser_clock { (begin / bin).floor() * bin } else { begin };
+        let start = if detector.digitiser_clock { (begin / bin).floor() * bin } else { begin };
         let mut end = farthest / c + shape.duration - lead + bin;
         let mut count = light.ranges().len();
-        if instrument.longest > 0.0 && end - start > instrument.longest {
-            end = start + instrument.longest;
-            let limit = c * instrument.longest + if corrections.limit_from_first { nearest } else { 0.0 };
+        if detector.max_duration > 0.0 && end - start > detector.max_duration {
+            end = start + detector.max_duration;
+            let limit = c * detector.max_duration + if corrections.limit_from_first { nearest } else { 0.0 };
             count = light.ranges().iter().take_while(|range| **range <= limit).count();
         }
-        let blind = instrument.range_min / c;
+        let blind = detector.range_min / c;
         // Where it clips, the detector sees the pulse from its beginning, and records begin at the minimum range.
         if blind > start && !corrections.clip_dead_zone {
             return false;
@@ -69,10 +72,10 @@ impl Waveform {
         self.start = start;
         self.bins = ((end / bin).ceil() - (start / bin).ceil()) as u64;
         if corrections.fractional_bins {
-            self.add_between_bins(count, light, (begin - start) / bin, instrument);
+            self.add_between_bins(count, light, (begin - start) / bin, detector);
         } else {
-            self.place(light.blocks(), instrument);
-            self.add_in_bins(count, light.intensities(), instrument);
+            self.place(light.blocks(), detector);
+            self.add_in_bins(count, light.intensities(), detector);
         }
         self.store_tail();
         true
@@ -80,13 +83,13 @@ impl Waveform {
 
     /// Computes in which bin the peak of the pulse from each range lies, and how far in.
     #[inline(always)]
-    fn place(&mut self, ranges: &[Block], instrument: &Instrument) {
-        let (c, bin, start) = (instrument.light_speed, instrument.shape.bin, self.start);
+    fn place(&mut self, ranges: &[Block], detector: &DetectorSettings) {
+        let (c, bin, start) = (detector.light_speed, detector.shape.bin, self.start);
         // Rounding must not cut off the front of the first pulse.
-        let least = instrument.shape.peak as f64;
+        let least = detector.shape.peak as f64;
         self.positions.resize(ranges.len(), [0.0; LANES]);
         let positions = self.positions.iter_mut().zip(ranges);
-        match instrument.shape.bins_per_ns {
+        match detector.shape.bins_per_ns {
             Some(scale) => positions.for_each(|(to, from)| {
                 for i in 0..LANES {
                     let position = (from[i] / c - start) * scale;
@@ -104,8 +107,8 @@ impl Waveform {
 
     /// Adds pulses that begin where their bin begins; those of the same bin together.
     #[inline(always)]
-    fn add_in_bins(&mut self, count: usize, intensities: &[f64], instrument: &Instrument) {
-        let shape = &instrument.shape;
+    fn add_in_bins(&mut self, count: usize, intensities: &[f64], detector: &DetectorSettings) {
+        let shape = &detector.shape;
         let mut i = 0;
         while i < count {
             let bin = self.positions.as_flattened()[i] as i64;
@@ -121,10 +124,16 @@ impl Waveform {
     /// Adds pulses that begin within bins, the first one `first` bins behind the beginning of bin 0; those of the same bin
     /// together.
     #[inline(always)]
-    fn add_between_bins(&mut self, count: usize, light: &Light, first: f64, instrument: &Instrument) {
-        let shape = &instrument.shape;
+    fn add_between_bins(
+        &mut self,
+        count: usize,
+        light: &ReturnProfile,
+        first: f64,
+        detector: &DetectorSettings,
+    ) {
+        let shape = &detector.shape;
         let mut starts = std::mem::take(&mut self.starts);
-        starts.compute(light, instrument, first);
+        starts.compute(light, detector, first);
         let mut i = 0;
         while i < count {
             let (next, late) = starts.of_one_bin(i, count, light.intensities());
@@ -172,8 +181,8 @@ impl Waveform {
     fn segment_for(&mut self, from: u64, len: usize) -> Segment {
         let stored = self.segments.last().map_or(0, |s| s.at + s.len);
         let first = match self.segments.last() {
-            Some(s) if from <= s.first + s.len as u64 + LONGEST_STORED_GAP => None,
-            None if from <= LONGEST_STORED_GAP => Some(0),
+            Some(s) if from <= s.first + s.len as u64 + MAX_STORED_GAP => None,
+            None if from <= MAX_STORED_GAP => Some(0),
             _ => Some(from),
         };
         if let Some(first) = first {
@@ -198,7 +207,7 @@ impl Waveform {
     fn store_tail(&mut self) {
         let Some(s) = self.segments.last_mut() else { return };
         let tail = self.bins - (s.first + s.len as u64);
-        if tail <= LONGEST_STORED_GAP {
+        if tail <= MAX_STORED_GAP {
             s.len += tail as usize;
             let stored = s.at + s.len;
             self.clear_to(stored);
@@ -279,8 +288,8 @@ impl Waveform {
     }
 
     /// Number of the first bin that is not nearer than `range_min`, m.
-    pub fn first_beyond(&self, range_min: f64, instrument: &Instrument) -> u64 {
-        let bins = (range_min / instrument.light_speed - self.start) / instrument.shape.bin;
+    pub fn first_beyond(&self, range_min: f64, detector: &DetectorSettings) -> u64 {
+        let bins = (range_min / detector.light_speed - self.start) / detector.shape.bin;
         bins.ceil().max(0.0) as u64
     }
 }

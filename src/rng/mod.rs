@@ -6,7 +6,7 @@
 
 mod normals;
 
-pub use normals::LANES;
+pub use normals::NORMALS_PER_BLOCK;
 
 use libm::{cos, log, sin};
 

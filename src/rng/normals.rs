@@ -10,22 +10,28 @@ use super::{Stream, unit_interval};
 use std::f64::consts::TAU;
 
 /// Draws that are computed together.
-pub const LANES: usize = 8;
-type Block = [f64; LANES];
+pub const NORMALS_PER_BLOCK: usize = 8;
+type Block = [f64; NORMALS_PER_BLOCK];
 
 impl Stream {
     /// [`Stream::normal`] of eight draws.
     #[inline(always)]
-    pub fn normals(&self, group: &[u32; LANES], number: &[u64; LANES], counter: &[u32; LANES]) -> Block {
+    pub fn normals(
+        &self,
+        group: &[u32; NORMALS_PER_BLOCK],
+        number: &[u64; NORMALS_PER_BLOCK],
+        counter: &[u32; NORMALS_PER_BLOCK],
+    ) -> Block {
         let b = self.bits_of_lanes(group, number, counter);
-        let (mut x, mut angle, mut is_sine) = ([0.0; LANES], [0.0; LANES], [0; LANES]);
-        for i in 0..LANES {
+        let (mut x, mut angle, mut is_sine) =
+            ([0.0; NORMALS_PER_BLOCK], [0.0; NORMALS_PER_BLOCK], [0; NORMALS_PER_BLOCK]);
+        for i in 0..NORMALS_PER_BLOCK {
             x[i] = 1.0 - unit_interval(b[0][i] as u32, b[1][i] as u32);
             angle[i] = TAU * unit_interval(b[2][i] as u32, b[3][i] as u32);
             is_sine[i] = b[3][i] & 1;
         }
         let (log, mut out) = (logs(&x), sines(&angle, &is_sine));
-        for i in 0..LANES {
+        for i in 0..NORMALS_PER_BLOCK {
             out[i] *= (-2.0 * log[i]).sqrt();
         }
         out
@@ -35,20 +41,20 @@ impl Stream {
     #[inline(always)]
     fn bits_of_lanes(
         &self,
-        group: &[u32; LANES],
-        number: &[u64; LANES],
-        counter: &[u32; LANES],
-    ) -> [[u64; LANES]; 4] {
+        group: &[u32; NORMALS_PER_BLOCK],
+        number: &[u64; NORMALS_PER_BLOCK],
+        counter: &[u32; NORMALS_PER_BLOCK],
+    ) -> [[u64; NORMALS_PER_BLOCK]; 4] {
         const LOW: u64 = 0xffff_ffff;
-        let (mut c, mut k) = ([[0; LANES]; 4], self.key);
-        for i in 0..LANES {
+        let (mut c, mut k) = ([[0; NORMALS_PER_BLOCK]; 4], self.key);
+        for i in 0..NORMALS_PER_BLOCK {
             c[0][i] = number[i] & LOW;
             c[1][i] = number[i] >> 32;
             c[2][i] = u64::from(counter[i]);
             c[3][i] = u64::from(group[i].wrapping_shl(8) ^ self.purpose);
         }
         for _ in 0..10 {
-            for i in 0..LANES {
+            for i in 0..NORMALS_PER_BLOCK {
                 let p0 = (c[0][i] & LOW) * 0xD251_1F53;
                 let p1 = (c[2][i] & LOW) * 0xCD9E_8D57;
                 c[0][i] = (p1 >> 32) ^ c[1][i] ^ u64::from(k[0]);
@@ -78,8 +84,8 @@ fn logs(x: &Block) -> Block {
     ];
     // The upper half of √2/2, from which on mantissas count as 1 or more of the next lower power of two.
     const HALF_ROOT: u64 = 0x3fe6_a09e;
-    let mut out = [0.0; LANES];
-    for i in 0..LANES {
+    let mut out = [0.0; NORMALS_PER_BLOCK];
+    for i in 0..NORMALS_PER_BLOCK {
         let bits = x[i].to_bits();
         let high = (bits >> 32) + (0x3ff0_0000 - HALF_ROOT);
         let power = f64::from((high >> 20) as i32 - 0x3ff);
@@ -99,13 +105,13 @@ fn logs(x: &Block) -> Block {
 
 /// [`libm::sin`] where `is_sine` is 1 and [`libm::cos`] where it is 0, of angles from 0 to 2π.
 #[inline(always)]
-fn sines(x: &Block, is_sine: &[u64; LANES]) -> Block {
+fn sines(x: &Block, is_sine: &[u64; NORMALS_PER_BLOCK]) -> Block {
     /// π/2: its first 33 bits, and the others.
     const QUARTER: [f64; 2] = [1.57079632673412561417e+00, 6.07710050650619224932e-11];
     // Upper halves of odd multiples of π/4, from which on the next multiple of π/2 is taken off.
     const FROM: [u64; 4] = [0x3fe9_21fb, 0x4002_d97c, 0x400f_6a7a, 0x4015_fdbc];
-    let (mut out, mut rare) = ([0.0; LANES], 0);
-    for i in 0..LANES {
+    let (mut out, mut rare) = ([0.0; NORMALS_PER_BLOCK], 0);
+    for i in 0..NORMALS_PER_BLOCK {
         let high = x[i].to_bits() >> 32;
         let past = [high > FROM[0], high > FROM[1], high > FROM[2], high > FROM[3]];
         let quarters = u64::from(past[0]) + u64::from(past[1]) + u64::from(past[2]) + u64::from(past[3]);
@@ -130,8 +136,8 @@ fn sines(x: &Block, is_sine: &[u64; LANES]) -> Block {
 
 #[cold]
 #[inline(never)]
-fn one_by_one(x: &Block, is_sine: &[u64; LANES], out: &mut Block) {
-    for i in 0..LANES {
+fn one_by_one(x: &Block, is_sine: &[u64; NORMALS_PER_BLOCK], out: &mut Block) {
+    for i in 0..NORMALS_PER_BLOCK {
         out[i] = if is_sine[i] == 1 { libm::sin(x[i]) } else { libm::cos(x[i]) };
     }
 }
@@ -228,7 +234,8 @@ mod tests {
         let even = (0..300_000).map(|i| TAU * f64::from(i) / 300_000.0);
         for x in wide.chain(eighths).chain(tiny).chain(even) {
             let x = around(x).map(|x| x.min(TAU));
-            let [cosines, sines] = [0, 1].map(|which| sines(&x, &[which; LANES]).map(f64::to_bits));
+            let [cosines, sines] =
+                [0, 1].map(|which| sines(&x, &[which; NORMALS_PER_BLOCK]).map(f64::to_bits));
             assert_eq!(cosines, x.map(|x| libm::cos(x).to_bits()), "{x:?}");
             assert_eq!(sines, x.map(|x| libm::sin(x).to_bits()), "{x:?}");
         }

@@ -283,7 +283,7 @@ impl Bench {
         }
         let seconds = started.elapsed().as_secs_f64();
         let (done, log) = (progress.snapshot(), recorder.finish());
-        let rays = physics.most_rays();
+        let rays = physics.max_rays();
         Ok(Some(Flown { seconds, pulses: done.pulses, echoes: done.echoes, rays, log }))
     }
 

@@ -6,12 +6,14 @@ use crate::output::encode::PointCodec;
 use crate::output::plan::LegFacts;
 use crate::output::request::{ExtraDimensions, IntensityMapping, LasVersion};
 use crate::output::text::seconds;
-use crate::pulse::Echo;
+use crate::pulse::{Echo, EchoTruth};
 
 /// Packs echoes as points.
 pub(in crate::output) struct LasCodec<'a> {
     pub format: &'a LasFormat,
     pub objects: &'a ObjectIds,
+    /// What really caused the echoes of the batch.
+    pub truths: &'a [EchoTruth],
 }
 
 /// 1000·log10(a) = DECIBEL·ln(a)
@@ -138,7 +140,7 @@ impl LasCodec<'_> {
         }
         if self.format.groups.true_positions {
             // TrueX, TrueY, TrueZ; the format's offset and shift together are the scene's shift.
-            let place = echo.true_position() + self.format.offset + self.format.shift;
+            let place = echo.true_position(self.truths) + self.format.offset + self.format.shift;
             place.to_array().into_iter().for_each(|c| record.put(c.to_le_bytes()));
         }
     }

@@ -1,8 +1,8 @@
 //! The refined beam against closed forms: one small scene for each law.
 
 use super::*;
-use crate::pulse::Physics;
 use crate::pulse::testkit::*;
+use crate::pulse::{Physics, PulseSimulator};
 use crate::survey::{Device, Survey};
 
 /// An instrument without haze, losses or threshold: 4 W, 0.15 m, 4 ns, quality `quality`.
@@ -27,13 +27,13 @@ fn lab(divergence: f64, quality: u32) -> Survey {
 fn sums(scene: &Scene, survey: &Survey, at: impl Fn(u64) -> DVec3, count: u64) -> Vec<f64> {
     let tree = tree(scene);
     let physics = Physics::new(scene, &tree, survey, PhysicsOptions::refined()).unwrap();
-    let (mut shooter, mut batch) = (physics.shooter(), Batch::default());
+    let (mut simulator, mut batch) = (PulseSimulator::new(&physics), Batch::default());
     let shot = |number| {
         let p = crate::flight::Pulse { origin: at(number), number, ..pulse(Rotation::IDENTITY) };
         in_frame(scene, &p)
     };
     let pulses: Vec<_> = (1..=count).map(shot).collect();
-    shooter.fire_all(0, &pulses, &mut batch).unwrap();
+    simulator.simulate(0, &pulses, &mut batch).unwrap();
     let mut sums = vec![0.0; count as usize];
     batch.echoes.iter().for_each(|e| sums[e.pulse_number as usize - 1] += e.intensity);
     sums

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::flight::Pulse;
-use crate::pulse::{Echo, Physics};
+use crate::pulse::{Echo, Physics, PulseSimulator};
 use crate::scene::{LadTable, VoxelKind};
 
 /// A column of foliage of that many voxels from 99 m on, before a wall at 120 m.
@@ -17,10 +17,10 @@ fn echoes(scene: &Scene, quality: u32, options: PhysicsOptions, pulses: u64) -> 
     let tree = tree(scene);
     let survey = tls_with(|d| (d.waveform.quality, d.detector.threshold) = (quality, 1e-30));
     let physics = Physics::new(scene, &tree, &survey, options).unwrap();
-    let mut shooter = physics.shooter();
+    let mut simulator = PulseSimulator::new(&physics);
     let fire = |number| {
         let (mut batch, p) = (Batch::default(), Pulse { number, ..pulse(Rotation::IDENTITY) });
-        shooter.fire(0, &in_frame(scene, &p), &mut batch).unwrap();
+        simulator.simulate(0, &[in_frame(scene, &p)], &mut batch).unwrap();
         batch.echoes
     };
     (1..=pulses).map(fire).collect()

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::flight::Pulse;
-use crate::pulse::Physics;
+use crate::pulse::{Physics, PulseSimulator};
 use crate::scene::{LadTable, VoxelKind};
 
 const N: usize = 20_000;
@@ -16,11 +16,11 @@ fn shares(scene: &Scene, options: PhysicsOptions) -> (Vec<f64>, Batch) {
     let tree = tree(scene);
     let survey = one_ray();
     let physics = Physics::new(scene, &tree, &survey, options).unwrap();
-    let mut shooter = physics.shooter();
+    let mut simulator = PulseSimulator::new(&physics);
     let mut batch = Batch::default();
     for number in 1..=N as u64 {
         let p = Pulse { number, ..pulse(Rotation::IDENTITY) };
-        shooter.fire(0, &in_frame(scene, &p), &mut batch).unwrap();
+        simulator.simulate(0, &[in_frame(scene, &p)], &mut batch).unwrap();
     }
     let mut counts = vec![0.0; scene.geometry.len() - 1];
     for e in &batch.echoes {

@@ -10,7 +10,7 @@ mod slabs;
 mod truth;
 
 use super::testkit::*;
-use super::{Corrections, PhysicsOptions};
+use super::{Corrections, Physics, PhysicsOptions, PulseSimulator};
 use crate::geom::{Aabb, DVec3, Rotation, radians};
 use crate::pulse::Batch;
 use crate::scene::{Material, Reflection, Scene};
@@ -318,12 +318,12 @@ fn range_noise_has_device_0_s_spread_and_depends_on_the_pulse_alone() {
     let survey = survey(vec![first, tls_device(5.0)]);
     let (scene, tree) = (plane_at_100(), tree(&plane_at_100()));
     let spread = |options: PhysicsOptions, device| {
-        let physics = super::Physics::new(&scene, &tree, &survey, options).unwrap();
-        let mut shooter = physics.shooter();
+        let physics = Physics::new(&scene, &tree, &survey, options).unwrap();
+        let mut simulator = PulseSimulator::new(&physics);
         let mut batch = Batch::default();
         for number in 1..=2000 {
             let p = crate::flight::Pulse { number, device, ..pulse(Rotation::IDENTITY) };
-            shooter.fire(0, &in_frame(&scene, &p), &mut batch).unwrap();
+            simulator.simulate(0, &[in_frame(&scene, &p)], &mut batch).unwrap();
         }
         let off: Vec<f64> = batch.echoes.iter().map(|e| e.range - 100.0).collect();
         assert_eq!(off.len(), 2000);
@@ -369,10 +369,9 @@ fn a_waveform_too_long_to_record_is_an_error_and_its_points_are_not() {
     assert_eq!(fire(&scene, &survey, legacy()).echoes.len(), 1, "the far one is too weak");
     let tree = tree(&scene);
     let options = PhysicsOptions { record_waveforms: true, ..legacy() };
-    let physics = super::Physics::new(&scene, &tree, &survey, options).unwrap();
-    let error = physics
-        .shooter()
-        .fire(0, &in_frame(&scene, &pulse(Rotation::IDENTITY)), &mut Batch::default())
+    let physics = Physics::new(&scene, &tree, &survey, options).unwrap();
+    let error = PulseSimulator::new(&physics)
+        .simulate(0, &[in_frame(&scene, &pulse(Rotation::IDENTITY))], &mut Batch::default())
         .unwrap_err();
     assert!(error.to_string().contains("maxFullwaveRange_ns"), "{error}");
 }
@@ -394,12 +393,12 @@ fn pulses_yield_the_same_alone_and_together() {
         })
         .collect();
     let tree = tree(&scene);
-    let physics = super::Physics::new(&scene, &tree, &survey, options).unwrap();
+    let physics = Physics::new(&scene, &tree, &survey, options).unwrap();
     let (mut together, mut alone) = (Batch::default(), Batch::default());
-    physics.shooter().fire_all(0, &pulses, &mut together).unwrap();
-    let mut shooter = physics.shooter();
+    PulseSimulator::new(&physics).simulate(0, &pulses, &mut together).unwrap();
+    let mut simulator = PulseSimulator::new(&physics);
     for p in &pulses {
-        shooter.fire(0, p, &mut alone).unwrap();
+        simulator.simulate(0, std::slice::from_ref(p), &mut alone).unwrap();
     }
     assert!(together.echoes.len() > 500 && together.pulses.len() == 700);
     assert_eq!(together.echoes, alone.echoes);
@@ -408,9 +407,9 @@ fn pulses_yield_the_same_alone_and_together() {
     assert_eq!(together.pulses, alone.pulses);
     assert!(together.pulses.iter().zip(&pulses).all(|(r, p)| (r.number, r.device) == (p.number, p.device)));
     for level in crate::tree::Level::available() {
-        let (mut shooter, mut batch) = (physics.shooter(), Batch::default());
-        shooter.level = level;
-        shooter.fire_all(0, &pulses, &mut batch).unwrap();
+        let (mut simulator, mut batch) = (PulseSimulator::new(&physics), Batch::default());
+        simulator.level = level;
+        simulator.simulate(0, &pulses, &mut batch).unwrap();
         assert_eq!(batch.echoes, alone.echoes, "{level:?}");
         assert_eq!(batch.samples, alone.samples, "{level:?}");
     }
@@ -498,9 +497,9 @@ proptest! {
         let options = PhysicsOptions { legacy_energy, echo_width, record_waveforms, ..base };
         let scene = step(100.0, 105.0);
         let tree = tree(&scene);
-        if let Ok(physics) = super::Physics::new(&scene, &tree, &survey, options) {
+        if let Ok(physics) = Physics::new(&scene, &tree, &survey, options) {
             let mut batch = Batch::default();
-            if physics.shooter().fire(0, &in_frame(&scene, &pulse(Rotation::IDENTITY)), &mut batch).is_ok() {
+            if PulseSimulator::new(&physics).simulate(0, &[in_frame(&scene, &pulse(Rotation::IDENTITY))], &mut batch).is_ok() {
                 prop_assert!(batch.echoes.iter().all(|e| e.return_number <= e.number_of_returns));
                 prop_assert_eq!(batch.samples.len(), batch.waveforms.iter().map(|w| w.samples).sum::<usize>());
             }

@@ -1,7 +1,7 @@
 //! Pulses over a scene in which something moves (spec pulse-physics §6).
 
 use super::*;
-use crate::pulse::Physics;
+use crate::pulse::{Physics, PulseSimulator};
 use crate::scene::{DynamicScene, MotionPlan, MotionState, MovingPart, ObjectUpdate};
 use crate::survey::*;
 use crate::tree::{BuildOptions, Tree};
@@ -35,7 +35,7 @@ fn echoes(by: f64, options: PhysicsOptions) -> Vec<(f64, u32)> {
     }
     let mut stage = DynamicScene::new(&movers, BuildOptions::default());
     let mut batch = Batch::default();
-    physics.shooter().fire_moving(0, &pulses, &mut stage, &changes, &mut batch).unwrap();
+    PulseSimulator::new(&physics).simulate_dynamic(0, &pulses, &mut stage, &changes, &mut batch).unwrap();
     assert_eq!(batch.echoes.len(), 5);
     batch.echoes.iter().map(|e| (e.range, e.primitive)).collect()
 }

@@ -1,7 +1,7 @@
 //! Maximum ranges of the catalogue's instruments in refined physics against those that their data sheets state.
 
 use super::*;
-use crate::pulse::Physics;
+use crate::pulse::{Physics, PulseSimulator};
 use crate::survey::{Scanner, catalogue};
 
 /// Figures of an instrument.
@@ -155,7 +155,9 @@ fn max_range(scanner: &Scanner, pulse_freq: u32, reflectance: f64) -> f64 {
         let tree = tree(&scene);
         let physics = Physics::new(&scene, &tree, &survey, PhysicsOptions::refined()).unwrap();
         let mut batch = Batch::default();
-        physics.shooter().fire(0, &in_frame(&scene, &pulse(Rotation::IDENTITY)), &mut batch).unwrap();
+        PulseSimulator::new(&physics)
+            .simulate(0, &[in_frame(&scene, &pulse(Rotation::IDENTITY))], &mut batch)
+            .unwrap();
         !batch.echoes.is_empty()
     };
     let (mut near, mut far) = (scanner.devices[0].detector.range_min.max(1.0), 20_000.0);

@@ -1,7 +1,7 @@
 //! Receivers that are not ideal, by their closed forms: whole pulses at a wall that faces the beam.
 
 use super::*;
-use crate::pulse::{Echo, Physics};
+use crate::pulse::{Echo, Physics, PulseSimulator};
 use crate::survey::{AmplifierNoise, PulseSamples, Ranging, Receiver, ReferenceTarget, ShotNoise};
 use libm::erfc;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ fn fire_many(scene: &Scene, survey: &Survey, count: u64, options: PhysicsOptions
         .map(|number| in_frame(scene, &crate::flight::Pulse { number, ..pulse(Rotation::IDENTITY) }))
         .collect();
     let mut batch = Batch::default();
-    physics.shooter().fire_all(0, &pulses, &mut batch).unwrap();
+    PulseSimulator::new(&physics).simulate(0, &pulses, &mut batch).unwrap();
     batch
 }
 

@@ -6,9 +6,9 @@
 use super::*;
 use crate::flight::Pulse;
 use crate::geom::unit;
-use crate::pulse::Physics;
 use crate::pulse::foliage::FreePaths;
-use crate::pulse::reflect::{Encounter, View};
+use crate::pulse::view::{Interaction, SceneView};
+use crate::pulse::{Physics, PulseSimulator};
 use crate::rng::{Purpose, Stream};
 use crate::scene::{LadTable, Part, Surface, Voxel, VoxelKind};
 use crate::tree::Cube;
@@ -75,7 +75,7 @@ fn assert_beer_lambert(
             let volley: Vec<Pulse> = (0..CHUNK).map(|i| pulses(chunk * CHUNK + i)).collect();
             let local: Vec<Pulse> = volley.iter().map(|p| in_frame(scene, p)).collect();
             let mut batch = Batch::default();
-            physics.shooter().fire_all(0, &local, &mut batch).unwrap();
+            PulseSimulator::new(&physics).simulate(0, &local, &mut batch).unwrap();
             let through = batch.echoes.iter().filter(|e| e.primitive < 2).count() as f64;
             let chances = volley.iter().map(|p| {
                 let d = p.attitude.forward();
@@ -163,18 +163,19 @@ fn overlapping_voxels_add_up() {
 }
 
 /// The view of a scene in the refined physics.
-fn view<'a>(scene: &'a Scene, tree: &'a crate::tree::Tree) -> View<'a> {
-    View { scene, tree, moving: &[], limits: None, fixed_incidence: false, largest_cube: EDGE }
+fn view<'a>(scene: &'a Scene, tree: &'a crate::tree::Tree) -> SceneView<'a> {
+    SceneView { scene, tree, moving: &[], limits: None, fixed_incidence: false, max_cube_size: EDGE }
 }
 
 /// Follows a ray through foliage so thin that it stops nowhere; the number of voxels that it drew a path for.
-fn voxels_drawn(view: &View, origin: DVec3, direction: DVec3) -> u32 {
+fn voxels_drawn(view: &SceneView, origin: DVec3, direction: DVec3) -> u32 {
     let mut instrument = tls_instrument(5.0);
-    instrument.corrections = Corrections::REFINED;
+    instrument.detector.corrections = Corrections::REFINED;
     let mut paths = FreePaths { stream: Stream::new(3, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
-    let first = view.first_behind(origin, direction, origin, |_| true);
-    let around = crate::pulse::foliage::around(view.scene, view.tree, origin, EDGE);
-    let end: Option<Encounter> = view.cross(&instrument, origin, direction, first, &around, &mut paths);
+    let first = view.nearest(origin, direction, origin, |_| true);
+    let around = crate::pulse::foliage::voxels_around(view.scene, view.tree, origin, EDGE);
+    let end: Option<Interaction> =
+        view.walk_medium(&instrument.detector, (origin, direction), first, &around, &mut paths);
     assert!(end.is_none_or(|e| e.primitive < 2), "{end:?}");
     paths.drawn
 }
@@ -238,7 +239,7 @@ fn a_trunk_within_a_voxel_is_seen_through_its_leaves() {
     let pulses: Vec<Pulse> =
         (0..20_000).map(|n| in_frame(&scene, &aimed(n, DVec3::ZERO, 0.0, 0.0))).collect();
     let mut batch = Batch::default();
-    physics.shooter().fire_all(0, &pulses, &mut batch).unwrap();
+    PulseSimulator::new(&physics).simulate(0, &pulses, &mut batch).unwrap();
     let trunk = batch.echoes.iter().filter(|e| e.primitive < 2).count() as f64 / 20_000.0;
     assert!((trunk - libm::exp(-0.6)).abs() < 0.014, "{trunk}");
     assert!(batch.echoes.iter().all(|e| e.range < 20.31), "nothing is seen behind the trunk");

@@ -19,17 +19,21 @@ fn echoes_know_the_surface_normal_and_share_of_their_strongest_subray() {
     let batch = fire(&scene, &survey, options);
     assert_eq!(batch.echoes.len(), 2);
     let (near, far) = (&batch.echoes[0], &batch.echoes[1]);
-    assert!((near.truth.fraction + far.truth.fraction - 1.0).abs() < 1e-12);
-    assert!((0.3..0.7).contains(&near.truth.fraction), "{}", near.truth.fraction);
-    let at = near.truth.surface + scene.shift;
+    assert!((near.truth(&batch.truths).fraction + far.truth(&batch.truths).fraction - 1.0).abs() < 1e-12);
+    assert!(
+        (0.3..0.7).contains(&near.truth(&batch.truths).fraction),
+        "{}",
+        near.truth(&batch.truths).fraction
+    );
+    let at = near.truth(&batch.truths).surface + scene.shift;
     // On the board's plane y = 100 + x·tan 30°, and within the beam.
     assert!((at.y - 100.0 - at.x * radians(30.0).tan()).abs() < 1e-9 && at.x > 0.0 && at.x < 0.3, "{at}");
-    assert!((near.truth.normal - DVec3::new(0.5, -radians(30.0).cos(), 0.0)).length() < 1e-12);
+    assert!((near.truth(&batch.truths).normal - DVec3::new(0.5, -radians(30.0).cos(), 0.0)).length() < 1e-12);
     assert!(
-        (far.truth.surface + scene.shift).y == 130.0
-            || ((far.truth.surface + scene.shift).y - 130.0).abs() < 1e-9
+        (far.truth(&batch.truths).surface + scene.shift).y == 130.0
+            || ((far.truth(&batch.truths).surface + scene.shift).y - 130.0).abs() < 1e-9
     );
-    assert_eq!(far.truth.normal, DVec3::NEG_Y);
+    assert_eq!(far.truth(&batch.truths).normal, DVec3::NEG_Y);
 }
 
 #[test]
@@ -41,7 +45,7 @@ fn the_table_of_subrays_has_every_one_with_its_return() {
     let batch = fire(&scene, &survey, options);
     assert_eq!(batch.echoes.len(), 16);
     for (i, e) in (0..).zip(&batch.echoes) {
-        assert_eq!((e.truth.subray, e.return_number, e.number_of_returns), (i, e.part + 1, 2));
+        assert_eq!((e.truth(&batch.truths).subray, e.return_number, e.number_of_returns), (i, e.part + 1, 2));
         assert!((e.position - e.origin - e.direction * e.range).length() < 1e-12);
     }
     let echoes = fire(&scene, &survey, PhysicsOptions::refined()).echoes;

@@ -1,11 +1,11 @@
 //! Reflections in the order in which their light arrives (spec pulse-physics §4.2).
 
-use super::energy::{Block, LANES};
+use super::lanes::{Block, LANES};
 use super::reflections::Reflections;
 
 /// Reflections of a pulse by ascending range: the map of distances and intensities.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Light {
+pub(super) struct ReturnProfile {
     len: usize,
     /// Filled up to whole blocks by anything.
     range: Vec<Block>,
@@ -15,17 +15,17 @@ pub(super) struct Light {
 
 /// Most reflections that are ordered by counting.
 #[cfg(target_arch = "x86_64")]
-const FEW: usize = 32;
+const MAX_RANKED: usize = 32;
 
-impl Light {
+impl ReturnProfile {
     /// Replaces the light by that of `reflections`. Of those at bit for bit the same range only the first counts, or their
     /// sum if `sum` is set (trap 2). `WIDE` says that this is compiled for AVX-512, and changes nothing but the speed.
     #[inline(always)]
-    pub fn order<const WIDE: bool>(&mut self, reflections: &Reflections, sum: bool) {
+    pub fn sort_by_range<const WIDE: bool>(&mut self, reflections: &Reflections, sum: bool) {
         let (ranges, intensities) = (reflections.ranges(), reflections.intensities());
         self.make_room(ranges.len());
         #[cfg(target_arch = "x86_64")]
-        if WIDE && ranges.len() <= FEW && self.order_few(ranges, intensities) {
+        if WIDE && ranges.len() <= MAX_RANKED && self.order_few(ranges, intensities) {
             return;
         }
         self.order_any(ranges, intensities, sum);
@@ -43,9 +43,9 @@ impl Light {
     #[inline(always)]
     fn order_few(&mut self, ranges: &[f64], intensities: &[f64]) -> bool {
         let n = ranges.len();
-        let mut keys = [f64::INFINITY; FEW];
+        let mut keys = [f64::INFINITY; MAX_RANKED];
         keys[..n].copy_from_slice(ranges);
-        let mut ranks = [0; FEW];
+        let mut ranks = [0; MAX_RANKED];
         // SAFETY: `WIDE` holds only where the machine has the feature.
         unsafe {
             if n <= 24 {
@@ -57,7 +57,7 @@ impl Light {
         let mut sum = 0;
         let out = self.range.as_flattened_mut();
         for i in 0..n {
-            let rank = ranks[i] as usize % FEW;
+            let rank = ranks[i] as usize % MAX_RANKED;
             sum += rank;
             out[rank] = ranges[i];
             self.intensity[rank] = intensities[i];
@@ -69,7 +69,7 @@ impl Light {
 
     #[inline(never)]
     fn order_any(&mut self, ranges: &[f64], intensities: &[f64], sum: bool) {
-        let Light { len, range, intensity, keys } = self;
+        let ReturnProfile { len, range, intensity, keys } = self;
         keys.clear();
         // The bits of floats that are not negative are ordered like the floats.
         keys.extend(ranges.iter().zip(0..).map(|(r, i)| (r.to_bits(), i)));
@@ -112,7 +112,7 @@ impl Light {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f")]
 #[inline]
-fn rank<const BLOCKS: usize>(keys: &[f64; FEW], n: usize, ranks: &mut [u64; FEW]) {
+fn rank<const BLOCKS: usize>(keys: &[f64; MAX_RANKED], n: usize, ranks: &mut [u64; MAX_RANKED]) {
     use std::arch::x86_64::*;
     let (keys_by_block, _) = keys.as_chunks::<8>();
     let (ranks_by_block, _) = ranks.as_chunks_mut::<8>();
@@ -136,7 +136,7 @@ fn rank<const BLOCKS: usize>(keys: &[f64; FEW], n: usize, ranks: &mut [u64; FEW]
     }
 }
 
-impl Light {
+impl ReturnProfile {
     /// Replaces the light by (range, intensity) pairs, ascending.
     pub fn set(&mut self, pairs: &[(f64, f64)]) {
         self.make_room(pairs.len());
@@ -148,8 +148,8 @@ impl Light {
 
     /// Light of (range, intensity) pairs, ascending.
     #[cfg(test)]
-    pub fn of(pairs: &[(f64, f64)]) -> Light {
-        let mut light = Light::default();
+    pub fn of(pairs: &[(f64, f64)]) -> ReturnProfile {
+        let mut light = ReturnProfile::default();
         light.set(pairs);
         light
     }
@@ -164,17 +164,18 @@ mod tests {
         let mut reflections = Reflections::default();
         reflections.clear(of.len());
         for (range, intensity) in of {
-            reflections.add((0, 0), (*range, *range), 0, 1.0, *intensity);
+            reflections.push((0, 0), (*range, *range), 0, 1.0, *intensity);
         }
-        let pairs = |l: &Light| l.ranges().iter().copied().zip(l.intensities().iter().copied()).collect();
-        let mut light = Light::default();
-        light.order::<false>(&reflections, sum);
-        let slow = pairs(&light);
+        let pairs =
+            |l: &ReturnProfile| l.ranges().iter().copied().zip(l.intensities().iter().copied()).collect();
+        let mut profile = ReturnProfile::default();
+        profile.sort_by_range::<false>(&reflections, sum);
+        let slow = pairs(&profile);
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx512f") {
-            light.order::<true>(&reflections, sum);
+            profile.sort_by_range::<true>(&reflections, sum);
         }
-        [slow, pairs(&light)]
+        [slow, pairs(&profile)]
     }
 
     #[test]

@@ -1,16 +1,16 @@
-//! What the physics needs to know of a triangle, remembered: neighbouring pulses meet the same ones.
+//! A cache of triangle normals and materials: neighbouring pulses hit the same triangles.
 
-use super::energy::{Block, LANES};
-use super::reflect::View;
+use super::lanes::{Block, LANES};
+use super::view::SceneView;
 use crate::geom::{DVec3, unit};
 use crate::scene::{Material, Reflection};
 use crate::tree::Hits;
 
-/// A triangle as the physics sees it.
+/// What the shading needs of a triangle.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub(super) struct Facet {
-    /// Number of the primitive, or [`Hits::MISS`].
+pub(super) struct CachedTriangle {
+    /// Index of the primitive, or [`Hits::MISS`].
     primitive: u32,
     /// Part of the scene.
     pub part: u32,
@@ -18,7 +18,7 @@ pub(super) struct Facet {
     pub classification: i32,
     law: Law,
     /// Unit normal.
-    normal: DVec3,
+    pub normal: DVec3,
     /// ρ.
     reflectance: f64,
 }
@@ -28,12 +28,12 @@ pub(super) struct Facet {
 enum Law {
     Uniform,
     Lambert,
-    /// That of the material with this number.
-    Glossy(u32),
+    /// With a specular share: [`Material::factor`] of the material with this index.
+    Phong(u32),
 }
 
-impl Facet {
-    const NONE: Facet = Facet {
+impl CachedTriangle {
+    const NONE: CachedTriangle = CachedTriangle {
         primitive: Hits::MISS,
         part: 0,
         classification: 0,
@@ -42,10 +42,10 @@ impl Facet {
         reflectance: 0.0,
     };
 
-    /// Triangle `primitive` where it is seen now, or `None` if it is no triangle.
-    fn of(view: &View, primitive: u32) -> Option<Facet> {
-        let (shown, local) = view.shown(primitive);
-        let [a, b, c] = shown.triangle(local)?;
+    /// Triangle `primitive` in its current position, or `None` if it is no triangle.
+    fn of(view: &SceneView, primitive: u32) -> Option<CachedTriangle> {
+        let (scene, local) = view.locate(primitive);
+        let [a, b, c] = scene.triangle(local)?;
         let surface = view.scene.surface(primitive);
         let material = &view.scene.materials[surface.material as usize];
         let law = match material.reflection {
@@ -54,9 +54,9 @@ impl Facet {
             // A lobe without light of its own is finite and adds nothing.
             Reflection::Phong { specularity: 0.0, exponent } if exponent >= 0.0 => Law::Lambert,
             Reflection::Lobes { specularity: 0.0, roughness: 0.0, .. } => Law::Lambert,
-            Reflection::Phong { .. } | Reflection::Lobes { .. } => Law::Glossy(surface.material),
+            Reflection::Phong { .. } | Reflection::Lobes { .. } => Law::Phong(surface.material),
         };
-        Some(Facet {
+        Some(CachedTriangle {
             primitive,
             part: surface.part,
             classification: material.classification,
@@ -66,12 +66,7 @@ impl Facet {
         })
     }
 
-    /// Unit normal.
-    pub fn normal(&self) -> DVec3 {
-        self.normal
-    }
-
-    /// Cosines of the incidence angles (spec pulse-physics §2.4) of those directions where `same` is 1.
+    /// Cosines of the incidence angles (spec pulse-physics §2.4) of the directions where `same` is 1.
     #[inline(always)]
     pub fn cosines(&self, [x, y, z]: [&Block; 3], same: &[u8; LANES], out: &mut Block) {
         let n = self.normal;
@@ -82,11 +77,11 @@ impl Facet {
         }
     }
 
-    /// Reflectance factors, as [`crate::scene::Material::factor`] has them, times the gains where `same` is 1.
+    /// Reflectance factors ([`Material::factor`]) times the gains where `same` is 1.
     #[inline(always)]
     pub fn intensities(
         &self,
-        view: &View,
+        view: &SceneView,
         cosine: &Block,
         gain: &Block,
         same: &[u8; LANES],
@@ -97,8 +92,14 @@ impl Facet {
         match self.law {
             Law::Lambert => {}
             Law::Uniform => slope = [1.0; LANES],
-            Law::Glossy(material) => {
-                return Facet::shine(&view.scene.materials[material as usize], cosine, gain, same, out);
+            Law::Phong(material) => {
+                return CachedTriangle::phong(
+                    &view.scene.materials[material as usize],
+                    cosine,
+                    gain,
+                    same,
+                    out,
+                );
             }
         }
         for i in 0..LANES {
@@ -107,9 +108,9 @@ impl Facet {
         }
     }
 
-    /// [`Facet::intensities`] of what shines.
+    /// [`CachedTriangle::intensities`] of materials with a specular share.
     #[inline(never)]
-    fn shine(material: &Material, cosine: &Block, gain: &Block, same: &[u8; LANES], out: &mut Block) {
+    fn phong(material: &Material, cosine: &Block, gain: &Block, same: &[u8; LANES], out: &mut Block) {
         for i in 0..LANES {
             if same[i] == 1 {
                 out[i] = material.factor(cosine[i]) * gain[i];
@@ -118,46 +119,46 @@ impl Facet {
     }
 }
 
-/// Triangles that were met lately.
+/// The triangles that were hit last, by the low bits of their index.
 #[derive(Clone, Debug)]
-pub(super) struct Facets {
-    met: Vec<Facet>,
-    /// Places of those that belong to moving parts.
+pub(super) struct TriangleCache {
+    entries: Vec<CachedTriangle>,
+    /// Entries that belong to moving objects.
     moving: Vec<usize>,
 }
 
-/// How many are remembered: a power of two.
-const REMEMBERED: usize = 256;
+/// Number of entries: a power of two.
+const CACHE_SIZE: usize = 256;
 
-impl Default for Facets {
-    fn default() -> Facets {
-        Facets { met: vec![Facet::NONE; REMEMBERED], moving: Vec::new() }
+impl Default for TriangleCache {
+    fn default() -> TriangleCache {
+        TriangleCache { entries: vec![CachedTriangle::NONE; CACHE_SIZE], moving: Vec::new() }
     }
 }
 
-impl Facets {
-    /// Forgets what may be seen elsewhere from now on.
+impl TriangleCache {
+    /// Removes the triangles of moving objects, whose positions change.
     pub fn forget_moving(&mut self) {
-        for place in self.moving.drain(..) {
-            self.met[place] = Facet::NONE;
+        for entry in self.moving.drain(..) {
+            self.entries[entry] = CachedTriangle::NONE;
         }
     }
 
     /// Triangle `primitive`, or `None` if it is another primitive.
     #[inline(always)]
-    pub fn look_up(&mut self, view: &View, primitive: u32) -> Option<&Facet> {
-        let place = primitive as usize % REMEMBERED;
-        if self.met[place].primitive != primitive {
-            self.remember(view, place, primitive)?;
+    pub fn look_up(&mut self, view: &SceneView, primitive: u32) -> Option<&CachedTriangle> {
+        let entry = primitive as usize % CACHE_SIZE;
+        if self.entries[entry].primitive != primitive {
+            self.insert(view, entry, primitive)?;
         }
-        Some(&self.met[place])
+        Some(&self.entries[entry])
     }
 
     #[inline(never)]
-    fn remember(&mut self, view: &View, place: usize, primitive: u32) -> Option<()> {
-        self.met[place] = Facet::of(view, primitive)?;
-        if view.moves(primitive) {
-            self.moving.push(place);
+    fn insert(&mut self, view: &SceneView, entry: usize, primitive: u32) -> Option<()> {
+        self.entries[entry] = CachedTriangle::of(view, primitive)?;
+        if view.is_moving(primitive) {
+            self.moving.push(entry);
         }
         Some(())
     }

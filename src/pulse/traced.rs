@@ -1,44 +1,44 @@
-//! How far the subrays went, and what would be received from there.
+//! Ranges of the subrays of a pulse, and the gain of the instrument there.
 
-use super::energy::{Block, LANES};
 use super::instrument::Instrument;
+use super::lanes::{Block, LANES};
 use crate::geom::DVec3;
 use crate::scene::Scene;
 use crate::tree::{Hits, RayGroup, prefetch};
 
 /// The traced subrays of a pulse.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shot<'a> {
-    /// Where all of them began, m.
+pub(super) struct TracedPulse<'a> {
+    /// Where all of them start, m.
     pub origin: DVec3,
-    /// x, y and z of each.
+    /// x, y and z of their directions.
     pub directions: [&'a [Block]; 3],
-    /// How far each went, in units of its direction.
+    /// Distances to the hits, in units of the directions.
     pub t: &'a [Block],
-    /// What each met: as many as there are subrays; the others are filled up to whole blocks.
-    pub primitive: &'a [u32],
-    /// The same in whole blocks.
-    pub met: &'a [[u32; LANES]],
+    /// What each subray hit, without padding.
+    pub primitives: &'a [u32],
+    /// What each subray hit, padded to whole blocks.
+    pub primitive_blocks: &'a [[u32; LANES]],
 }
 
-impl<'a> Shot<'a> {
-    /// Pulse `pulse` of a group and what it hit.
+impl<'a> TracedPulse<'a> {
+    /// Pulse `pulse` of a group.
     #[inline(always)]
-    pub fn of(group: &'a RayGroup, hits: &'a Hits, pulse: usize) -> Shot<'a> {
+    pub fn of(group: &'a RayGroup, hits: &'a Hits, pulse: usize) -> TracedPulse<'a> {
         let row = pulse * group.stride();
-        Shot {
+        TracedPulse {
             origin: group.origin(pulse),
             directions: group.blocks(pulse),
             t: hits.t[row..row + group.stride()].as_chunks().0,
-            primitive: &hits.primitive[row..row + group.rays()],
-            met: hits.primitive[row..row + group.stride()].as_chunks().0,
+            primitives: &hits.primitive[row..row + group.rays()],
+            primitive_blocks: hits.primitive[row..row + group.stride()].as_chunks().0,
         }
     }
 
-    /// Asks for what the hits will be looked up by, ahead of their turn: some of them stand for their neighbours.
+    /// Prefetches the triangles and surfaces of some of the hits, which mostly are those of their neighbours, too.
     #[inline(always)]
-    pub fn foresee(&self, scene: &Scene) {
-        for primitive in self.primitive.iter().step_by(4) {
+    pub fn prefetch_surfaces(&self, scene: &Scene) {
+        for primitive in self.primitives.iter().step_by(4) {
             let primitive = *primitive as usize;
             if let Some(triangle) = scene.geometry.triangles.get(primitive) {
                 prefetch(triangle);
@@ -47,7 +47,7 @@ impl<'a> Shot<'a> {
         }
     }
 
-    /// Blocks that the subrays fill.
+    /// Number of blocks of subrays.
     #[inline(always)]
     pub fn blocks(&self) -> usize {
         self.t.len()
@@ -60,8 +60,8 @@ impl<'a> Shot<'a> {
         DVec3::new(x[i], y[i], z[i])
     }
 
-    /// Distance of every hit from the origin, of the point that it has in the scene's frame: that rounding decides which
-    /// ranges are equal (§4.2).
+    /// Computes the distance of every hit from the origin by way of the hit point in the scene frame, whose rounding
+    /// decides which ranges are equal (spec pulse-physics §4.2).
     #[inline(always)]
     fn measure(&self, ranges: &mut [Block]) {
         let (o, [x, y, z]) = (self.origin, self.directions);
@@ -77,46 +77,46 @@ impl<'a> Shot<'a> {
 
 /// Ranges and gains of the subrays of some pulses, one pulse after the other.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Sights {
+pub(super) struct GainBuffer {
     ranges: Vec<Block>,
     gains: Vec<Block>,
 }
 
-impl Sights {
-    /// Forgets all pulses.
+impl GainBuffer {
+    /// Removes all pulses.
     pub fn clear(&mut self) {
         self.ranges.clear();
         self.gains.clear();
     }
 
-    /// Appends the ranges of a pulse, and what an instrument gains of a perfect reflector there (§3).
+    /// Appends the ranges of a pulse, and the intensities of a perfect reflector there (spec pulse-physics §3).
     #[inline(always)]
-    pub fn push(&mut self, instrument: &Instrument, shot: &Shot) {
-        let (first, end) = (self.ranges.len(), self.ranges.len() + shot.t.len());
+    pub fn push(&mut self, instrument: &Instrument, traced: &TracedPulse) {
+        let (first, end) = (self.ranges.len(), self.ranges.len() + traced.t.len());
         self.ranges.resize(end, [0.0; LANES]);
         self.gains.resize(end, [0.0; LANES]);
-        if instrument.corrections.radiometry {
+        if instrument.detector.corrections.radiometry {
             // Directions are unit vectors: no rounding by coordinates.
-            self.ranges[first..].copy_from_slice(shot.t);
+            self.ranges[first..].copy_from_slice(traced.t);
         } else {
-            shot.measure(&mut self.ranges[first..]);
+            traced.measure(&mut self.ranges[first..]);
         }
         instrument.energy.gains(&self.ranges[first..], &mut self.gains[first..]);
     }
 
     /// The pulse whose first block is number `first`.
     #[inline(always)]
-    pub fn of(&self, first: usize, shot: &Shot) -> Sight<'_> {
-        let row = first..first + shot.t.len();
-        Sight { ranges: self.ranges[row.clone()].as_flattened(), gains: self.gains[row].as_flattened() }
+    pub fn of(&self, first: usize, traced: &TracedPulse) -> SubrayGains<'_> {
+        let row = first..first + traced.t.len();
+        SubrayGains { ranges: self.ranges[row.clone()].as_flattened(), gains: self.gains[row].as_flattened() }
     }
 }
 
-/// The same of one pulse, by subray.
+/// Ranges and gains of one pulse, by subray.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sight<'a> {
-    /// m.
+pub(super) struct SubrayGains<'a> {
+    /// Distance of the hit, m.
     pub ranges: &'a [f64],
-    /// Intensity of a perfect reflector.
+    /// Intensity of a perfect reflector at that range.
     pub gains: &'a [f64],
 }

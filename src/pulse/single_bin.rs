@@ -1,15 +1,14 @@
 //! The short way of most pulses: all their light arrives within one bin, so that the waveform is the outgoing pulse, whose
 //! only peak is known beforehand.
 
-use super::detect::Return;
-use super::instrument::Instrument;
-use super::light::Light;
+use super::detector::{DetectorSettings, Return};
 use super::peaks::PeakRule;
+use super::return_profile::ReturnProfile;
 use super::shape::PulseShape;
 
 /// What is known of a pulse that returns from one bin.
 #[derive(Clone, Debug)]
-pub(super) struct Lone {
+pub(super) struct SingleBinDetector {
     /// Largest sample of the pulse.
     top: f64,
     /// Smallest sample among those that the peak is compared with, if that matters.
@@ -19,18 +18,18 @@ pub(super) struct Lone {
 
 /// Samples of a pulse are at least so much apart, relative to each other, that their products with any intensity are in
 /// the same order.
-const APART: f64 = 1e-9;
+const MIN_RELATIVE_STEP: f64 = 1e-9;
 
 /// Intensities whose products with a sample are normal numbers.
-const USUAL: std::ops::Range<f64> = 1e-200..1e200;
+const NORMAL_INTENSITIES: std::ops::Range<f64> = 1e-200..1e200;
 
-impl Lone {
+impl SingleBinDetector {
     /// `None` where the peak is not that simple: windows that see one bin or more than the pulse, flat or ragged pulses.
-    pub fn new(shape: &PulseShape, rule: &PeakRule) -> Option<Lone> {
+    pub fn new(shape: &PulseShape, rule: &PeakRule) -> Option<SingleBinDetector> {
         let (samples, peak) = (&shape.samples, shape.peak);
         let window = usize::try_from(rule.window).ok().filter(|w| *w >= 2)?;
-        let grows = |pair: &[f64]| pair[0] < pair[1] * (1.0 - APART);
-        let falls = |pair: &[f64]| pair[1] < pair[0] * (1.0 - APART);
+        let grows = |pair: &[f64]| pair[0] < pair[1] * (1.0 - MIN_RELATIVE_STEP);
+        let falls = |pair: &[f64]| pair[1] < pair[0] * (1.0 - MIN_RELATIVE_STEP);
         let is_simple = peak >= 1
             && peak.checked_add(window)? <= samples.len()
             && samples[..=peak].windows(2).all(grows)
@@ -38,7 +37,7 @@ impl Lone {
             && rule.threshold > 0.0;
         let first = (peak + 1).saturating_sub(window).max(usize::from(!rule.first_bin));
         let least = samples.get(first..peak + window)?.iter().copied().fold(f64::INFINITY, f64::min);
-        is_simple.then_some(Lone {
+        is_simple.then_some(SingleBinDetector {
             top: samples[peak],
             least: (!rule.weak_neighbours).then_some(least),
             threshold: rule.threshold,
@@ -48,8 +47,8 @@ impl Lone {
     /// What is detected of light that arrives within the bin of the nearest return: at most one echo. `None` when there is
     /// more to it.
     #[inline(always)]
-    pub fn detect(&self, light: &Light, instrument: &Instrument) -> Option<Option<Return>> {
-        let (shape, light_speed) = (&instrument.shape, instrument.light_speed);
+    pub fn detect(&self, light: &ReturnProfile, detector: &DetectorSettings) -> Option<Option<Return>> {
+        let (shape, light_speed) = (&detector.shape, detector.light_speed);
         let (nearest, farthest) = (*light.ranges().first()?, *light.ranges().last()?);
         let peak = shape.peak as f64;
         let start = nearest / light_speed - peak * shape.bin;
@@ -58,7 +57,7 @@ impl Lone {
         if position >= peak + 1.0 {
             return None;
         }
-        if instrument.range_min / light_speed > start {
+        if detector.range_min / light_speed > start {
             // In the blind zone.
             return Some(None);
         }
@@ -66,7 +65,7 @@ impl Lone {
         for i in light.intensities() {
             intensity += i;
         }
-        if !USUAL.contains(&intensity) {
+        if !NORMAL_INTENSITIES.contains(&intensity) {
             return None;
         }
         let amplitude = self.top * intensity;
@@ -81,7 +80,7 @@ impl Lone {
 mod tests {
     use super::*;
     use crate::pulse::detect::detect;
-    use crate::pulse::testkit::{received, tls_instrument};
+    use crate::pulse::testkit::{received, tls_detector};
     use proptest::prelude::*;
 
     proptest! {
@@ -98,14 +97,14 @@ mod tests {
             map.extend(behind.iter().map(|(by, i)| (nearest + by, *i)));
             map.sort_by(|a, b| a.0.total_cmp(&b.0));
             map.dedup_by(|a, b| a.0 == b.0);
-            let mut instrument = tls_instrument(length);
-            instrument.rule = PeakRule { window, threshold, weak_neighbours, ..instrument.rule };
-            let light = Light::of(&map);
-            let lone = Lone::new(&instrument.shape, &instrument.rule);
-            let short = lone.and_then(|l| l.detect(&light, &instrument));
+            let mut detector = tls_detector(length);
+            detector.rule = PeakRule { window, threshold, weak_neighbours, ..detector.rule };
+            let light = ReturnProfile::of(&map);
+            let single_bin = SingleBinDetector::new(&detector.shape, &detector.rule);
+            let short = single_bin.and_then(|l| l.detect(&light, &detector));
             if let Some(short) = short {
                 let mut long = Vec::new();
-                detect::<false>(&received(&map, &instrument), &instrument, false, |_| true, &mut long);
+                detect::<false>(&received(&map, &detector), (&detector, None), false, |_| true, &mut long);
                 prop_assert_eq!(long, short.into_iter().collect::<Vec<_>>());
             }
         }
@@ -114,12 +113,12 @@ mod tests {
     #[test]
     fn usual_instruments_have_a_short_way() {
         for length in [2.0, 4.0, 5.0] {
-            let instrument = tls_instrument(length);
-            let lone = Lone::new(&instrument.shape, &instrument.rule).expect("one");
-            let light = Light::of(&[(100.0, 1.0), (100.01, 1.0)]);
-            assert!(lone.detect(&light, &instrument).flatten().is_some());
-            let apart = Light::of(&[(100.0, 1.0), (100.2, 1.0)]);
-            assert!(lone.detect(&apart, &instrument).is_none());
+            let detector = tls_detector(length);
+            let single_bin = SingleBinDetector::new(&detector.shape, &detector.rule).expect("one");
+            let light = ReturnProfile::of(&[(100.0, 1.0), (100.01, 1.0)]);
+            assert!(single_bin.detect(&light, &detector).flatten().is_some());
+            let apart = ReturnProfile::of(&[(100.0, 1.0), (100.2, 1.0)]);
+            assert!(single_bin.detect(&apart, &detector).is_none());
         }
     }
 }

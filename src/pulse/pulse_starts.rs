@@ -1,28 +1,28 @@
 //! Where pulses begin in the bins of a waveform, when they may begin within one.
 
-use super::energy::{Block, LANES};
-use super::instrument::Instrument;
-use super::light::Light;
+use super::detector::DetectorSettings;
+use super::lanes::{Block, LANES};
+use super::return_profile::ReturnProfile;
 
 /// What rounding left that little before the beginning of a bin begins there, bins.
 const SNAP: f64 = 1e-9;
 
 /// The beginnings of the pulses of some light, in its order.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Starts {
+pub(super) struct PulseStarts {
     /// Whole numbers.
     bins: Vec<Block>,
     /// See [`super::shape::PulseShape::late`].
     late: Vec<[Block; 3]>,
 }
 
-impl Starts {
+impl PulseStarts {
     /// Computes those of `light` in a waveform whose first pulse begins `first` bins behind the beginning of bin 0.
     #[inline(always)]
-    pub fn compute(&mut self, light: &Light, instrument: &Instrument, first: f64) {
+    pub fn compute(&mut self, light: &ReturnProfile, detector: &DetectorSettings, first: f64) {
         let Some(nearest) = light.ranges().first() else { return };
-        let shape = &instrument.shape;
-        let bins_per_metre = 1.0 / (instrument.light_speed * shape.bin);
+        let shape = &detector.shape;
+        let bins_per_metre = 1.0 / (detector.light_speed * shape.bin);
         let blocks = light.blocks().len();
         self.bins.resize(blocks, [0.0; LANES]);
         self.late.resize(blocks, [[0.0; LANES]; 3]);

@@ -11,12 +11,11 @@
 //! digitising airborne laser scanner", eq. 1 to 5; Baltsavias 1999, "Airborne laser scanning: basic relations and formulas").
 //! The divergence does not occur: all the light arrives, near and far.
 
-use super::energy::{Block, LANES, SMALL, exponential, extinction, series};
-use super::options::Corrections;
+use super::beam::{NANO, extinction};
+use super::series::{SMALL, exponential, series};
+use crate::pulse::lanes::{Block, LANES};
+use crate::pulse::options::Corrections;
 use crate::survey::Beam;
-
-/// Watts to nanowatts, the unit of amplitudes.
-pub(super) const NANO: f64 = 1e9;
 
 /// Pulse rate at which `average_power` is the power of a pulse, Hz, see [`pulse_energy`].
 const RATED_FREQUENCY: f64 = 100_000.0;
@@ -42,7 +41,7 @@ fn pulse_energy(beam: &Beam, frequency: f64) -> f64 {
 
 /// The lidar equation of a device in a leg.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LidarEquation {
+pub struct LidarEquation {
     /// P_t·D²·η/4 of one subray, nW m².
     scale: f64,
     /// 2α, 1/m.

@@ -1,0 +1,64 @@
+//! The optics and the atmosphere that all energy models share (spec pulse-physics §3.1).
+
+use crate::pulse::lanes::LANES;
+use crate::pulse::options::Corrections;
+use crate::pulse::subray::rays_in_ring;
+use crate::survey::Beam;
+use libm::pow;
+
+/// Nanowatts per watt; amplitudes are in nanowatts.
+pub const NANO: f64 = 1e9;
+
+/// The beam's state that an energy model is computed for.
+#[derive(Clone, Copy, Debug)]
+pub struct BeamState<'a> {
+    /// The device's optics.
+    pub beam: &'a Beam,
+    /// Number of rings of subrays.
+    pub rings: u32,
+    /// Nearest range R0, m.
+    pub range_min: f64,
+    /// Divergence when the simulation started, rad.
+    pub start_divergence: f64,
+    /// Divergence of the current leg, rad.
+    pub leg_divergence: f64,
+    /// Pulse rate of the current leg, Hz.
+    pub frequency: f64,
+}
+
+/// The rings of all subrays, ring by ring, in blocks; the last ring fills the last block.
+pub fn rings_of_subrays(rings: u32) -> Vec<u32> {
+    let mut all: Vec<u32> =
+        (0..rings).flat_map(|r| std::iter::repeat_n(r, rays_in_ring(r) as usize)).collect();
+    all.resize(all.len().next_multiple_of(LANES), rings.saturating_sub(1));
+    all
+}
+
+/// Half opening angle of the traced cone, which is also the angle of the waist formula.
+pub fn half_angle(divergence: f64, corrections: &Corrections) -> f64 {
+    if corrections.full_angle_divergence { divergence * 0.5 } else { divergence }
+}
+
+/// Extinction by the atmosphere, per metre as the models apply it (§3.1).
+pub fn extinction(beam: &Beam, corrections: &Corrections) -> f64 {
+    let v = beam.visibility;
+    let wavelength = if corrections.channel_haze { beam.wavelength } else { beam.atmosphere_wavelength };
+    let clear = if corrections.atmosphere_units { v >= 50.0 } else { v > 50.0 };
+    let q = if clear {
+        1.6
+    } else if v > 6.0 && v < 50.0 {
+        1.3
+    } else {
+        0.585 * pow(v, 0.33)
+    };
+    if corrections.atmosphere_units {
+        (3.91 / v) * pow(wavelength * 1e-3 / 0.55, -q) * 1e-3
+    } else {
+        (3.91 / v) * pow(wavelength / 0.55, -q)
+    }
+}
+
+/// P·D²·η in nanowatt square metres, the factor that all laws share.
+pub fn received_scale(beam: &Beam) -> f64 {
+    NANO * beam.average_power * (beam.receiver_diameter * beam.receiver_diameter) * beam.efficiency
+}

@@ -1,0 +1,8 @@
+//! Blocks of subrays that are computed together.
+
+use crate::tree::RayGroup;
+
+/// Subrays of a block.
+pub(super) const LANES: usize = RayGroup::LANES;
+/// A number for each subray of a block.
+pub(super) type Block = [f64; LANES];

@@ -1,0 +1,51 @@
+//! Rays of several pulses of one device, traced together.
+
+use crate::geom::DVec3;
+use crate::tree::{Geometry, Hits, RayGroup, Tree};
+use std::ops::Range;
+
+/// Pulses of one device with what their rays hit.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RayBatch {
+    pub rays: RayGroup,
+    pub hits: Hits,
+    /// Where each ray leaves the instrument, pulse by pulse, m; empty where all rays of a pulse leave its origin.
+    pub exits: Vec<DVec3>,
+    /// Rays with exits as groups of one ray each, and their hits.
+    single: Box<(RayGroup, Hits)>,
+}
+
+impl RayBatch {
+    /// Finds the nearest hit of every ray.
+    pub fn trace(&mut self, tree: &Tree, geometry: &Geometry) {
+        if self.exits.is_empty() {
+            return tree.trace_group(geometry, &self.rays, &mut self.hits);
+        }
+        let (rays, n, stride) = (&self.rays, self.rays.rays(), self.rays.stride());
+        let (single, hits) = &mut *self.single;
+        single.clear(1);
+        for (i, exit) in self.exits.iter().enumerate() {
+            let d = rays.direction(i / n, i % n);
+            single.push(*exit, |x, y, z| (x[0], y[0], z[0]) = (d.x, d.y, d.z));
+        }
+        tree.trace_group(geometry, single, hits);
+        self.hits.t.clear();
+        self.hits.t.resize(rays.len() * stride, f64::INFINITY);
+        self.hits.primitive.clear();
+        self.hits.primitive.resize(rays.len() * stride, Hits::MISS);
+        for i in 0..self.exits.len() {
+            let (to, from) = (i / n * stride + i % n, i * single.stride());
+            (self.hits.t[to], self.hits.primitive[to]) = (hits.t[from], hits.primitive[from]);
+        }
+    }
+
+    /// Replaces the rays by those of some pulses of another batch.
+    pub fn copy_rays(&mut self, from: &RayBatch, pulses: Range<usize>) {
+        self.rays.copy_from(&from.rays, pulses.clone());
+        self.exits.clear();
+        if !from.exits.is_empty() {
+            let n = from.rays.rays();
+            self.exits.extend_from_slice(&from.exits[pulses.start * n..pulses.end * n]);
+        }
+    }
+}
