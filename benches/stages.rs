@@ -25,16 +25,14 @@ const PULSES: usize = 1 << 17;
 const CHUNK: usize = 1024;
 
 /// Seconds that this thread has computed.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 fn computed() -> f64 {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: the clock exists on every Unix, and `time` is where it writes to.
-    unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &mut time) };
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
 /// Seconds since the first call.
-#[cfg(not(unix))]
+#[cfg(not(target_os = "linux"))]
 fn computed() -> f64 {
     static START: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
     START.get_or_init(std::time::Instant::now).elapsed().as_secs_f64()

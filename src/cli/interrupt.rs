@@ -9,9 +9,9 @@ pub static STOP: Stop = Stop::new();
 pub fn listen() {
     // Without a handler (it can be installed once per process) the signal simply ends the program.
     let _ = ctrlc::set_handler(|| {
-        if STOP.asked() {
+        if STOP.is_requested() {
             std::process::exit(130);
         }
-        STOP.ask();
+        STOP.request();
     });
 }

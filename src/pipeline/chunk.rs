@@ -114,8 +114,8 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
             let step = state.step(plan, &mut count)?;
             if step != Step::Advanced {
                 let waiting = count.pulses > 0 || count.poses > 0;
-                if step == Step::NeedsPoses && waiting && !stop.asked() {
-                    feed.settle()?;
+                if step == Step::NeedsPoses && waiting && !stop.is_requested() {
+                    feed.flush()?;
                     let since = *first.get_or_insert_with(Instant::now);
                     let latency = poses.as_ref().map_or(Duration::ZERO, PoseReader::max_latency);
                     let timeout = latency.saturating_sub(since.elapsed());
@@ -146,14 +146,14 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
         };
         match step {
             Step::Ended => {
-                feed.leg_ended()?;
+                feed.end_leg()?;
                 return Ok(());
             }
-            _ if stop.asked() => return Ok(()),
+            _ if stop.is_requested() => return Ok(()),
             Step::Advanced => {}
-            Step::LegChanged => feed.leg_ended()?,
+            Step::LegChanged => feed.end_leg()?,
             Step::NeedsPoses => {
-                feed.settle()?;
+                feed.flush()?;
                 wait_for_poses(plan, &mut poses, state, stop)?;
             }
         }
@@ -200,7 +200,7 @@ fn wait_for_poses(
                 state.end_poses();
                 return Ok(());
             }
-            PollResult::TimedOut if stop.asked() => return Ok(()),
+            PollResult::TimedOut if stop.is_requested() => return Ok(()),
             PollResult::TimedOut => {}
         }
     }

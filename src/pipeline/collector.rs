@@ -1,7 +1,8 @@
 //! The last stage: what the workers encoded goes to the outputs, in the order of the pulses.
 
+use super::pass::Pass;
+use super::plausibility::CheckTime;
 use super::worker::Measured;
-use super::{CheckTime, Pass};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::output::{Summary, Writer};

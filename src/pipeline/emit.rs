@@ -1,7 +1,8 @@
 //! The flight alone: [`emit`] flies and writes poses or pulses, which other commands read.
 
 use super::chunk::{Chunk, produce};
-use super::{Control, Progress};
+use super::pass::Control;
+use super::progress::Progress;
 use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse};
 use crate::geom::DVec3;
@@ -82,7 +83,7 @@ pub fn emit<W: Write + Send>(
     let Control { progress, stop, .. } = control;
     let flight = &flight;
     let mut state = FlightState::start(flight);
-    for epoch in (0..epochs).take_while(|_| !stop.asked()) {
+    for epoch in (0..epochs).take_while(|_| !stop.is_requested()) {
         let jobs = Arc::new(JobQueue::new(1));
         if epoch > 0 {
             state.repeat(flight);

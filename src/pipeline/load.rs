@@ -1,6 +1,6 @@
 //! The scene of an epoch and the tree over it, refused where they would need more memory than allowed.
 
-use super::Settings;
+use super::settings::Settings;
 use crate::diag::Notice;
 use crate::error::{Error, Result};
 use crate::quantity::amount;

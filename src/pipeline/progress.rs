@@ -1,6 +1,6 @@
 //! What has been done so far: atomic counters that the collector writes and a progress display reads.
 
-use super::{Aim, AimLog};
+use super::aim::{Aim, AimLog};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 

@@ -1,8 +1,13 @@
 //! A session: a survey and its scene, ready to be flown.
 
+use super::collector::Ended;
+use super::emit::Emission;
+use super::fly::{fly, trace};
 use super::load::{build_tree, check_raster_memory, load_scene};
+use super::pass::{Control, Pass};
 use super::plausibility::{self, PoseCheck, YieldCheck};
-use super::{Emission, Ended, LegRule, Pass, Progress, PulseSource, Settings, Tracing, fly, trace};
+use super::settings::Settings;
+use super::stream::{LegRule, PulseSource, Tracing};
 use crate::diag::Notice;
 use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightState};
@@ -10,7 +15,7 @@ use crate::output::{FileSummary, OutputContext, OutputPlan, OutputRequest, Summa
 use crate::platform::PoseReader;
 use crate::pulse::Physics;
 use crate::scene::{self, MotionPlan, Scene, SceneFrame};
-use crate::schedule::{Recorder, Stop};
+use crate::schedule::Stop;
 use crate::streams::PulseReader;
 use crate::survey::{PlatformKind, Survey};
 use crate::tree::{BuildOptions, Tree};
@@ -53,24 +58,6 @@ pub struct Session {
     motion: Option<MotionPlan>,
     /// Over what stands still.
     tree: Option<Tree>,
-}
-
-/// What the caller of a run watches and steers it by.
-#[derive(Clone, Copy, Debug)]
-pub struct Control<'a> {
-    /// What has been done so far.
-    pub progress: &'a Progress,
-    /// The wish to end.
-    pub stop: &'a Stop,
-    /// Records what the schedule does.
-    pub recorder: Option<&'a Recorder>,
-}
-
-impl<'a> Control<'a> {
-    /// Without records of the schedule.
-    pub fn new(progress: &'a Progress, stop: &'a Stop) -> Control<'a> {
-        Control { progress, stop, recorder: None }
-    }
 }
 
 /// What came of a run.
@@ -312,7 +299,7 @@ impl Session {
         if self.tree.is_none() {
             self.tree = Some(self.build_tree(&self.settings.tree)?);
         }
-        if stop.asked() { Err(Error::Interrupted) } else { Ok(()) }
+        if stop.is_requested() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
     fn tree(&self) -> Result<&Tree> {

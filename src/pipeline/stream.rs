@@ -1,7 +1,7 @@
 //! Pulses from a stream instead of a flight.
 
-use super::Pass;
 use super::moving::MovingParts;
+use super::pass::Pass;
 use super::worker::{Measured, Worker};
 use crate::error::Result;
 use crate::geom::DVec3;
@@ -72,7 +72,7 @@ impl PulseSource {
         stop: &Stop,
         feed: &mut Feed<'_, Block, R, W>,
     ) -> Result<()> {
-        while !stop.asked() {
+        while !stop.is_requested() {
             match self.take(epoch, stop)? {
                 Some(block) => feed.put(block)?,
                 None => break,

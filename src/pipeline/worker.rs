@@ -1,7 +1,9 @@
 //! The computing stage of a thread: pulses become echoes, and echoes the bytes of every output.
 
+use super::aim::Aim;
+use super::chunk::Chunk;
 use super::moving::MovingParts;
-use super::{Aim, Chunk, Pass};
+use super::pass::Pass;
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
 use crate::output::Encoded;

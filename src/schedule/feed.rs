@@ -1,105 +1,122 @@
 //! The producer's end of the threads, which is where schedules differ.
 
-use super::dropper::{Dropper, IdleClock};
 use super::jobs::JobQueue;
-use super::patience::await_briefly;
-use super::policy::{Policy, Schedule};
-use super::record::Ledger;
+use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
+use super::record::ProducerRecord;
+use super::sizing::{ChunkSizer, IdleClock};
+use super::spin::spin_until;
 use crate::error::{Error, Result};
-use crossbeam::sync::WaitGroup;
-use crossbeam_channel::{Receiver, Select, Sender, TrySendError};
+use crossbeam_channel::{Receiver, Select, Sender, TrySendError, bounded};
 use std::time::{Duration, Instant};
 
-/// Work that is handed out: a number of tasks.
+/// Work that is distributed: a number of tasks.
 pub trait Tasks {
-    /// How many.
+    /// The number.
     fn tasks(&self) -> u32;
 }
 
 /// What a chunk became.
 pub trait Outcome: Sized {
-    /// Takes in what the next chunk became, so that both are one result; gives it back if they cannot be.
+    /// Appends what the next chunk became, so that both are one result; returns it if they cannot be.
     fn join(&mut self, next: Self) -> Option<Self> {
         Some(next)
     }
 }
 
-/// A chunk on its way to a worker.
-pub(super) struct Crate<C, R> {
+/// A chunk in the queue of the workers.
+pub(super) struct QueuedChunk<C, R> {
     pub chunk: C,
-    pub receipt: flume::Sender<Result<R>>,
-    /// Held until the chunk is done, where legs are kept apart.
-    pub pending: Option<WaitGroup>,
+    /// Where its result goes.
+    pub result: flume::Sender<Result<R>>,
+    /// Dropped when the chunk is done, where a leg waits for the one before.
+    pub barrier: Option<Sender<()>>,
 }
 
-/// Single tasks that the producer computes at most before it tells the collector, which may sleep, of them.
-pub(super) const HELD: usize = 64;
-
-/// The place of a result among all others.
-pub(super) enum Promise<R> {
-    /// The producer has computed it itself, or some in a row.
-    Kept(Vec<Result<R>>),
+/// The next results in order.
+pub(super) enum Pending<R> {
+    /// The producer has computed them.
+    Ready(Vec<Result<R>>),
     /// A worker will send it.
-    Given(flume::Receiver<Result<R>>),
+    InFlight(flume::Receiver<Result<R>>),
 }
 
-/// The producer's end: takes chunks and sees to it that they are computed, here or by a worker, as the schedule has it.
+/// Waits until all chunks of a leg are done, each of which holds a clone of the sender.
+pub(super) struct LegBarrier {
+    guard: Sender<()>,
+    done: Receiver<()>,
+}
+
+impl LegBarrier {
+    pub fn new() -> LegBarrier {
+        let (guard, done) = bounded(0);
+        LegBarrier { guard, done }
+    }
+
+    fn wait(self) {
+        drop(self.guard);
+        // Nothing is ever sent: this ends when the last sender is gone.
+        let _ = self.done.recv();
+    }
+}
+
+/// The producer's end: takes chunks and has them computed, here or by a worker, as the schedule has it.
 ///
-/// Whatever the schedule, results keep the order in which chunks come in. Every method blocks while the collector is
-/// behind, and fails when it has gone.
+/// Results keep the order of the chunks under every schedule. Every method blocks while the collector is behind, and
+/// fails when it has ended.
 pub struct Feed<'a, C, R, W> {
-    pub(super) settings: Schedule,
-    pub(super) warehouse: Sender<Crate<C, R>>,
-    pub(super) shelves: Receiver<Crate<C, R>>,
-    /// One for each worker that has nothing to do; not used by the warehouse.
-    pub(super) free: Receiver<()>,
-    pub(super) receipts: Sender<Promise<R>>,
+    pub(super) schedule: Schedule,
+    pub(super) queue: Sender<QueuedChunk<C, R>>,
+    /// The workers' end of `queue`, from which the producer takes chunks back.
+    pub(super) queue_end: Receiver<QueuedChunk<C, R>>,
+    /// One message for each idle worker; not used by the warehouse.
+    pub(super) idle_workers: Receiver<()>,
+    pub(super) results: Sender<Pending<R>>,
     pub(super) jobs: &'a JobQueue,
-    pub(super) dropper: Option<Dropper>,
+    pub(super) sizer: Option<ChunkSizer>,
     pub(super) idle: &'a IdleClock,
-    pub(super) measured: Option<u64>,
-    pub(super) pending: Option<WaitGroup>,
-    /// Results that the collector has not been told of, and of how many chunks.
-    pub(super) held: (Vec<Result<R>>, usize),
-    pub(super) ledger: Ledger<'a>,
+    pub(super) measured_idle_ns: Option<u64>,
+    pub(super) barrier: Option<LegBarrier>,
+    /// Results that are not in the queue yet, and the number of chunks that they come from.
+    pub(super) buffered: (Vec<Result<R>>, usize),
+    pub(super) record: ProducerRecord<'a>,
     pub(super) work: W,
 }
 
 impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
     /// Tasks that the chunk in the making shall hold.
     pub fn size(&self) -> u32 {
-        self.dropper.map_or(self.settings.policy.size(), |d| d.size())
+        self.sizer.map_or(self.schedule.policy.size(), |sizer| sizer.size())
     }
 
-    /// Takes a chunk that has reached its size. It comes back when all workers are busy and the schedule wants the
-    /// producer to [`Feed::compute`] its first task meanwhile and go on filling the rest.
+    /// Takes a chunk that has reached its size. Returns it when all workers are busy and the schedule wants the producer to
+    /// [`Feed::compute`] its first task and go on filling the rest.
     pub fn offer(&mut self, chunk: C) -> Result<Option<C>> {
-        if self.settings.workers() == 0 {
+        if self.schedule.workers() == 0 {
             return self.compute(chunk).map(|()| None);
         }
-        match self.settings.policy {
+        match self.schedule.policy {
             Policy::Warehouse { .. } => self.store(chunk).map(|()| None),
             Policy::Single => {
-                self.ledger.account.skip();
-                await_briefly(|| !self.free.is_empty());
-                let free = self.free.recv();
-                self.ledger.account.was_idle();
-                free.map_err(|_| failed("every worker"))?;
+                self.record.timer.discard_lap();
+                spin_until(|| !self.idle_workers.is_empty());
+                let idle = self.idle_workers.recv();
+                self.record.timer.add_idle();
+                idle.map_err(|_| thread_ended("every worker"))?;
                 self.send(chunk).map(|()| None)
             }
             Policy::Static { .. } | Policy::Dynamic { .. } => {
-                if self.free.try_recv().is_err() {
-                    self.ledger.refused();
-                    if let Some(ns) = self.dropper.and_then(|_| self.idle.saturated()) {
-                        self.measured = Some(ns);
+                if self.idle_workers.try_recv().is_err() {
+                    self.record.add_refusal();
+                    if let Some(ns) = self.sizer.and_then(|_| self.idle.stop()) {
+                        self.measured_idle_ns = Some(ns);
                     }
                     return Ok(Some(chunk));
                 }
                 self.send(chunk)?;
-                if let Some(dropper) = &mut self.dropper {
-                    let measured = self.measured.take();
-                    if dropper.hand_over(measured) {
-                        self.ledger.resized(measured, dropper);
+                if let Some(sizer) = &mut self.sizer {
+                    let measured = self.measured_idle_ns.take();
+                    if sizer.resize(measured) {
+                        self.record.add_resize(measured, sizer);
                     }
                 }
                 Ok(None)
@@ -107,36 +124,37 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         }
     }
 
-    /// Takes a chunk that ends before it has reached its size. Where legs are kept apart it is computed here.
+    /// Takes a chunk that ends before it has reached its size. Where legs wait for one another it is computed here.
     pub fn put(&mut self, chunk: C) -> Result<()> {
-        match self.settings.policy {
-            _ if self.settings.workers() == 0 || self.pending.is_some() => self.compute(chunk)?,
+        match self.schedule.policy {
+            _ if self.schedule.workers() == 0 || self.barrier.is_some() => self.compute(chunk)?,
             Policy::Warehouse { .. } => self.store(chunk)?,
             Policy::Single => drop(self.offer(chunk)?),
-            Policy::Static { .. } | Policy::Dynamic { .. } => match self.free.try_recv() {
+            Policy::Static { .. } | Policy::Dynamic { .. } => match self.idle_workers.try_recv() {
                 Ok(()) => self.send(chunk)?,
                 Err(_) => self.compute(chunk)?,
             },
         }
-        self.settle()
+        self.flush()
     }
 
-    /// Computes a chunk on this thread. If it is a single task, nobody is told yet: see [`Feed::settle`].
+    /// Computes a chunk on this thread. The result of a single task stays here until [`Feed::flush`] or until there are
+    /// [`MAX_BUFFERED_TASKS`] of them.
     pub fn compute(&mut self, chunk: C) -> Result<()> {
         if chunk.tasks() > 1 {
-            return self.work_here(chunk, self.settings.workers() == 0);
+            return self.compute_and_flush(chunk, self.schedule.workers() == 0);
         }
-        self.ledger.came_in(chunk.tasks());
+        self.record.add_tasks(chunk.tasks());
         let result = self.work_on(chunk);
-        let is_bad = result.is_err();
-        self.hold(result);
-        if is_bad || self.held.1 >= HELD { self.settle() } else { Ok(()) }
+        let is_error = result.is_err();
+        self.buffer(result);
+        if is_error || self.buffered.1 >= MAX_BUFFERED_TASKS { self.flush() } else { Ok(()) }
     }
 
-    fn hold(&mut self, result: Result<R>) {
-        let (results, count) = &mut self.held;
+    fn buffer(&mut self, result: Result<R>) {
+        let (results, count) = &mut self.buffered;
         *count += 1;
-        // Few large results instead of many small ones, whose memory another thread would have to give back.
+        // Few large results instead of many small ones, whose memory another thread would have to free.
         let rest = match (results.last_mut(), result) {
             (Some(Ok(last)), Ok(next)) => last.join(next).map(Ok),
             (_, result) => Some(result),
@@ -144,173 +162,164 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         results.extend(rest);
     }
 
-    /// Tells the collector of everything that was computed here. Whoever calls [`Feed::compute`] does this before
-    /// waiting for something; all other methods do it themselves.
-    pub fn settle(&mut self) -> Result<()> {
-        if self.held.1 == 0 {
+    /// Passes what was computed here to the collector. Callers of [`Feed::compute`] do this before they wait for something;
+    /// all other methods do it themselves.
+    pub fn flush(&mut self) -> Result<()> {
+        if self.buffered.1 == 0 {
             return Ok(());
         }
-        if self.settings.workers() == 0 {
-            self.help();
+        if self.schedule.workers() == 0 {
+            self.run_side_jobs();
         }
-        let (results, _) = std::mem::take(&mut self.held);
-        self.tell(Promise::Kept(results))
+        let (results, _) = std::mem::take(&mut self.buffered);
+        self.enqueue(Pending::Ready(results))
     }
 
-    /// Computes a chunk and announces it afterwards: no other chunk comes between, and the collector, which may sleep, need
-    /// not wake up to wait for the result.
-    fn work_here(&mut self, chunk: C, may_help: bool) -> Result<()> {
-        self.ledger.came_in(chunk.tasks());
-        if may_help {
-            self.help();
+    /// Computes a chunk and enqueues its result afterwards: no other chunk comes between, and the collector, which may
+    /// sleep, need not wake up to wait for the result.
+    fn compute_and_flush(&mut self, chunk: C, runs_side_jobs: bool) -> Result<()> {
+        self.record.add_tasks(chunk.tasks());
+        if runs_side_jobs {
+            self.run_side_jobs();
         }
         let result = self.work_on(chunk);
-        self.hold(result);
-        self.settle()
+        self.buffer(result);
+        self.flush()
     }
 
-    /// A leg has ended and all its chunks have come in. Where legs are kept apart this waits until they are done.
-    pub fn leg_ended(&mut self) -> Result<()> {
-        self.settle()?;
+    /// Ends a leg, of which all chunks have been taken. Where legs wait for one another this waits until they are done.
+    pub fn end_leg(&mut self) -> Result<()> {
+        self.flush()?;
         let mut waited = Duration::ZERO;
-        if self.pending.is_some() {
+        if self.barrier.is_some() {
             self.drain();
             let began = Instant::now();
-            self.ledger.account.skip();
-            if let Some(group) = self.pending.replace(WaitGroup::new()) {
-                group.wait();
+            self.record.timer.discard_lap();
+            if let Some(barrier) = self.barrier.replace(LegBarrier::new()) {
+                barrier.wait();
             }
-            self.ledger.account.was_idle();
+            self.record.timer.add_idle();
             waited = began.elapsed();
-            // Nobody measures while nobody works.
-            (self.measured, _) = (None, self.idle.saturated());
+            // Idle times at the barrier say nothing about the size of chunks.
+            (self.measured_idle_ns, _) = (None, self.idle.stop());
         }
-        self.ledger.leg_ended(waited);
+        self.record.add_leg_end(waited);
         Ok(())
     }
 
-    /// Works off what waits in the warehouse, beside the workers.
+    /// Computes what waits in the warehouse, beside the workers.
     pub(super) fn drain(&mut self) {
-        // Under other schedules a chunk that was sent is on its way to a free worker.
-        while matches!(self.settings.policy, Policy::Warehouse { .. })
-            && let Ok(item) = self.shelves.try_recv()
+        while self.has_warehouse()
+            && let Ok(item) = self.queue_end.try_recv()
         {
             self.take_back(item);
         }
     }
 
-    /// Stores the chunk in the warehouse, or works it off here when that is full.
+    /// Whether chunks in the queue wait; under other schedules an idle worker is about to take them.
+    fn has_warehouse(&self) -> bool {
+        matches!(self.schedule.policy, Policy::Warehouse { .. })
+    }
+
+    /// Stores the chunk in the warehouse, or computes it here when that is full.
     fn store(&mut self, chunk: C) -> Result<()> {
-        if self.warehouse.is_full() {
-            self.ledger.refused();
-            return self.work_here(chunk, true);
+        if self.queue.is_full() {
+            self.record.add_refusal();
+            return self.compute_and_flush(chunk, true);
         }
-        // Nobody else puts anything in, so that the place stays.
-        let result = self.give(chunk)?;
-        self.ledger.handed_over(self.warehouse.len());
-        self.promise(result)
+        // This is the only thread that fills the queue, so that there is still a place.
+        let result = self.queue_chunk(chunk)?;
+        self.record.add_handover(self.queue.len());
+        self.enqueue_in_flight(result)
     }
 
-    /// Sends the chunk to a worker that is known to be free.
+    /// Sends the chunk to a worker that is known to be idle.
     fn send(&mut self, chunk: C) -> Result<()> {
-        let result = self.give(chunk)?;
-        self.ledger.handed_over(self.settings.workers().saturating_sub(self.free.len()));
-        self.promise(result)
+        let result = self.queue_chunk(chunk)?;
+        self.record.add_handover(self.schedule.workers().saturating_sub(self.idle_workers.len()));
+        self.enqueue_in_flight(result)
     }
 
-    /// Gives the chunk away. Returns where its result will come, for the collector.
-    fn give(&mut self, chunk: C) -> Result<flume::Receiver<Result<R>>> {
-        self.ledger.came_in(chunk.tasks());
-        let (receipt, result) = flume::bounded(1);
-        let item = Crate { chunk, receipt, pending: self.pending.clone() };
-        self.warehouse.send(item).map_err(|_| failed("every worker"))?;
+    /// Queues the chunk for the workers. Returns where its result will come.
+    fn queue_chunk(&mut self, chunk: C) -> Result<flume::Receiver<Result<R>>> {
+        self.record.add_tasks(chunk.tasks());
+        let (sender, result) = flume::bounded(1);
+        let barrier = self.barrier.as_ref().map(|barrier| barrier.guard.clone());
+        let item = QueuedChunk { chunk, result: sender, barrier };
+        self.queue.send(item).map_err(|_| thread_ended("every worker"))?;
         Ok(result)
     }
 
-    /// Tells the collector of a result to come, while a worker has begun with it.
-    fn promise(&mut self, result: flume::Receiver<Result<R>>) -> Result<()> {
-        self.settle()?;
-        self.tell(Promise::Given(result))
+    /// Enqueues a result to come, while a worker has begun with it.
+    fn enqueue_in_flight(&mut self, result: flume::Receiver<Result<R>>) -> Result<()> {
+        self.flush()?;
+        self.enqueue(Pending::InFlight(result))
     }
 
-    /// Runs what the collector wants done.
-    fn help(&mut self) {
-        self.ledger.account.skip();
-        // Nothing comes in while this thread is at a job, and jobs can take longer than what is in store; so it leaves one for
-        // every worker to be busy with.
-        while self.jobs.exit().len() > self.settings.workers()
-            && let Ok(job) = self.jobs.exit().try_recv()
+    /// Runs side jobs of the collector. They can take longer than the chunks in the queue last, and no chunk is made
+    /// meanwhile, so that one job is left for every worker.
+    fn run_side_jobs(&mut self) {
+        self.record.timer.discard_lap();
+        while self.jobs.queue_end().len() > self.schedule.workers()
+            && let Ok(job) = self.jobs.queue_end().try_recv()
         {
             job();
-            self.ledger.account.did_job();
+            self.record.timer.add_job();
         }
     }
 
     fn work_on(&mut self, chunk: C) -> Result<R> {
-        self.ledger.account.skip();
+        self.record.timer.discard_lap();
         let tasks = chunk.tasks();
         let result = (self.work)(chunk);
-        self.ledger.computed(tasks, self.settings.workers() == 0);
+        self.record.add_chunk(tasks, self.schedule.workers() == 0);
         result
     }
 
-    /// Works off a chunk that has waited in the warehouse.
-    fn take_back(&mut self, item: Crate<C, R>) {
-        self.ledger.took_back();
+    /// Computes a chunk that has waited in the warehouse.
+    fn take_back(&mut self, item: QueuedChunk<C, R>) {
+        self.record.add_taken_back();
         let result = self.work_on(item.chunk);
-        // A collector that has gone is noticed at the next announcement.
-        let _ = item.receipt.send(result);
+        // A collector that has ended is noticed when the next result is enqueued.
+        let _ = item.result.send(result);
     }
 
-    /// Tells the collector of a result. While it is behind, this thread does what there is to do: it computes what waits in
-    /// the warehouse, of which nothing is newer than what the collector is to be told of, and runs the collector's jobs.
-    fn tell(&mut self, promise: Promise<R>) -> Result<()> {
+    /// Passes results to the collector. While it is behind, this thread computes what waits in the warehouse, of which
+    /// nothing is newer than the results, and runs the collector's side jobs.
+    fn enqueue(&mut self, mut pending: Pending<R>) -> Result<()> {
         let gone = || Error::Internal("the collector has ended early".to_owned());
-        let mut promise = match self.receipts.try_send(promise) {
-            Ok(()) => return Ok(()),
-            Err(TrySendError::Disconnected(_)) => return Err(gone()),
-            Err(TrySendError::Full(promise)) => promise,
-        };
-        // Under other schedules a chunk that was sent is on its way to a free worker.
-        let stores = matches!(self.settings.policy, Policy::Warehouse { .. });
-        let (receipts, shelves, jobs) = (self.receipts.clone(), self.shelves.clone(), self.jobs);
-        self.ledger.account.skip();
+        let (results, queue_end, jobs) = (self.results.clone(), self.queue_end.clone(), self.jobs);
         loop {
+            pending = match results.try_send(pending) {
+                Ok(()) => return Ok(()),
+                Err(TrySendError::Disconnected(_)) => return Err(gone()),
+                Err(TrySendError::Full(pending)) => pending,
+            };
+            self.record.timer.discard_lap();
             let mut any = Select::new();
-            let sending = any.send(&receipts);
-            let job = any.recv(jobs.exit());
-            if stores {
-                any.recv(&shelves);
+            let sending = any.send(&results);
+            let job = any.recv(jobs.queue_end());
+            if self.has_warehouse() {
+                any.recv(&queue_end);
             }
             let ready = any.select();
             if ready.index() == sending {
-                self.ledger.account.was_idle();
-                return ready.send(&receipts, promise).map_err(|_| gone());
+                self.record.timer.add_idle();
+                return ready.send(&results, pending).map_err(|_| gone());
             }
             if ready.index() == job {
-                let Ok(job) = ready.recv(jobs.exit()) else {
-                    return receipts.send(promise).map_err(|_| gone());
-                };
-                job();
-                self.ledger.account.did_job();
-            } else {
-                match ready.recv(&shelves) {
-                    Ok(item) => self.take_back(item),
-                    Err(_) => return receipts.send(promise).map_err(|_| gone()),
+                if let Ok(job) = ready.recv(jobs.queue_end()) {
+                    job();
+                    self.record.timer.add_job();
                 }
-                self.ledger.account.skip();
+            } else if let Ok(item) = ready.recv(&queue_end) {
+                self.take_back(item);
             }
-            // The collector comes first.
-            promise = match receipts.try_send(promise) {
-                Ok(()) => return Ok(()),
-                Err(TrySendError::Disconnected(_)) => return Err(gone()),
-                Err(TrySendError::Full(promise)) => promise,
-            };
         }
     }
 }
 
-/// What to say when a thread is gone.
-pub(super) fn failed(who: &str) -> Error {
+/// The error for a thread that is gone.
+pub(super) fn thread_ended(who: &str) -> Error {
     Error::Internal(format!("{who} stopped unexpectedly; the message above tells where"))
 }

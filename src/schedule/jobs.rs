@@ -1,7 +1,7 @@
 //! Side jobs of the collector (compression) that the workers take over.
 
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 /// A piece of work that carries its own way to deliver the result.
 pub type Job = Box<dyn FnOnce() + Send>;
@@ -9,39 +9,33 @@ pub type Job = Box<dyn FnOnce() + Send>;
 /// A bounded queue of jobs that workers empty before they take the next chunk.
 #[derive(Debug)]
 pub struct JobQueue {
-    entrance: Mutex<Option<Sender<Job>>>,
-    exit: Receiver<Job>,
+    /// `None` once the queue is closed.
+    sender: Mutex<Option<Sender<Job>>>,
+    queue_end: Receiver<Job>,
 }
 
 impl JobQueue {
     /// A queue for at most `capacity` waiting jobs.
     pub fn new(capacity: usize) -> JobQueue {
-        let (entrance, exit) = bounded(capacity.max(1));
-        JobQueue { entrance: Mutex::new(Some(entrance)), exit }
+        let (sender, queue_end) = bounded(capacity.max(1));
+        JobQueue { sender: Mutex::new(Some(sender)), queue_end }
     }
 
-    /// No job is accepted any more; workers leave once the waiting ones are done.
-    pub fn close(&self) {
-        if let Ok(mut entrance) = self.entrance.lock() {
-            *entrance = None;
-        }
+    /// Accepts no more jobs; workers end once the waiting ones are done.
+    pub(super) fn close(&self) {
+        *self.sender.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
     /// Where workers take jobs from; disconnected after [`JobQueue::close`].
-    pub fn exit(&self) -> &Receiver<Job> {
-        &self.exit
+    pub(super) fn queue_end(&self) -> &Receiver<Job> {
+        &self.queue_end
     }
 
-    /// Takes the job, or hands it back for the caller to run itself. Never blocks.
+    /// Takes the job, or returns it for the caller to run itself. Never blocks.
     pub fn try_run(&self, job: Job) -> Result<(), Job> {
-        match self.entrance.lock() {
-            Ok(entrance) => match entrance.as_ref() {
-                Some(sender) => sender.try_send(job).map_err(|e| match e {
-                    TrySendError::Full(job) | TrySendError::Disconnected(job) => job,
-                }),
-                None => Err(job),
-            },
-            Err(_) => Err(job),
+        match self.sender.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+            Some(sender) => sender.try_send(job).map_err(TrySendError::into_inner),
+            None => Err(job),
         }
     }
 }

@@ -1,8 +1,6 @@
-//! How chunks are handed out.
+//! How chunks are distributed.
 
-use super::feed::HELD;
-
-/// The four schedules of spec kdtree-and-scheduling §3. With one thread they are all the same: chunk after chunk.
+/// The four schedules of spec kdtree-and-scheduling §3. With one thread there is no difference between them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Policy {
     /// One task at a time for every free worker; the producer waits and never computes (§3.2).
@@ -13,14 +11,14 @@ pub enum Policy {
         /// Tasks per chunk.
         size: u32,
     },
-    /// As [`Policy::Static`], with a size that follows the workers' idle times (§3.4, [`super::Dropper`]).
+    /// As [`Policy::Static`], with a size that follows the workers' idle times (§3.4, `sizing`).
     Dynamic {
         /// Tasks of the first chunk.
         size: u32,
-        /// Idle times below this, and changes up to this, mean nothing: τ and ε, ns.
+        /// Idle times below this, and changes up to this, are ignored: τ and ε, ns.
         significant_ns: u64,
     },
-    /// Chunks wait in a bounded warehouse; while it is full the producer works off a whole chunk (§3.5).
+    /// Chunks wait in a bounded queue, the warehouse; while it is full the producer computes a whole chunk (§3.5).
     Warehouse {
         /// Tasks per chunk.
         size: u32,
@@ -51,15 +49,15 @@ impl Policy {
     }
 }
 
-/// How the work is spread.
+/// How the work is distributed to threads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Schedule {
     /// Threads that compute, the producer's included; at least one.
     pub threads: usize,
-    /// How chunks are handed out.
+    /// How chunks are distributed.
     pub policy: Policy,
-    /// Whether a leg begins only when everything of the one before is done, as in the paper. Costs time and changes
-    /// nothing else.
+    /// Whether a leg begins only when everything of the one before is done, as in the paper. This costs time and changes
+    /// no result.
     pub leg_barrier: bool,
 }
 
@@ -70,30 +68,34 @@ impl Schedule {
     }
 
     /// Chunks that may wait for a worker.
-    pub(super) fn capacity(&self) -> usize {
+    pub(super) fn queue_capacity(&self) -> usize {
         match self.policy {
             Policy::Warehouse { factor, .. } => (factor.max(1) * self.workers()).max(1),
-            // Only as many as there are free workers are ever sent.
+            // A chunk is only sent to an idle worker.
             _ => self.workers().max(1),
         }
     }
 
-    /// Results that may have been announced and not been collected, beyond the one that the collector waits for: those of
-    /// every chunk that waits or is being worked on, and as many finished ones. Where a producer computes single tasks while
-    /// a worker has a whole chunk, there is a place for those, too; and where chunks are small, for so many of them that
-    /// nobody waits for a collector that is off its core for a moment.
-    pub(super) fn receipts(&self) -> usize {
+    /// Results that may be pending beyond the one that the collector waits for: one of every chunk that waits or is being
+    /// computed, and as many finished ones. There is room for the single tasks that a producer computes while a worker has
+    /// a whole chunk, and, where chunks are small, for so many results that nothing waits for a collector that is off its
+    /// core for a moment.
+    pub(super) fn results_capacity(&self) -> usize {
         let size = self.policy.size();
         let singles = match self.policy {
-            Policy::Static { .. } => size.min(AHEAD),
-            Policy::Dynamic { .. } => AHEAD,
+            Policy::Static { .. } => size.min(MAX_TASKS_AHEAD),
+            Policy::Dynamic { .. } => MAX_TASKS_AHEAD,
             Policy::Single | Policy::Warehouse { .. } => 0,
         };
-        let chunks = 2 * (self.capacity() + self.threads.max(1));
-        (chunks + (singles as usize).div_ceil(HELD)).max((AHEAD / size) as usize)
+        let chunks = 2 * (self.queue_capacity() + self.threads.max(1));
+        let results = chunks + (singles as usize).div_ceil(MAX_BUFFERED_TASKS);
+        results.max((MAX_TASKS_AHEAD / size) as usize)
     }
 }
 
-/// Tasks of small chunks by which a producer may be ahead of the collector, and single ones by which it may be ahead of a
+/// Tasks of small chunks by which the producer may be ahead of the collector, and single tasks by which it may be ahead of a
 /// worker with a chunk.
-const AHEAD: u32 = 4096;
+const MAX_TASKS_AHEAD: u32 = 4096;
+
+/// Single tasks that the producer computes before it passes their results to the collector, which may have to wake up.
+pub(super) const MAX_BUFFERED_TASKS: usize = 64;

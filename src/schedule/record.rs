@@ -1,31 +1,32 @@
-//! What a schedule did: idle times, queue depths, chunk sizes. Threads keep their own accounts and hand them in at the
-//! end, so recording costs two looks at the clock per chunk, and two at each thread's processor clock in all.
+//! What a schedule did: idle times, queue depths, chunk sizes. Every thread measures its own time and adds it to the log at
+//! its end, so that recording costs two readings of the clock per chunk, and two of each thread's processor clock in all.
 
-use super::{Dropper, Schedule};
+use super::policy::Schedule;
+use super::sizing::ChunkSizer;
 use serde::Serialize;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A history of bounded length: when it is full every other entry goes, and of what follows only every second, fourth, …
-/// is kept.
+/// A history of bounded length: when it is full every other entry is removed, and of what follows only every second,
+/// fourth, … is kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series<T> {
     entries: Vec<T>,
-    most: usize,
+    max: usize,
     stride: u64,
     seen: u64,
 }
 
 impl<T> Series<T> {
-    /// An empty history of at most `most` entries.
-    pub fn new(most: usize) -> Series<T> {
-        Series { entries: Vec::new(), most: most.max(2), stride: 1, seen: 0 }
+    /// An empty history of at most `max` entries.
+    pub fn new(max: usize) -> Series<T> {
+        Series { entries: Vec::new(), max: max.max(2), stride: 1, seen: 0 }
     }
 
     /// Adds an entry.
     pub fn push(&mut self, entry: T) {
         if self.seen.is_multiple_of(self.stride) {
-            if self.entries.len() >= self.most {
+            if self.entries.len() >= self.max {
                 let mut at = 0;
                 self.entries.retain(|_| {
                     at += 1;
@@ -52,13 +53,13 @@ impl<T: Serialize> Serialize for Series<T> {
     }
 }
 
-/// Entries of a history that is written out.
-const MOST: usize = 4096;
+/// Entries of a history in the log.
+pub(super) const MAX_HISTORY: usize = 4096;
 
 /// Entries of the profile of task times.
-const MOST_PROFILE: usize = 1 << 17;
+const MAX_PROFILE: usize = 1 << 17;
 
-/// One thread's account.
+/// What one thread did, or several together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ThreadLog {
     /// Chunks computed.
@@ -71,15 +72,15 @@ pub struct ThreadLog {
     pub idle_s: f64,
     /// Time of side jobs (compression) for the collector, s.
     pub jobs_s: f64,
-    /// Processor time of the thread, s, which other programs do not lengthen; all but idle time where the system does not
-    /// tell.
+    /// Processor time of the thread, s, which other programs do not lengthen; where the system has no such clock, all but
+    /// the idle time.
     pub cpu_s: f64,
-    /// From its beginning to its end, s.
+    /// From the start to the end of the thread, s.
     pub wall_s: f64,
 }
 
 impl ThreadLog {
-    /// Both together.
+    /// The sum of two logs.
     pub fn plus(self, other: ThreadLog) -> ThreadLog {
         ThreadLog {
             chunks: self.chunks + other.chunks,
@@ -110,7 +111,7 @@ pub struct SizeChange {
     pub sign: i8,
 }
 
-/// How many chunks waited (warehouse) or were being computed (other schedules) when one was handed over.
+/// Number of chunks that waited (warehouse) or were being computed (other schedules) when one was handed over.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Depth {
     /// Since the start, s.
@@ -126,7 +127,7 @@ pub struct LegEnd {
     pub at_s: f64,
     /// Tasks of this leg and all before it.
     pub tasks: u64,
-    /// What the producer waited at the barrier, s; 0 without one.
+    /// Time that the producer waited at the barrier, s; 0 without one.
     pub waited_s: f64,
 }
 
@@ -137,7 +138,7 @@ pub struct Log {
     pub schedule: &'static str,
     /// Threads that computed, the producer's included.
     pub threads: usize,
-    /// Whether legs were kept apart.
+    /// Whether legs waited for one another.
     pub leg_barrier: bool,
     /// From start to end, s.
     pub seconds: f64,
@@ -145,13 +146,13 @@ pub struct Log {
     pub tasks: u64,
     /// Chunks handed to workers.
     pub handed_over: u64,
-    /// Chunks that the producer took back from the warehouse at the end of a leg.
+    /// Chunks that the producer took back from the warehouse.
     pub taken_back: u64,
     /// Times that the producer found all workers busy or the warehouse full.
     pub refusals: u64,
-    /// The producer's thread: what it computed itself and what it waited. The rest of its time went into making chunks.
+    /// The producer's thread: computing and waiting. The rest of its time went into making chunks.
     pub producer: ThreadLog,
-    /// When the producer's last chunk was out, s.
+    /// Time of the producer's end, s.
     pub producer_s: f64,
     /// The workers' threads.
     pub workers: Vec<ThreadLog>,
@@ -159,7 +160,7 @@ pub struct Log {
     pub collector: ThreadLog,
     /// How often the queue had 0, 1, 2, … chunks at a hand-over.
     pub depths: Vec<u64>,
-    /// The same in the course of time.
+    /// These depths in the course of time.
     pub depth_history: Series<Depth>,
     /// Chunk sizes in the course of time, of dynamic chunks.
     pub sizes: Series<SizeChange>,
@@ -193,15 +194,15 @@ impl Default for Log {
             workers: Vec::new(),
             collector: ThreadLog::default(),
             depths: Vec::new(),
-            depth_history: Series::new(MOST),
-            sizes: Series::new(MOST),
+            depth_history: Series::new(MAX_HISTORY),
+            sizes: Series::new(MAX_HISTORY),
             legs: Vec::new(),
-            profile: Series::new(MOST_PROFILE),
+            profile: Series::new(MAX_PROFILE),
         }
     }
 }
 
-/// Takes the accounts of all threads.
+/// Gathers what all threads of one or more runs did.
 #[derive(Debug)]
 pub struct Recorder {
     origin: Instant,
@@ -225,29 +226,24 @@ impl Recorder {
         self.log.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn with(&self, change: impl FnOnce(&mut Log)) {
-        change(&mut self.log.lock().unwrap_or_else(PoisonError::into_inner));
+    fn with<T>(&self, change: impl FnOnce(&mut Log) -> T) -> T {
+        change(&mut self.log.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    pub(super) fn ended(&self, settings: &Schedule) {
+    fn seconds(&self) -> f64 {
+        self.origin.elapsed().as_secs_f64()
+    }
+
+    /// Ends a run, of which all threads have ended.
+    pub(super) fn end_run(&self, schedule: &Schedule) {
         self.with(|log| {
-            log.schedule = settings.policy.name();
-            log.threads = settings.threads.max(1);
-            log.leg_barrier = settings.leg_barrier;
-            log.seconds = self.origin.elapsed().as_secs_f64();
+            log.schedule = schedule.policy.name();
+            log.threads = schedule.threads.max(1);
+            log.leg_barrier = schedule.leg_barrier;
+            log.seconds = self.seconds();
             log.tasks = log.workers.iter().fold(log.producer.tasks, |sum, w| sum + w.tasks);
         });
     }
-}
-
-/// A thread's time, spent on one thing after the other; without a recorder it looks at no clock.
-pub(super) struct Account<'r> {
-    recorder: Option<&'r Recorder>,
-    log: ThreadLog,
-    since: Instant,
-    opened: Instant,
-    /// What the thread's processor clock said then.
-    cpu_s: Option<f64>,
 }
 
 /// Processor time of this thread so far, s.
@@ -261,171 +257,155 @@ pub(super) fn thread_cpu_s() -> Option<f64> {
     None
 }
 
-impl<'r> Account<'r> {
-    pub fn open(recorder: Option<&'r Recorder>) -> Account<'r> {
+/// Divides a thread's time into laps of one kind each. Without a recorder it reads no clock.
+pub(super) struct ThreadTimer<'r> {
+    recorder: Option<&'r Recorder>,
+    log: ThreadLog,
+    lap_start: Instant,
+    started: Instant,
+    /// The thread's processor time at its start.
+    started_cpu_s: Option<f64>,
+}
+
+impl<'r> ThreadTimer<'r> {
+    /// Starts the first lap, on the thread that is measured.
+    pub fn start(recorder: Option<&'r Recorder>) -> ThreadTimer<'r> {
         let now = Instant::now();
-        let cpu_s = recorder.and_then(|_| thread_cpu_s());
-        Account { recorder, log: ThreadLog::default(), since: now, opened: now, cpu_s }
+        let started_cpu_s = recorder.and_then(|_| thread_cpu_s());
+        ThreadTimer { recorder, log: ThreadLog::default(), lap_start: now, started: now, started_cpu_s }
     }
 
-    /// The whole account, on the thread that it belongs to.
-    fn closed(&self) -> ThreadLog {
-        let wall_s = self.opened.elapsed().as_secs_f64();
-        let cpu_s = match (self.cpu_s, thread_cpu_s()) {
+    /// Ends the lap; `add` books its seconds.
+    fn end_lap(&mut self, add: impl FnOnce(&mut ThreadLog, f64)) {
+        if self.recorder.is_some() {
+            let now = Instant::now();
+            add(&mut self.log, now.duration_since(self.lap_start).as_secs_f64());
+            self.lap_start = now;
+        }
+    }
+
+    /// Ends a lap that belongs to none of the kinds.
+    pub fn discard_lap(&mut self) {
+        self.end_lap(|_, _| ());
+    }
+
+    /// Ends a lap without work.
+    pub fn add_idle(&mut self) {
+        self.end_lap(|log, seconds| log.idle_s += seconds);
+    }
+
+    /// Ends a lap with a side job.
+    pub fn add_job(&mut self) {
+        self.end_lap(|log, seconds| log.jobs_s += seconds);
+    }
+
+    /// Ends a lap in which a chunk of `tasks` was computed.
+    pub fn add_chunk(&mut self, tasks: u32) {
+        self.end_lap(|log, seconds| {
+            log.busy_s += seconds;
+            log.chunks += 1;
+            log.tasks += u64::from(tasks);
+        });
+    }
+
+    /// Adds the whole time, on the thread that was measured, to the log.
+    fn finish(&self, add: impl FnOnce(&mut Log, ThreadLog)) {
+        let Some(recorder) = self.recorder else { return };
+        let wall_s = self.started.elapsed().as_secs_f64();
+        let cpu_s = match (self.started_cpu_s, thread_cpu_s()) {
             (Some(from), Some(to)) => to - from,
             _ => (wall_s - self.log.idle_s).max(0.0),
         };
-        ThreadLog { cpu_s, wall_s, ..self.log }
+        recorder.with(|log| add(log, ThreadLog { cpu_s, wall_s, ..self.log }));
     }
 
-    fn lap(&mut self) -> f64 {
-        let now = Instant::now();
-        let spent = now.duration_since(self.since).as_secs_f64();
-        self.since = now;
-        spent
+    /// Ends the collector's time.
+    pub fn finish_collector(self) {
+        self.finish(|log, time| log.collector = log.collector.plus(time));
     }
 
-    /// What follows is booked anew; what was before is booked nowhere.
-    pub fn skip(&mut self) {
-        if self.recorder.is_some() {
-            self.lap();
-        }
-    }
-
-    pub fn was_idle(&mut self) {
-        if self.recorder.is_some() {
-            self.log.idle_s += self.lap();
-        }
-    }
-
-    pub fn did_job(&mut self) {
-        if self.recorder.is_some() {
-            self.log.jobs_s += self.lap();
-        }
-    }
-
-    pub fn computed(&mut self, tasks: u32) {
-        if self.recorder.is_some() {
-            self.log.busy_s += self.lap();
-            self.log.chunks += 1;
-            self.log.tasks += u64::from(tasks);
-        }
-    }
-
-    /// The collector's account.
-    pub fn hand_in_as_collector(self) {
-        if let Some(recorder) = self.recorder {
-            let closed = self.closed();
-            recorder.with(|log| log.collector = log.collector.plus(closed));
-        }
-    }
-
-    /// A worker's account.
-    pub fn hand_in(mut self) {
-        self.was_idle();
-        if let Some(recorder) = self.recorder {
-            let closed = self.closed();
-            recorder.with(|log| log.workers.push(closed));
-        }
+    /// Ends a worker's time.
+    pub fn finish_worker(mut self) {
+        self.add_idle();
+        self.finish(|log, time| log.workers.push(time));
     }
 }
 
-/// The producer's records.
-pub(super) struct Ledger<'r> {
-    pub account: Account<'r>,
-    page: Option<Box<Log>>,
-    passed: u64,
+/// What the producer records. A second run goes on where the one before ended.
+pub(super) struct ProducerRecord<'r> {
+    pub timer: ThreadTimer<'r>,
+    /// Tasks of all chunks until now.
+    tasks: u64,
 }
 
-impl<'r> Ledger<'r> {
-    pub fn open(recorder: Option<&'r Recorder>) -> Ledger<'r> {
-        // A second run goes on where the one before ended.
-        let page = recorder.map(|r| {
-            let mut page = Log::default();
-            r.with(|log| page = std::mem::take(log));
-            Box::new(page)
-        });
-        let passed = page.as_deref().map_or(0, |log: &Log| log.tasks);
-        Ledger { account: Account::open(recorder), page, passed }
+impl<'r> ProducerRecord<'r> {
+    pub fn new(recorder: Option<&'r Recorder>) -> ProducerRecord<'r> {
+        let tasks = recorder.map_or(0, |recorder| recorder.with(|log| log.tasks));
+        ProducerRecord { timer: ThreadTimer::start(recorder), tasks }
     }
 
-    fn now(&self) -> f64 {
-        self.account.recorder.map_or(0.0, |r| r.origin.elapsed().as_secs_f64())
+    /// Changes the log, if there is one. `change` is given the seconds since the start, too.
+    fn with(&self, change: impl FnOnce(&mut Log, f64)) {
+        if let Some(recorder) = self.timer.recorder {
+            let at_s = recorder.seconds();
+            recorder.with(|log| change(log, at_s));
+        }
     }
 
-    /// A chunk comes in.
-    pub fn came_in(&mut self, tasks: u32) {
-        self.passed += u64::from(tasks);
+    /// Counts the tasks of a new chunk.
+    pub fn add_tasks(&mut self, tasks: u32) {
+        self.tasks += u64::from(tasks);
     }
 
     /// A chunk from the warehouse is computed by the producer after all.
-    pub fn took_back(&mut self) {
-        if let Some(log) = &mut self.page {
-            log.taken_back += 1;
-        }
+    pub fn add_taken_back(&self) {
+        self.with(|log, _| log.taken_back += 1);
     }
 
-    pub fn handed_over(&mut self, depth: usize) {
-        let at_s = self.now();
-        if let Some(log) = &mut self.page {
+    /// A chunk goes to the workers, of which `depth` chunks wait or are being computed.
+    pub fn add_handover(&self, depth: usize) {
+        self.with(|log, at_s| {
             log.handed_over += 1;
             if log.depths.len() <= depth {
                 log.depths.resize(depth + 1, 0);
             }
             log.depths[depth] += 1;
             log.depth_history.push(Depth { at_s, chunks: depth });
+        });
+    }
+
+    /// All workers are busy or the warehouse is full.
+    pub fn add_refusal(&self) {
+        self.with(|log, _| log.refusals += 1);
+    }
+
+    /// The producer has computed a chunk. The time of every chunk is recorded where no other thread computes.
+    pub fn add_chunk(&mut self, tasks: u32, is_alone: bool) {
+        self.timer.add_chunk(tasks);
+        if is_alone {
+            let entry = |log: &Log| (self.tasks, log.producer.busy_s + self.timer.log.busy_s);
+            self.with(|log, _| log.profile.push(entry(log)));
         }
     }
 
-    pub fn refused(&mut self) {
-        if let Some(log) = &mut self.page {
-            log.refusals += 1;
+    /// The size of chunks has been chosen again after the workers were idle for `idle_ns`.
+    pub fn add_resize(&self, idle_ns: Option<u64>, sizer: &ChunkSizer) {
+        let (tasks, size, step, sign) = (self.tasks, sizer.size(), sizer.step(), sizer.sign());
+        if let Some(idle_ns) = idle_ns {
+            self.with(|log, at_s| log.sizes.push(SizeChange { at_s, tasks, idle_ns, size, step, sign }));
         }
     }
 
-    pub fn computed(&mut self, tasks: u32, alone: bool) {
-        self.account.computed(tasks);
-        if let Some(log) = &mut self.page
-            && alone
-        {
-            log.profile.push((self.passed, log.producer.busy_s + self.account.log.busy_s));
-        }
+    /// A leg has ended.
+    pub fn add_leg_end(&self, waited: Duration) {
+        let (tasks, waited_s) = (self.tasks, waited.as_secs_f64());
+        self.with(|log, at_s| log.legs.push(LegEnd { at_s, tasks, waited_s }));
     }
 
-    pub fn resized(&mut self, idle: Option<u64>, dropper: &Dropper) {
-        let (at_s, tasks) = (self.now(), self.passed);
-        if let (Some(log), Some(idle_ns)) = (&mut self.page, idle) {
-            let sign = dropper.direction().sign();
-            log.sizes.push(SizeChange {
-                at_s,
-                tasks,
-                idle_ns,
-                size: dropper.size(),
-                step: dropper.step(),
-                sign,
-            });
-        }
-    }
-
-    pub fn leg_ended(&mut self, waited: Duration) {
-        let (at_s, tasks) = (self.now(), self.passed);
-        if let Some(log) = &mut self.page {
-            log.legs.push(LegEnd { at_s, tasks, waited_s: waited.as_secs_f64() });
-        }
-    }
-
-    pub fn hand_in(&mut self) {
-        let now = self.now();
-        if let (Some(recorder), Some(mut page)) = (self.account.recorder, self.page.take()) {
-            page.producer = page.producer.plus(self.account.closed());
-            page.producer_s = now;
-            recorder.with(|log| {
-                // Workers may have handed in theirs already.
-                page.workers.append(&mut log.workers);
-                page.collector = page.collector.plus(log.collector);
-                *log = *page;
-            });
-        }
+    /// Ends the producer's time.
+    pub fn finish(&self) {
+        self.with(|log, at_s| log.producer_s = at_s);
+        self.timer.finish(|log, time| log.producer = log.producer.plus(time));
     }
 }
 

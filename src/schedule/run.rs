@@ -1,14 +1,13 @@
 //! The threads: one producer, workers, one collector.
 
-use super::Stop;
-use super::dropper::{Dropper, IdleClock};
-use super::feed::{Crate, Feed, Outcome, Promise, Tasks, failed};
-use super::jobs::JobQueue;
-use super::patience::await_briefly;
+use super::feed::{Feed, LegBarrier, Outcome, Pending, QueuedChunk, Tasks, thread_ended};
+use super::jobs::{Job, JobQueue};
 use super::policy::{Policy, Schedule};
-use super::record::{Account, Ledger, Recorder};
+use super::record::{ProducerRecord, Recorder, ThreadTimer};
+use super::sizing::{ChunkSizer, IdleClock};
+use super::spin::spin_until;
+use super::stop::Stop;
 use crate::error::{Error, Result};
-use crossbeam::sync::WaitGroup;
 use crossbeam_channel::{Receiver, Sender, bounded, select};
 use std::sync::Arc;
 
@@ -19,10 +18,10 @@ pub trait Collect<R>: Send {
     /// Takes the next result. `more_waiting` tells whether another result is already on its way, so that a live stream
     /// can be flushed when there is none.
     fn take(&mut self, result: R, more_waiting: bool) -> Result<()>;
-    /// All results were taken.
+    /// Ends a run of which all results were taken.
     fn finish(self) -> Result<Self::Summary>;
-    /// The user ends the run; what was taken until now is all that there will be, unless it turns out that the producer
-    /// has failed: then the summary is dropped.
+    /// Ends a run that the user has stopped. Nothing comes after what was taken until now. The summary is dropped if the
+    /// producer has failed.
     fn cut(self) -> Result<Self::Summary>
     where
         Self: Sized,
@@ -30,17 +29,17 @@ pub trait Collect<R>: Send {
         self.abort();
         Err(Error::Interrupted)
     }
-    /// The run fails.
+    /// Ends a run that has failed.
     fn abort(self);
 }
 
 /// Runs `produce` on this thread, the workers and the collector on others, until all is done or one of them fails.
 ///
-/// `make_worker` is called once per computing thread; the worker it makes owns its scratch memory and does not know which
-/// schedule it works for. `stop` is asked when anything fails, and should be looked at by `produce` between chunks. The
-/// first error in the order of the results wins. A `recorder` takes down what everybody did.
+/// `make_worker` is called once per computing thread; the worker it makes owns its scratch memory and does not know the
+/// schedule. When anything fails, `stop` is set, which `produce` should check between chunks. The first error in the order
+/// of the results is returned. A `recorder` records what all threads did.
 pub fn run<C, R, W, K>(
-    settings: Schedule,
+    schedule: Schedule,
     jobs: &Arc<JobQueue>,
     stop: &Stop,
     recorder: Option<&Recorder>,
@@ -54,82 +53,80 @@ where
     W: FnMut(C) -> Result<R>,
     K: Collect<R>,
 {
-    let (warehouse, shelves) = bounded::<Crate<C, R>>(settings.capacity());
-    let (receipts, promises) = bounded(settings.receipts());
-    let (released, free) = bounded(settings.workers().max(1));
+    let (queue, queue_end) = bounded::<QueuedChunk<C, R>>(schedule.queue_capacity());
+    let (results, results_end) = bounded(schedule.results_capacity());
+    let (announce_idle, idle_workers) = bounded(schedule.workers().max(1));
     let idle = IdleClock::new();
-    let dropper = match settings.policy {
-        Policy::Dynamic { size, significant_ns } => Some(Dropper::new(size, significant_ns)),
+    let sizer = match schedule.policy {
+        Policy::Dynamic { size, significant_ns } => Some(ChunkSizer::new(size, significant_ns)),
         _ => None,
     };
-    let site = Site {
-        shelves,
+    let context = WorkerContext {
+        queue_end,
         jobs,
-        released,
-        by_turns: !matches!(settings.policy, Policy::Warehouse { .. }),
-        idle: dropper.map(|_| &idle),
+        announce_idle: (!matches!(schedule.policy, Policy::Warehouse { .. })).then_some(announce_idle),
+        idle: sizer.map(|_| &idle),
         recorder,
     };
-    for _ in 0..settings.workers() {
-        // There is a place for each of them.
-        let _ = site.released.send(());
+    for _ in 0..schedule.workers() {
+        context.announce_idle();
     }
     let make_worker = &make_worker;
     std::thread::scope(|scope| {
         let mut workers = Vec::new();
-        for _ in 0..settings.workers() {
-            let site = site.clone();
-            workers.push(scope.spawn(move || site.work_off(make_worker())));
+        for _ in 0..schedule.workers() {
+            let context = context.clone();
+            workers.push(scope.spawn(move || context.run(make_worker())));
         }
-        let shelves = site.shelves.clone();
-        // Who waits for a free worker shall learn that none is left.
-        drop(site);
+        let queue_end = context.queue_end.clone();
+        // A producer that waits for an idle worker must notice when none is left.
+        drop(context);
         let collecting = scope.spawn(move || {
-            let outcome = collect(&promises, stop, recorder, collector);
+            let outcome = collect(&results_end, stop, recorder, collector);
             if outcome.is_err() {
-                stop.ask();
+                stop.request();
             }
             jobs.close();
             outcome
         });
         let mut feed = Feed {
-            settings,
-            warehouse,
-            shelves,
-            free,
-            receipts,
+            schedule,
+            queue,
+            queue_end,
+            idle_workers,
+            results,
             jobs,
-            dropper,
+            sizer,
             idle: &idle,
-            measured: None,
-            pending: settings.leg_barrier.then(WaitGroup::new),
-            held: (Vec::new(), 0),
-            ledger: Ledger::open(recorder),
+            measured_idle_ns: None,
+            barrier: schedule.leg_barrier.then(LegBarrier::new),
+            buffered: (Vec::new(), 0),
+            record: ProducerRecord::new(recorder),
             work: make_worker(),
         };
         let produced = produce(&mut feed);
-        // What came before a failure or a wish to end is a part of the results, too.
-        let settled = feed.settle();
-        let produced = produced.and(settled);
+        // What came before a failure or a stop is a part of the results, too.
+        let flushed = feed.flush();
+        let produced = produced.and(flushed);
         match produced {
             Ok(()) => feed.drain(),
-            Err(_) => stop.ask(),
+            Err(_) => stop.request(),
         }
-        feed.ledger.hand_in();
+        feed.record.finish();
         drop(feed);
-        while let Ok(job) = jobs.exit().recv() {
+        while let Ok(job) = jobs.queue_end().recv() {
             job();
         }
-        let collected = collecting.join().unwrap_or_else(|_| Err(failed("the collector")));
+        let collected = collecting.join().unwrap_or_else(|_| Err(thread_ended("the collector")));
         for worker in workers {
-            worker.join().map_err(|_| failed("a worker"))?;
+            worker.join().map_err(|_| thread_ended("a worker"))?;
         }
         if let Some(recorder) = recorder {
-            recorder.ended(&settings);
+            recorder.end_run(&schedule);
         }
-        // When the collector fails the producer fails too, for want of a taker: the collector's reason is the one to tell.
+        // When the collector fails, so does the producer, which cannot pass results on: the collector's reason counts.
         match (collected, produced) {
-            // The collector only followed the producer's wish to stop.
+            // The collector only followed the producer's stop.
             (Err(Error::Interrupted), Err(reason)) => Err(reason),
             (Err(reason), _) => Err(reason),
             (Ok(_), Err(reason)) => Err(reason),
@@ -138,120 +135,126 @@ where
     })
 }
 
-/// Where workers work.
-struct Site<'a, C, R> {
-    shelves: Receiver<Crate<C, R>>,
+/// What a worker thread takes from and reports to.
+struct WorkerContext<'a, C, R> {
+    queue_end: Receiver<QueuedChunk<C, R>>,
     jobs: &'a JobQueue,
-    released: Sender<()>,
-    /// Whether the producer waits for free workers.
-    by_turns: bool,
+    /// Where the producer waits for idle workers; `None` with a warehouse.
+    announce_idle: Option<Sender<()>>,
     idle: Option<&'a IdleClock>,
     recorder: Option<&'a Recorder>,
 }
 
-impl<C, R> Clone for Site<'_, C, R> {
+impl<C, R> Clone for WorkerContext<'_, C, R> {
     fn clone(&self) -> Self {
-        Site { shelves: self.shelves.clone(), released: self.released.clone(), ..*self }
+        WorkerContext {
+            queue_end: self.queue_end.clone(),
+            announce_idle: self.announce_idle.clone(),
+            ..*self
+        }
     }
 }
 
-impl<C: Tasks, R> Site<'_, C, R> {
-    /// Takes jobs and chunks until there will be no more of either.
-    fn work_off(self, mut work: impl FnMut(C) -> Result<R>) {
-        let mut account = Account::open(self.recorder);
-        let run_job = |account: &mut Account, job: super::Job| {
-            account.was_idle();
+impl<C, R> WorkerContext<'_, C, R> {
+    fn announce_idle(&self) {
+        if let Some(sender) = &self.announce_idle {
+            // There is a place for every worker, and a producer that has ended needs none.
+            let _ = sender.try_send(());
+        }
+    }
+}
+
+impl<C: Tasks, R> WorkerContext<'_, C, R> {
+    /// Takes jobs and chunks until no more of either can come.
+    fn run(self, mut work: impl FnMut(C) -> Result<R>) {
+        let mut timer = ThreadTimer::start(self.recorder);
+        let run_job = |timer: &mut ThreadTimer, job: Job| {
+            timer.add_idle();
             job();
-            account.did_job();
+            timer.add_job();
         };
         loop {
-            if let Ok(job) = self.jobs.exit().try_recv() {
-                run_job(&mut account, job);
+            if let Ok(job) = self.jobs.queue_end().try_recv() {
+                run_job(&mut timer, job);
                 continue;
             }
-            if self.by_turns {
-                await_briefly(|| !self.shelves.is_empty() || !self.jobs.exit().is_empty());
+            if self.announce_idle.is_some() {
+                spin_until(|| !self.queue_end.is_empty() || !self.jobs.queue_end().is_empty());
             }
             select! {
-                recv(self.jobs.exit()) -> job => match job {
-                    Ok(job) => run_job(&mut account, job),
-                    // No job will come any more, which is the collector's last act. Nobody takes results now, but a
-                    // producer that has not noticed yet may wait for what it sent.
+                recv(self.jobs.queue_end()) -> job => match job {
+                    Ok(job) => run_job(&mut timer, job),
+                    // The collector has ended: it closes the queue of jobs last. Its results go nowhere, but a producer
+                    // that has not noticed yet may wait for what it sent.
                     Err(_) => {
-                        self.shelves.iter().for_each(|item| self.discard(item));
+                        self.queue_end.iter().for_each(|_| self.announce_idle());
                         break;
                     }
                 },
-                recv(self.shelves) -> item => match item {
-                    Ok(item) => self.compute(item, &mut account, &mut work),
+                recv(self.queue_end) -> item => match item {
+                    Ok(item) => self.compute(item, &mut timer, &mut work),
                     Err(_) => {
-                        while let Ok(job) = self.jobs.exit().recv() {
-                            run_job(&mut account, job);
+                        while let Ok(job) = self.jobs.queue_end().recv() {
+                            run_job(&mut timer, job);
                         }
                         break;
                     }
                 },
             }
         }
-        account.hand_in();
+        timer.finish_worker();
     }
 
-    fn compute(&self, item: Crate<C, R>, account: &mut Account, work: &mut impl FnMut(C) -> Result<R>) {
-        account.was_idle();
-        let Crate { chunk, receipt, pending } = item;
+    fn compute(
+        &self,
+        item: QueuedChunk<C, R>,
+        timer: &mut ThreadTimer,
+        work: &mut impl FnMut(C) -> Result<R>,
+    ) {
+        timer.add_idle();
+        let QueuedChunk { chunk, result, barrier } = item;
         let tasks = chunk.tasks();
-        // A collector that has gone does not take the receipt; nothing is lost by that.
-        let _ = receipt.send(work(chunk));
-        account.computed(tasks);
-        drop(pending);
+        // Fails when the collector has ended, which does not matter any more.
+        let _ = result.send(work(chunk));
+        timer.add_chunk(tasks);
+        drop(barrier);
         if let Some(idle) = self.idle {
-            idle.worker_ends();
+            idle.start();
         }
-        self.release();
-    }
-
-    /// Lets a chunk go whose result nobody would take.
-    fn discard(&self, item: Crate<C, R>) {
-        drop(item);
-        self.release();
-    }
-
-    fn release(&self) {
-        if self.by_turns {
-            // There is a place for every worker, and a producer that has gone needs none.
-            let _ = self.released.try_send(());
-        }
+        self.announce_idle();
     }
 }
 
 fn collect<R, K: Collect<R>>(
-    promises: &Receiver<Promise<R>>,
+    pending: &Receiver<Pending<R>>,
     stop: &Stop,
     recorder: Option<&Recorder>,
     mut collector: K,
 ) -> Result<K::Summary> {
-    let mut account = Account::open(recorder);
-    for promise in promises {
-        let mut results = match promise {
-            Promise::Kept(results) => results,
-            Promise::Given(promise) => vec![promise.recv().unwrap_or_else(|_| Err(failed("a worker")))],
-        }
-        .into_iter();
-        account.was_idle();
+    let mut timer = ThreadTimer::start(recorder);
+    for next in pending {
+        let results = match next {
+            Pending::Ready(results) => results,
+            Pending::InFlight(result) => {
+                vec![result.recv().unwrap_or_else(|_| Err(thread_ended("a worker")))]
+            }
+        };
+        let mut results = results.into_iter();
+        timer.add_idle();
         while let Some(result) = results.next() {
-            let more_waiting = results.len() > 0 || !promises.is_empty();
+            let more_waiting = results.len() > 0 || !pending.is_empty();
             let taken = result.and_then(|result| collector.take(result, more_waiting));
-            account.computed(0);
+            timer.add_chunk(0);
             if let Err(e) = taken {
                 collector.abort();
                 return Err(e);
             }
         }
     }
-    if stop.asked() {
+    if stop.is_requested() {
         return collector.cut();
     }
-    account.hand_in_as_collector();
+    timer.finish_collector();
     collector.finish()
 }
 

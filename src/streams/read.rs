@@ -106,7 +106,7 @@ impl PulseReader {
                     self.take_what_waits();
                     return Ok(true);
                 }
-                ReadEvent::Timeout if stop.asked() => return Ok(false),
+                ReadEvent::Timeout if stop.is_requested() => return Ok(false),
                 ReadEvent::Timeout => {}
                 ReadEvent::End => {
                     self.ended = true;
@@ -163,7 +163,7 @@ impl PulseReader {
 
     fn finish(&self, stop: &Stop) -> Result<Option<Block>> {
         match &self.form {
-            _ if stop.asked() => Ok(None),
+            _ if stop.is_requested() => Ok(None),
             Form::Table(tables) => tables.end().map(|()| None),
             Form::Text(lines) if lines.have_begun() => Ok(None),
             _ => {

@@ -1,7 +1,6 @@
 //! Flying and timing.
 
-use super::{Flight, Matrix, name};
-use crate::cli::args::TreeKind;
+use super::matrix::{Combination, Matrix};
 use crate::cli::run::Job;
 use crate::cli::{Console, RunArgs, interrupt};
 use crate::error::{Error, Result};
@@ -9,7 +8,7 @@ use crate::flight::{FlightPlan, FlightState};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
 use crate::pipeline::{Control, Ended, Pass, Progress, Session, Settings, fly, target};
 use crate::pulse::Physics;
-use crate::schedule::{self, Log, Overheads, Policy, Recorder, Schedule, SizeChange, Stop, Workload};
+use crate::schedule::{ChunkCosts, Log, Overheads, Policy, Recorder, Schedule, SizeChange, Stop, Workload};
 use crate::survey::PlatformKind;
 use crate::tree::{BuildOptions, Tree};
 use serde::Serialize;
@@ -28,21 +27,12 @@ pub struct Bench {
     folder: tempfile::TempDir,
 }
 
-/// What was measured of one combination. Seconds are the least of all repetitions.
+/// The measurements of one combination. Seconds are the minimum of all repetitions.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cell {
-    /// Builder of the tree.
-    pub tree: &'static str,
-    /// Name of the schedule; `sequential` on one thread.
-    pub schedule: &'static str,
-    /// Pulses per chunk (of the first one, when it is dynamic).
-    pub chunk_size: u32,
-    /// Chunks that may wait per worker.
-    pub warehouse_factor: Option<usize>,
-    /// Whether legs were kept apart.
-    pub leg_barrier: bool,
-    /// Threads that build and compute.
-    pub threads: usize,
+    /// Tree, schedule and threads.
+    #[serde(flatten)]
+    pub of: Combination,
     /// Building the tree, s.
     pub build_s: f64,
     /// From the first pulse to the last point written, s.
@@ -51,7 +41,7 @@ pub struct Cell {
     pub total_s: f64,
     /// Every repetition's simulation, s.
     pub simulations_s: Vec<f64>,
-    /// Processor time of the simulation's threads together, s, least of all repetitions: unlike the other seconds it is
+    /// Processor time of the simulation's threads together, s, minimum of all repetitions: unlike the other times it is
     /// not lengthened by other programs.
     pub cpu_s: f64,
     /// Simulation of the same tree on one thread with chunks of this size, by this one.
@@ -74,7 +64,7 @@ pub struct Cell {
     pub echoes_per_s: f64,
     /// Bytes of the tree.
     pub tree_bytes: usize,
-    /// Interior nodes of the tree, that of instances not counted; so with the following.
+    /// Interior nodes of the tree without the trees of instances, like the following figures.
     pub tree_nodes: usize,
     /// Leaves.
     pub tree_leaves: usize,
@@ -84,7 +74,7 @@ pub struct Cell {
     pub tree_depth: u32,
     /// Expected cost of a ray, C_T of the paper with the costs of the build.
     pub tree_cost: f64,
-    /// Most memory that the process has held so far, bytes; 0 where the system does not tell.
+    /// Peak memory of the process so far, bytes; 0 where the system does not report it.
     pub peak_bytes: u64,
     /// Part of the workers' time in which they had nothing to do.
     pub idle: f64,
@@ -122,7 +112,7 @@ impl Bench {
     /// All cells of a tree. Repetitions take turns, so that what else the machine does falls on all of them.
     pub fn cells(
         &self,
-        kind: TreeKind,
+        tree_name: &'static str,
         options: &BuildOptions,
         built: &Built,
         matrix: &Matrix,
@@ -130,17 +120,16 @@ impl Bench {
     ) -> Result<Vec<Cell>> {
         let Built { tree, seconds: builds } = built;
         let physics = self.physics(tree)?;
-        let mut best: Vec<Option<(f64, Flown)>> = vec![None; matrix.flights.len()];
-        let mut all = vec![(Vec::new(), f64::INFINITY); matrix.flights.len()];
+        let mut best: Vec<Option<(f64, Flown)>> = vec![None; matrix.variants.len()];
+        let mut all = vec![(Vec::new(), f64::INFINITY); matrix.variants.len()];
         for turn in 0..matrix.warm_up + matrix.repetitions {
             console.detail(format!(
-                "{}: {} {}",
-                name(kind),
+                "{tree_name}: {} {}",
                 if turn < matrix.warm_up { "warm-up" } else { "repetition" },
                 turn + 1
             ));
-            for (i, flight) in matrix.flights.iter().enumerate() {
-                let flown = self.fly(&physics, options, flight.settings)?;
+            for (i, variant) in matrix.variants.iter().enumerate() {
+                let flown = self.fly(&physics, options, variant.schedule)?;
                 if turn < matrix.warm_up {
                     continue;
                 }
@@ -152,9 +141,9 @@ impl Bench {
             }
         }
         let build_of = |threads: usize| builds.iter().find(|b| b.0 == threads).map_or(f64::NAN, |b| b.1);
-        let cells = matrix.flights.iter().zip(best).zip(all).filter_map(|((flight, best), seconds)| {
+        let cells = matrix.variants.iter().zip(best).zip(all).filter_map(|((variant, best), seconds)| {
             let (_, flown) = best?;
-            Some(self.cell(kind, flight, build_of(flight.settings.threads), flown, seconds, tree))
+            Some(cell(variant.with_tree(tree_name), build_of(variant.schedule.threads), flown, seconds, tree))
         });
         Ok(cells.collect())
     }
@@ -163,8 +152,8 @@ impl Bench {
     pub fn build(&self, options: &BuildOptions, matrix: &Matrix) -> Result<Built> {
         let mut seconds: Vec<(usize, f64)> = Vec::new();
         let mut tree = None;
-        for flight in &matrix.flights {
-            let threads = flight.settings.threads;
+        for variant in &matrix.variants {
+            let threads = variant.schedule.threads;
             if seconds.iter().any(|b| b.0 == threads) {
                 continue;
             }
@@ -175,7 +164,7 @@ impl Bench {
                 let started = Instant::now();
                 tree = Some(self.session.scene().tree(&with_jobs(options, threads)));
                 least = least.min(started.elapsed().as_secs_f64());
-                if interrupt::STOP.asked() {
+                if interrupt::STOP.is_requested() {
                     return Err(Error::Interrupted);
                 }
             }
@@ -185,75 +174,17 @@ impl Bench {
         Ok(Built { tree, seconds })
     }
 
-    fn cell(
-        &self,
-        kind: TreeKind,
-        flight: &Flight,
-        build_s: f64,
-        flown: Flown,
-        (simulations_s, cpu_s): (Vec<f64>, f64),
-        tree: &Tree,
-    ) -> Cell {
-        let known = tree.statistics();
-        let (schedule, chunk_size, warehouse_factor) = flight.label();
-        let per_second = |n: f64| n / flown.seconds.max(1e-9);
-        let (busy, idle) = flown
-            .log
-            .workers
-            .iter()
-            .fold((0.0, 0.0), |(busy, idle), w| (busy + w.busy_s + w.jobs_s, idle + w.idle_s));
-        let depths = flown.log.depths.iter().enumerate();
-        let waited: u64 = depths.map(|(depth, &count)| depth as u64 * count).sum();
-        Cell {
-            tree: name(kind),
-            schedule,
-            chunk_size,
-            warehouse_factor,
-            leg_barrier: flight.settings.leg_barrier,
-            threads: flight.settings.threads,
-            build_s,
-            simulation_s: flown.seconds,
-            total_s: build_s + flown.seconds,
-            simulations_s,
-            cpu_s,
-            speedup: f64::NAN,
-            efficiency: f64::NAN,
-            global_speedup: f64::NAN,
-            time_reduction: f64::NAN,
-            pulses: flown.pulses,
-            echoes: flown.echoes,
-            pulses_per_s: per_second(flown.pulses as f64),
-            rays_per_s: per_second(flown.pulses as f64 * flown.rays as f64),
-            echoes_per_s: per_second(flown.echoes as f64),
-            tree_bytes: tree.memory(),
-            tree_nodes: known.interior,
-            tree_leaves: known.leaves,
-            tree_references: known.references,
-            tree_depth: known.max_depth,
-            tree_cost: known.cost,
-            peak_bytes: peak(),
-            idle: if busy + idle > 0.0 { idle / (busy + idle) } else { 0.0 },
-            refusals: flown.log.refusals,
-            queue_depth: if flown.log.handed_over > 0 {
-                waited as f64 / flown.log.handed_over as f64
-            } else {
-                0.0
-            },
-            sizes: flown.log.sizes.entries().to_vec(),
-        }
-    }
-
     fn physics<'a>(&'a self, tree: &'a Tree) -> Result<Physics<'a>> {
         let Settings { survey, physics, .. } = self.session.settings();
         Physics::new(self.session.scene(), tree, survey, *physics)
     }
 
     fn fly(&self, physics: &Physics, options: &BuildOptions, schedule: Schedule) -> Result<Flown> {
-        // What a flight took that did not come to its end tells nothing.
+        // The time of a flight that was stopped is of no use.
         self.fly_until(&interrupt::STOP, &self.format, physics, options, schedule)?.ok_or(Error::Interrupted)
     }
 
-    /// Nothing when it was stopped.
+    /// Flies once; `None` when it was stopped.
     fn fly_until(
         &self,
         stop: &Stop,
@@ -307,13 +238,14 @@ impl Bench {
         })
     }
 
-    /// Task times in chunks of all sizes that may occur, measured on one thread while the other cores are busy, with what
-    /// else costs time.
+    /// Task times in chunks of all sizes that may occur, measured on one thread while the other cores are busy, and the
+    /// other costs.
     pub fn workload(&self, options: &BuildOptions, tree: &Tree, matrix: &Matrix) -> Result<Workload> {
         let physics = self.physics(tree)?;
-        let mut sizes: Vec<u32> = matrix.flights.iter().flat_map(|f| [1, f.settings.policy.size()]).collect();
-        // Dynamic chunks go anywhere; what they cost near a measured size is known well enough.
-        if matrix.flights.iter().any(|f| matches!(f.settings.policy, Policy::Dynamic { .. })) {
+        let mut sizes: Vec<u32> =
+            matrix.variants.iter().flat_map(|v| [1, v.schedule.policy.size()]).collect();
+        // Dynamic chunks can have any size; their costs near a measured size are known well enough.
+        if matrix.variants.iter().any(|v| matches!(v.schedule.policy, Policy::Dynamic { .. })) {
             for more in [8, 64, 512] {
                 if !sizes.iter().any(|&size| (size / 4..=size.saturating_mul(4)).contains(&more)) {
                     sizes.push(more);
@@ -323,7 +255,7 @@ impl Bench {
         sizes.sort_unstable();
         sizes.dedup();
         let mut logs: Vec<(u32, Vec<Log>)> = sizes.iter().map(|&size| (size, Vec::new())).collect();
-        self.in_company(&physics, options, || {
+        self.under_load(&physics, options, || {
             for _ in 0..matrix.repetitions.max(2) {
                 for (size, logs) in &mut logs {
                     let policy = Policy::Static { size: *size };
@@ -333,16 +265,13 @@ impl Bench {
             }
             Ok(())
         })?;
-        let alone = self.in_company(&physics, options, || schedule::beside_work(1))?;
-        let (both, single) = (schedule::beside_work(2)?, schedule::hand_overs()?);
-        let mut load = Workload::of_logs(&logs, alone.producer_s);
-        (load.overheads, load.single) = (Overheads::of(&alone, &both, single.wake_s), single);
-        Ok(load)
+        let alone = self.under_load(&physics, options, || ChunkCosts::measure(1))?;
+        Ok(Workload::from_logs(&logs, Overheads::measure(alone)?))
     }
 
-    /// Measures while all other cores fly the same survey, as they do in the flights that are foretold: they share the memory,
-    /// and whoever wakes a thread on a core that sleeps pays several times as much.
-    fn in_company<T>(
+    /// Measures while all other cores fly the same survey, as they do in the simulated flights: they share the memory, and
+    /// waking a thread on a core that sleeps costs several times as much.
+    fn under_load<T>(
         &self,
         physics: &Physics,
         options: &BuildOptions,
@@ -351,7 +280,7 @@ impl Bench {
         struct AtEnd<'a>(&'a Stop);
         impl Drop for AtEnd<'_> {
             fn drop(&mut self) {
-                self.0.ask();
+                self.0.request();
             }
         }
         let (end, others) = (Stop::new(), available_parallelism().map_or(0, |n| n.get() - 1));
@@ -359,7 +288,7 @@ impl Bench {
         std::thread::scope(|scope| {
             let _end = AtEnd(&end);
             for _ in 0..others {
-                // Until the end, or for as long as it works: the flight that is measured tells what is wrong.
+                // Until the end, or until an error, which the measured flight reports.
                 let fly = || self.fly_until(&end, "none", physics, options, settings);
                 scope.spawn(move || while let Ok(Some(_)) = fly() {});
             }
@@ -382,6 +311,57 @@ struct Flown {
     echoes: u64,
     rays: usize,
     log: Log,
+}
+
+/// The figures of a combination. `simulations_s` and `cpu_s` are those of all its flights, `flown` is the fastest.
+fn cell(
+    of: Combination,
+    build_s: f64,
+    flown: Flown,
+    (simulations_s, cpu_s): (Vec<f64>, f64),
+    tree: &Tree,
+) -> Cell {
+    let known = tree.statistics();
+    let per_second = |n: f64| n / flown.seconds.max(1e-9);
+    let (busy, idle) = flown
+        .log
+        .workers
+        .iter()
+        .fold((0.0, 0.0), |(busy, idle), w| (busy + w.busy_s + w.jobs_s, idle + w.idle_s));
+    let depths = flown.log.depths.iter().enumerate();
+    let waited: u64 = depths.map(|(depth, &count)| depth as u64 * count).sum();
+    Cell {
+        of,
+        build_s,
+        simulation_s: flown.seconds,
+        total_s: build_s + flown.seconds,
+        simulations_s,
+        cpu_s,
+        speedup: f64::NAN,
+        efficiency: f64::NAN,
+        global_speedup: f64::NAN,
+        time_reduction: f64::NAN,
+        pulses: flown.pulses,
+        echoes: flown.echoes,
+        pulses_per_s: per_second(flown.pulses as f64),
+        rays_per_s: per_second(flown.pulses as f64 * flown.rays as f64),
+        echoes_per_s: per_second(flown.echoes as f64),
+        tree_bytes: tree.memory(),
+        tree_nodes: known.interior,
+        tree_leaves: known.leaves,
+        tree_references: known.references,
+        tree_depth: known.max_depth,
+        tree_cost: known.cost,
+        peak_bytes: peak(),
+        idle: if busy + idle > 0.0 { idle / (busy + idle) } else { 0.0 },
+        refusals: flown.log.refusals,
+        queue_depth: if flown.log.handed_over > 0 {
+            waited as f64 / flown.log.handed_over as f64
+        } else {
+            0.0
+        },
+        sizes: flown.log.sizes.entries().to_vec(),
+    }
 }
 
 fn with_jobs(options: &BuildOptions, jobs: usize) -> BuildOptions {

@@ -1,6 +1,6 @@
 //! The paper's own results: Tables 3 to 6.
 
-use super::table::Table;
+use super::columns::table;
 use serde_json::{Value, json};
 
 /// Tables 3: SCALED_COG, 6 cores; build, simulation, total in seconds.
@@ -44,64 +44,64 @@ const TABLE_6: [(&str, [f64; 3], [f64; 3], f64); 5] = [
     ("ARBORETUM", [89.43, 3051.0, 3140.43], [2.47, 27.00, 21.04], 95.25),
 ];
 
-fn two(x: f64) -> String {
+fn seconds(x: f64) -> String {
     format!("{x:.2}")
 }
 
-/// As text.
-pub fn tables() -> String {
-    let mut text = "The paper, Table 3: SCALED_COG (10.29 M primitives), 6 cores\n".to_owned();
-    let mut table = Table::new(&["implementation", "build s", "simulation s", "total s"]);
-    for (name, seconds) in TABLE_3 {
-        table.row([name.to_owned()].into_iter().chain(seconds.map(two)).collect());
-    }
-    text.push_str(&table.text());
-    for (title, rows) in [
-        ("Table 4: best configurations, 32 cores", TABLE_4),
-        ("Table 5: best configurations, 24 cores", TABLE_5),
-    ] {
-        text.push_str(&format!("\nThe paper, {title}\n"));
-        let mut table = Table::new(&[
-            "scene",
-            "tree",
-            "schedule",
-            "cores",
-            "build s",
-            "simulation s",
-            "total s",
-            "reduction",
-        ]);
-        for (scene, tree, schedule, cores, seconds, reduction) in rows {
-            let mut row = vec![scene.to_owned(), tree.to_owned(), schedule.to_owned(), cores.to_string()];
-            row.extend(seconds.map(two));
-            row.push(reduction.map_or_else(String::new, |r| format!("{r:.2} %")));
-            table.row(row);
-        }
-        text.push_str(&table.text());
-    }
-    text.push_str("\nThe paper, Table 6: best of Table 5 against the sequential simple tree\n");
-    let mut table = Table::new(&[
-        "scene",
-        "seq. build s",
-        "seq. simulation s",
-        "seq. total s",
-        "build",
-        "simulation",
-        "total",
-        "reduction",
-    ]);
-    for (scene, seconds, speedups, reduction) in TABLE_6 {
-        let mut row = vec![scene.to_owned()];
-        row.extend(seconds.map(two));
-        row.extend(speedups.map(two));
-        row.push(format!("{reduction:.2} %"));
-        table.row(row);
-    }
-    text.push_str(&table.text());
-    text
+fn percent(x: f64) -> String {
+    format!("{x:.2} %")
 }
 
-/// The same for programs.
+/// The tables as text.
+pub fn tables() -> String {
+    let third = table(
+        &TABLE_3,
+        &[
+            ("implementation", |r| r.0.to_owned()),
+            ("build s", |r| seconds(r.1[0])),
+            ("simulation s", |r| seconds(r.1[1])),
+            ("total s", |r| seconds(r.1[2])),
+        ],
+    );
+    let best = |rows: &[Best]| {
+        table(
+            rows,
+            &[
+                ("scene", |r| r.0.to_owned()),
+                ("tree", |r| r.1.to_owned()),
+                ("schedule", |r| r.2.to_owned()),
+                ("cores", |r| r.3.to_string()),
+                ("build s", |r| seconds(r.4[0])),
+                ("simulation s", |r| seconds(r.4[1])),
+                ("total s", |r| seconds(r.4[2])),
+                ("reduction", |r| r.5.map_or_else(String::new, percent)),
+            ],
+        )
+    };
+    let sixth = table(
+        &TABLE_6,
+        &[
+            ("scene", |r| r.0.to_owned()),
+            ("seq. build s", |r| seconds(r.1[0])),
+            ("seq. simulation s", |r| seconds(r.1[1])),
+            ("seq. total s", |r| seconds(r.1[2])),
+            ("build", |r| seconds(r.2[0])),
+            ("simulation", |r| seconds(r.2[1])),
+            ("total", |r| seconds(r.2[2])),
+            ("reduction", |r| percent(r.3)),
+        ],
+    );
+    format!(
+        "The paper, Table 3: SCALED_COG (10.29 M primitives), 6 cores\n{third}\n\
+         The paper, Table 4: best configurations, 32 cores\n{}\n\
+         The paper, Table 5: best configurations, 24 cores\n{}\n\
+         The paper, Table 6: best of Table 5 against the sequential simple tree\n{sixth}",
+        best(&TABLE_4),
+        best(&TABLE_5)
+    )
+}
+
+/// The tables as JSON.
 pub fn json() -> Value {
     let times = |[build, simulation, total]: [f64; 3]| json!({ "build_s": build, "simulation_s": simulation, "total_s": total });
     let best = |rows: [Best; 5]| -> Vec<Value> {

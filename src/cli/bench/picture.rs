@@ -1,28 +1,30 @@
 //! The comparison as a picture (SVG): times and speedups against threads, schedules, chunk sizes in the course of a run,
-//! like the paper's figures 10 and 13 to 16, and what simulated machines would do.
+//! like the paper's figures 10 and 13 to 16, and speedups of simulated machines.
 
 use super::report::Report;
 use std::fmt::Write as _;
 
-/// Colours of lines, told apart by most eyes.
+/// Colours of lines that most people can distinguish.
 const COLOURS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#5d5d5d", "#8a2be2"];
 
 const WIDTH: f64 = 680.0;
 const HEIGHT: f64 = 380.0;
-/// Room for axes and title within a chart, the legend at its right not counted: left, right, top, bottom.
+/// Space for axes and title within a chart, without the legend at its right: left, right, top, bottom.
 const MARGINS: [f64; 4] = [70.0, 20.0, 44.0, 48.0];
 
-/// What a chart shows.
+/// Name and points of a line.
+type Line = (String, Vec<(f64, f64)>);
+
+/// Lines or bars over two axes.
 struct Chart {
     title: String,
     x: &'static str,
     y: &'static str,
     /// Whether the axes are logarithmic.
     log: [bool; 2],
-    /// Names and points of the lines.
-    lines: Vec<(String, Vec<(f64, f64)>)>,
-    /// Names of places on the x axis: the lines' points are bars beside one another there.
+    lines: Vec<Line>,
+    /// Names of places on the x axis. There the lines' points are bars beside one another.
     bars: Option<Vec<String>>,
 }
 
@@ -61,7 +63,8 @@ pub fn of(report: &Report) -> String {
 fn charts(report: &Report) -> Vec<Chart> {
     let by_tree = |y: &dyn Fn(&super::measure::Cell) -> f64| {
         let line = |tree: &'static str| {
-            let points = report.best_by_threads(tree).into_iter().map(|c| (c.threads as f64, y(c))).collect();
+            let points =
+                report.best_by_threads(tree).into_iter().map(|c| (c.of.threads as f64, y(c))).collect();
             (tree.to_owned(), points)
         };
         report.trees().into_iter().map(line).collect::<Vec<_>>()
@@ -85,16 +88,16 @@ fn charts(report: &Report) -> Vec<Chart> {
         ),
     ];
     charts.push(schedules(report));
-    // More lines than colours could not be told apart: those with the most threads are the ones to look at.
-    let most = report.cells.iter().map(|c| c.threads).max().unwrap_or(1);
-    let sizes: Vec<(String, Vec<(f64, f64)>)> = report
+    // As many lines as there are colours, of those with the most threads.
+    let most = report.cells.iter().map(|c| c.of.threads).max().unwrap_or(1);
+    let sizes: Vec<Line> = report
         .cells
         .iter()
-        .filter(|c| !c.sizes.is_empty() && c.threads == most)
+        .filter(|c| !c.sizes.is_empty() && c.of.threads == most)
         .take(COLOURS.len())
         .map(|c| {
             let points = c.sizes.iter().map(|s| (s.tasks as f64 / 1e3, f64::from(s.size))).collect();
-            (format!("{} from {}{}", c.tree, c.chunk_size, barrier(c.leg_barrier)), points)
+            (format!("{} from {}{}", c.of.tree, c.of.chunk_size, barrier(c.of.leg_barrier)), points)
         })
         .collect();
     charts.push(chart(
@@ -105,21 +108,27 @@ fn charts(report: &Report) -> Vec<Chart> {
         sizes,
     ));
     for tree in report.trees() {
-        let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
-        for f in report.forecasts.iter().filter(|f| f.tree == tree) {
-            let size = if f.schedule == "single" { String::new() } else { format!(" {}", f.chunk_size) };
-            let factor = f.warehouse_factor.map_or_else(String::new, |n| format!("×{n}"));
-            let name = format!("{}{size}{factor}{}", f.schedule, barrier(f.leg_barrier));
-            let point = (f.threads as f64, f.speedup);
-            match lines.iter_mut().find(|l| l.0 == name) {
-                Some(line) => line.1.push(point),
-                None => lines.push((name, vec![point])),
-            }
+        let mut lines: Vec<Line> = Vec::new();
+        for f in report.forecasts.iter().filter(|f| f.of.tree == tree) {
+            let size =
+                if f.of.schedule == "single" { String::new() } else { format!(" {}", f.of.chunk_size) };
+            let factor = f.of.warehouse_factor.map_or_else(String::new, |n| format!("×{n}"));
+            let name = format!("{}{size}{factor}{}", f.of.schedule, barrier(f.of.leg_barrier));
+            line(&mut lines, name).push((f.of.threads as f64, f.speedup));
         }
         lines.iter_mut().for_each(|l| l.1.sort_by(|a, b| a.0.total_cmp(&b.0)));
         charts.push(chart(&format!("Simulated speedup, {tree}"), "threads", "speedup", [true, true], lines));
     }
     charts
+}
+
+/// The points of the line of that name, which is added if there is none.
+fn line(lines: &mut Vec<Line>, name: String) -> &mut Vec<(f64, f64)> {
+    let at = lines.iter().position(|line| line.0 == name).unwrap_or_else(|| {
+        lines.push((name, Vec::new()));
+        lines.len() - 1
+    });
+    &mut lines[at].1
 }
 
 fn barrier(is_kept: bool) -> &'static str {
@@ -128,22 +137,15 @@ fn barrier(is_kept: bool) -> &'static str {
 
 /// Bars of the best simulation of every schedule with the most threads, by tree.
 fn schedules(report: &Report) -> Chart {
-    let most = report.cells.iter().map(|c| c.threads).max().unwrap_or(1);
+    let most = report.cells.iter().map(|c| c.of.threads).max().unwrap_or(1);
     let trees = report.trees();
-    let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
-    for cell in report.cells.iter().filter(|c| c.threads == most || c.threads == 1) {
-        let name = format!("{}{}", cell.schedule, barrier(cell.leg_barrier));
-        let place = trees.iter().position(|t| *t == cell.tree).unwrap_or(0) as f64;
-        let line = match lines.iter().position(|l| l.0 == name) {
-            Some(at) => at,
-            None => {
-                lines.push((name, Vec::new()));
-                lines.len() - 1
-            }
-        };
-        match lines[line].1.iter_mut().find(|p| p.0 == place) {
+    let mut lines: Vec<Line> = Vec::new();
+    for cell in report.cells.iter().filter(|c| c.of.threads == most || c.of.threads == 1) {
+        let place = trees.iter().position(|t| *t == cell.of.tree).unwrap_or(0) as f64;
+        let points = line(&mut lines, cell.of.schedule_text());
+        match points.iter_mut().find(|p| p.0 == place) {
             Some(point) => point.1 = point.1.min(cell.simulation_s),
-            None => lines[line].1.push((place, cell.simulation_s)),
+            None => points.push((place, cell.simulation_s)),
         }
     }
     Chart {

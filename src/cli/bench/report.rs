@@ -1,8 +1,9 @@
-//! What was found, and how cells compare.
+//! The measurements and their comparison.
 
 use super::forecast::Forecast;
+use super::matrix::cores;
 use super::measure::{Bench, Cell};
-use super::{cores, paper};
+use super::paper;
 use serde_json::{Value, json};
 
 /// Everything that a comparison yields.
@@ -18,7 +19,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Nothing flown yet.
+    /// A report without measurements.
     pub fn begin(bench: &Bench) -> Report {
         Report {
             survey: bench.session.survey().name.clone(),
@@ -32,21 +33,22 @@ impl Report {
         }
     }
 
-    /// Fills in speedups: of each cell against the same tree on one thread with the same chunks, or the smallest there are;
-    /// and against the median tree on one thread, or the first tree when that one was not asked for.
+    /// Computes speedups: of each cell against its tree on one thread with the same chunks, or else the smallest; and against
+    /// the median tree on one thread, or else the first tree.
     pub fn compare(&mut self) {
-        let sequential: Vec<Cell> = self.cells.iter().filter(|c| c.threads == 1).cloned().collect();
+        let sequential: Vec<Cell> = self.cells.iter().filter(|c| c.of.threads == 1).cloned().collect();
         let base = |tree: &str, chunk: u32| {
-            let of_tree = || sequential.iter().filter(|s| s.tree == tree);
-            of_tree().find(|s| s.chunk_size == chunk).or_else(|| of_tree().min_by_key(|s| s.chunk_size))
+            let of_tree = || sequential.iter().filter(|s| s.of.tree == tree);
+            of_tree().find(|s| s.of.chunk_size == chunk).or_else(|| of_tree().min_by_key(|s| s.of.chunk_size))
         };
-        let simple = sequential.iter().find(|s| s.tree == "median").or(sequential.first()).map(|s| s.tree);
+        let simple =
+            sequential.iter().find(|s| s.of.tree == "median").or(sequential.first()).map(|s| s.of.tree);
         for cell in &mut self.cells {
-            if let Some(alone) = base(cell.tree, cell.chunk_size) {
+            if let Some(alone) = base(cell.of.tree, cell.of.chunk_size) {
                 cell.speedup = alone.simulation_s / cell.simulation_s;
-                cell.efficiency = cell.speedup / cell.threads as f64;
+                cell.efficiency = cell.speedup / cell.of.threads as f64;
             }
-            if let Some(simple) = simple.and_then(|tree| base(tree, cell.chunk_size)) {
+            if let Some(simple) = simple.and_then(|tree| base(tree, cell.of.chunk_size)) {
                 cell.global_speedup = simple.total_s / cell.total_s;
                 cell.time_reduction = 1.0 - 1.0 / cell.global_speedup;
             }
@@ -57,28 +59,28 @@ impl Report {
     pub fn trees(&self) -> Vec<&'static str> {
         let mut trees = Vec::new();
         for cell in &self.cells {
-            if !trees.contains(&cell.tree) {
-                trees.push(cell.tree);
+            if !trees.contains(&cell.of.tree) {
+                trees.push(cell.of.tree);
             }
         }
         trees
     }
 
-    /// The cell of least total for every number of threads of a tree, threads rising.
+    /// The cell of minimum total time for every number of threads of a tree, threads rising.
     pub fn best_by_threads(&self, tree: &str) -> Vec<&Cell> {
         let mut best: Vec<&Cell> = Vec::new();
-        for cell in self.cells.iter().filter(|c| c.tree == tree) {
-            match best.iter_mut().find(|b| b.threads == cell.threads) {
+        for cell in self.cells.iter().filter(|c| c.of.tree == tree) {
+            match best.iter_mut().find(|b| b.of.threads == cell.of.threads) {
                 Some(b) if cell.total_s < b.total_s => *b = cell,
                 Some(_) => {}
                 None => best.push(cell),
             }
         }
-        best.sort_by_key(|c| c.threads);
+        best.sort_by_key(|c| c.of.threads);
         best
     }
 
-    /// All of it.
+    /// Everything as JSON.
     pub fn json(&self, with_paper: bool) -> Value {
         let mut all = json!({
             "program": concat!("vlscan ", env!("CARGO_PKG_VERSION")),

@@ -1,50 +1,9 @@
-//! Tables for people.
+//! The report as tables.
 
+use super::columns::table;
+use super::matrix::Combination;
 use super::report::Report;
 use crate::quantity::amount;
-use std::fmt::Write as _;
-
-/// Rows of text in columns: the first column to the left, all others to the right.
-pub struct Table {
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    /// Only its head.
-    pub fn new(head: &[&str]) -> Table {
-        Table { rows: vec![head.iter().map(|h| (*h).to_owned()).collect()] }
-    }
-
-    /// Adds a row.
-    pub fn row(&mut self, row: Vec<String>) {
-        self.rows.push(row);
-    }
-
-    /// Aligned, two spaces apart.
-    pub fn text(&self) -> String {
-        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
-        let width = |c: usize| {
-            self.rows.iter().filter_map(|r| r.get(c)).map(|t| t.chars().count()).max().unwrap_or(0)
-        };
-        let widths: Vec<usize> = (0..columns).map(width).collect();
-        let mut text = String::new();
-        for row in &self.rows {
-            let mut line = String::new();
-            for (c, (cell, width)) in row.iter().zip(&widths).enumerate() {
-                let gap = if c > 0 { "  " } else { "" };
-                let fill = " ".repeat(width - cell.chars().count());
-                let _ = if c == 0 {
-                    write!(line, "{gap}{cell}{fill}")
-                } else {
-                    write!(line, "{gap}{fill}{cell}")
-                };
-            }
-            text.push_str(line.trim_end());
-            text.push('\n');
-        }
-        text
-    }
-}
 
 /// Everything measured and simulated.
 pub fn of(report: &Report) -> String {
@@ -66,110 +25,58 @@ pub fn of(report: &Report) -> String {
     text
 }
 
-fn factor(factor: Option<usize>) -> String {
-    factor.map_or_else(String::new, |f| f.to_string())
-}
-
-fn schedule(name: &str, leg_barrier: bool) -> String {
-    if leg_barrier { format!("{name} + barrier") } else { name.to_owned() }
+fn factor(of: &Combination) -> String {
+    of.warehouse_factor.map_or_else(String::new, |factor| factor.to_string())
 }
 
 fn measured(report: &Report) -> String {
-    let mut table = Table::new(&[
-        "tree",
-        "schedule",
-        "chunk",
-        "factor",
-        "threads",
-        "build s",
-        "simulation s",
-        "total s",
-        "speedup",
-        "efficiency",
-        "global",
-        "reduction",
-        "idle",
-        "depth",
-        "pulses/s",
-        "rays/s",
-        "echoes/s",
-        "tree MB",
-    ]);
-    for c in &report.cells {
-        table.row(vec![
-            c.tree.to_owned(),
-            schedule(c.schedule, c.leg_barrier),
-            c.chunk_size.to_string(),
-            factor(c.warehouse_factor),
-            c.threads.to_string(),
-            format!("{:.3}", c.build_s),
-            format!("{:.3}", c.simulation_s),
-            format!("{:.3}", c.total_s),
-            format!("{:.2}", c.speedup),
-            format!("{:.2}", c.efficiency),
-            format!("{:.2}", c.global_speedup),
-            format!("{:.1} %", 100.0 * c.time_reduction),
-            format!("{:.0} %", 100.0 * c.idle),
-            format!("{:.1}", c.queue_depth),
-            amount(c.pulses_per_s),
-            amount(c.rays_per_s),
-            amount(c.echoes_per_s),
-            format!("{:.1}", c.tree_bytes as f64 / 1e6),
-        ]);
-    }
+    let table = table(
+        &report.cells,
+        &[
+            ("tree", |c| c.of.tree.to_owned()),
+            ("schedule", |c| c.of.schedule_text()),
+            ("chunk", |c| c.of.chunk_size.to_string()),
+            ("factor", |c| factor(&c.of)),
+            ("threads", |c| c.of.threads.to_string()),
+            ("build s", |c| format!("{:.3}", c.build_s)),
+            ("simulation s", |c| format!("{:.3}", c.simulation_s)),
+            ("total s", |c| format!("{:.3}", c.total_s)),
+            ("speedup", |c| format!("{:.2}", c.speedup)),
+            ("efficiency", |c| format!("{:.2}", c.efficiency)),
+            ("global", |c| format!("{:.2}", c.global_speedup)),
+            ("reduction", |c| format!("{:.1} %", 100.0 * c.time_reduction)),
+            ("idle", |c| format!("{:.0} %", 100.0 * c.idle)),
+            ("depth", |c| format!("{:.1}", c.queue_depth)),
+            ("pulses/s", |c| amount(c.pulses_per_s)),
+            ("rays/s", |c| amount(c.rays_per_s)),
+            ("echoes/s", |c| amount(c.echoes_per_s)),
+            ("tree MB", |c| format!("{:.1}", c.tree_bytes as f64 / 1e6)),
+        ],
+    );
     let peak = report.cells.iter().map(|c| c.peak_bytes).max().unwrap_or(0);
-    format!(
-        "{}scene {:.1} MB, most memory held {:.1} MB\n",
-        table.text(),
-        report.scene_bytes as f64 / 1e6,
-        peak as f64 / 1e6
-    )
+    let [scene, peak] = [report.scene_bytes as f64, peak as f64].map(|bytes| bytes / 1e6);
+    format!("{table}scene {scene:.1} MB, most memory held {peak:.1} MB\n")
 }
 
 fn simulated(report: &Report) -> String {
-    let mut table = Table::new(&[
-        "tree",
-        "schedule",
-        "chunk",
-        "factor",
-        "threads",
-        "simulation s",
-        "speedup",
-        "efficiency",
-        "computing",
-        "producing",
-        "measured s",
-        "off",
-    ]);
-    for f in &report.forecasts {
-        let off = f.measured_s.map(|m| format!("{:+.1} %", 100.0 * (f.simulation_s / m - 1.0)));
-        table.row(vec![
-            f.tree.to_owned(),
-            schedule(f.schedule, f.leg_barrier),
-            f.chunk_size.to_string(),
-            factor(f.warehouse_factor),
-            f.threads.to_string(),
-            format!("{:.4}", f.simulation_s),
-            format!("{:.2}", f.speedup),
-            format!("{:.2}", f.speedup / f.threads as f64),
-            format!("{:.0} %", 100.0 * f.utilisation),
-            format!("{:.0} %", 100.0 * f.producing),
-            f.measured_s.map_or_else(String::new, |m| format!("{m:.4}")),
-            off.unwrap_or_default(),
-        ]);
-    }
-    table.text()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn columns_are_aligned() {
-        let mut table = Table::new(&["tree", "s"]);
-        table.row(vec!["a".into(), "10.5".into()]);
-        table.row(vec!["median".into(), "2".into()]);
-        assert_eq!(table.text(), "tree       s\na       10.5\nmedian     2\n");
-    }
+    table(
+        &report.forecasts,
+        &[
+            ("tree", |f| f.of.tree.to_owned()),
+            ("schedule", |f| f.of.schedule_text()),
+            ("chunk", |f| f.of.chunk_size.to_string()),
+            ("factor", |f| factor(&f.of)),
+            ("threads", |f| f.of.threads.to_string()),
+            ("simulation s", |f| format!("{:.4}", f.simulation_s)),
+            ("speedup", |f| format!("{:.2}", f.speedup)),
+            ("efficiency", |f| format!("{:.2}", f.speedup / f.of.threads as f64)),
+            ("computing", |f| format!("{:.0} %", 100.0 * f.utilisation)),
+            ("producing", |f| format!("{:.0} %", 100.0 * f.producing)),
+            ("measured s", |f| f.measured_s.map_or_else(String::new, |m| format!("{m:.4}"))),
+            ("off", |f| {
+                let off = |m: f64| format!("{:+.1} %", 100.0 * (f.simulation_s / m - 1.0));
+                f.measured_s.map(off).unwrap_or_default()
+            }),
+        ],
+    )
 }

@@ -204,7 +204,7 @@ fn fly(
             out.finish().map_err(failed)?;
         }
     }
-    if interrupt::STOP.asked() {
+    if interrupt::STOP.is_requested() {
         return Err(Error::Interrupted);
     }
     let seconds = started.elapsed().as_secs_f64();

@@ -16,9 +16,9 @@ mod ground;
 mod points;
 mod poses;
 
-use super::AimTarget;
+use super::aim::AimTarget;
 #[cfg(doc)]
-use super::Settings;
+use super::settings::Settings;
 use crate::diag::{Diagnostics, Place};
 use crate::flight::FlightPlan;
 use crate::geom::{Aabb, DVec3};

@@ -1,6 +1,6 @@
 //! Worked schedules.
 
-use super::super::{Overheads, PerSize, Profile};
+use super::super::workload::{Overheads, PerSize, Profile};
 use super::*;
 
 fn load(costs: &[f64], legs: &[u64]) -> Workload {
@@ -12,7 +12,7 @@ fn load(costs: &[f64], legs: &[u64]) -> Workload {
             (i, sum)
         })
         .collect();
-    Workload::new(vec![Profile::new(1, &entries)], legs.to_vec())
+    Workload { profiles: vec![Profile::new(1, &entries)], legs: legs.to_vec(), ..Workload::default() }
 }
 
 fn seconds(load: &Workload, threads: usize, policy: Policy, leg_barrier: bool) -> f64 {
@@ -66,10 +66,11 @@ fn a_barrier_costs_the_wait_for_the_slowest() {
 
 #[test]
 fn making_handing_over_and_waking_cost_time() {
-    let making = PerSize::new(vec![(1, 0.5)]);
-    let single = Overheads { tell_s: 0.125, take_s: 0.5, collect_s: 0.0625, wake_s: 0.25 };
-    let alone = Overheads { tell_s: 0.25, ..Overheads::default() };
-    let load = Workload { making, single, alone, ..load(&[1.0; 2], &[2]) };
+    let making = PerSize(vec![(1, 0.5)]);
+    let single = ChunkCosts { producer_s: 0.125, worker_s: 0.5, collector_s: 0.0625, wake_s: 0.25 };
+    let alone = ChunkCosts { producer_s: 0.25, ..ChunkCosts::default() };
+    let overheads = Overheads { single, alone, ..Overheads::default() };
+    let load = Workload { making, overheads, ..load(&[1.0; 2], &[2]) };
     // One thread makes, computes both and tells of them together.
     assert_eq!(seconds(&load, 1, Policy::Single, false), 3.25);
     // Made and given at 0.5 s, told of at 0.6875 s, awake at 0.75 s, done at 2.25 s; made at 1.1875 s, a worker free at
@@ -79,14 +80,14 @@ fn making_handing_over_and_waking_cost_time() {
 
 #[test]
 fn nothing_ends_before_everything_is_collected() {
-    let load = Workload { collecting: PerSize::new(vec![(1, 2.0)]), ..load(&[0.0; 10], &[10]) };
+    let load = Workload { collecting: PerSize(vec![(1, 2.0)]), ..load(&[0.0; 10], &[10]) };
     assert_eq!(seconds(&load, 64, Policy::Warehouse { size: 1, factor: 1 }, false), 20.0);
 }
 
 /// Two workers in chunks of two: they are idle while the producer computes a task of its own.
 #[test]
 fn dynamic_chunks_grow_when_a_worker_was_idle() {
-    let load = Workload { making: PerSize::new(vec![(1, 1e-4)]), ..load(&[1e-3; 4000], &[4000]) };
+    let load = Workload { making: PerSize(vec![(1, 1e-4)]), ..load(&[1e-3; 4000], &[4000]) };
     let policy = Policy::Dynamic { size: 2, significant_ns: 100 };
     let replayed = replay(&load, &Schedule { threads: 3, policy, leg_barrier: false });
     let sizes = replayed.sizes.entries();
@@ -98,7 +99,7 @@ fn dynamic_chunks_grow_when_a_worker_was_idle() {
 /// twice (0.25 s), takes 0.125 s more to make by itself and a second of computing.
 #[test]
 fn a_task_that_is_taken_off_costs_a_chunk_and_a_second_step() {
-    let making = PerSize::new(vec![(1, 0.375), (2, 0.25)]);
+    let making = PerSize(vec![(1, 0.375), (2, 0.25)]);
     let load = Workload { making, fixed_s: 0.5, ..load(&[1.0; 4], &[4]) };
     // 0 and 1 sent at 0.5 s, done at 2.5 s. 2 and 3 made at 1 s, refused; 2 done at 2.375 s. 3 is all that is left, the
     // worker is busy: done at 3.5 s.
@@ -118,7 +119,11 @@ fn who_is_too_far_ahead_of_the_collector_waits() {
             (i * SIZE, sum)
         };
         let entries: Vec<(u64, f64)> = (1..).zip(costs).map(until).collect();
-        Workload::new(vec![Profile::new(SIZE as u32, &entries)], vec![costs.len() as u64 * SIZE])
+        Workload {
+            profiles: vec![Profile::new(SIZE as u32, &entries)],
+            legs: vec![costs.len() as u64 * SIZE],
+            ..Workload::default()
+        }
     };
     let mut costs = [1.0; 20];
     costs[0] = 100.0;

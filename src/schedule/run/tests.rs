@@ -1,29 +1,9 @@
 //! Order, endings and records of all schedules.
 
-use super::super::feed::HELD;
+use super::super::policy::MAX_BUFFERED_TASKS;
 use super::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
-
-struct Gather {
-    seen: Vec<u64>,
-    fail_at: Option<u64>,
-}
-
-impl Collect<u64> for Gather {
-    type Summary = Vec<u64>;
-    fn take(&mut self, result: u64, _: bool) -> Result<()> {
-        if self.fail_at == Some(result) {
-            return Err(Error::ClosedPipe);
-        }
-        self.seen.push(result);
-        Ok(())
-    }
-    fn finish(self) -> Result<Vec<u64>> {
-        Ok(self.seen)
-    }
-    fn abort(self) {}
-}
 
 impl Outcome for u64 {}
 
@@ -33,7 +13,46 @@ impl Tasks for u64 {
     }
 }
 
-/// Nothing depends on the size here but how far the producer may be ahead: with large chunks, by a few.
+/// A collector that passes every result to a closure and returns what the other closure makes at the end.
+struct Each<T, E>(T, E);
+
+impl<R, S: Send, T, E> Collect<R> for Each<T, E>
+where
+    T: FnMut(R) -> Result<()> + Send,
+    E: FnOnce() -> S + Send,
+{
+    type Summary = S;
+    fn take(&mut self, result: R, _: bool) -> Result<()> {
+        (self.0)(result)
+    }
+    fn finish(self) -> Result<S> {
+        Ok((self.1)())
+    }
+    fn abort(self) {}
+}
+
+/// Runs `work` on numbers under a schedule; `fail_at` is the result at which the collector fails.
+fn gather<W: FnMut(u64) -> Result<u64>>(
+    schedule: Schedule,
+    recorder: Option<&Recorder>,
+    fail_at: Option<u64>,
+    make_worker: impl Fn() -> W + Sync,
+    produce: impl FnOnce(&mut Feed<'_, u64, u64, W>) -> Result<()>,
+) -> Result<Vec<u64>> {
+    let seen = std::sync::Mutex::new(Vec::new());
+    let take = |result| match fail_at {
+        Some(at) if at == result => Err(Error::ClosedPipe),
+        _ => {
+            seen.lock().unwrap().push(result);
+            Ok(())
+        }
+    };
+    let collector = Each(take, || std::mem::take(&mut *seen.lock().unwrap()));
+    let jobs = Arc::new(JobQueue::new(4));
+    run(schedule, &jobs, &Stop::new(), recorder, make_worker, produce, collector)
+}
+
+/// Results do not depend on the size, but large chunks allow the producer to be ahead by a few only.
 const POLICIES: [Policy; 8] = [
     Policy::Single,
     Policy::Static { size: 1 },
@@ -56,124 +75,67 @@ fn schedules(threads: &[usize]) -> Vec<Schedule> {
     all
 }
 
-/// Hands out numbers as the pipeline hands out pulses: a refused one is computed here.
-fn hand_out<W: FnMut(u64) -> Result<u64>>(
-    feed: &mut Feed<'_, u64, u64, W>,
+/// Distributes numbers as the pipeline distributes pulses: one that comes back is computed here.
+fn distribute<R: Outcome, W: FnMut(u64) -> Result<R>>(
+    feed: &mut Feed<'_, u64, R, W>,
     numbers: std::ops::Range<u64>,
 ) -> Result<()> {
     for x in numbers {
-        match x % 7 {
-            6 => {
-                feed.put(x)?;
-                feed.leg_ended()?;
-            }
-            _ => {
-                if let Some(x) = feed.offer(x)? {
-                    feed.compute(x)?;
-                }
-            }
+        if x % 7 == 6 {
+            feed.put(x)?;
+            feed.end_leg()?;
+        } else if let Some(x) = feed.offer(x)? {
+            feed.compute(x)?;
         }
     }
     Ok(())
 }
 
-fn squares(settings: Schedule, n: u64, fail_at: Option<u64>) -> Result<Vec<u64>> {
-    let jobs = Arc::new(JobQueue::new(4));
-    run(
-        settings,
-        &jobs,
-        &Stop::new(),
-        None,
-        || |x: u64| Ok(x * x),
-        |feed| hand_out(feed, 0..n),
-        Gather { seen: Vec::new(), fail_at },
-    )
-}
-
 #[test]
-fn results_come_in_the_order_of_the_chunks() {
+fn results_come_in_the_order_of_the_chunks_and_the_first_failure_ends_the_run() {
     let expected: Vec<u64> = (0..500).map(|x| x * x).collect();
-    for settings in schedules(&[1, 2, 8]) {
-        assert_eq!(squares(settings, 500, None).unwrap(), expected, "{settings:?}");
-        assert!(squares(settings, 0, None).unwrap().is_empty());
+    for schedule in schedules(&[1, 2, 8]) {
+        let squares = |n: u64, fail_at| {
+            gather(schedule, None, fail_at, || |x: u64| Ok(x * x), |feed| distribute(feed, 0..n))
+        };
+        assert_eq!(squares(500, None).unwrap(), expected, "{schedule:?}");
+        assert!(squares(0, None).unwrap().is_empty());
+        assert!(matches!(squares(100_000, Some(25)), Err(Error::ClosedPipe)), "{schedule:?}");
+        let fails = || |x: u64| if x == 7 { Err(Error::input("seven")) } else { Ok(x) };
+        let outcome = gather(schedule, None, None, fails, |feed| distribute(feed, 0..100_000));
+        assert!(matches!(outcome, Err(Error::Input(_))), "{schedule:?}");
     }
-}
-
-#[test]
-fn a_collector_that_fails_ends_the_run_with_its_reason() {
-    for settings in schedules(&[1, 2, 8]) {
-        assert!(matches!(squares(settings, 100_000, Some(25)), Err(Error::ClosedPipe)), "{settings:?}");
-    }
-}
-
-#[test]
-fn a_worker_that_fails_ends_the_run_with_its_reason() {
-    for settings in schedules(&[1, 3]) {
-        let jobs = Arc::new(JobQueue::new(4));
-        let outcome = run(
-            settings,
-            &jobs,
-            &Stop::new(),
-            None,
-            || |x: u64| if x == 7 { Err(Error::input("seven")) } else { Ok(x) },
-            |feed| hand_out(feed, 0..100_000),
-            Gather { seen: Vec::new(), fail_at: None },
-        );
-        assert!(matches!(outcome, Err(Error::Input(_))));
-    }
-}
-
-/// A collector that hands work back to the pool and waits for it, as compression does.
-struct Compressor {
-    jobs: Arc<JobQueue>,
-    done: Arc<AtomicUsize>,
-    waiting: Vec<flume::Receiver<u64>>,
-    sum: u64,
-}
-
-impl Collect<u64> for Compressor {
-    type Summary = u64;
-    fn take(&mut self, result: u64, _: bool) -> Result<()> {
-        let (tx, rx) = flume::bounded(1);
-        let done = self.done.clone();
-        let job = Box::new(move || {
-            done.fetch_add(1, Ordering::Relaxed);
-            let _ = tx.send(result + 1);
-        });
-        if let Err(job) = self.jobs.try_run(job) {
-            job();
-        }
-        self.waiting.push(rx);
-        if self.waiting.len() > 3 {
-            self.sum += self.waiting.remove(0).recv().unwrap();
-        }
-        Ok(())
-    }
-    fn finish(mut self) -> Result<u64> {
-        for rx in self.waiting.drain(..) {
-            self.sum += rx.recv().unwrap();
-        }
-        Ok(self.sum)
-    }
-    fn abort(self) {}
 }
 
 #[test]
 fn jobs_of_the_collector_are_run_whatever_the_number_of_threads() {
-    for settings in schedules(&[1, 2, 4]) {
-        let jobs = Arc::new(JobQueue::new(2));
-        let done = Arc::new(AtomicUsize::new(0));
-        let collector = Compressor { jobs: jobs.clone(), done: done.clone(), waiting: Vec::new(), sum: 0 };
-        let sum = run(
-            settings,
-            &jobs,
-            &Stop::new(),
-            None,
-            || |x: u64| Ok(x),
-            |feed| hand_out(feed, 0..1000),
-            collector,
-        );
-        assert_eq!(sum.unwrap(), (0..1000).map(|x| x + 1).sum::<u64>());
+    for schedule in schedules(&[1, 2, 4]) {
+        let (jobs, done) = (Arc::new(JobQueue::new(2)), Arc::new(AtomicUsize::new(0)));
+        let sum = std::sync::atomic::AtomicU64::new(0);
+        let add = |rx: flume::Receiver<u64>| sum.fetch_add(rx.recv().unwrap(), Ordering::Relaxed);
+        let waiting = std::sync::Mutex::new(Vec::new());
+        // Hands work back to the pool and waits for it, as compression does.
+        let compress = |result: u64| {
+            let (tx, rx) = flume::bounded(1);
+            let done = done.clone();
+            let job = Box::new(move || {
+                done.fetch_add(1, Ordering::Relaxed);
+                let _ = tx.send(result + 1);
+            });
+            if let Err(job) = jobs.try_run(job) {
+                job();
+            }
+            let mut waiting = waiting.lock().unwrap();
+            waiting.push(rx);
+            if waiting.len() > 3 {
+                add(waiting.remove(0));
+            }
+            Ok(())
+        };
+        let collector = Each(compress, || waiting.lock().unwrap().drain(..).map(add).count());
+        let produce = |feed: &mut Feed<'_, _, _, _>| distribute(feed, 0..1000);
+        run(schedule, &jobs, &Stop::new(), None, || |x: u64| Ok(x), produce, collector).unwrap();
+        assert_eq!(sum.into_inner(), (0..1000).map(|x| x + 1).sum::<u64>());
         assert_eq!(done.load(Ordering::Relaxed), 1000);
     }
 }
@@ -192,30 +154,19 @@ impl Outcome for UpToThree {
     }
 }
 
-/// Notes what it is told of.
-struct Notes<'a>(&'a std::sync::Mutex<Vec<UpToThree>>);
-
-impl Collect<UpToThree> for Notes<'_> {
-    type Summary = ();
-    fn take(&mut self, result: UpToThree, _: bool) -> Result<()> {
-        self.0.lock().unwrap().push(result);
-        Ok(())
-    }
-    fn finish(self) -> Result<()> {
-        Ok(())
-    }
-    fn abort(self) {}
-}
-
 #[test]
-fn single_tasks_are_told_of_together_and_at_the_latest_before_a_wait() {
-    let notes = std::sync::Mutex::new(Vec::new());
-    let told = |count: usize| {
+fn results_of_single_tasks_are_passed_on_together_and_at_the_latest_before_a_wait() {
+    let taken = std::sync::Mutex::new(Vec::new());
+    let has_taken = |count: usize| {
         let began = Instant::now();
-        while notes.lock().unwrap().len() < count && began.elapsed() < Duration::from_secs(20) {
+        while taken.lock().unwrap().len() < count && began.elapsed() < Duration::from_secs(20) {
             std::thread::yield_now();
         }
-        notes.lock().unwrap().len() == count
+        taken.lock().unwrap().len() == count
+    };
+    let take = |result: UpToThree| {
+        taken.lock().unwrap().push(result);
+        Ok(())
     };
     run(
         Schedule { threads: 1, policy: Policy::Static { size: 1 }, leg_barrier: false },
@@ -225,202 +176,130 @@ fn single_tasks_are_told_of_together_and_at_the_latest_before_a_wait() {
         || |x: u64| Ok(UpToThree(vec![x])),
         |feed| {
             (0..5).try_for_each(|x| feed.compute(x))?;
-            assert!(notes.lock().unwrap().is_empty());
-            feed.settle()?;
-            assert!(told(2));
+            assert!(taken.lock().unwrap().is_empty());
+            feed.flush()?;
+            assert!(has_taken(2));
             feed.compute(5)?;
-            feed.leg_ended()?;
-            assert!(told(3));
+            feed.end_leg()?;
+            assert!(has_taken(3));
             feed.put(6)?;
-            assert!(told(4));
-            (7..7 + HELD as u64).try_for_each(|x| feed.compute(x))?;
-            assert!(told(4 + HELD.div_ceil(3)));
+            assert!(has_taken(4));
+            (7..7 + MAX_BUFFERED_TASKS as u64).try_for_each(|x| feed.compute(x))?;
+            assert!(has_taken(4 + MAX_BUFFERED_TASKS.div_ceil(3)));
             feed.compute(100)
         },
-        Notes(&notes),
+        Each(take, || ()),
     )
     .unwrap();
-    let all = notes.into_inner().unwrap();
+    let all = taken.into_inner().unwrap();
     assert_eq!(all[..4], [vec![0, 1, 2], vec![3, 4], vec![5], vec![6]].map(UpToThree));
     assert_eq!(all.last(), Some(&UpToThree(vec![100])));
     assert!(all.iter().flat_map(|r| &r.0).is_sorted());
 }
 
-/// A collector that gives away one job, at the first result, which ends when many more chunks have been computed.
-struct Patience<'a> {
-    jobs: Arc<JobQueue>,
-    computed: Arc<AtomicUsize>,
-    enough: &'a AtomicUsize,
-    waiting: Option<flume::Receiver<usize>>,
-}
-
-/// More than the collector may be behind.
-const MANY: usize = 60;
-
-impl Collect<u64> for Patience<'_> {
-    type Summary = ();
-    fn take(&mut self, result: u64, _: bool) -> Result<()> {
-        let (computed, began) = (self.computed.clone(), Instant::now());
+#[test]
+fn a_producer_ahead_of_the_collector_computes_what_waits_in_the_warehouse() {
+    /// More than the collector may be behind.
+    const MANY: usize = 60;
+    let schedule =
+        Schedule { threads: 2, policy: Policy::Warehouse { size: 4096, factor: 2 }, leg_barrier: false };
+    // The job may fall to the producer instead of the worker, but not always.
+    let computed_meanwhile = || {
+        let (jobs, computed) = (Arc::new(JobQueue::new(4)), Arc::new(AtomicUsize::new(0)));
         let (tx, rx) = flume::bounded(1);
-        if result == 0 {
+        // The first result starts a job that ends when many more chunks have been computed.
+        let take = |result: u64| {
+            let (computed, began, done) = (computed.clone(), Instant::now(), tx.clone());
             let job = move || {
                 while computed.load(Ordering::SeqCst) < MANY && began.elapsed() < Duration::from_millis(300) {
                     std::thread::yield_now();
                 }
-                let _ = tx.send(computed.load(Ordering::SeqCst));
+                let _ = done.send(computed.load(Ordering::SeqCst));
             };
-            self.waiting = self.jobs.try_run(Box::new(job)).is_ok().then_some(rx);
-        }
-        Ok(())
-    }
-    fn finish(self) -> Result<()> {
-        let computed = self.waiting.map(|job| job.recv().unwrap());
-        self.enough.fetch_max(computed.unwrap_or(0), Ordering::SeqCst);
-        Ok(())
-    }
-    fn abort(self) {}
-}
-
-#[test]
-fn a_producer_ahead_of_the_collector_computes_what_waits_in_the_warehouse() {
-    let enough = AtomicUsize::new(0);
-    // The job may fall to the producer instead of the worker, but not always.
-    for _ in 0..20 {
-        let (jobs, computed) = (Arc::new(JobQueue::new(4)), Arc::new(AtomicUsize::new(0)));
-        let count = &computed;
-        let outcome = run(
-            Schedule { threads: 2, policy: Policy::Warehouse { size: 4096, factor: 2 }, leg_barrier: false },
-            &jobs,
-            &Stop::new(),
-            None,
-            || {
-                |x: u64| {
-                    count.fetch_add(1, Ordering::SeqCst);
-                    std::thread::sleep(Duration::from_micros(20));
-                    Ok(x)
-                }
-            },
-            |feed| (0..300).try_for_each(|x| feed.put(x)),
-            Patience { jobs: jobs.clone(), computed: computed.clone(), enough: &enough, waiting: None },
-        );
-        outcome.unwrap();
-        if enough.load(Ordering::SeqCst) >= MANY {
-            return;
-        }
-    }
-    panic!("only {} chunks were computed", enough.load(Ordering::SeqCst));
+            if result == 0 && jobs.try_run(Box::new(job)).is_err() {
+                let _ = tx.send(0);
+            }
+            Ok(())
+        };
+        let work = || {
+            |x: u64| {
+                computed.fetch_add(1, Ordering::SeqCst);
+                std::thread::sleep(Duration::from_micros(20));
+                Ok(x)
+            }
+        };
+        let produce = |feed: &mut Feed<'_, _, _, _>| (0..300).try_for_each(|x| feed.put(x));
+        let collector = Each(take, || rx.recv().unwrap());
+        run(schedule, &jobs, &Stop::new(), None, work, produce, collector).unwrap()
+    };
+    assert!((0..20).any(|_| computed_meanwhile() >= MANY));
 }
 
 #[test]
 fn a_stop_ends_the_run_as_interrupted() {
-    let jobs = Arc::new(JobQueue::new(4));
     let stop = Stop::new();
     let outcome = run(
         Schedule { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
-        &jobs,
+        &Arc::new(JobQueue::new(4)),
         &stop,
         None,
         || |x: u64| Ok(x),
         |feed| {
-            for x in 0.. {
-                if x == 50 {
-                    stop.ask();
-                }
-                if stop.asked() {
-                    break;
-                }
-                feed.put(x)?;
-            }
+            (0..50).try_for_each(|x| feed.put(x))?;
+            stop.request();
             Ok(())
         },
-        Gather { seen: Vec::new(), fail_at: None },
+        Each(|_: u64| Ok(()), || ()),
     );
     assert!(matches!(outcome, Err(Error::Interrupted)));
 }
 
 #[test]
 fn a_leg_begins_when_the_one_before_is_done() {
-    for settings in schedules(&[2, 4]).into_iter().filter(|s| s.leg_barrier) {
-        let jobs = Arc::new(JobQueue::new(4));
-        let (done, legs_seen) = (AtomicUsize::new(0), AtomicUsize::new(0));
-        let outcome = run(
-            settings,
-            &jobs,
-            &Stop::new(),
-            None,
-            || {
-                |x: u64| {
-                    std::thread::sleep(Duration::from_micros(50));
-                    done.fetch_add(1, Ordering::SeqCst);
-                    Ok(x)
-                }
-            },
-            |feed| {
-                for leg in 0..20 {
-                    hand_out(feed, 7 * leg..7 * (leg + 1))?;
-                    if done.load(Ordering::SeqCst) == 7 * (leg as usize + 1) {
-                        legs_seen.fetch_add(1, Ordering::SeqCst);
-                    }
-                }
+    for schedule in schedules(&[2, 4]).into_iter().filter(|s| s.leg_barrier) {
+        let done = AtomicUsize::new(0);
+        let work = || {
+            |x: u64| {
+                std::thread::sleep(Duration::from_micros(50));
+                done.fetch_add(1, Ordering::SeqCst);
+                Ok(x)
+            }
+        };
+        let outcome = gather(schedule, None, None, work, |feed| {
+            (0..20).try_for_each(|leg| {
+                distribute(feed, 7 * leg..7 * (leg + 1))?;
+                assert_eq!(done.load(Ordering::SeqCst), 7 * (leg as usize + 1), "{schedule:?}");
                 Ok(())
-            },
-            Gather { seen: Vec::new(), fail_at: None },
-        );
+            })
+        });
         assert_eq!(outcome.unwrap().len(), 140);
-        assert_eq!(legs_seen.load(Ordering::SeqCst), 20, "{settings:?}");
     }
 }
 
 #[test]
 fn records_account_for_every_task_and_every_leg() {
-    for settings in schedules(&[1, 2, 4]) {
-        let (jobs, recorder) = (Arc::new(JobQueue::new(4)), Recorder::new());
-        let outcome = run(
-            settings,
-            &jobs,
-            &Stop::new(),
-            Some(&recorder),
-            || |x: u64| Ok(x),
-            |feed| hand_out(feed, 0..700),
-            Gather { seen: Vec::new(), fail_at: None },
-        );
+    for schedule in schedules(&[1, 2, 4]) {
+        let recorder = Recorder::new();
+        let outcome =
+            gather(schedule, Some(&recorder), None, || |x: u64| Ok(x), |feed| distribute(feed, 0..700));
         assert_eq!(outcome.unwrap().len(), 700);
         let log = recorder.finish();
-        assert_eq!((log.tasks, log.legs.len(), log.workers.len()), (700, 100, settings.workers()), "{log:?}");
-        assert_eq!(
-            log.legs.iter().map(|leg| leg.tasks).collect::<Vec<_>>(),
-            (1..=100).map(|i| 7 * i).collect::<Vec<_>>()
-        );
+        assert_eq!((log.tasks, log.legs.len(), log.workers.len()), (700, 100, schedule.workers()), "{log:?}");
+        assert!(log.legs.iter().map(|leg| leg.tasks).eq((1..=100).map(|i| 7 * i)));
         assert_eq!(log.handed_over, log.depths.iter().sum::<u64>());
         let by_workers = log.handed_over - log.taken_back;
-        assert_eq!(by_workers + log.producer.chunks, 700, "{settings:?}");
+        assert_eq!(by_workers + log.producer.chunks, 700, "{schedule:?}");
         assert_eq!(by_workers, log.workers.iter().map(|w| w.chunks).sum::<u64>());
         for thread in log.workers.iter().chain([&log.producer]) {
             let sum = thread.busy_s + thread.idle_s + thread.jobs_s;
             assert!(sum > 0.0 && sum <= log.seconds + 1e-6, "{thread:?} of {}", log.seconds);
         }
-        if settings.threads == 1 {
+        if schedule.threads == 1 {
             let profile = log.profile.entries();
             assert_eq!((profile.len(), profile[699].0), (700, 700));
             assert!(profile.windows(2).all(|w| w[0].1 <= w[1].1));
+        } else if schedule.policy == Policy::Single && !schedule.leg_barrier {
+            assert_eq!((log.producer.tasks, log.handed_over), (0, 700), "the producer computes nothing");
         }
     }
-}
-
-#[test]
-fn the_single_schedule_lets_the_producer_compute_nothing() {
-    let (jobs, recorder) = (Arc::new(JobQueue::new(4)), Recorder::new());
-    let settings = Schedule { threads: 3, policy: Policy::Single, leg_barrier: false };
-    run(
-        settings,
-        &jobs,
-        &Stop::new(),
-        Some(&recorder),
-        || |x: u64| Ok(x),
-        |feed| hand_out(feed, 0..700),
-        Gather { seen: Vec::new(), fail_at: None },
-    )
-    .unwrap();
-    let log = recorder.finish();
-    assert_eq!((log.producer.tasks, log.handed_over), (0, 700));
 }

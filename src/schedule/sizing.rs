@@ -9,14 +9,13 @@ const FIRST_STEP: u32 = 8;
 /// By how much a step outgrows the one before, Δ2, in tasks.
 const INCREMENT: u32 = 1;
 
-/// Largest chunk: descriptors stay small, but their results do not.
-const LARGEST: u32 = 1 << 24;
+/// Largest chunk, in tasks: descriptors stay small, but their results do not.
+const MAX_SIZE: u32 = 1 << 24;
 
-/// Which way sizes go.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Direction {
-    /// Nowhere yet.
-    #[default]
+/// The direction in which sizes change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Direction {
+    /// No size has been changed yet.
     Unknown,
     /// Larger chunks.
     Up,
@@ -24,29 +23,10 @@ pub enum Direction {
     Down,
 }
 
-impl Direction {
-    /// −1, 0 or +1: the sign s of the paper.
-    pub fn sign(self) -> i8 {
-        match self {
-            Direction::Unknown => 0,
-            Direction::Up => 1,
-            Direction::Down => -1,
-        }
-    }
-
-    /// The other way; from nowhere it goes up.
-    fn turned(self) -> Direction {
-        match self {
-            Direction::Up => Direction::Down,
-            Direction::Unknown | Direction::Down => Direction::Up,
-        }
-    }
-}
-
-/// Drops tasks in chunks whose size climbs towards shorter idle times of the workers: as long as they do not grow, each
-/// step goes further in the same direction; when they grow, the direction turns and steps are small again.
+/// Adapts the size of chunks so that the idle times of the workers become shorter: as long as they do not grow, each step
+/// goes further in the same direction; when they grow, the direction is reversed and steps are small again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Dropper {
+pub(super) struct ChunkSizer {
     size: u32,
     step: u32,
     direction: Direction,
@@ -54,12 +34,11 @@ pub struct Dropper {
     significant_ns: u64,
 }
 
-impl Dropper {
-    /// Begins with chunks of `size` tasks; idle times below `significant_ns`, and changes up to that, mean nothing (τ and
-    /// ε).
-    pub fn new(size: u32, significant_ns: u64) -> Dropper {
-        Dropper {
-            size: size.clamp(1, LARGEST),
+impl ChunkSizer {
+    /// Begins with chunks of `size` tasks. Idle times below `significant_ns`, and changes up to that, are ignored (τ and ε).
+    pub fn new(size: u32, significant_ns: u64) -> ChunkSizer {
+        ChunkSizer {
+            size: size.clamp(1, MAX_SIZE),
             step: FIRST_STEP,
             direction: Direction::Unknown,
             last_idle_ns: 0,
@@ -77,30 +56,35 @@ impl Dropper {
         self.step
     }
 
-    /// Which way the last step went.
-    pub fn direction(&self) -> Direction {
-        self.direction
+    /// The direction of the last step: −1, 0 or +1, the sign s of the paper.
+    pub fn sign(&self) -> i8 {
+        match self.direction {
+            Direction::Unknown => 0,
+            Direction::Up => 1,
+            Direction::Down => -1,
+        }
     }
 
-    /// A chunk was handed over. `idle_ns` is the time from the first idle worker to renewed saturation, if one was
-    /// measured since the last hand-over. Returns whether the measurement meant something.
-    pub fn hand_over(&mut self, idle_ns: Option<u64>) -> bool {
+    /// Chooses the next size after a chunk was handed over. `idle_ns` is the time from the first idle worker to renewed
+    /// saturation, if one was measured since the last hand-over. Returns whether it was significant.
+    pub fn resize(&mut self, idle_ns: Option<u64>) -> bool {
         let Some(idle) = idle_ns else { return false };
         let significant = idle >= self.significant_ns;
         if significant {
             let changed = idle.abs_diff(self.last_idle_ns) > self.significant_ns;
             let direction = match (changed, self.direction) {
                 (true, Direction::Unknown) => Direction::Up,
-                (true, direction) if idle > self.last_idle_ns => direction.turned(),
+                (true, Direction::Up) if idle > self.last_idle_ns => Direction::Down,
+                (true, Direction::Down) if idle > self.last_idle_ns => Direction::Up,
                 (_, direction) => direction,
             };
-            self.go(direction);
+            self.step_towards(direction);
         }
         self.last_idle_ns = idle;
         significant
     }
 
-    fn go(&mut self, direction: Direction) {
+    fn step_towards(&mut self, direction: Direction) {
         let step = match self.direction {
             Direction::Unknown => self.step,
             same if same == direction => self.step.saturating_add(INCREMENT),
@@ -108,39 +92,40 @@ impl Dropper {
         };
         self.size = match direction {
             Direction::Unknown => self.size,
-            Direction::Up => self.size.saturating_add(step).min(LARGEST),
+            Direction::Up => self.size.saturating_add(step).min(MAX_SIZE),
             Direction::Down => self.size.saturating_sub(step).max(1),
         };
         (self.step, self.direction) = (step, direction);
     }
 }
 
-/// When the first worker became idle, for dynamic chunks; 0 while no measurement is running.
+/// Measures the time since the first worker became idle, for dynamic chunks.
 pub(super) struct IdleClock {
     origin: Instant,
+    /// Start of the measurement, ns since `origin`; 0 while none is running.
     since: AtomicU64,
 }
 
 impl IdleClock {
-    /// Nothing measured yet.
+    /// A clock without a measurement.
     pub fn new() -> IdleClock {
         IdleClock { origin: Instant::now(), since: AtomicU64::new(0) }
     }
 
     fn now(&self) -> u64 {
-        // Zero is taken; a nanosecond does no harm.
+        // 0 means that no measurement is running.
         self.origin.elapsed().as_nanos().max(1) as u64
     }
 
-    /// A worker has become idle.
-    pub fn worker_ends(&self) {
+    /// Starts a measurement, unless one is running: a worker has become idle.
+    pub fn start(&self) {
         if self.since.load(Ordering::Relaxed) == 0 {
             let _ = self.since.compare_exchange(0, self.now(), Ordering::Relaxed, Ordering::Relaxed);
         }
     }
 
-    /// Ends the measurement: the time since the first worker became idle, if one did.
-    pub fn saturated(&self) -> Option<u64> {
+    /// Ends the measurement. Returns the time since its start in ns, if one was running.
+    pub fn stop(&self) -> Option<u64> {
         match self.since.swap(0, Ordering::Relaxed) {
             0 => None,
             since => Some(self.now().saturating_sub(since)),
@@ -168,29 +153,29 @@ mod tests {
             (Some(900), 39, 9, 1),
             (Some(80), 39, 9, 1),
         ];
-        let mut dropper = Dropper::new(32, 100_000);
+        let mut sizer = ChunkSizer::new(32, 100_000);
         for (idle_us, size, step, sign) in trace {
-            dropper.hand_over(idle_us.map(|us: u64| us * 1000));
-            let found = (dropper.size(), dropper.step(), dropper.direction().sign());
+            sizer.resize(idle_us.map(|us: u64| us * 1000));
+            let found = (sizer.size(), sizer.step(), sizer.sign());
             assert_eq!(found, (size, step, sign), "after {idle_us:?}");
         }
     }
 
     #[test]
     fn a_first_idle_time_within_the_tolerance_changes_nothing() {
-        let mut dropper = Dropper::new(32, 100_000);
-        assert!(dropper.hand_over(Some(100_000)));
-        assert_eq!((dropper.size(), dropper.direction()), (32, Direction::Unknown));
+        let mut sizer = ChunkSizer::new(32, 100_000);
+        assert!(sizer.resize(Some(100_000)));
+        assert_eq!((sizer.size(), sizer.sign()), (32, 0));
     }
 
     #[test]
     fn sizes_stay_within_their_bounds() {
         for idle in [[100, 100_000_000], [100_000_000, 100_000_000]] {
             for start in [0, 1, 32, u32::MAX] {
-                let mut dropper = Dropper::new(start, 1000);
+                let mut sizer = ChunkSizer::new(start, 1000);
                 for i in 0..10_000 {
-                    dropper.hand_over(Some(idle[i % 2] * 1000 + 10_000));
-                    assert!((1..=LARGEST).contains(&dropper.size()));
+                    sizer.resize(Some(idle[i % 2] * 1000 + 10_000));
+                    assert!((1..=MAX_SIZE).contains(&sizer.size()));
                 }
             }
         }
@@ -199,12 +184,12 @@ mod tests {
     proptest! {
         #[test]
         fn no_step_is_longer_than_the_series_before_it_allows(idle in prop::collection::vec(0..2_000_000u64, 1..200)) {
-            let mut dropper = Dropper::new(32, 100_000);
+            let mut sizer = ChunkSizer::new(32, 100_000);
             for ns in idle {
-                let before = dropper;
-                dropper.hand_over(Some(ns));
-                prop_assert!(dropper.size().abs_diff(before.size()) <= before.step().max(FIRST_STEP) + INCREMENT);
-                prop_assert!(dropper.size() >= 1);
+                let before = sizer;
+                sizer.resize(Some(ns));
+                prop_assert!(sizer.size().abs_diff(before.size()) <= before.step().max(FIRST_STEP) + INCREMENT);
+                prop_assert!(sizer.size() >= 1);
             }
         }
     }

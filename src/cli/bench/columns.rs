@@ -1,0 +1,35 @@
+//! Rows of text in aligned columns.
+
+/// The heading of a column and its text in every row.
+pub type Column<T> = (&'static str, fn(&T) -> String);
+
+/// Rows of text in aligned columns, two spaces apart: the first column to the left, all others to the right.
+pub fn table<T>(rows: &[T], columns: &[Column<T>]) -> String {
+    let head = columns.iter().map(|(head, _)| (*head).to_owned()).collect();
+    let body = rows.iter().map(|row| columns.iter().map(|(_, text)| text(row)).collect());
+    let lines: Vec<Vec<String>> = std::iter::once(head).chain(body).collect();
+    let width = |c: usize| lines.iter().map(|line| line[c].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns.len()).map(width).collect();
+    let mut text = String::new();
+    for line in &lines {
+        let cells = line.iter().zip(&widths).enumerate().map(|(c, (cell, &width))| match c {
+            0 => format!("{cell:<width$}"),
+            _ => format!("  {cell:>width$}"),
+        });
+        text.push_str(cells.collect::<String>().trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_aligned() {
+        let rows = [("a", "10.5"), ("median", "2")];
+        let text = table(&rows, &[("tree", |r| r.0.to_owned()), ("s", |r| r.1.to_owned())]);
+        assert_eq!(text, "tree       s\na       10.5\nmedian     2\n");
+    }
+}

@@ -1,0 +1,142 @@
+//! The combinations of trees, schedules and threads that are compared.
+
+use crate::cli::args::{BenchArgs, ScheduleKind, TreeKind};
+use crate::cli::run::speed;
+use crate::error::{Error, Result};
+use crate::schedule::{Policy, Schedule};
+use crate::tree::{BuildOptions, Builder};
+use serde::Serialize;
+
+/// Everything that is compared.
+pub struct Matrix {
+    pub trees: Vec<(&'static str, BuildOptions)>,
+    /// Schedules that every tree is flown with. On one thread they are all alike, and `sequential` stands for them.
+    pub variants: Vec<Variant>,
+    pub repetitions: usize,
+    pub warm_up: usize,
+}
+
+/// A schedule with its parameters.
+#[derive(Clone, Copy, PartialEq)]
+pub struct Variant {
+    pub schedule: Schedule,
+    /// Pulses per chunk of the sequential counterpart, which under the single schedule differ from its chunks' size.
+    pub chunk: u32,
+}
+
+/// A tree and a schedule as they are named in tables and JSON.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Combination {
+    /// Builder of the tree.
+    pub tree: &'static str,
+    /// Name of the schedule; `sequential` on one thread.
+    pub schedule: &'static str,
+    /// Pulses per chunk (of the first one, when it is dynamic).
+    pub chunk_size: u32,
+    /// Chunks that may wait per worker.
+    pub warehouse_factor: Option<usize>,
+    /// Whether legs wait for one another.
+    pub leg_barrier: bool,
+    /// Threads that build and compute.
+    pub threads: usize,
+}
+
+impl Variant {
+    /// The variant with a tree.
+    pub fn with_tree(&self, tree: &'static str) -> Combination {
+        let Schedule { threads, policy, leg_barrier } = self.schedule;
+        let (schedule, chunk_size, warehouse_factor) = match policy {
+            _ if threads == 1 => ("sequential", self.chunk, None),
+            Policy::Warehouse { size, factor } => ("warehouse", size, Some(factor)),
+            policy => (policy.name(), policy.size(), None),
+        };
+        Combination { tree, schedule, chunk_size, warehouse_factor, leg_barrier, threads }
+    }
+}
+
+impl Combination {
+    /// The schedule for people.
+    pub fn schedule_text(&self) -> String {
+        format!("{}{}", self.schedule, if self.leg_barrier { " + barrier" } else { "" })
+    }
+}
+
+impl Matrix {
+    /// The combinations that the command line asks for.
+    pub fn new(args: &BenchArgs) -> Result<Matrix> {
+        let tree = |&kind: &TreeKind| {
+            let builder = speed::builder(kind);
+            let strict = args.tree_strict && builder != Builder::Bvh;
+            let options = if strict { BuildOptions::strict(builder) } else { BuildOptions::of(builder) };
+            (name(kind), options)
+        };
+        let size = |&n: &u32| speed::chunk_size(Some(i64::from(n)));
+        let sizes = args.chunk_size.iter().map(size).collect::<Result<Vec<_>>>()?;
+        let mut wanted = thread_counts(&args.threads)?;
+        if wanted.is_empty() {
+            wanted = (0..).map(|i| 1 << i).take_while(|&n| n < cores()).chain([cores()]).collect();
+        }
+        // Speedups need it.
+        if !wanted.contains(&1) {
+            wanted.insert(0, 1);
+        }
+        let mut variants: Vec<Variant> = Vec::new();
+        for &threads in &wanted {
+            for &leg_barrier in args.leg_barrier.values() {
+                for &kind in &args.schedule {
+                    for &chunk in &sizes {
+                        for &factor in &args.warehouse_factor {
+                            let policy = match threads {
+                                1 => Policy::Static { size: chunk },
+                                _ => speed::policy(kind, chunk, factor, args.idle_threshold)?,
+                            };
+                            let chunk = if kind == ScheduleKind::Single && threads > 1 { 1 } else { chunk };
+                            let leg_barrier = leg_barrier && threads > 1;
+                            let variant =
+                                Variant { schedule: Schedule { threads, policy, leg_barrier }, chunk };
+                            if !variants.contains(&variant) {
+                                variants.push(variant);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Ok(Matrix {
+            trees: args.tree.iter().map(tree).collect(),
+            variants,
+            repetitions: args.repetitions.max(1),
+            warm_up: args.warm_up,
+        })
+    }
+}
+
+/// Numbers of threads, each once.
+pub fn thread_counts(wanted: &[usize]) -> Result<Vec<usize>> {
+    let mut all: Vec<usize> = Vec::new();
+    for &n in wanted {
+        if !(1..=65_536).contains(&n) {
+            return Err(Error::input(format!("expected 1 to 65536 threads, found {n}")));
+        }
+        if !all.contains(&n) {
+            all.push(n);
+        }
+    }
+    Ok(all)
+}
+
+/// Cores of this machine.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// The name of a tree on the command line.
+fn name(kind: TreeKind) -> &'static str {
+    match kind {
+        TreeKind::Bvh => "bvh",
+        TreeKind::Fsah => "fsah",
+        TreeKind::AxisSah => "axis-sah",
+        TreeKind::Sah => "sah",
+        TreeKind::Median => "median",
+    }
+}

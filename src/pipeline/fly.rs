@@ -1,0 +1,87 @@
+//! The wiring of a pass over one epoch: a producer, the workers, the collector.
+
+use super::chunk;
+use super::collector::{Collector, Ended};
+use super::pass::{Control, Pass};
+use super::stream::{PulseSource, StreamWorker, Tracing};
+use super::worker::{FlightWorker, Measured};
+use crate::error::Result;
+use crate::flight::{FlightPlan, FlightState};
+use crate::output::{Offload, Writer};
+use crate::platform::PoseReader;
+use crate::schedule::{self, Feed, Job, JobQueue, Tasks};
+use std::sync::Arc;
+
+/// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in chunk order.
+/// `state` is that before the first step of the epoch, `writer` holds the outputs of the epoch before. When this fails,
+/// outputs that are not complete are gone.
+pub fn fly(
+    pass: &Pass<'_>,
+    flight: &FlightPlan,
+    state: &mut FlightState,
+    poses: Option<PoseReader>,
+    writer: Option<Box<Writer>>,
+) -> Result<Ended> {
+    pass.simulate(
+        writer,
+        || {
+            let mut worker = FlightWorker::new(pass, flight);
+            move |chunk| worker.measure(chunk)
+        },
+        |feed| chunk::produce(flight, pass.motion, state, poses, pass.control.stop, feed),
+    )
+}
+
+/// Traces the pulses of one epoch: blocks of rows → schedule → workers (parse, trace, detect, encode) → outputs in the order
+/// of the stream.
+///
+/// # Errors
+/// [`Error::Input`](crate::Error::Input) for rows that are no pulses, with their line; otherwise as [`fly`].
+pub(super) fn trace(
+    pass: &Pass<'_>,
+    tracing: &Tracing<'_>,
+    source: &mut PulseSource,
+    epoch: u32,
+    writer: Option<Box<Writer>>,
+) -> Result<Ended> {
+    pass.simulate(
+        writer,
+        || {
+            let mut worker = StreamWorker::new(pass, tracing);
+            move |block| worker.measure(&block)
+        },
+        |feed| source.produce(epoch, pass.control.stop, feed),
+    )
+}
+
+impl Pass<'_> {
+    fn simulate<C, W>(
+        &self,
+        writer: Option<Box<Writer>>,
+        make_worker: impl Fn() -> W + Sync,
+        produce: impl FnOnce(&mut Feed<'_, C, Vec<Measured>, W>) -> Result<()>,
+    ) -> Result<Ended>
+    where
+        C: Tasks + Send,
+        W: FnMut(C) -> Result<Vec<Measured>>,
+    {
+        let jobs = Arc::new(JobQueue::new(2 * self.schedule.threads));
+        let writer = match writer {
+            None => Box::new(self.output.open(jobs.clone())?),
+            Some(mut writer) => {
+                writer.offload_to(jobs.clone());
+                writer
+            }
+        };
+        let Control { stop, recorder, .. } = self.control;
+        let collector = Collector::new(self, writer);
+        schedule::run(self.schedule, &jobs, stop, recorder, make_worker, produce, collector)
+    }
+}
+
+/// Compression is taken over by the workers.
+impl Offload for JobQueue {
+    fn try_run(&self, job: Job) -> std::result::Result<(), Job> {
+        JobQueue::try_run(self, job)
+    }
+}
