@@ -1,4 +1,4 @@
-//! `vlscan bench`: every combination that was asked for is in its JSON, and the parts of it agree.
+//! `vlscan bench`: its JSON has every combination that was requested, and its parts agree.
 
 mod common;
 
@@ -137,7 +137,7 @@ fn what_cannot_be_compared_is_refused() {
     assert!(std::fs::read(dir.path().join("kept.json")).unwrap().is_empty());
 }
 
-/// Legs, rates and the mix of primitives are the paper's (its Tables 1 and 2); the files in the repository are what the
+/// Legs, rates and the mix of primitives are those of the paper's Tables 1 and 2; the files in the repository are what the
 /// script makes.
 #[test]
 fn stand_ins_of_the_papers_surveys_are_made() {

@@ -1,4 +1,4 @@
-//! Every scanner that ships sees something, and `vlscan catalogue` lists what ships.
+//! Every scanner of the built-in catalogue gives points, and `vlscan catalogue` lists all of them.
 
 mod common;
 
@@ -15,14 +15,14 @@ fn survey(reference: &str, scanner: &Scanner) -> String {
     let scans = if fastest > 0.0 { 10f64.clamp(slowest.min(fastest), fastest) } else { 10f64.max(slowest) };
     let (scene, platform, z) = if airborne {
         let z = (1.3 * device.detector.range_min).max(60.0);
-        // The drones' scanners turn their profile down by themselves.
+        // The mounts of the UAV scanners already point their profile downwards.
         let platform = if reference.contains("#riegl_vux") { "copter_linearpath" } else { "sr22" };
         (fixture("terrain/scene.xml"), platform, z)
     } else {
         (fixture("room/scene.xml"), "tripod", 0.0)
     };
     let name = if airborne { "terrain" } else { "room" };
-    // Those that see all around may be mounted any way.
+    // Scanners with a view all around may be mounted in any direction.
     let most = device.scan_angle_max.to_degrees();
     let angle = if airborne && most < 60.0 { most.min(20.0) } else { most };
     let head = device.head.max_rate.to_degrees().min(3600.0);

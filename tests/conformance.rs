@@ -1,11 +1,11 @@
-//! The reference program's surveys give the reference program's points, where the conformance suite is at hand.
+//! Surveys of the conformance suite give the points of the reference program; needs the suite (`VLSCAN_CONFORMANCE`).
 
 mod common;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// All cases; each is judged within its own tolerance by the suite's `compare.py`.
+/// All cases; the suite's `compare.py` compares each within the tolerance of the case.
 const CASES: &[&str] = &[
     "als_conic_palmer",
     "als_flat_plane",

@@ -74,7 +74,7 @@ fn schedules_leave_no_trace() {
                 assert!(points(&extra) == reference, "{extra:?}");
             }
         }
-        // Every hand-over after an idle time changes the size.
+        // Every idle time before a chunk changes the size of the next.
         let extra =
             ["--schedule", "dynamic", "--idle-threshold", "0", "--schedule-log", "log.json", "-j", "3"];
         assert!(points(&extra) == reference, "{extra:?}");
@@ -114,7 +114,7 @@ fn moving_parts_move_and_every_play_has_its_own_run_directory() {
         let rows = text.lines().map(|l| l.split(' ').collect::<Vec<_>>());
         rows.filter(|w| w[8] == id).map(|w| w[..2].iter().map(|x| x.parse().unwrap()).collect()).collect()
     };
-    // The box is met in several places, farther apart than it is wide.
+    // Returns of the box lie in several places, farther apart than it is wide.
     let circling = of(&points[0], "2");
     let apart = |a: &[f64], b: &[f64]| (a[0] - b[0]).hypot(a[1] - b[1]);
     assert!(circling.iter().any(|p| apart(p, &circling[0]) > 3.0), "{circling:?}");

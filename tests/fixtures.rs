@@ -1,6 +1,6 @@
 //! The files in `fixtures/` are what the generator writes: same options, same bytes, on every machine.
 //!
-//! After a wanted change of the generator, `UPDATE_FIXTURES=1 cargo test --test fixtures` writes them anew.
+//! After an intended change of the generator, `UPDATE_FIXTURES=1 cargo test --test fixtures` writes them anew.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

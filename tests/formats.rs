@@ -1,4 +1,4 @@
-//! What is written, as other people's readers read it.
+//! Outputs, read back by other programs and libraries.
 
 mod common;
 
@@ -10,7 +10,7 @@ fn forest() -> String {
     fixture("forest/survey.xml").to_str().unwrap().to_owned()
 }
 
-/// Runs a script in `folder`; it fails by raising.
+/// Runs a Python script in `folder`; an exception fails the test.
 fn judge(python: &Path, folder: &Path, script: &str) {
     let judged = Command::new(python).arg("-c").arg(script).current_dir(folder).output().unwrap();
     assert!(judged.status.success(), "{}", text(&judged.stderr));
@@ -300,7 +300,7 @@ fn a_pipeline_file_says_what_the_command_line_says() {
     }
     let las = std::fs::read(dir.path().join("written.las")).unwrap();
     assert_eq!(las[104], 9, "point format");
-    // What is chosen for columns means nothing where others replace the outputs.
+    // Columns of the file do not apply where the command line replaces its outputs.
     succeed(dir.path(), &["run", "written.toml", "-q", "-o", "other.laz", "-o", "others.xyz"]);
     for (keys, part) in [
         ("columns = 3", "expected names of columns"),
@@ -377,14 +377,14 @@ inside = (np.abs(plain.xyz[:, :2] - mid[:2]) <= 5).all(axis=1).sum()
 assert abs(len(part) - inside) <= 2 and inside > 100, (len(part), inside)
 "#,
     );
-    // Neither threads nor chunks show, nor whether the sink can seek.
+    // Threads, chunks and whether the output can seek make no difference.
     let bytes = |extra: &[&str]| {
         let out = succeed(dir.path(), &[&usual[..], &["-o", "-", "--format", "copc"], extra].concat());
         out.stdout
     };
     let whole = std::fs::read(dir.path().join("a.copc.laz")).unwrap();
     assert!(bytes(&["-j", "1"]) == whole && bytes(&["-j", "5", "--chunk-size", "77"]) == whole);
-    // A folder gets one for each leg, and none of it goes with what COPC has not.
+    // A folder gets one file per leg, and options that COPC does not have are refused.
     succeed(dir.path(), &[&usual[..], &["-o", "legs", "--format", "copc"]].concat());
     assert!(
         common::files(&dir.path().join("legs")).iter().all(|f| f.to_string_lossy().ends_with(".copc.laz"))
@@ -438,7 +438,7 @@ fn previews_show_tables_and_wave_packets() {
     let stream = std::fs::read(dir.path().join("a.arrow")).unwrap();
     let piped = common::feed(dir.path(), &["preview", "-", "-o", "-", "-q"], &stream);
     assert!(piped.stdout.starts_with(b"\x89PNG"), "{}", text(&piped.stderr));
-    // The waveform of a pulse is the same from text and from packets, but for 16 bits.
+    // The waveform of a pulse is the same in text and in packets, within 16 bits.
     let wave = std::fs::read_to_string(dir.path().join("a_fullwave.txt")).unwrap();
     let longest = wave.lines().max_by_key(|line| line.len()).unwrap();
     let fields: Vec<f64> = longest.split_whitespace().map(|f| f.parse().unwrap()).collect();

@@ -1,4 +1,4 @@
-//! The reference program's command line, word for word: every option under its own name, with its effect.
+//! The command line of HELIOS++: every option under its own name, with its effect.
 
 mod common;
 
@@ -61,7 +61,7 @@ fn tiny() -> tempfile::TempDir {
     dir
 }
 
-/// What a run with the reference program's words leaves below `out/tiny/TIME`.
+/// The files that a run with a HELIOS++ command line leaves below `out/tiny/TIME`.
 struct Run {
     dir: tempfile::TempDir,
     home: PathBuf,
@@ -283,7 +283,7 @@ fn compressed_text_expands_to_the_text() {
         let expected = plain.bytes(&format!("leg000_{product}.{extension}"));
         assert_eq!(fs::read(&bin).unwrap()[..2], [0x78, 0xDA]);
         let bin = bin.to_str().unwrap();
-        // twice: the reference program overwrites
+        // twice: HELIOS++ overwrites
         for _ in 0..2 {
             succeed(zipped.dir.path(), &["--unzip", bin, "back.txt", "-q"]);
             assert!(fs::read(zipped.dir.path().join("back.txt")).unwrap() == expected, "{product}");

@@ -1,9 +1,9 @@
-//! Whatever a file of a scene holds, the run ends: with points where the file can be whole, else with exit status 2 and a
-//! message that names the file and the line. Never with a panic, never by running out of memory, and in finite time.
+//! Damaged files of a scene: the run ends with points where the file can pass for a complete one, else with exit status 2
+//! and a message that names the file and the line; never with a panic or out of memory, and in finite time.
 //!
-//! Each format is one [`Case`]: a sound file, how it is broken, and which cuts nobody can see. Text formats have no end
+//! Each format is one [`Case`]: a valid file, how it is damaged, and which cuts cannot be detected. Text formats have no end
 //! mark, so a file that was cut between two statements cannot be told from a whole one, nor one whose last number lost
-//! digits; such cuts must simply be survived.
+//! digits; such cuts must only not fail otherwise.
 
 mod common;
 
@@ -35,20 +35,20 @@ const SCANNER: &str = "<document><scanner id=\"beam\" name=\"beam\" optics=\"rot
     scanAngleEffectiveMax_deg=\"60\" scanFreqMin_Hz=\"1\" scanFreqMax_Hz=\"100\" headRotatePerSecMax_deg=\"360\">\
     <beamOrigin z=\"0.1\"/><headRotateAxis z=\"1\"/></scanner></document>";
 
-/// A format and how its files are broken.
+/// A format and how its files are damaged.
 struct Case {
-    /// The file that is broken.
+    /// The file that is damaged.
     file: &'static str,
     whole: Vec<u8>,
     /// `<part>` elements around it.
     parts: &'static str,
-    /// What is replaced (once) by what; each breaks the file.
+    /// Replacements (of the first occurrence), each of which makes the file invalid.
     broken: &'static [(&'static str, &'static str)],
-    /// Whether a beginning of the file can pass for a whole one.
+    /// Whether a beginning of the file can pass for a complete one.
     passes: fn(&str) -> bool,
     /// Whether lines can be named.
     is_text: bool,
-    /// Whether an empty file is a mistake that can be told.
+    /// Whether an empty file is detected as an error.
     lines_may_change: bool,
 }
 
@@ -133,7 +133,7 @@ fn cases() -> Vec<Case> {
                 ("-2.25 9.25 -1.25 0.5 0.5 0.5", "2.25 9.25"),
                 ("-2.25", "two"),
             ],
-            // Nothing says how many columns the first line should have.
+            // The number of columns of the first line is not known.
             |t| columns(last(t).0) == 6 || (t.lines().count() == 1 && columns(t) >= 3),
         ),
         case(
@@ -317,7 +317,7 @@ fn spectrum() -> Vec<u8> {
     format!("{header}0.5\t10.5\n1.0\t20.5\n1.5\t30.5\n").into_bytes()
 }
 
-/// A little-endian raster of size × size floats; its directory stands behind the pixels, so that every cut is seen.
+/// A little-endian raster of size × size floats; its directory is behind the pixels, so that every cut is detected.
 fn raster(size: u32) -> Vec<u8> {
     let directory = 8 + 4 * size * size;
     let doubles = directory + 2 + 12 * 12 + 4;
@@ -376,12 +376,12 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) {
 }
 
 /// Runs the survey with the case's file replaced by `bytes`: exit status, messages and points. 1.5 GB of address space,
-/// most of it stacks and maps, and a minute are plenty.
+/// most of it stacks and maps, and a minute are the limits.
 fn outcome(case: &Case, bytes: &[u8]) -> (i32, String, Vec<u8>) {
     let dir = common::folder();
     let folder = dir.path();
     let mesh = format!("mtllib grey.mtl\nusemtl grey\n{TRIANGLES}");
-    // The spectrum counts where the material has no reflectance.
+    // The spectrum is used where the material has no reflectance.
     let material = MATERIAL.replace("helios_reflectance 0.5\n", "");
     for (name, content) in [
         ("mesh.obj", mesh.as_bytes()),
@@ -423,7 +423,7 @@ fn outcome(case: &Case, bytes: &[u8]) -> (i32, String, Vec<u8>) {
     (status, messages, std::fs::read(folder.join("out.xyz")).unwrap_or_default())
 }
 
-/// Complaints about the program, all of which are told at once.
+/// Failures of the program, reported together at the end.
 #[derive(Default)]
 struct Complaints(Vec<String>);
 
@@ -516,7 +516,7 @@ fn cuts_at_each_tenth_are_refused_where_they_show() {
             let cut = &case.whole[..case.whole.len() * tenth / 10];
             let how = format!("cut at {tenth}/10");
             if (case.passes)(&text(cut)) {
-                // What is left is a sound file of its own, perhaps without anything to hit.
+                // The rest is a valid file, perhaps without geometry.
                 let (status, messages, _) = outcome(&case, cut);
                 all.expect(status == 0, || format!("{} {how}: status {status}\n{messages}", case.file));
                 unseen += 1;

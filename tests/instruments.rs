@@ -1,4 +1,4 @@
-//! Instruments that move and instruments of one's own: the street fixtures and every example of `docs/instruments.md`.
+//! Moving instruments and user-defined instruments: the street fixtures and every example of `docs/instruments.md`.
 
 mod common;
 
@@ -45,7 +45,7 @@ fn a_car_sees_the_street_on_both_sides() {
         let walls = points.iter().filter(|p| p[2] == 6.0 && p[0] * side > 8.0).count();
         assert!(walls > 500, "{walls} points on walls");
     }
-    // A profile across the road is where the car is: it advances with the time.
+    // A profile across the road lies at the car's position and advances with time.
     let along = |at: usize| points[at][1];
     let (first, last) = (along(0), along(points.len() - 1));
     assert!((first + 20.4).abs() < 1.0 && last > 8.0, "from {first} to {last}");
@@ -59,7 +59,7 @@ fn every_channel_of_a_spinning_scanner_fires() {
     let pulses = fs::read_to_string(dir.path().join("legs/leg000_pulse.txt")).unwrap();
     let devices: BTreeSet<&str> = pulses.lines().map(|l| l.rsplit(' ').next().unwrap()).collect();
     assert_eq!(devices.len(), 128);
-    // The lowest channels see the road; between them the scanner sees all around.
+    // The lowest channels hit the road; all channels together cover all directions.
     let lowest = fs::read_to_string(dir.path().join("legs/leg000_points_dev000.xyz")).unwrap();
     let quadrants: BTreeSet<(bool, bool)> = lowest
         .lines()

@@ -1,4 +1,4 @@
-//! The manual pages in `man/` are those that the command line writes now, and shells get completions.
+//! The manual pages in `man/` are up to date with the command line, and shells accept the completions.
 
 mod common;
 
@@ -50,7 +50,7 @@ fn every_shell_gets_completions() {
         );
         let path = dir.path().join(shell);
         std::fs::write(&path, script).unwrap();
-        // A shell that is there reads its own script.
+        // A shell that is installed reads its own script.
         let read = match shell {
             "bash" => "source $0 && complete -p vlscan",
             "fish" | "zsh" => "source $0",

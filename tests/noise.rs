@@ -1,5 +1,5 @@
 //! Noise of a whole run: every source has the distribution asked for, repeats none of the others, and does not depend on
-//! threads. The scene is a wall, so that each source can be read off the output.
+//! threads. The scene is a wall, so that each source can be seen in the output.
 
 mod common;
 
@@ -12,7 +12,7 @@ const WALL: &str = "v -900 50 -900\nv 900 50 -900\nv 900 50 900\nv -900 50 900\n
 /// Lines of a file as numbers.
 type Table = Vec<Vec<f64>>;
 
-/// 2000 pulses straight at the wall 50 m away: its points, pulses and waveforms.
+/// Points, pulses and waveforms of 2000 pulses at a wall 50 m away.
 fn run(extra: &[&str], accuracy: &str, noise: &str) -> [Table; 3] {
     let dir = folder();
     fs::write(dir.path().join("wall.obj"), WALL).unwrap();
@@ -88,7 +88,7 @@ fn sources_are_normal_and_none_repeats_another() {
                 assert_eq!(twins, None, "{name} and {other} share twelve values");
             }
         }
-        // nor itself
+        // nor itself at another pulse
         let again = (1..values.len() - 12).find(|&shift| {
             values[shift..shift + 12].iter().zip(&values[..12]).all(|(a, b)| (a - b).abs() < 0.05)
         });

@@ -1,5 +1,5 @@
 //! Mistakes that are easy to make: each ends with an error, or with a warning that `--strict` makes an error, whose text names
-//! the cause. What is right runs without a word.
+//! the cause. Correct input runs without a message.
 
 mod common;
 
@@ -9,7 +9,7 @@ use std::fs;
 /// A mistake, and what the program must say about it.
 struct Mistake {
     name: &'static str,
-    /// Files that stand in the folder, beside those of `fixtures/terrain`.
+    /// Files in the folder, besides those of `fixtures/terrain`.
     files: Vec<(&'static str, Vec<u8>)>,
     line: &'static str,
     stdin: String,
@@ -18,7 +18,7 @@ struct Mistake {
     is_note: bool,
 }
 
-/// A mistake of a command line over files that are there already.
+/// A mistake of a command line over the files of `fixtures/terrain`.
 fn typed(name: &'static str, line: &'static str, answer: &'static str) -> Mistake {
     Mistake { name, files: Vec::new(), line, stdin: String::new(), answer, is_note: false }
 }
@@ -423,7 +423,7 @@ fn words_and_files() -> Vec<Mistake> {
     ]
 }
 
-/// Lays the files of a mistake and runs its command.
+/// Writes the files of a mistake and runs its command.
 fn make(mistake: &Mistake, strict: bool) -> std::process::Output {
     let dir = folder();
     let lay = |name: &str, content: &[u8]| fs::write(dir.path().join(name), content).unwrap();

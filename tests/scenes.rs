@@ -1,4 +1,4 @@
-//! Scenes of every kind give the same points however they come: packed or from their sources, shared or stored, by one
+//! Scenes of every kind give the same points whether packed or loaded from their sources, with instances or without, on one
 //! thread or two.
 
 mod common;
@@ -91,7 +91,7 @@ fn param(kind: &str, key: &str, value: &str) -> String {
     format!("<param type=\"{kind}\" key=\"{key}\" value=\"{value}\"/>")
 }
 
-/// A scene in which everything comes together: a floor, boxes of one mesh of which one drives and one leaves the first
+/// A scene with all kinds of parts: a floor, boxes of one mesh of which one drives and one leaves the first
 /// box, and voxels with leaf angles around the scanner.
 fn everything(folder: &Path) {
     write(folder, "own.xml", SCANNER);
@@ -158,7 +158,7 @@ fn voxels_instances_and_moving_parts_together_leave_no_trace_of_threads_and_shar
         }
         let ids: std::collections::BTreeSet<&str> =
             std::str::from_utf8(&reference).unwrap().lines().map(|l| l.split(' ').nth(8).unwrap()).collect();
-        // The one that leaves the first box is not seen by the reference.
+        // The reference does not hit the box that leaves the first bounds.
         let expected = if physics == "refined" { 7 } else { 6 };
         assert_eq!(ids.len(), expected, "{physics}: {ids:?}");
     }

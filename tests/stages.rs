@@ -1,4 +1,5 @@
-//! The stages as commands: composed they are `vlscan run`, bit for bit, and anybody's pulses can take the place of ours.
+//! The stages as commands: composed they give the points of `vlscan run`, bit for bit, and pulses of other programs are
+//! traced.
 
 mod common;
 
@@ -9,7 +10,7 @@ fn survey(name: &str) -> String {
     fixture(name).to_str().unwrap().to_owned()
 }
 
-/// What `run` and `pulses | trace` give, as text.
+/// The points of `run` and of `pulses | trace`, as text.
 fn both_ways(dir: &Path, survey: &str, flight: &[&str], trace: &[&str]) -> (Vec<u8>, Vec<u8>) {
     let direct = [&["run", survey, "-q", "-o", "-", "--format", "xyz"], flight].concat();
     let direct = succeed(dir, &direct).stdout;
@@ -111,7 +112,7 @@ fn files_per_leg_waveforms_and_las_are_the_same() {
     }
 }
 
-/// The manual's own scan pattern: ten lines of awk.
+/// The scan pattern of the manual page, made by awk.
 const CONE: &str = r#"BEGIN { OFS = ","; print "time,x,y,z,dx,dy,dz"
   for (i = 0; i < 3600; i++) { a = i * 0.0174533; r = i / 36000
     print i * 1e-5, 0, 0, 100, r * cos(a), r * sin(a), -1 } }"#;
@@ -190,7 +191,7 @@ fn scanners_and_legs_that_are_missing_are_named() {
     );
     let s = survey("terrain/survey.xml");
     refuse(&["trace", "--scanner", &s], pulse, "leg 5, the survey has");
-    // A scanner alone knows no legs: any number will do.
+    // A scanner without a survey has no legs: any leg number is accepted.
     let args = ["trace", "-q", "--scene", &scene, "--scanner", "riegl_vz400"];
     assert!(feed(dir.path(), &args, pulse.as_bytes()).status.success());
 }
@@ -210,7 +211,7 @@ fn poses_fly_again_as_they_were() {
     };
     let (first, second) = (rows(&poses), rows(&again.stdout));
     assert!(first.len() > 50);
-    // Within the first leg every pose lies where the recorded ones say; later legs turn between two poses.
+    // Within the first leg every pose is the recorded one; later legs turn between two poses.
     let mut checked = 0;
     for pose in &second {
         let after = first.partition_point(|p| p[0] < pose[0]);
@@ -265,7 +266,7 @@ fn an_arrow_stream_between_the_stages_changes_no_bit() {
             let traced = feed(dir.path(), &["trace", "-q", "--scanner", &s, "--chunk-size", size], &pulses);
             assert!(traced.stdout == direct, "{name}, blocks of {size}: {}", text(&traced.stderr));
         }
-        // Neither threads nor chunks show in the stream.
+        // The stream does not depend on threads or chunks.
         let again =
             succeed(dir.path(), &["pulses", &s, "-q", "--format", "arrow", "-j", "1", "--chunk-size", "50"]);
         assert!(again.stdout == pulses, "{name}: the stream depends on threads or chunks");
@@ -290,7 +291,7 @@ fn poses_fly_along_an_arrow_stream_as_along_text() {
     assert!(text(&cut.stderr).contains("the stream ends within batch"), "{}", text(&cut.stderr));
 }
 
-/// Interrupted while poses still arrive, a stream of pulses ends with whole rows, and as Arrow with its end.
+/// Interrupted while poses still arrive, a stream of pulses ends with complete rows, and as Arrow with its end mark.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_stream_of_pulses_is_whole() {
@@ -353,7 +354,7 @@ fn wrong_arrow_streams_are_named_with_their_place() {
     );
 }
 
-/// What pyarrow makes of a cone of pulses, in batches of 1000 rows, with what is changed in the table.
+/// An Arrow stream of a cone of pulses, written by pyarrow in batches of 1000 rows after a change of the table.
 const CONE_IN_PYTHON: &str = r#"
 import sys, math, pyarrow as pa
 n = 3600
@@ -410,7 +411,7 @@ fn pulses_that_pyarrow_makes_can_be_traced() {
         assert_eq!(out.status.code(), Some(2), "{change}: {said}");
         assert!(said.contains(part), "{part:?} is missing from\n{said}");
     }
-    // Units in the metadata, and a table of one's own beside the numbers
+    // Units in the metadata, and a nested column beside the numbers
     let change = "columns['time'] = pa.array([i * 10 for i in range(n)], pa.int64())\n\
                   columns = {('time[us]' if k == 'time' else k): v for k, v in columns.items()}";
     let in_us = trace(&make(change, "stream"));

@@ -72,7 +72,7 @@ fn terrascan(rows: &[[f64; 7]]) -> Vec<u8> {
     out
 }
 
-/// As the reference writes its trajectories.
+/// The layout in which HELIOS++ writes trajectories.
 fn helios(rows: &[[f64; 7]]) -> String {
     let line = |[t, x, y, z, roll, pitch, yaw]: &[f64; 7]| {
         format!("{x:.4} {y:.4} {z:.4} {t:.9} {roll:.4} {pitch:.4} {yaw:.4}\n")
@@ -91,7 +91,7 @@ fn of_helios(rows: &[[f64; 7]]) -> Vec<[f64; 7]> {
     rows.iter().map(row).collect()
 }
 
-/// A pipeline that scans the hills of `fixtures/airborne`; its trajectory comes with the command.
+/// A pipeline that scans the hills of `fixtures/airborne`; its trajectory is given on the command line.
 fn pipeline(dir: &Path) -> String {
     let path = dir.join("p.toml");
     let scene = fixture("airborne/scene.xml");
@@ -122,7 +122,7 @@ fn coordinates(points: &[u8]) -> Vec<[f64; 3]> {
     text(points).lines().map(of).collect()
 }
 
-/// The same pulses meet the same ground, but for a few at the edges of what they meet.
+/// The same pulses hit the same ground, except for a few at edges.
 fn assert_near(what: &str, found: &[u8], expected: &[u8], tolerance: f64) {
     let (found, expected) = (coordinates(found), coordinates(expected));
     assert!(
@@ -218,7 +218,7 @@ fn pulses_and_poses_come_from_the_same_reader() {
             assert!((0..7).all(|i| (f[i] - e[i]).abs() < 1e-4), "{command}: {f:?} {e:?}");
         }
     }
-    // The first pose, moved to the right by its own right: lever arm and boresight turn with the platform.
+    // The first pose, moved along its own right axis: lever arm and boresight turn with the platform.
     let plain = of("trajectory", "f.csv", &[]);
     let moved = of(
         "trajectory",
@@ -232,7 +232,7 @@ fn pulses_and_poses_come_from_the_same_reader() {
 }
 
 /// Origin and direction of the first pulse along `trajectory` (text), of a scanner that looks forwards from a mount and an
-/// emitter that are off the platform's origin.
+/// emitter away from the platform's origin.
 fn first_pulse(dir: &Path, trajectory: &str, options: &[&str]) -> [f64; 6] {
     let scene = fixture("airborne/scene.xml");
     let pipeline = format!(
@@ -352,7 +352,7 @@ fn wrong_trajectories_are_refused_with_the_place() {
     let out = succeed(dir.path(), &args);
     assert!(text(&out.stderr).contains("0 poses"), "{}", text(&out.stderr));
     assert_eq!(run(dir.path(), &[&args[..], &["--force", "--strict"]].concat()).status.code(), Some(2));
-    // What is said of a trajectory needs one.
+    // Options for a trajectory need one.
     let survey = fixture("terrain/survey.xml");
     let out = run(dir.path(), &["run", survey.to_str().unwrap(), "--lever-arm", "0,0,1", "-o", "b.xyz"]);
     assert_eq!(out.status.code(), Some(2));
@@ -384,7 +384,7 @@ fn nothing_is_fired_in_gaps() {
     assert!(inside(&apart) == 0 && apart.iter().any(|t| *t < gap) && apart.iter().any(|t| *t > end));
 }
 
-/// Poses through a named pipe whose writer then falls silent: the points of all of them arrive while it is still open.
+/// Poses through a named pipe whose writer then pauses: the points of all of them arrive while the pipe is still open.
 #[cfg(unix)]
 #[test]
 fn points_do_not_wait_for_a_silent_writer() {
@@ -395,7 +395,7 @@ fn points_do_not_wait_for_a_silent_writer() {
         return;
     }
     let flight = rows(100);
-    // What the last points of a whole flight are, and of one that ends a pose earlier.
+    // The last points of the whole flight, and of one that ends a pose earlier.
     let times = |points: Vec<u8>| -> Vec<f64> {
         text(&points).lines().map(|l| l.rsplit(' ').next().unwrap().parse().unwrap()).collect()
     };
@@ -405,7 +405,7 @@ fn points_do_not_wait_for_a_silent_writer() {
     for (layout, bytes, end_of_bytes) in [
         ("text", csv(&flight).into_bytes(), end),
         ("SBET", sbet(&flight), end),
-        // The record that is on its way does not count.
+        // An incomplete record does not count.
         ("half a record", sbet(&flight)[..136 * 99 + 77].to_vec(), end_but_one),
     ] {
         let mut child = vlscan(dir.path())
@@ -427,7 +427,7 @@ fn points_do_not_wait_for_a_silent_writer() {
                 }
             }
         });
-        // The limit only keeps a failure from lasting for ever.
+        // The limit only ends the test in case of a failure.
         let mut last = 0.0;
         while last < end_of_bytes - 1e-6 {
             let time = arrivals.recv_timeout(Duration::from_secs(120));

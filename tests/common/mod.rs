@@ -1,5 +1,5 @@
 //! What the whole-run tests share: the program, fixtures, temporary folders, readers of other makers.
-#![allow(dead_code)] // each test binary uses its own part of this
+#![allow(dead_code)] // each test binary uses a part of this module
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -17,12 +17,12 @@ pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
 }
 
-/// An empty folder that goes away with the value.
+/// An empty folder that is removed when the value is dropped.
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// Runs the program with these arguments in `folder` and returns what it said.
+/// Runs the program with these arguments in `folder` and returns its output.
 pub fn run(folder: &Path, args: &[&str]) -> Output {
     vlscan(folder).args(args).stdin(Stdio::null()).output().expect("the program starts")
 }

@@ -1,4 +1,4 @@
-//! How a run ends: complete files under their names or none, clear reports, exit statuses.
+//! How a run ends: a file has its name only when it is complete; messages and exit statuses.
 
 mod common;
 
@@ -155,7 +155,7 @@ fn an_interrupt_leaves_complete_files_that_say_they_are_partial() {
             ply.contains("comment state partial") && ply.contains(&format!("element vertex {points}\n")),
             "{ply}"
         );
-        // A whole run over the same names takes the notes away.
+        // A complete run with the same names removes the notes.
         succeed(dir.path(), &["run", &room(), "-q", "-o", "a.xyz", "--force"]);
         assert!(!dir.path().join("a.xyz.partial").exists());
         let Some(python) = common::python("laspy, lazrs, pyarrow") else { continue };
@@ -214,7 +214,7 @@ fn an_interrupted_run_replaces_no_complete_file() {
     }
     let points = fs::read_to_string(dir.path().join("a.partial.csv")).unwrap().lines().count() - 1;
     assert!(points > 1000, "{points}");
-    // What replaces nothing has its own name, with a note as ever.
+    // A file that replaces none has its own name, with a note beside it.
     assert!(dir.path().join("new.csv").exists() && dir.path().join("new.csv.partial").exists());
     let mut expected: Vec<String> = ["new.csv", "new.csv.partial"].map(str::to_owned).to_vec();
     expected.extend(names.map(str::to_owned));
@@ -245,7 +245,7 @@ fn an_error_in_the_middle_replaces_no_complete_file() {
         let args = [&["run", survey.to_str().unwrap(), "--trajectory", "-", "-o", "a.laz"], extra].concat();
         feed(dir.path(), &args, poses.as_bytes())
     };
-    // Without an old file nothing is left.
+    // Where there was no file before, none is left.
     for extra in [&[][..], &["--force"]] {
         assert_eq!(fly(extra).status.code(), Some(2));
         assert!(files(dir.path()).is_empty(), "{:?}", files(dir.path()));
@@ -265,7 +265,7 @@ fn an_error_in_the_middle_replaces_no_complete_file() {
 #[test]
 fn an_interrupted_stream_is_complete() {
     let dir = folder();
-    // What is written into a file tells when to interrupt; nobody reads the stream until then.
+    // What is written into a file tells when to interrupt; the stream is not read until then.
     let sinks = ["-o", "a.csv", "-o", "-", "--format", "csv", "-q"];
     let out = interrupted(dir.path(), &sinks, "a.csv.part", 1, "-INT");
     assert_eq!(out.status.code(), Some(130), "{}", text(&out.stderr));
@@ -287,7 +287,7 @@ fn a_reader_that_leaves_does_not_end_the_other_outputs() {
     assert!(read("a.xyz") == read("whole.xyz"), "the file lost points to the reader's end");
 }
 
-/// Runs a line of bash with `$VLSCAN` and `$SURVEY`; prints that it skips where a program of `needs` is missing.
+/// Runs a line of bash with `$VLSCAN` and `$SURVEY`; `None` where a program of `needs` is missing.
 #[cfg(unix)]
 fn shell(folder: &std::path::Path, needs: &[&str], line: &str) -> Option<Output> {
     for program in std::iter::once(&"bash").chain(needs) {

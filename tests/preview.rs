@@ -1,5 +1,5 @@
-//! What `vlscan preview` makes: pages to turn a cloud around, as a browser shows them, and plots of waveforms. Without Chromium (on the path, or named by `VLSCAN_CHROMIUM`)
-//! these tests say that they skip.
+//! `vlscan preview`: interactive pages as a browser shows them, and plots of waveforms. Needs Chromium, on the path or named by
+//! `VLSCAN_CHROMIUM`.
 
 mod common;
 
@@ -10,7 +10,7 @@ use std::io::BufReader;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// A browser, or `None` (with a printed note) where there is none.
+/// A browser, or `None` where there is none.
 fn chromium() -> Option<String> {
     let named = std::env::var("VLSCAN_CHROMIUM").ok();
     let usual = ["chromium", "chromium-browser", "google-chrome"].map(str::to_owned);
@@ -25,11 +25,11 @@ fn chromium() -> Option<String> {
     None
 }
 
-/// What a browser made of a page.
+/// A page as the browser rendered it.
 struct Seen {
     document: String,
     messages: String,
-    /// Width, and red, green, blue of all dots.
+    /// Width, and red, green and blue of all pixels.
     picture: (usize, Vec<[u8; 3]>),
 }
 
@@ -61,12 +61,12 @@ fn open(chromium: &str, folder: &Path, page: &str) -> Seen {
 }
 
 impl Seen {
-    /// The page is ready, shows that many points, and nothing went wrong.
+    /// Asserts that the page is ready, shows that many points, and reports no error.
     fn check(&self, points: usize) {
         let root = self.document.lines().find(|line| line.contains("<html")).unwrap_or_default();
         assert!(root.contains("data-state=\"ready\""), "{root}\n{}", self.messages);
         assert!(root.contains(&format!("data-points=\"{points}\"")), "{root}");
-        // What the browser says about the graphics is for information; errors of the page are not.
+        // Messages of the browser about graphics are ignored; errors of the page are not.
         for line in self.messages.lines().filter(|line| line.contains("CONSOLE")) {
             assert!(!line.contains("ERROR") && !line.contains("Uncaught"), "{line}");
         }
@@ -119,7 +119,7 @@ fn keys_and_pointer_work() {
     succeed(dir.path(), &["preview", "room.xyz", "-o", "room.html", "-q"]);
     let path = dir.path().join("room.html");
     let page = std::fs::read_to_string(&path).unwrap();
-    // A visitor who does everything once and writes down what came of it.
+    // A script that uses every control once and records the result.
     let visitor = r#"<script>
       const key = key => dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }));
       const canvas = document.getElementById('view');
@@ -130,7 +130,7 @@ fn keys_and_pointer_work() {
         clearInterval(visit);
         for (const k of ['ArrowLeft', '+', '-', '[', ']', 'o', 'e', 's', 't', '3']) key(k);
         const needle = () => document.getElementById('needle').getAttribute('transform');
-        // The picture follows when the browser gets to it.
+        // The image is updated by the browser later.
         const once = (done, then) => { const wait = setInterval(() => { if (done()) { clearInterval(wait); then(); } }, 50); };
         const heading = () => Number(document.getElementById('needle').getAttribute('transform').slice(7, -1));
         once(() => heading() === 0, () => {
@@ -174,7 +174,7 @@ fn a_name_that_tells_no_format_and_numbers_that_are_none_are_refused() {
         assert_eq!(refused.status.code(), Some(2), "{args:?}");
         assert!(text(&refused.stderr).contains(expected), "{}", text(&refused.stderr));
     }
-    // A picture goes to stdout, whole.
+    // A picture goes to stdout, complete.
     let picture = succeed(dir.path(), &["preview", "a.xyz", "-o", "-", "-q"]).stdout;
     assert!(picture.starts_with(b"\x89PNG") && picture.ends_with(b"IEND\xaeB`\x82"));
 }

@@ -1,5 +1,5 @@
-//! A newcomer's hour: whatever the README, `docs/`, the manual pages and `pipelines/` show works as it stands there, copied
-//! into an empty folder. Examples that need a program that is not here are skipped by name.
+//! The examples of the README, `docs/`, the manual pages and `pipelines/` work as they are written, in a folder of their
+//! own. Examples that need a program that is not installed are skipped.
 
 mod common;
 
@@ -9,26 +9,26 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// Programs that examples may need and that not everybody has.
-const OTHERS: [&str; 9] =
+/// Programs that examples may need and that may not be installed.
+const OPTIONAL_PROGRAMS: [&str; 9] =
     ["pdal", "parallel", "pv", "laszip", "polars", "duckdb", "CloudCompare", "man", "gzip"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A folder with what the examples of a page are told to find, and the path on which they find the program.
-struct Desk {
+/// A folder with the files that the examples of a page use, and a folder for the search path with the program.
+struct Workspace {
     folder: tempfile::TempDir,
     programs: tempfile::TempDir,
 }
 
-impl Desk {
-    fn new() -> Desk {
-        let desk = Desk { folder: folder(), programs: folder() };
-        std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_vlscan"), desk.programs.path().join("vlscan"))
+impl Workspace {
+    fn new() -> Workspace {
+        let workspace = Workspace { folder: folder(), programs: folder() };
+        std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_vlscan"), workspace.programs.path().join("vlscan"))
             .unwrap();
-        desk
+        workspace
     }
 
     fn path(&self) -> &Path {
@@ -36,7 +36,7 @@ impl Desk {
     }
 
     /// Copies a file or folder of the project.
-    fn lay(&self, from: &str, to: &str) -> &Desk {
+    fn copy_in(&self, from: &str, to: &str) -> &Workspace {
         copy(&root().join(from), &self.path().join(to));
         self
     }
@@ -54,11 +54,12 @@ impl Desk {
             .expect("bash starts")
     }
 
-    /// Runs examples one after the other as a newcomer would; all must succeed. Returns how many ran.
-    fn follow(&self, page: &str, examples: &[String]) -> usize {
+    /// Runs the examples one after the other; all must succeed. Returns how many ran.
+    fn run_examples(&self, page: &str, examples: &[String]) -> usize {
         let mut ran = 0;
         for example in examples {
-            let missing = OTHERS.iter().find(|name| mentions(example, name) && !is_here(name));
+            let missing =
+                OPTIONAL_PROGRAMS.iter().find(|name| mentions(example, name) && !is_installed(name));
             if let Some(name) = missing {
                 common::missing(name, &format!("for this example of {page}:\n{example}"));
                 continue;
@@ -73,14 +74,14 @@ impl Desk {
                 text(&done.stderr)
             );
             assert!(!text(&done.stderr).contains("warning"), "{page}:\n{example}\n{}", text(&done.stderr));
-            self.look_at_clouds(page, example);
+            self.check_clouds(page, example);
             ran += 1;
         }
         ran
     }
 
-    /// Every point cloud that lies here has points, and an extent in three dimensions.
-    fn look_at_clouds(&self, page: &str, example: &str) {
+    /// Every point cloud in the folder has points, and an extent in three dimensions.
+    fn check_clouds(&self, page: &str, example: &str) {
         for entry in fs::read_dir(self.path()).unwrap() {
             let path = entry.unwrap().path();
             let cloud = match path.extension().and_then(|e| e.to_str()) {
@@ -96,7 +97,7 @@ impl Desk {
     }
 }
 
-/// What is looked at of a point cloud.
+/// Number, bounds and classes of a point cloud.
 struct Cloud {
     count: usize,
     min: [f64; 3],
@@ -117,7 +118,7 @@ impl Cloud {
         }
     }
 
-    /// From lines of x, y, z and perhaps a class; a header is passed over.
+    /// From lines of x, y, z and perhaps a class; a header is skipped.
     fn of_rows(text: &str, separator: char) -> Cloud {
         let [mut min, mut max] = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         let (mut count, mut classes) = (0, BTreeSet::new());
@@ -153,14 +154,13 @@ fn mentions(example: &str, program: &str) -> bool {
     words.any(|word| word == program || (program == "parallel" && word.ends_with("dataset.sh")))
 }
 
-fn is_here(program: &str) -> bool {
+fn is_installed(program: &str) -> bool {
     let found =
         Command::new("sh").args(["-c", &format!("command -v {program}")]).stdout(Stdio::null()).status();
     found.is_ok_and(|status| status.success())
 }
 
-/// The example with the program that is tested in place of one that cargo would build first; none for what only cargo
-/// does.
+/// The example with the tested program in place of `cargo run`; `None` for examples that only call cargo.
 fn runnable(example: &str) -> Option<String> {
     let lines: Vec<String> = example
         .lines()
@@ -177,7 +177,7 @@ fn runnable(example: &str) -> Option<String> {
     does.then(|| lines.join("\n"))
 }
 
-/// Shell examples of a page of Markdown: indented blocks and those fenced as `sh`, parted at empty lines.
+/// Shell examples of a page of Markdown: indented blocks and those fenced as `sh`, separated by empty lines.
 fn examples(markdown: &str) -> Vec<String> {
     let mut blocks: Vec<Vec<&str>> = vec![Vec::new()];
     let mut fence: Option<bool> = None;
@@ -192,7 +192,7 @@ fn examples(markdown: &str) -> Vec<String> {
             blocks.last_mut().unwrap().push(&line[4..]);
         } else {
             blocks.push(Vec::new());
-            // A block of code stands apart; what is indented right below text continues a list.
+            // A code block follows an empty line; indented lines right below text continue a list.
             after_text = fence.is_none() && !line.trim().is_empty();
         }
     }
@@ -215,25 +215,45 @@ fn examples_of_manual(page: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_readme_is_true() {
+fn examples_of_the_readme_run() {
     let page = fs::read_to_string(root().join("README.md")).unwrap();
-    let desk = Desk::new();
-    desk.lay("fixtures", "fixtures").lay("pipelines", "pipelines").lay("man", "man");
-    // The survey of somebody who comes from HELIOS++.
-    desk.lay("fixtures/room", "my_assets").lay("fixtures/room/survey.xml", "survey.xml");
-    let ran = desk.follow("README.md", &examples(&page));
+    let workspace = Workspace::new();
+    workspace.copy_in("fixtures", "fixtures").copy_in("pipelines", "pipelines").copy_in("man", "man");
+    // A survey as HELIOS++ users have it.
+    workspace.copy_in("fixtures/room", "my_assets").copy_in("fixtures/room/survey.xml", "survey.xml");
+    let ran = workspace.run_examples("README.md", &examples(&page));
     assert!(ran >= 8, "{ran} examples");
-    for link in page.split("](").skip(1).map(|rest| rest.split_once(')').unwrap().0) {
-        let there = link.starts_with("https://") || root().join(link.split('#').next().unwrap()).exists();
-        assert!(there, "README.md leads to {link}");
+}
+
+/// Pages of Markdown of the project.
+fn pages() -> Vec<PathBuf> {
+    let folders = ["", "docs", "docs/notes", "docs/spec", "fixtures", "pipelines/paper"];
+    let entries = folders.iter().flat_map(|folder| fs::read_dir(root().join(folder)).unwrap());
+    let mut pages: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    pages.retain(|path| path.extension().is_some_and(|e| e == "md"));
+    pages.sort();
+    pages
+}
+
+#[test]
+fn links_between_pages_lead_somewhere() {
+    let mut links = 0;
+    for path in pages() {
+        let page = fs::read_to_string(&path).unwrap();
+        for link in page.split("](").skip(1).map(|rest| rest.split_once(')').unwrap().0) {
+            let file = path.parent().unwrap().join(link.split('#').next().unwrap());
+            assert!(link.starts_with("https://") || file.exists(), "{} leads to {link}", path.display());
+            links += 1;
+        }
     }
+    assert!(links > 20, "{links} links");
 }
 
 /// Pages whose commands measure speed.
 const MEASUREMENTS: [&str; 3] = ["experiment.md", "kernel.md", "speed.md"];
 
 #[test]
-fn the_pages_in_docs_are_true() {
+fn examples_of_docs_run() {
     let mut pages: Vec<PathBuf> =
         fs::read_dir(root().join("docs")).unwrap().map(|e| e.unwrap().path()).collect();
     pages.retain(|path| path.extension().is_some_and(|e| e == "md"));
@@ -245,15 +265,17 @@ fn the_pages_in_docs_are_true() {
             println!("skipped: {} measures for minutes", path.display());
             continue;
         }
-        let desk = Desk::new();
-        desk.lay("fixtures", "fixtures").lay("pipelines", "pipelines");
-        desk.lay("fixtures/room", "my_assets").lay("fixtures/room/survey.xml", "data/surveys/my_survey.xml");
+        let workspace = Workspace::new();
+        workspace.copy_in("fixtures", "fixtures").copy_in("pipelines", "pipelines");
+        workspace
+            .copy_in("fixtures/room", "my_assets")
+            .copy_in("fixtures/room/survey.xml", "data/surveys/my_survey.xml");
         // The first file that a page shows is the one that its commands run.
         if let Some((_, rest)) = page.split_once("```toml\n") {
             let file = rest.split_once("```").unwrap().0;
-            fs::write(desk.path().join("my_instrument.toml"), file).unwrap();
+            fs::write(workspace.path().join("my_instrument.toml"), file).unwrap();
         }
-        desk.follow(&path.display().to_string(), &examples(&page));
+        workspace.run_examples(&path.display().to_string(), &examples(&page));
     }
 }
 
@@ -265,7 +287,7 @@ fn the_examples_of_the_manual_run_in_an_empty_folder() {
     for path in pages {
         let examples = examples_of_manual(&fs::read_to_string(&path).unwrap());
         assert!(!examples.is_empty(), "{} has no examples", path.display());
-        Desk::new().follow(&path.display().to_string(), &examples);
+        Workspace::new().run_examples(&path.display().to_string(), &examples);
     }
 }
 
@@ -291,18 +313,19 @@ fn every_pipeline_runs_as_it_is() {
             page.lines().take(12).any(|l| l.starts_with('#') && l.contains(&told)),
             "{name} does not tell how it is run"
         );
-        let desk = Desk::new();
-        let done = common::feed(desk.path(), &["run", path.to_str().unwrap(), "--strict"], flight.as_bytes());
+        let workspace = Workspace::new();
+        let done =
+            common::feed(workspace.path(), &["run", path.to_str().unwrap(), "--strict"], flight.as_bytes());
         assert!(done.status.success(), "{name}: {}", text(&done.stderr));
         let keys: toml::Table = page.parse().unwrap();
         let outputs = keys["output"].as_array().unwrap();
         for output in outputs.iter().map(|output| output["path"].as_str().unwrap()) {
             let bytes = match output {
                 "-" => done.stdout.len() as u64,
-                file if desk.path().join(file).is_dir() => {
-                    fs::read_dir(desk.path().join(file)).unwrap().count() as u64 * 1000
+                file if workspace.path().join(file).is_dir() => {
+                    fs::read_dir(workspace.path().join(file)).unwrap().count() as u64 * 1000
                 }
-                file => fs::metadata(desk.path().join(file))
+                file => fs::metadata(workspace.path().join(file))
                     .unwrap_or_else(|e| panic!("{name}: {file}: {e}"))
                     .len(),
             };
@@ -311,11 +334,11 @@ fn every_pipeline_runs_as_it_is() {
     }
 }
 
-/// What a pipeline shows: least number of points, box of the points, classes.
-type Shown = (&'static str, usize, [f64; 3], [f64; 3], &'static [u8]);
+/// What a pipeline gives: its name, the least number of points, their bounds, their classes.
+type Expected = (&'static str, usize, [f64; 3], [f64; 3], &'static [u8]);
 
-/// What was seen when each was looked at as a picture.
-const SHOWN: [Shown; 7] = [
+/// As seen in a picture of each.
+const EXPECTED: [Expected; 7] = [
     ("airborne.toml", 190_000, [475_880.0, 5_428_880.0, -15.5], [476_120.0, 5_429_120.0, 9.3], &[2, 6, 64]),
     ("als.toml", 140_000, [-74.8, -120.0, -7.8], [71.8, -37.6, 7.4], &[2, 64]),
     ("dataset.toml", 37_000, [-23.0, -22.8, 0.4], [14.7, 22.3, 24.2], &[2, 3, 4, 5]),
@@ -326,20 +349,20 @@ const SHOWN: [Shown; 7] = [
 ];
 
 #[test]
-fn every_pipeline_shows_what_it_says() {
+fn every_pipeline_gives_what_it_describes() {
     let flight: Vec<u8> = fs::read(root().join("fixtures/flight.csv")).unwrap();
     let flight: Vec<u8> = flight.split_inclusive(|b| *b == b'\n').take(400).flatten().copied().collect();
     let shipped = fs::read_dir(root().join("pipelines")).unwrap().map(|e| e.unwrap().path());
-    assert_eq!(shipped.filter(|path| path.extension().is_some_and(|e| e == "toml")).count(), SHOWN.len());
-    for (name, least, min, max, classes) in SHOWN {
-        let desk = Desk::new();
+    assert_eq!(shipped.filter(|path| path.extension().is_some_and(|e| e == "toml")).count(), EXPECTED.len());
+    for (name, least, min, max, classes) in EXPECTED {
+        let workspace = Workspace::new();
         let path = root().join("pipelines").join(name);
         let args =
             ["run", path.to_str().unwrap(), "--strict", "-o", "a.csv", "--columns", "X,Y,Z,Classification"];
-        let done = common::feed(desk.path(), &args, &flight);
+        let done = common::feed(workspace.path(), &args, &flight);
         let said = text(&done.stderr);
         assert!(done.status.success() && !said.contains("warning"), "{name}: {said}");
-        let cloud = Cloud::of_rows(&fs::read_to_string(desk.path().join("a.csv")).unwrap(), ',');
+        let cloud = Cloud::of_rows(&fs::read_to_string(workspace.path().join("a.csv")).unwrap(), ',');
         assert!((least..least * 5 / 4).contains(&cloud.count), "{name}: {} points", cloud.count);
         for axis in 0..3 {
             let off = (cloud.min[axis] - min[axis]).abs().max((cloud.max[axis] - max[axis]).abs());
@@ -351,24 +374,24 @@ fn every_pipeline_shows_what_it_says() {
 
 #[test]
 fn a_dataset_is_made_by_as_many_processes_as_there_are_cores() {
-    if !is_here("parallel") {
+    if !is_installed("parallel") {
         common::missing("parallel", "pipelines/dataset.sh needs GNU parallel");
         return;
     }
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let make = |command: &str| {
-        let done = desk.bash(&format!("{}/pipelines/{command}", root().display()));
+        let done = workspace.bash(&format!("{}/pipelines/{command}", root().display()));
         assert!(done.status.success(), "{command}: {}", text(&done.stderr));
         text(&done.stdout)
     };
     assert_eq!(make("dataset.sh all 3").trim(), "3");
     assert_eq!(make("dataset.sh again 2").trim(), "2");
-    let scene = |path: &str| fs::read(desk.path().join(path)).unwrap();
+    let scene = |path: &str| fs::read(workspace.path().join(path)).unwrap();
     assert!(scene("all/forest2.laz") == scene("again/forest2.laz"), "the same seed, other bytes");
     assert!(scene("all/forest1.laz") != scene("all/forest2.laz"), "another seed, the same bytes");
     assert!(scene("all/forest1.laz").starts_with(b"LASF"));
-    // An interrupted run goes on where it was.
-    fs::remove_file(desk.path().join("again/forest1.laz")).unwrap();
+    // A run that was interrupted continues.
+    fs::remove_file(workspace.path().join("again/forest1.laz")).unwrap();
     make("dataset.sh again 3");
     assert!(
         scene("all/forest1.laz") == scene("again/forest1.laz") && scene("again/forest3.laz").len() > 10_000
@@ -376,7 +399,7 @@ fn a_dataset_is_made_by_as_many_processes_as_there_are_cores() {
 }
 
 #[test]
-fn slips_are_answered_with_what_to_do() {
+fn errors_say_what_to_do() {
     let dir = folder();
     common::succeed(
         dir.path(),
@@ -402,7 +425,7 @@ fn slips_are_answered_with_what_to_do() {
         assert_eq!(done.status.code(), Some(2), "vlscan {line}: {said}");
         assert!(said.contains(answer), "vlscan {line}: {said}");
     }
-    // Nobody who asks for nothing is left without a first step.
+    // Without arguments the program shows a first step.
     let first = text(&common::run(dir.path(), &[]).stdout);
     assert!(first.contains("To begin:\n  vlscan scene make forest"), "{first}");
 }
