@@ -1,4 +1,4 @@
-//! Instruments, scenes and pulses that the tests of this room share.
+//! Instruments, scenes and pulses for the tests of this module.
 
 use super::detector::DetectorSettings;
 use super::instrument::{Instrument, InstrumentTable};
@@ -9,54 +9,10 @@ use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3, Rotation};
 use crate::pulse::Batch;
 use crate::scene::{LadTable, Material, Part, Reflection, Scene, Surface, Voxel, VoxelKind};
-use crate::survey::*;
+pub use crate::survey::testkit::*;
+use crate::survey::Survey;
 use crate::tree::{BuildOptions, Builder, Cube, Geometry, Tree};
-use std::path::PathBuf;
 use std::sync::Arc;
-
-/// The beam of the worked examples (spec pulse-physics §3.6), of 5 ns.
-pub fn tls_beam() -> Beam {
-    Beam {
-        divergence: 3e-4,
-        divergence_y: None,
-        profile: BeamProfile::Gaussian,
-        aperture: 0.0,
-        pulse_length: 5.0,
-        wavelength: 1064.0,
-        atmosphere_wavelength: 1064.0,
-        average_power: 4.0,
-        pulse_energy: None,
-        quality: 1.0,
-        efficiency: 0.99,
-        receiver_diameter: 0.15,
-        visibility: 23.0,
-    }
-}
-
-/// A device with that beam, 3 rings, bins of 0.25 ns and a window of a quarter pulse.
-pub fn tls_device(pulse_length: f64) -> Device {
-    Device {
-        id: "tls".to_owned(),
-        deflector: Deflector::Conic,
-        scan_angle_max: 1.0,
-        scan_freq: (0.0, 0.0),
-        head: Head { axis: DVec3::Z, max_rate: 0.0 },
-        beam_origin: Mount::IDENTITY,
-        beam: Beam { pulse_length, ..tls_beam() },
-        detector: Detector {
-            accuracy: 0.0,
-            range_min: 1.5,
-            range_max: f64::MAX,
-            max_returns: 0,
-            threshold: 1e-4,
-            threshold_given: false,
-            distance_error: None,
-        },
-        receiver: Receiver::default(),
-        waveform: WaveformSettings { bin: 0.25, window: pulse_length / 4.0, quality: 3, max_range: 0.0 },
-        errors: MechanicalErrors::default(),
-    }
-}
 
 /// The instrument of [`tls_device`] in the reference's physics.
 pub fn tls_instrument(pulse_length: f64) -> Instrument {
@@ -68,66 +24,6 @@ pub fn tls_instrument(pulse_length: f64) -> Instrument {
 /// Its detector.
 pub fn tls_detector(pulse_length: f64) -> DetectorSettings {
     tls_instrument(pulse_length).detector
-}
-
-/// A survey of one leg with these devices and device 0's divergence.
-pub fn survey(devices: Vec<Device>) -> Survey {
-    let scanner = ScannerSettings {
-        active: true,
-        pulse_freq: 1000,
-        scan_freq: 0.0,
-        scan_angle: 0.0,
-        vertical_min: None,
-        vertical_max: None,
-        head_rate: 0.0,
-        head_start: 0.0,
-        head_stop: 0.0,
-        beam_divergence: devices[0].beam.divergence,
-        written_divergence: None,
-        trajectory_interval: 0.0,
-        max_duration: None,
-        warmup: 0.0,
-    };
-    let platform = PlatformSettings {
-        position: DVec3::ZERO,
-        on_ground: false,
-        speed: 0.0,
-        stop_and_turn: false,
-        smooth_turn: false,
-        slowdown: false,
-        yaw_at_departure: None,
-        trajectory: None,
-    };
-    Survey {
-        name: "test".to_owned(),
-        path: PathBuf::new(),
-        seed: None,
-        platform: Platform {
-            id: "tripod".to_owned(),
-            kind: PlatformKind::Static,
-            mount: Mount::IDENTITY,
-            noise: PlatformNoise::default(),
-        },
-        scanner: Scanner {
-            id: "tls".to_owned(),
-            name: "tls".to_owned(),
-            pulse_freqs: vec![1000],
-            multi_channel: devices.len() > 1,
-            devices,
-        },
-        scene: SceneRecipe {
-            id: "scene".to_owned(),
-            path: PathBuf::new(),
-            parts: Vec::new(),
-            dyn_step: 1,
-            dyn_time_step: None,
-            packed: None,
-            asset_folders: Vec::new(),
-        },
-        legs: vec![Leg { number: 0, strip: None, platform, scanner, place: None }],
-        leg_offset: None,
-        crs_wkt: None,
-    }
 }
 
 /// The waveform that an instrument receives from (range, intensity) pairs.
@@ -191,14 +87,14 @@ pub fn wall(x0: f64, x1: f64, y: f64) -> [DVec3; 3] {
     [DVec3::new(x0, y, -20.0), DVec3::new(x1 - x0, 0.0, 0.0), DVec3::new(0.0, 0.0, 40.0)]
 }
 
-/// A pulse from the world's origin with that attitude; [`fire_as`] moves it into the scene's frame.
+/// A pulse from the world's origin with that attitude.
 pub fn pulse(attitude: Rotation) -> Pulse {
     Pulse {
         origin: DVec3::ZERO,
         attitude,
         exact_attitude: attitude,
         reported_attitude: attitude,
-        origin_error: crate::geom::DVec3::ZERO,
+        origin_error: DVec3::ZERO,
         time_ns: 0.0,
         number: 1,
         device: 0,
@@ -212,18 +108,30 @@ pub fn tree(scene: &Scene) -> Tree {
     Tree::build(&scene.geometry, &BuildOptions::of(Builder::Median))
 }
 
-/// What one pulse along +y yields.
-pub fn fire(scene: &Scene, survey: &Survey, options: PhysicsOptions) -> Batch {
-    fire_as(scene, survey, options, 0, &pulse(Rotation::IDENTITY))
+/// The records of one pulse along +y.
+pub fn simulate(scene: &Scene, survey: &Survey, options: PhysicsOptions) -> Batch {
+    simulate_pulses(scene, survey, options, 0, &pulses(1))
 }
 
-/// What `pulse` yields in `leg`.
-pub fn fire_as(scene: &Scene, survey: &Survey, options: PhysicsOptions, leg: u32, pulse: &Pulse) -> Batch {
+/// The records of pulses from the world's frame in `leg`.
+pub fn simulate_pulses(
+    scene: &Scene,
+    survey: &Survey,
+    options: PhysicsOptions,
+    leg: u32,
+    pulses: &[Pulse],
+) -> Batch {
     let tree = tree(scene);
     let physics = Physics::new(scene, &tree, survey, options).unwrap();
+    let pulses: Vec<Pulse> = pulses.iter().map(|p| in_frame(scene, p)).collect();
     let mut batch = Batch::default();
-    PulseSimulator::new(&physics).simulate(leg, &[in_frame(scene, pulse)], &mut batch).unwrap();
+    PulseSimulator::new(&physics).simulate(leg, &pulses, &mut batch).unwrap();
     batch
+}
+
+/// Pulses along +y, numbered from 1.
+pub fn pulses(count: u64) -> Vec<Pulse> {
+    (1..=count).map(|number| Pulse { number, ..pulse(Rotation::IDENTITY) }).collect()
 }
 
 /// Ranges and intensities of echoes.

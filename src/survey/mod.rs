@@ -40,6 +40,8 @@ mod settings;
 mod survey_xml;
 mod templates;
 #[cfg(test)]
+pub(crate) mod testkit;
+#[cfg(test)]
 mod tests;
 mod text;
 mod trajectories;

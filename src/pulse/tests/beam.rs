@@ -1,8 +1,7 @@
 //! The refined beam against closed forms: one small scene for each law.
 
 use super::*;
-use crate::pulse::testkit::*;
-use crate::pulse::{Physics, PulseSimulator};
+use crate::flight::Pulse;
 use crate::survey::{Device, Survey};
 
 /// An instrument without haze, losses or threshold: 4 W, 0.15 m, 4 ns, quality `quality`.
@@ -25,15 +24,9 @@ fn lab(divergence: f64, quality: u32) -> Survey {
 
 /// What `count` pulses along +y from points `at` yield: the sum of the intensities of each.
 fn sums(scene: &Scene, survey: &Survey, at: impl Fn(u64) -> DVec3, count: u64) -> Vec<f64> {
-    let tree = tree(scene);
-    let physics = Physics::new(scene, &tree, survey, PhysicsOptions::refined()).unwrap();
-    let (mut simulator, mut batch) = (PulseSimulator::new(&physics), Batch::default());
-    let shot = |number| {
-        let p = crate::flight::Pulse { origin: at(number), number, ..pulse(Rotation::IDENTITY) };
-        in_frame(scene, &p)
-    };
-    let pulses: Vec<_> = (1..=count).map(shot).collect();
-    simulator.simulate(0, &pulses, &mut batch).unwrap();
+    let aimed: Vec<Pulse> =
+        pulses(count).into_iter().map(|p| Pulse { origin: at(p.number), ..p }).collect();
+    let batch = simulate_pulses(scene, survey, PhysicsOptions::refined(), 0, &aimed);
     let mut sums = vec![0.0; count as usize];
     batch.echoes.iter().for_each(|e| sums[e.pulse_number as usize - 1] += e.intensity);
     sums
@@ -121,7 +114,7 @@ fn one_slope_is_one_echo_with_the_width_that_its_depth_gives() {
         for degrees in [0.0, 20.0, 40.0, 60.0, 75.0, 80.0, 85.0] {
             let options = PhysicsOptions { record_waveforms: true, ..PhysicsOptions::refined() };
             let survey = lab(divergence, quality);
-            let batch = fire(&slope(1000.0, degrees), &survey, options);
+            let batch = simulate(&slope(1000.0, degrees), &survey, options);
             assert_eq!(batch.echoes.len(), 1, "{degrees}°, {divergence}, quality {quality}");
             let moments = |samples: &[f64]| {
                 let sum: f64 = samples.iter().sum();
@@ -131,7 +124,7 @@ fn one_slope_is_one_echo_with_the_width_that_its_depth_gives() {
                 (sum, mean * 0.25, square * 0.0625)
             };
             let (energy, _, variance) = moments(&batch.samples);
-            let flat = fire(&slope(1000.0, 0.0), &survey, options);
+            let flat = simulate(&slope(1000.0, 0.0), &survey, options);
             let (energy_of_flat, _, variance_of_flat) = moments(&flat.samples);
             let cosine = radians(degrees).cos();
             assert!((energy / energy_of_flat / cosine - 1.0).abs() < 0.02, "{degrees}°: {energy}");
@@ -154,7 +147,7 @@ fn two_slopes_of_a_roof_are_not_taken_for_one() {
         [DVec3::new(0.0, 990.0, -50.0), DVec3::new(side * c, s, 0.0) * 100.0, DVec3::Z * 100.0]
     });
     let survey = lab(2e-3, 3);
-    let batch = fire(&rectangles(half_white(), &sides), &survey, PhysicsOptions::refined());
+    let batch = simulate(&rectangles(half_white(), &sides), &survey, PhysicsOptions::refined());
     assert!((1..=2).contains(&batch.echoes.len()), "{}", batch.echoes.len());
     assert!(batch.echoes[0].range > 990.0);
 }
@@ -214,7 +207,7 @@ fn a_threshold_is_in_watts_unless_it_is_the_default() {
 fn just_behind_the_minimum_range_ranges_and_amplitudes_are_right() {
     for range in [1.0, 1.02, 1.05, 1.1, 1.5] {
         let scene = rectangles(half_white(), &[board(range, 1.0, 1.0)]);
-        let batch = fire(&scene, &lab(5e-3, 1), PhysicsOptions::refined());
+        let batch = simulate(&scene, &lab(5e-3, 1), PhysicsOptions::refined());
         assert_eq!(batch.echoes.len(), 1, "{range} m");
         assert!((batch.echoes[0].range - range).abs() < 1e-6, "{range} m: {}", batch.echoes[0].range);
         assert!((batch.echoes[0].intensity * range * range / (11.25e6 * TOP) - 1.0).abs() < 1e-3);

@@ -1,8 +1,7 @@
 //! Beams of several subrays in foliage as a medium, in the refined physics.
 
 use super::*;
-use crate::flight::Pulse;
-use crate::pulse::{Echo, Physics, PulseSimulator};
+use crate::pulse::Echo;
 use crate::scene::{LadTable, VoxelKind};
 
 /// A column of foliage of that many voxels from 99 m on, before a wall at 120 m.
@@ -13,17 +12,13 @@ fn column(voxels: u32, density: f64, lad: Option<LadTable>) -> Scene {
     foliage(&cubes, lad)
 }
 
-fn echoes(scene: &Scene, quality: u32, options: PhysicsOptions, pulses: u64) -> Vec<Vec<Echo>> {
-    let tree = tree(scene);
+fn echoes(scene: &Scene, quality: u32, options: PhysicsOptions, count: u64) -> Vec<Vec<Echo>> {
     let survey = tls_with(|d| (d.waveform.quality, d.detector.threshold) = (quality, 1e-30));
-    let physics = Physics::new(scene, &tree, &survey, options).unwrap();
-    let mut simulator = PulseSimulator::new(&physics);
-    let fire = |number| {
-        let (mut batch, p) = (Batch::default(), Pulse { number, ..pulse(Rotation::IDENTITY) });
-        simulator.simulate(0, &[in_frame(scene, &p)], &mut batch).unwrap();
-        batch.echoes
-    };
-    (1..=pulses).map(fire).collect()
+    let mut by_pulse = vec![Vec::new(); count as usize];
+    for echo in simulate_pulses(scene, &survey, options, 0, &pulses(count)).echoes {
+        by_pulse[echo.pulse_number as usize - 1].push(echo);
+    }
+    by_pulse
 }
 
 #[test]

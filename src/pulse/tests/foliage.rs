@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::flight::Pulse;
-use crate::pulse::{Physics, PulseSimulator};
 use crate::scene::{LadTable, VoxelKind};
 
 const N: usize = 20_000;
@@ -13,15 +12,7 @@ fn one_ray() -> Survey {
 
 /// How many of N pulses along +y each primitive sends back; with the batch.
 fn shares(scene: &Scene, options: PhysicsOptions) -> (Vec<f64>, Batch) {
-    let tree = tree(scene);
-    let survey = one_ray();
-    let physics = Physics::new(scene, &tree, &survey, options).unwrap();
-    let mut simulator = PulseSimulator::new(&physics);
-    let mut batch = Batch::default();
-    for number in 1..=N as u64 {
-        let p = Pulse { number, ..pulse(Rotation::IDENTITY) };
-        simulator.simulate(0, &[in_frame(scene, &p)], &mut batch).unwrap();
-    }
+    let batch = simulate_pulses(scene, &one_ray(), options, 0, &pulses(N as u64));
     let mut counts = vec![0.0; scene.geometry.len() - 1];
     for e in &batch.echoes {
         // Both triangles of the wall count as primitive 0.
@@ -92,7 +83,7 @@ fn a_voxel_around_the_scanner_is_seen_when_corrected() {
 fn opaque_and_transparent_voxels() {
     let kinds = [VoxelKind::Transparent, VoxelKind::Opaque, VoxelKind::Opaque];
     let cubes: Vec<_> = [97.0, 99.0, 101.0].into_iter().zip(kinds).map(|(y, k)| (y, 3.0, k)).collect();
-    let batch = fire(&foliage(&cubes, None), &one_ray(), legacy());
+    let batch = simulate(&foliage(&cubes, None), &one_ray(), legacy());
     assert_echoes(&batch, &[(99.0, 1924.4513)], 1e-7);
     assert_eq!((batch.echoes[0].primitive, batch.echoes[0].incidence_cosine), (1, 1.0));
 }
@@ -104,7 +95,7 @@ fn a_leaf_angle_table_changes_the_law() {
     for options in [legacy(), PhysicsOptions::helios()] {
         for (y, amplitude) in [(99.0, 221051.9156), (101.0, 204048.6845)] {
             let scene = foliage(&[(y, 1.0, VoxelKind::Opaque)], spherical());
-            assert_echoes(&fire(&scene, &one_ray(), options), &[(y, amplitude)], 3e-9);
+            assert_echoes(&simulate(&scene, &one_ray(), options), &[(y, amplitude)], 3e-9);
         }
     }
     let scene = foliage(&[(99.0, 1.0, VoxelKind::Transmittive); 5], spherical());
@@ -132,7 +123,7 @@ fn free_paths_depend_on_seed_and_pulse_alone() {
     assert_eq!(run(3), run(3));
     assert_ne!(run(3), run(4));
     let alone = Pulse { number: 500, ..pulse(Rotation::IDENTITY) };
-    let alone = fire_as(&scene, &one_ray(), PhysicsOptions { seed: 3, ..legacy() }, 0, &alone);
+    let alone = simulate_pulses(&scene, &one_ray(), PhysicsOptions { seed: 3, ..legacy() }, 0, &[alone]);
     assert_eq!(alone.echoes[0], *run(3).iter().find(|e| e.pulse_number == 500).unwrap());
 }
 
@@ -150,6 +141,6 @@ fn leaves_have_no_face_when_corrected() {
     };
     assert!((ratio(1) / ratio(0) - 2.0 / 3.0).abs() < 1e-9, "a Lambertian material");
     let opaque = foliage(&[(99.0, 1.0, VoxelKind::Opaque)], None);
-    let batch = fire(&opaque, &one_ray(), with(legacy(), "foliage_incidence"));
+    let batch = simulate(&opaque, &one_ray(), with(legacy(), "foliage_incidence"));
     assert_eq!(batch.echoes[0].incidence_cosine, 1.0, "what is solid keeps its faces");
 }

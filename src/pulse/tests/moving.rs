@@ -21,21 +21,19 @@ fn echoes(by: f64, options: PhysicsOptions) -> Vec<(f64, u32)> {
         motions: vec![MotionSequence { id: "m".to_owned(), loops: 0, next: None, motions: vec![motion] }],
         timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
     }];
-    let movers = MotionPlan::new(&scene, 1000.0).unwrap();
+    let plan = MotionPlan::new(&scene, 1000.0).unwrap();
     let tree = Tree::build_of(&scene.geometry, &BuildOptions::default(), |i| scene.is_still(i));
     let physics = Physics::new(&scene, &tree, &survey, options).unwrap();
-    let pulses: Vec<_> = (1..=5)
-        .map(|number| in_frame(&scene, &crate::flight::Pulse { number, ..pulse(Rotation::IDENTITY) }))
-        .collect();
-    let (mut state, mut changes) = (MotionState::start(&movers), Vec::new());
+    let pulses: Vec<_> = pulses(5).iter().map(|p| in_frame(&scene, p)).collect();
+    let (mut state, mut changes) = (MotionState::start(&plan), Vec::new());
     for before in 1..=pulses.len() {
-        state.step(&movers, |object, transform| {
+        state.step(&plan, |object, transform| {
             changes.push(ObjectUpdate { first_pulse: before, object, transform: *transform })
         });
     }
-    let mut stage = DynamicScene::new(&movers, BuildOptions::default());
+    let mut dynamic = DynamicScene::new(&plan, BuildOptions::default());
     let mut batch = Batch::default();
-    PulseSimulator::new(&physics).simulate_dynamic(0, &pulses, &mut stage, &changes, &mut batch).unwrap();
+    PulseSimulator::new(&physics).simulate_dynamic(0, &pulses, &mut dynamic, &changes, &mut batch).unwrap();
     assert_eq!(batch.echoes.len(), 5);
     batch.echoes.iter().map(|e| (e.range, e.primitive)).collect()
 }

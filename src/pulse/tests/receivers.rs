@@ -21,24 +21,12 @@ fn instrument(change: impl Fn(&mut Device)) -> Survey {
     survey
 }
 
-/// What `count` pulses yield.
-fn fire_many(scene: &Scene, survey: &Survey, count: u64, options: PhysicsOptions) -> Batch {
-    let tree = tree(scene);
-    let physics = Physics::new(scene, &tree, survey, options).unwrap();
-    let pulses: Vec<_> = (1..=count)
-        .map(|number| in_frame(scene, &crate::flight::Pulse { number, ..pulse(Rotation::IDENTITY) }))
-        .collect();
-    let mut batch = Batch::default();
-    PulseSimulator::new(&physics).simulate(0, &pulses, &mut batch).unwrap();
-    batch
-}
-
 fn wall_at(range: f64) -> Scene {
     rectangles(half_white(), &[wall(-20.0, 20.0, range)])
 }
 
 fn one(range: f64, survey: &Survey) -> Option<Echo> {
-    fire(&wall_at(range), survey, PhysicsOptions::refined()).echoes.first().copied()
+    simulate(&wall_at(range), survey, PhysicsOptions::refined()).echoes.first().copied()
 }
 
 fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
@@ -71,7 +59,7 @@ fn noise_of_a_signal_to_noise_ratio_shows_in_amplitudes_and_ranges() {
         d.receiver.noise = Some(AmplifierNoise::Ratio { target, value: ratio });
         d.detector.threshold_given = false;
     });
-    let echoes = fire_many(&wall_at(100.0), &survey, n, PhysicsOptions::refined()).echoes;
+    let echoes = simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(n)).echoes;
     assert_eq!(echoes.len() as u64, n, "no pulse is lost, none has two echoes");
     let (mean, sigma) = moments(echoes.iter().map(|e| e.intensity));
     assert!(
@@ -99,7 +87,7 @@ fn the_probability_of_detection_is_the_tail_beyond_the_threshold() {
             noisy(sigma)(d);
             d.detector.threshold = (AT_100_M + over * sigma) * 1e-9;
         });
-        let seen = fire_many(&wall_at(100.0), &survey, n, PhysicsOptions::refined()).echoes.len() as f64;
+        let seen = simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(n)).echoes.len() as f64;
         let expected = 0.5 * erfc(over / std::f64::consts::SQRT_2);
         assert!(
             (seen / n as f64 - expected).abs() < 0.05,
@@ -118,7 +106,7 @@ fn noise_alone_makes_echoes_of_nothing() {
         d.detector.threshold = 4e-9;
     });
     let n = 1000;
-    let batch = fire_many(&scene, &survey, n, PhysicsOptions::refined());
+    let batch = simulate_pulses(&scene, &survey, PhysicsOptions::refined(), 0, &pulses(n));
     // √(−ρ''(0))/2π·exp(−T²/2σ²) per ns, from the minimum range of 1.5 m to the next pulse 10 µs later.
     let correlation = 3.394_680_67 * (4.0 / 7.0) / (8.0 * 2f64.ln()).sqrt();
     let gate = 1e4 - 1.5 / 0.149_896_229;
@@ -129,14 +117,14 @@ fn noise_alone_makes_echoes_of_nothing() {
         assert!((e.part, e.primitive) == (u32::MAX, u32::MAX) && e.intensity >= 4.0 && e.return_number >= 1);
         assert!((e.position - (e.origin + e.direction * e.range)).length() < 1e-9 && e.range >= 1.5);
     }
-    let again = fire_many(&scene, &survey, n, PhysicsOptions::refined());
+    let again = simulate_pulses(&scene, &survey, PhysicsOptions::refined(), 0, &pulses(n));
     assert_eq!(again.echoes, batch.echoes);
     // The range and the number of returns limit them.
     let near = instrument(|d| {
         noisy(1.0)(d);
         (d.detector.threshold, d.detector.range_max, d.detector.max_returns) = (3e-9, 150.0, 1);
     });
-    let few = fire_many(&scene, &near, n, PhysicsOptions::refined()).echoes;
+    let few = simulate_pulses(&scene, &near, PhysicsOptions::refined(), 0, &pulses(n)).echoes;
     assert!(!few.is_empty() && few.iter().all(|e| e.range <= 150.0 && e.number_of_returns == 1));
 }
 
@@ -159,7 +147,7 @@ fn without_a_threshold_of_its_own_a_noisy_receiver_stays_above_its_noise() {
             noisy(sigma)(d);
             d.detector.threshold_given = false;
         });
-        fire_many(&wall_at(100.0), &survey, 200, PhysicsOptions::refined()).echoes.len()
+        simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(200)).echoes.len()
     };
     assert_eq!((at(AT_100_M / 12.0), at(AT_100_M / 2.0)), (200, 0));
 }
@@ -172,7 +160,7 @@ fn background_light_makes_shot_noise() {
         d.receiver.bandwidth = Some(2e8);
         d.detector.threshold_given = false;
     });
-    let echoes = fire_many(&wall_at(100.0), &survey, 4000, PhysicsOptions::refined()).echoes;
+    let echoes = simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(4000)).echoes;
     let expected = (2.0 * 1.602_176_634e-19 * 2e8 * (1e-6 + AT_100_M * 1e-9) / 0.5).sqrt() * 1e9;
     let (_, sigma) = moments(echoes.iter().map(|e| e.intensity));
     assert!((sigma / expected - 1.0).abs() < 0.06, "{sigma} is not {expected}");
@@ -208,7 +196,7 @@ fn a_digitiser_with_its_own_clock_samples_on_its_grid() {
     let mut tops = Vec::new();
     for i in 0..40 {
         let range = 100.0 + f64::from(i) * 0.0093;
-        let batch = fire(&wall_at(range), &survey, options);
+        let batch = simulate(&wall_at(range), &survey, options);
         let ticks = batch.waveforms[0].start_ns / 0.25;
         assert_eq!(ticks, ticks.round());
         assert!((batch.echoes[0].range - range).abs() < 1e-6, "{range}: {}", batch.echoes[0].range);
@@ -261,7 +249,7 @@ fn recorded_waveforms_have_the_noise_of_the_stated_accuracy() {
             d.detector.accuracy = accuracy;
             change(d);
         });
-        fire_many(&wall_at(100.0), &survey, 1000, options).samples
+        simulate_pulses(&wall_at(100.0), &survey, options, 0, &pulses(1000)).samples
     };
     let (noisy_samples, clean) = (of(0.005, &|_| ()), of(0.0, &|_| ()));
     let (_, sigma) = moments(noisy_samples.iter().zip(&clean).map(|(a, b)| a - b));
@@ -287,8 +275,8 @@ fn the_reference_knows_no_receiver() {
     };
     let options = PhysicsOptions { record_waveforms: true, ..PhysicsOptions::helios() };
     let (with, without) = (
-        fire(&wall_at(100.0), &instrument(change), options),
-        fire(&wall_at(100.0), &instrument(|_| ()), options),
+        simulate(&wall_at(100.0), &instrument(change), options),
+        simulate(&wall_at(100.0), &instrument(|_| ()), options),
     );
     assert_eq!((with.echoes, with.samples), (without.echoes, without.samples));
     let mut options = PhysicsOptions::refined();
@@ -297,6 +285,6 @@ fn the_reference_knows_no_receiver() {
         change(d);
         d.beam.pulse_energy = None;
     };
-    let switched_off = fire(&wall_at(100.0), &instrument(without_energy), options).echoes;
-    assert_eq!(switched_off, fire(&wall_at(100.0), &instrument(|_| ()), PhysicsOptions::refined()).echoes);
+    let switched_off = simulate(&wall_at(100.0), &instrument(without_energy), options).echoes;
+    assert_eq!(switched_off, simulate(&wall_at(100.0), &instrument(|_| ()), PhysicsOptions::refined()).echoes);
 }

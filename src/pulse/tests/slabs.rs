@@ -1,7 +1,7 @@
 //! Slabs of foliage in the refined physics: what gets through is exp(−σL), whatever the voxels.
 //!
-//! Of n pulses with chances pᵢ to get through, as many as Σpᵢ do, with a variance of Σpᵢ(1−pᵢ); a count is held to four
-//! times its square root. Draws are fixed by the seed, so a pass is a pass for ever.
+//! Of n pulses with transmission probabilities pᵢ, Σpᵢ get through with a variance of Σpᵢ(1−pᵢ); counts may differ by four
+//! standard deviations. The draws are fixed by the seed, so the tests always give the same result.
 
 use super::*;
 use crate::flight::Pulse;
@@ -53,11 +53,11 @@ fn aimed(n: u64, from: DVec3, spread: f64, tilt: f64) -> Pulse {
     Pulse { number: n, origin, ..pulse(attitude) }
 }
 
-/// Fires N pulses; how many reach the wall, compared with the sum of their chances.
+/// Compares how many of N pulses reach the wall with the sum of their transmission probabilities.
 fn assert_beer_lambert(
     scene: &Scene,
     options: PhysicsOptions,
-    pulses: impl Fn(u64) -> Pulse + Sync,
+    aim: impl Fn(u64) -> Pulse + Sync,
     depth: impl Fn(&Pulse) -> f64 + Sync,
     sigma: impl Fn(DVec3) -> f64 + Sync,
 ) {
@@ -72,12 +72,12 @@ fn assert_beer_lambert(
     let (through, lost, expected, variance) = (0..N / CHUNK)
         .into_par_iter()
         .map(|chunk| {
-            let volley: Vec<Pulse> = (0..CHUNK).map(|i| pulses(chunk * CHUNK + i)).collect();
-            let local: Vec<Pulse> = volley.iter().map(|p| in_frame(scene, p)).collect();
+            let world: Vec<Pulse> = (0..CHUNK).map(|i| aim(chunk * CHUNK + i)).collect();
+            let local: Vec<Pulse> = world.iter().map(|p| in_frame(scene, p)).collect();
             let mut batch = Batch::default();
             PulseSimulator::new(&physics).simulate(0, &local, &mut batch).unwrap();
             let through = batch.echoes.iter().filter(|e| e.primitive < 2).count() as f64;
-            let chances = volley.iter().map(|p| {
+            let chances = world.iter().map(|p| {
                 let d = p.attitude.forward();
                 libm::exp(-sigma(d) * depth(p) / d.y)
             });
@@ -234,12 +234,7 @@ fn a_trunk_within_a_voxel_is_seen_through_its_leaves() {
     scene.voxels.push(Voxel::of_plants(2.0, VoxelKind::Transmittive));
     scene.surface_ids.push(1);
     let survey = tls_with(|d| d.waveform.quality = 1);
-    let tree = tree(&scene);
-    let physics = Physics::new(&scene, &tree, &survey, refined()).unwrap();
-    let pulses: Vec<Pulse> =
-        (0..20_000).map(|n| in_frame(&scene, &aimed(n, DVec3::ZERO, 0.0, 0.0))).collect();
-    let mut batch = Batch::default();
-    PulseSimulator::new(&physics).simulate(0, &pulses, &mut batch).unwrap();
+    let batch = simulate_pulses(&scene, &survey, refined(), 0, &pulses(20_000));
     let trunk = batch.echoes.iter().filter(|e| e.primitive < 2).count() as f64 / 20_000.0;
     assert!((trunk - libm::exp(-0.6)).abs() < 0.014, "{trunk}");
     assert!(batch.echoes.iter().all(|e| e.range < 20.31), "nothing is seen behind the trunk");

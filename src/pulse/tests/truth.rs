@@ -16,7 +16,7 @@ fn echoes_know_the_surface_normal_and_share_of_their_strongest_subray() {
     let mut survey = tls();
     survey.legs[0].scanner.beam_divergence = 2e-3;
     let scene = half_covered();
-    let batch = fire(&scene, &survey, options);
+    let batch = simulate(&scene, &survey, options);
     assert_eq!(batch.echoes.len(), 2);
     let (near, far) = (&batch.echoes[0], &batch.echoes[1]);
     assert!((near.truth(&batch.truths).fraction + far.truth(&batch.truths).fraction - 1.0).abs() < 1e-12);
@@ -42,13 +42,13 @@ fn the_table_of_subrays_has_every_one_with_its_return() {
     survey.legs[0].scanner.beam_divergence = 2e-3;
     let scene = half_covered();
     let options = PhysicsOptions { record_subrays: true, ..PhysicsOptions::refined() };
-    let batch = fire(&scene, &survey, options);
+    let batch = simulate(&scene, &survey, options);
     assert_eq!(batch.echoes.len(), 16);
     for (i, e) in (0..).zip(&batch.echoes) {
         assert_eq!((e.truth(&batch.truths).subray, e.return_number, e.number_of_returns), (i, e.part + 1, 2));
         assert!((e.position - e.origin - e.direction * e.range).length() < 1e-12);
     }
-    let echoes = fire(&scene, &survey, PhysicsOptions::refined()).echoes;
+    let echoes = simulate(&scene, &survey, PhysicsOptions::refined()).echoes;
     let sum = |part: u32| batch.echoes.iter().filter(|e| e.part == part).map(|e| e.intensity).sum::<f64>();
     // The peak of the pulse in its bins, stretched a little by the slope of the board.
     let peak = |part: u32| echoes[part as usize].intensity / sum(part);
