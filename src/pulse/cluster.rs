@@ -1,33 +1,32 @@
-//! The fast path of ranges that are read between bins: no waveform, only the samples where there is light.
+//! The fast path where ranges are read between bins: no waveform, only the samples where there is light.
 //!
-//! Light whose pulses do not overlap with others is a cluster by itself. Most clusters have so little depth that their sum has
-//! one peak only, and only the samples around it are computed; of others, all samples. They are those that
-//! [`super::waveform::Waveform::receive`] adds up, digit by digit.
+//! Reflections whose pulses overlap form a cluster. Most clusters are so shallow that their sum has a single peak: only the
+//! samples around it are computed, for other clusters all samples. They equal those of [`super::waveform::Waveform`] bit for
+//! bit.
 
-use super::detector::{DetectorSettings, Return};
-use super::peaks::PeakRule;
+use super::detector::{DetectorSettings, PeakRule, Return};
 use super::pulse_starts::PulseStarts;
 use super::return_profile::ReturnProfile;
 use super::shape::PulseShape;
 
-/// What is known beforehand of clusters.
+/// Precomputed properties of clusters.
 #[derive(Clone, Debug)]
 pub(super) struct ClusterRule {
-    /// Bins between the first and the last beginning of a pulse within which there is one peak only.
+    /// Greatest distance between the first and the last start of a pulse with which there is a single peak, bins.
     reach: i64,
-    /// Bins between the beginnings of pulses from which on they belong to different clusters.
+    /// Smallest distance between the starts of pulses of different clusters, bins.
     gap: i64,
     threshold: f64,
     window: usize,
 }
 
-/// Most bins of a cluster with one peak.
+/// Longest [`ClusterRule::reach`] that is used, bins.
 const MAX_REACH: i64 = 6;
-/// Windows beyond which waveforms are searched in another way, bins.
+/// Windows of this length and longer have no fast path, bins.
 const MAX_WINDOW: u64 = 1 << 16;
 
 impl ClusterRule {
-    /// `None` where peaks are compared with the threshold in another way, or bins are too wide for a peak to show.
+    /// `None` if neighbours of peaks must reach the threshold, or if bins are too wide for the pulse to have a peak.
     pub fn new(shape: &PulseShape, rule: &PeakRule) -> Option<ClusterRule> {
         let is_simple = rule.weak_neighbours
             && rule.first_bin
@@ -36,7 +35,7 @@ impl ClusterRule {
             && shape.peak >= 1
             && shape.peak + 2 < shape.samples.len();
         is_simple.then(|| ClusterRule {
-            // The last pulse may begin almost a bin later than its bin.
+            // The last pulse may start almost a bin later than its bin.
             reach: (shape.concave_reach() as i64 - 1).clamp(0, MAX_REACH),
             gap: shape.samples.len() as i64 + rule.window as i64,
             threshold: rule.threshold,
@@ -45,15 +44,15 @@ impl ClusterRule {
     }
 }
 
-/// Memory for clusters.
+/// Scratch memory for clusters.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ClusterDetector {
     starts: PulseStarts,
     samples: Vec<f64>,
 }
 
-/// A sample that tops its neighbours, with those next to it.
-struct Top {
+/// A sample that is higher than its neighbours, with its direct neighbours.
+struct SampledPeak {
     bin: i64,
     before: f64,
     top: f64,
@@ -61,30 +60,30 @@ struct Top {
 }
 
 impl ClusterDetector {
-    /// Appends what is detected of `light`, nearest first, at most as many returns as the instrument reports. `kept` says of
-    /// a range whether it counts. `false`, and nothing appended, if an intensity is no number.
+    /// Appends the returns of `profile`, nearest first, up to the detector's maximum: those whose range `is_kept` accepts.
+    /// `false`, and nothing appended, if an intensity is not finite.
     #[inline(always)]
     pub fn detect(
         &mut self,
         rule: &ClusterRule,
-        light: &ReturnProfile,
+        profile: &ReturnProfile,
         detector: &DetectorSettings,
-        kept: impl Fn(f64) -> bool,
+        is_kept: impl Fn(f64) -> bool,
         out: &mut Vec<Return>,
     ) -> bool {
         let (shape, c) = (&detector.shape, detector.light_speed);
-        let Some(nearest) = light.ranges().first() else { return true };
-        if !light.intensities().iter().sum::<f64>().is_finite() {
+        let Some(nearest) = profile.ranges().first() else { return true };
+        if !profile.intensities().iter().sum::<f64>().is_finite() {
             return false;
         }
         let start = nearest / c - shape.peak as f64 * shape.bin;
-        self.starts.compute(light, detector, 0.0);
-        let count = light.ranges().len();
-        let most = if detector.max_returns > 0 { detector.max_returns as usize } else { usize::MAX };
-        let mut report = |t: Top| {
+        self.starts.compute(profile, detector, 0.0);
+        let count = profile.ranges().len();
+        let max_returns = if detector.max_returns > 0 { detector.max_returns as usize } else { usize::MAX };
+        let mut report = |t: SampledPeak| {
             let position = t.bin as f64 + shape.offset(t.before, t.after);
             let range = c * (position * shape.bin + start);
-            if kept(range) && out.len() < most {
+            if is_kept(range) && out.len() < max_returns {
                 out.push(Return { range, amplitude: t.top, width: 0.0, is_noise: false });
             }
         };
@@ -97,37 +96,39 @@ impl ClusterDetector {
                 end += 1;
             }
             if last - first <= rule.reach {
-                self.single_top(rule, shape, light.intensities(), i..end).into_iter().for_each(&mut report);
+                self.single_peak(rule, shape, profile.intensities(), i..end)
+                    .into_iter()
+                    .for_each(&mut report);
             } else {
-                self.tops(rule, shape, light.intensities(), i..end, &mut report);
+                self.peaks(rule, shape, profile.intensities(), i..end, &mut report);
             }
             i = end;
         }
         true
     }
 
-    /// The only peak of a cluster of little depth.
+    /// The single peak of a shallow cluster.
     #[inline(always)]
-    fn single_top(
+    fn single_peak(
         &self,
         rule: &ClusterRule,
         shape: &PulseShape,
         intensities: &[f64],
         cluster: std::ops::Range<usize>,
-    ) -> Option<Top> {
-        // From the bin before the peak of the first pulse to the second behind that of the last.
+    ) -> Option<SampledPeak> {
+        // From the bin before the peak of the first pulse to the second one after the peak of the last.
         let mut samples = [0.0; MAX_REACH as usize + 4];
         let first = self.starts.bin(cluster.start);
         let mut i = cluster.start;
         let len = ((self.starts.bin(cluster.end - 1) - first) as usize + 4).min(samples.len());
         while i < cluster.end {
             let by = (self.starts.bin(i) - first) as usize;
-            let (next, late) = self.starts.of_one_bin(i, cluster.end, intensities);
+            let (next, factors) = self.starts.sum_of_bin(i, cluster.end, intensities);
             for (j, sample) in samples[..len].iter_mut().enumerate() {
-                // Before the pulse begins this wraps round to numbers that no sample has.
+                // Before the start of the pulse this wraps around to an index that no sample has.
                 let k = (shape.peak - 1 + j).wrapping_sub(by);
                 if k < shape.samples.len() {
-                    *sample += shape.late_sample(k, &late);
+                    *sample += shape.late_sample(k, &factors);
                 }
             }
             i = next;
@@ -136,7 +137,7 @@ impl ClusterDetector {
         while at + 2 < len && samples[at + 1] > samples[at] {
             at += 1;
         }
-        (samples[at] >= rule.threshold).then(|| Top {
+        (samples[at] >= rule.threshold).then(|| SampledPeak {
             bin: first + (shape.peak - 1 + at) as i64,
             before: samples[at - 1],
             top: samples[at],
@@ -144,27 +145,27 @@ impl ClusterDetector {
         })
     }
 
-    /// Tells of all peaks of a cluster.
+    /// Reports all peaks of a cluster.
     #[inline(always)]
-    fn tops(
+    fn peaks(
         &mut self,
         rule: &ClusterRule,
         shape: &PulseShape,
         intensities: &[f64],
         cluster: std::ops::Range<usize>,
-        report: &mut impl FnMut(Top),
+        report: &mut impl FnMut(SampledPeak),
     ) {
         let n = shape.samples.len();
         let first = self.starts.bin(cluster.start);
         let depth = (self.starts.bin(cluster.end - 1) - first) as usize;
         self.samples.clear();
-        // One more, dark, behind the last pulse.
+        // One more, without light, after the last pulse.
         self.samples.resize(depth + n + 1, 0.0);
         let mut i = cluster.start;
         while i < cluster.end {
             let by = (self.starts.bin(i) - first) as usize;
-            let (next, late) = self.starts.of_one_bin(i, cluster.end, intensities);
-            shape.add_late(&late, &mut self.samples[by..by + n]);
+            let (next, factors) = self.starts.sum_of_bin(i, cluster.end, intensities);
+            shape.add_late(&factors, &mut self.samples[by..by + n]);
             i = next;
         }
         let samples = self.samples.as_slice();
@@ -177,7 +178,7 @@ impl ClusterDetector {
             let is_highest = samples[around.start..at].iter().all(|s| *s < top)
                 && samples[at + 1..around.end].iter().all(|s| *s < top);
             if is_highest {
-                report(Top { bin: first + at as i64, before, top, after });
+                report(SampledPeak { bin: first + at as i64, before, top, after });
             }
         }
     }
@@ -202,7 +203,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn clusters_show_what_the_waveform_shows(
+        fn clusters_have_the_peaks_of_the_waveform(
             nearest in 2.0..3000.0f64,
             near in prop::collection::vec((0.0..0.3f64, 1e-6..1.0f64), 0..20),
             behind in prop::collection::vec((0.0..30.0f64, 1e-6..1.0f64), 0..20),
@@ -229,8 +230,8 @@ mod tests {
         detector.max_returns = 2;
         let rule = ClusterRule::new(&detector.shape, &detector.rule).expect("a fast path");
         let mut found = Vec::new();
-        let light = ReturnProfile::of(&[(100.0, 1.0), (110.0, 1.0), (120.0, 1.0)]);
-        assert!(ClusterDetector::default().detect(&rule, &light, &detector, |r| r > 105.0, &mut found));
+        let profile = ReturnProfile::of(&[(100.0, 1.0), (110.0, 1.0), (120.0, 1.0)]);
+        assert!(ClusterDetector::default().detect(&rule, &profile, &detector, |r| r > 105.0, &mut found));
         let ranges: Vec<f64> = found.iter().map(|r| r.range.round()).collect();
         assert_eq!(ranges, [110.0, 120.0]);
     }

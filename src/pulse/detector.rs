@@ -1,8 +1,30 @@
 //! What the detection reads of an instrument, and what it finds.
 
 use super::options::Corrections;
-use super::peaks::PeakRule;
 use super::shape::PulseShape;
+
+/// What makes a bin a peak.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PeakRule {
+    /// Minimum amplitude.
+    pub threshold: f64,
+    /// Bins compared on each side, plus one.
+    pub window: u64,
+    /// Neighbours may lie below the threshold.
+    pub weak_neighbours: bool,
+    /// Bin 0 is a neighbour like any other. The reference never compares it on the left, which makes no difference as long
+    /// as it holds the dark start of a pulse.
+    pub first_bin: bool,
+}
+
+impl PeakRule {
+    /// Whether a neighbour of amplitude `other` lets a bin of amplitude `top` be a peak. NaN, for which all comparisons
+    /// are false, rules out no peak (spec pulse-physics trap 21).
+    #[inline(always)]
+    pub fn admits(&self, other: f64, top: f64) -> bool {
+        !((!self.weak_neighbours && other < self.threshold) || other >= top)
+    }
+}
 
 /// Settings of a device's detector.
 #[derive(Clone, Debug)]

@@ -3,29 +3,28 @@
 use super::waveform::Waveform;
 use libm::exp;
 
-/// Most iterations of a fit.
 const MAX_ITERATIONS: u32 = 10_000;
-/// A step that gains less than this ends the fit.
+/// Reduction of the squared error below which a step ends the fit.
 const MIN_GAIN: f64 = 1e-4;
-/// Largest distance of a fitted bin from the peak; 5 km of 0.25 ns bins on either side.
-const REACH: u64 = 1 << 16;
+/// Largest distance of a fitted bin from the peak: 5 km of 0.25 ns bins on either side.
+const MAX_REACH: u64 = 1 << 16;
 /// e^(−x) is exactly zero from here on.
 const UNDERFLOW: f64 = 746.0;
 
 /// Half width at 1/e, in bins, of the Gaussian on a pedestal that fits `waveform` around its peak of height `top` in bin
-/// `peak`. Bins up to `reach` away take part, or all of them. May come out negative, absurd or NaN.
+/// `peak`. Only bins up to `reach` from the peak take part, if given. The width may be negative, absurd or NaN.
 pub(super) fn width(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> f64 {
-    gaussian(waveform, peak, top, reach)[3]
+    fit_gaussian(waveform, peak, top, reach)[3]
 }
 
-/// That Gaussian: pedestal, height above it, centre and half width at 1/e, in bins.
-pub(super) fn gaussian(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> [f64; 4] {
-    let reach = reach.unwrap_or(REACH).min(REACH);
+/// The Gaussian of [`width`]: pedestal, height above it, centre and half width at 1/e, in bins.
+pub(super) fn fit_gaussian(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> [f64; 4] {
+    let reach = reach.unwrap_or(MAX_REACH).min(MAX_REACH);
     let window = (peak.saturating_sub(reach), peak.saturating_add(reach + 1).min(waveform.bins));
     marquardt(waveform, window, [0.0, top, peak as f64, 1.0]).0
 }
 
-/// Fits and says how many iterations that took.
+/// Levenberg–Marquardt fit and its number of iterations.
 fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64; 4], u32) {
     let mut at = start;
     let mut sums = NormalEquations::over(waveform, window, &at);
@@ -40,7 +39,7 @@ fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64;
             continue;
         }
         (at, sums) = (tried, there);
-        // NaN begets NaN: nothing can change any more.
+        // NaN propagates: the fit cannot change any more.
         if (0.0..MIN_GAIN).contains(&gain) || at[3].is_nan() {
             return (at, iteration);
         }
@@ -48,7 +47,7 @@ fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64;
     (at, MAX_ITERATIONS)
 }
 
-/// What a step of the fit needs, summed over the bins.
+/// The normal equations of a step, summed over the bins.
 #[derive(Clone, Copy, Debug, Default)]
 struct NormalEquations {
     /// JᵀJ, lower triangle.
@@ -66,29 +65,29 @@ impl NormalEquations {
         let mut done = from;
         for (first, bins) in waveform.segments() {
             let (start, end) = (first.clamp(done, to), (first + bins.len() as u64).clamp(done, to));
-            sums.add_dark(done, start, &gaussian);
+            sums.add_empty(done, start, &gaussian);
             sums.add_run(start, end, |i| bins[(i - first) as usize], &gaussian);
             done = end.max(start);
         }
-        sums.add_dark(done, to, &gaussian);
+        sums.add_empty(done, to, &gaussian);
         sums
     }
 
-    /// Bins `start` up to `end`, whose heights `f` tells. The bell is followed bin by bin, from the one nearest to its top
-    /// outwards both ways, so that no rounding grows.
+    /// Adds bins `start` up to `end` with the heights `f`. The Gaussian is computed by recurrence from the bin nearest to its
+    /// centre outwards in both directions, so that rounding errors do not grow.
     fn add_run(&mut self, start: u64, end: u64, f: impl Fn(u64) -> f64, gaussian: &Gaussian) {
         if start >= end {
             return;
         }
         let top = (gaussian.centre.round().max(0.0) as u64).clamp(start, end - 1);
         let height = gaussian.at(top);
-        let (mut b, mut ratio) = (height, gaussian.towards(top, 1.0));
+        let (mut b, mut ratio) = (height, gaussian.ratio(top, 1.0));
         for i in top..end {
             self.add(i, f(i), b, gaussian);
             b *= ratio;
             ratio *= gaussian.curvature;
         }
-        let (mut b, mut ratio) = (height, gaussian.towards(top, -1.0));
+        let (mut b, mut ratio) = (height, gaussian.ratio(top, -1.0));
         for i in (start..top).rev() {
             b *= ratio;
             ratio *= gaussian.curvature;
@@ -96,7 +95,7 @@ impl NormalEquations {
         }
     }
 
-    /// Bin `i` of height `f`, where the bell is `b` high.
+    /// Adds bin `i` of height `f`, where the Gaussian is `b` high.
     fn add(&mut self, i: u64, f: f64, b: f64, gaussian: &Gaussian) {
         let distance = i as f64 - gaussian.centre;
         let slope = gaussian.steepness * distance * b;
@@ -114,8 +113,8 @@ impl NormalEquations {
         self.error += r * r;
     }
 
-    /// Empty bins. Where the bell has vanished only the pedestal matters, and all such bins are alike.
-    fn add_dark(&mut self, from: u64, to: u64, gaussian: &Gaussian) {
+    /// Adds empty bins. Where the Gaussian underflows only the pedestal matters, and all such bins are alike.
+    fn add_empty(&mut self, from: u64, to: u64, gaussian: &Gaussian) {
         if from >= to {
             return;
         }
@@ -131,7 +130,7 @@ impl NormalEquations {
         }
     }
 
-    /// The step of a damping `mu`: LU decomposition with partial pivoting. `None` when a pivot is exactly zero.
+    /// The step with damping `mu`, by LU decomposition with partial pivoting. `None` if a pivot is exactly zero.
     fn step(&self, mu: f64) -> Option<[f64; 4]> {
         let mut m: [[f64; 5]; 4] = std::array::from_fn(|a| {
             std::array::from_fn(|b| match b {
@@ -168,7 +167,7 @@ impl NormalEquations {
     }
 }
 
-/// The fitted curve: a pedestal and a Gaussian bell.
+/// The fitted curve: a Gaussian on a pedestal.
 #[derive(Clone, Copy, Debug)]
 struct Gaussian {
     pedestal: f64,
@@ -179,7 +178,7 @@ struct Gaussian {
     narrowness: f64,
     /// 2·height/width².
     steepness: f64,
-    /// Factor between the factors from bin to bin.
+    /// Ratio of successive ratios between neighbouring bins.
     curvature: f64,
 }
 
@@ -203,9 +202,9 @@ impl Gaussian {
         exp(-(distance * distance * self.narrowness))
     }
 
-    /// Height in the next bin up (`way` 1) or down (−1), relative to bin `i`.
-    fn towards(&self, i: u64, way: f64) -> f64 {
-        exp(-((2.0 * way * (i as f64 - self.centre) + 1.0) * self.narrowness))
+    /// Height in the next bin (`step` 1) or the previous one (−1), relative to bin `i`.
+    fn ratio(&self, i: u64, step: f64) -> f64 {
+        exp(-((2.0 * step * (i as f64 - self.centre) + 1.0) * self.narrowness))
     }
 }
 
@@ -245,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_echo_gets_the_reference_s_absurd_width() {
+    fn a_second_echo_has_the_absurd_width_of_the_reference() {
         // spec pulse-physics §4.12 (e)
         let returns = [(50.0, 2.0), (50.1, 1.0), (53.0, 0.5)];
         let (first, _) = fitted(4.0, &returns, 5);
@@ -270,13 +269,13 @@ mod tests {
         let gaussian = Gaussian::new(&[0.3, 2.0, 5.0, 1.5]);
         let (mut by_one, mut at_once) = (NormalEquations::default(), NormalEquations::default());
         by_one.add_run(0, 1000, |_| 0.0, &gaussian);
-        at_once.add_dark(0, 1000, &gaussian);
+        at_once.add_empty(0, 1000, &gaussian);
         assert!((by_one.error - at_once.error).abs() < 1e-9);
         assert_eq!(by_one.normal, at_once.normal);
     }
 
     #[test]
-    fn the_bell_followed_bin_by_bin_is_the_bell() {
+    fn the_recurrence_reproduces_the_gaussian() {
         for (centre, width) in [(40.3, 5.0), (-3.0, 20.0), (90.0, 0.7), (33.5, 1e9), (200.0, 90.0)] {
             let gaussian = Gaussian::new(&[0.0, 1.0, centre, width]);
             let mut followed = NormalEquations::default();

@@ -1,12 +1,11 @@
 //! The instruments of a survey: the constants of each device, computed once.
 
 use super::cluster::ClusterRule;
-use super::detector::DetectorSettings;
+use super::detector::{DetectorSettings, PeakRule};
 use super::energy::{BeamState, Energy, NANO, half_angle};
 use super::footprint::Footprint;
 use super::noise::{ReceiverNoise, signal_to_noise};
 use super::options::{Corrections, PhysicsOptions};
-use super::peaks::PeakRule;
 use super::receiver::{ReceiverModel, receiver_noise};
 use super::sampled;
 use super::shape::{PulseShape, sample_count};

@@ -1,16 +1,23 @@
 //! The physics of a pulse: subrays, received energy, waveform, detection.
 //!
-//! Ray generation and traversal handle many pulses at a time, what follows one pulse after the other:
+//! Ray generation and traversal handle many pulses at a time, detection one pulse after the other.
 //!
-//! ```text
-//! simulator: generate rays (subray, footprint) ─► traverse (ray_batch) ─► detection, pulse by pulse:
-//!
-//!   traced        ranges and gains of the subrays (energy)
-//!   reflect       what each subray hits: triangles (triangle_cache), voxels (foliage, medium, continuum)
-//!   profile       light by range (return_profile), planes as the whole beam meets them (slope)
-//!   returns       without a waveform (single_bin, cluster), or by way of it (waveform, receiver, detect, peaks, fit)
-//!   echoes        the surface that each return is attributed to (sources), range noise (range_noise)
-//! ```
+//! | file | what it does |
+//! |---|---|
+//! | `options`, `instrument`, `physics` | options and corrections; the constants of each device; what all workers share |
+//! | `simulator`, `ray_batch` | the three phases of many pulses; rays that are traced together |
+//! | `subray`, `footprint` | directions of subrays: rings, and patterns of equal energy |
+//! | `traced`, `energy`, `lanes` | ranges of the hits and the energy received from there, a block of subrays at a time |
+//! | `detection` | from the hits of a pulse to its records |
+//! | `view`, `reflect`, `reflections`, `triangle_cache` | the scene as the pulse sees it, and what it reflects |
+//! | `foliage`, `medium`, `continuum` | rays through voxels |
+//! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
+//! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
+//! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
+//! | `receiver`, `noise`, `ranging` | receivers that are not ideal |
+//! | `detector`, `detect`, `peaks`, `fit`, `recorded` | settings of the detection; returns of a waveform; echoes of recorded ones |
+//! | `sources`, `range_noise` | what really caused an echo; noise of ranges |
+//! | `echo`, `batch` | the records |
 
 mod batch;
 mod cluster;

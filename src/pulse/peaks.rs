@@ -1,36 +1,14 @@
 //! Which bins of a waveform are echoes (spec pulse-physics §4.4).
 
+use super::detector::PeakRule;
 use super::lanes::LANES;
 use super::waveform::Waveform;
 
-/// What makes a bin a peak.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct PeakRule {
-    /// Least amplitude.
-    pub threshold: f64,
-    /// Bins compared on each side, plus one.
-    pub window: u64,
-    /// Neighbours may lie below the threshold.
-    pub weak_neighbours: bool,
-    /// Bin 0 is a neighbour like any other. For the reference it is nobody's left neighbour, which does no harm as long
-    /// as it holds the dark start of a pulse.
-    pub first_bin: bool,
-}
-
-impl PeakRule {
-    /// Whether a neighbour of amplitude `other` lets a bin of amplitude `top` be a peak. Written so that NaN, which
-    /// compares with nothing, stands in no peak's way (trap 21).
-    #[inline(always)]
-    fn admits(&self, other: f64, top: f64) -> bool {
-        !((!self.weak_neighbours && other < self.threshold) || other >= top)
-    }
-}
-
-/// Bit `i` tells whether bin `i + 1` may be a peak as far as the bins next to it say.
+/// Which of eight bins may be peaks as far as their direct neighbours tell: bit `i` is that of `around[i + 1]`.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f")]
 #[inline]
-fn tops(around: &[f64; LANES + 2], rule: &PeakRule) -> u8 {
+fn candidates(around: &[f64; LANES + 2], rule: &PeakRule) -> u8 {
     use std::arch::x86_64::*;
     let load = |i: usize| {
         // SAFETY: there are eight bins and their neighbours.
@@ -39,16 +17,16 @@ fn tops(around: &[f64; LANES + 2], rule: &PeakRule) -> u8 {
     let (before, top, after) = (load(0), load(1), load(2));
     let threshold = _mm512_set1_pd(rule.threshold);
     let higher = _mm512_cmp_pd_mask::<_CMP_GE_OQ>(before, top) | _mm512_cmp_pd_mask::<_CMP_GE_OQ>(after, top);
-    let mut dark = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(top, threshold);
+    let mut below = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(top, threshold);
     if !rule.weak_neighbours {
-        dark |= _mm512_cmp_pd_mask::<_CMP_LT_OQ>(before, threshold);
-        dark |= _mm512_cmp_pd_mask::<_CMP_LT_OQ>(after, threshold);
+        below |= _mm512_cmp_pd_mask::<_CMP_LT_OQ>(before, threshold);
+        below |= _mm512_cmp_pd_mask::<_CMP_LT_OQ>(after, threshold);
     }
-    !(higher | dark)
+    !(higher | below)
 }
 
-/// The peaks of a waveform in ascending time, as (bin, amplitude). Bins that are not stored are never peaks: they got no
-/// light. `WIDE` says that this is compiled for AVX-512, and changes nothing but the speed.
+/// The peaks of a waveform in ascending time, as (bin, amplitude). Bins that are not stored are never peaks: they received no
+/// light. `WIDE`: compiled for AVX-512, with the same results.
 pub(super) struct Peaks<'a, const WIDE: bool> {
     waveform: &'a Waveform,
     rule: PeakRule,
@@ -62,20 +40,20 @@ impl<'a, const WIDE: bool> Peaks<'a, WIDE> {
         Peaks { waveform, rule, segment: 0, offset: 0 }
     }
 
-    /// Whether the very next neighbours of bin `i` = `bins[offset]` forbid a peak, as they mostly do.
-    fn is_on_a_slope(&self, bins: &[f64], offset: usize, i: u64) -> bool {
+    /// Whether a direct neighbour of bin `i` = `bins[offset]` rules out a peak, as it mostly does.
+    fn is_ruled_out(&self, bins: &[f64], offset: usize, i: u64) -> bool {
         let top = bins[offset];
-        let forbids = |other: &f64| !self.rule.admits(*other, top);
+        let rules_out = |other: &f64| !self.rule.admits(*other, top);
         self.rule.window >= 2
-            && (bins.get(offset + 1).is_some_and(forbids)
-                || (i > self.first_neighbour() && offset >= 1 && forbids(&bins[offset - 1])))
+            && (bins.get(offset + 1).is_some_and(rules_out)
+                || (i > self.first_neighbour() && offset >= 1 && rules_out(&bins[offset - 1])))
     }
 
-    /// Skips bins that are too dark for a peak or whose very next neighbours forbid one, as most do: block by block, as far
-    /// as both neighbours are stored.
+    /// Skips bins below the threshold or ruled out by a direct neighbour, eight at a time, as far as both neighbours are
+    /// stored.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn skip_slopes(&mut self, bins: &[f64]) {
+    fn skip_ruled_out(&mut self, bins: &[f64]) {
         if self.rule.window < 2 {
             return;
         }
@@ -83,16 +61,16 @@ impl<'a, const WIDE: bool> Peaks<'a, WIDE> {
             && let Some(around) = bins.get(self.offset - 1..self.offset + LANES + 1)
         {
             // SAFETY: `WIDE` holds only where the machine has the feature.
-            let tops = unsafe { tops(around.as_array().expect("as many as asked for"), &self.rule) };
-            self.offset += tops.trailing_zeros().min(LANES as u32) as usize;
-            if tops != 0 {
+            let found = unsafe { candidates(around.as_array().expect("as many as asked for"), &self.rule) };
+            self.offset += found.trailing_zeros().min(LANES as u32) as usize;
+            if found != 0 {
                 break;
             }
         }
     }
 
     /// Whether stored bin `i` of amplitude `top` is higher than its neighbours.
-    fn stands_out(&self, i: u64, top: f64) -> bool {
+    fn is_highest(&self, i: u64, top: f64) -> bool {
         let reach = self.rule.window;
         let left = (i + 1).saturating_sub(reach).max(self.first_neighbour())..i;
         let right = i + 1..i.saturating_add(reach).min(self.waveform.bins);
@@ -118,7 +96,7 @@ impl<'a, const WIDE: bool> Peaks<'a, WIDE> {
         self.all_admit_across(range, top)
     }
 
-    /// [`Peaks::all_admit`] of bins in any segments and between them.
+    /// [`Peaks::all_admit`] for bins in any segments and between them.
     #[inline(never)]
     fn all_admit_across(&self, range: std::ops::Range<u64>, top: f64) -> bool {
         let mut seen = 0;
@@ -145,13 +123,13 @@ impl<const WIDE: bool> Iterator for Peaks<'_, WIDE> {
             loop {
                 #[cfg(target_arch = "x86_64")]
                 if WIDE {
-                    self.skip_slopes(bins);
+                    self.skip_ruled_out(bins);
                 }
                 let Some(&top) = bins.get(self.offset) else { break };
                 let (i, offset) = (first + self.offset as u64, self.offset);
                 self.offset += 1;
-                let dark = top < self.rule.threshold;
-                if !dark && !self.is_on_a_slope(bins, offset, i) && self.stands_out(i, top) {
+                let is_below = top < self.rule.threshold;
+                if !is_below && !self.is_ruled_out(bins, offset, i) && self.is_highest(i, top) {
                     return Some((i, top));
                 }
             }

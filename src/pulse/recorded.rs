@@ -1,7 +1,8 @@
 //! What a recorded waveform shows: the echoes of samples that were written earlier, for those who look at them again.
 
+use super::detector::PeakRule;
 use super::fit;
-use super::peaks::{PeakRule, Peaks};
+use super::peaks::Peaks;
 use super::waveform::Waveform;
 
 /// An echo in recorded samples.
@@ -41,7 +42,7 @@ pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     let echo = |&(bin, amplitude): &(u64, f64)| {
         let sample = bin as usize;
         let reach = (peaks.len() > 1).then(|| valley(samples, sample));
-        let [pedestal, height, centre, width] = fit::gaussian(&waveform, bin, amplitude, reach);
+        let [pedestal, height, centre, width] = fit::fit_gaussian(&waveform, bin, amplitude, reach);
         RecordedEcho { sample, amplitude, width: width.abs(), centre, height, pedestal }
     };
     peaks.iter().map(echo).collect()

@@ -1,47 +1,47 @@
-//! Reflections in the order in which their light arrives (spec pulse-physics §4.2).
+//! Reflected light by range (spec pulse-physics §4.2).
 
 use super::lanes::{Block, LANES};
 use super::reflections::Reflections;
 
-/// Reflections of a pulse by ascending range: the map of distances and intensities.
+/// The reflections of a pulse by strictly ascending range.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ReturnProfile {
     len: usize,
-    /// Filled up to whole blocks by anything.
+    /// Padded to whole blocks with arbitrary numbers.
     range: Vec<Block>,
     intensity: Vec<f64>,
     keys: Vec<(u64, u32)>,
 }
 
-/// Most reflections that are ordered by counting.
+/// Most reflections that are sorted by counting.
 #[cfg(target_arch = "x86_64")]
 const MAX_RANKED: usize = 32;
 
 impl ReturnProfile {
-    /// Replaces the light by that of `reflections`. Of those at bit for bit the same range only the first counts, or their
-    /// sum if `sum` is set (trap 2). `WIDE` says that this is compiled for AVX-512, and changes nothing but the speed.
+    /// Replaces the light by that of `reflections`, sorted. Of reflections at exactly the same range only the first counts,
+    /// or their sum if `sum` is set (spec pulse-physics trap 2). `WIDE`: compiled for AVX-512, with the same results.
     #[inline(always)]
     pub fn sort_by_range<const WIDE: bool>(&mut self, reflections: &Reflections, sum: bool) {
         let (ranges, intensities) = (reflections.ranges(), reflections.intensities());
-        self.make_room(ranges.len());
+        self.reserve(ranges.len());
         #[cfg(target_arch = "x86_64")]
-        if WIDE && ranges.len() <= MAX_RANKED && self.order_few(ranges, intensities) {
+        if WIDE && ranges.len() <= MAX_RANKED && self.sort_by_counting(ranges, intensities) {
             return;
         }
-        self.order_any(ranges, intensities, sum);
+        self.sort_by_keys(ranges, intensities, sum);
     }
 
-    fn make_room(&mut self, most: usize) {
-        if self.intensity.len() < most {
-            self.range.resize(most.div_ceil(LANES), [1.0; LANES]);
+    fn reserve(&mut self, max: usize) {
+        if self.intensity.len() < max {
+            self.range.resize(max.div_ceil(LANES), [1.0; LANES]);
             self.intensity.resize(self.range.len() * LANES, 0.0);
         }
     }
 
-    /// By counting how many ranges are smaller than each: no branch depends on the ranges. `false` if some are equal.
+    /// Sorts by counting how many ranges are smaller than each: no branch depends on the ranges. `false` if some are equal.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn order_few(&mut self, ranges: &[f64], intensities: &[f64]) -> bool {
+    fn sort_by_counting(&mut self, ranges: &[f64], intensities: &[f64]) -> bool {
         let n = ranges.len();
         let mut keys = [f64::INFINITY; MAX_RANKED];
         keys[..n].copy_from_slice(ranges);
@@ -63,15 +63,15 @@ impl ReturnProfile {
             self.intensity[rank] = intensities[i];
         }
         self.len = n;
-        // Equal ranges have equal ranks, which leaves out larger ones.
+        // Equal ranges have equal ranks, so that the sum of all is smaller.
         sum * 2 == n * n.saturating_sub(1)
     }
 
     #[inline(never)]
-    fn order_any(&mut self, ranges: &[f64], intensities: &[f64], sum: bool) {
+    fn sort_by_keys(&mut self, ranges: &[f64], intensities: &[f64], sum: bool) {
         let ReturnProfile { len, range, intensity, keys } = self;
         keys.clear();
-        // The bits of floats that are not negative are ordered like the floats.
+        // The bits of non-negative floats are ordered like the floats.
         keys.extend(ranges.iter().zip(0..).map(|(r, i)| (r.to_bits(), i)));
         keys.sort_unstable();
         let range = range.as_flattened_mut();
@@ -95,20 +95,37 @@ impl ReturnProfile {
         &self.range.as_flattened()[..self.len]
     }
 
-    /// The same in blocks, the last of which is filled up.
+    /// Ranges in blocks, the last of which is padded.
     #[inline(always)]
     pub fn blocks(&self) -> &[Block] {
         &self.range[..self.len.div_ceil(LANES)]
     }
 
-    /// Intensities.
+    /// Intensities by range.
     #[inline(always)]
     pub fn intensities(&self) -> &[f64] {
         &self.intensity[..self.len]
     }
+
+    /// Replaces the light by (range, intensity) pairs, ascending.
+    pub fn set(&mut self, pairs: &[(f64, f64)]) {
+        self.reserve(pairs.len());
+        self.len = pairs.len();
+        for (i, (range, intensity)) in pairs.iter().enumerate() {
+            (self.range.as_flattened_mut()[i], self.intensity[i]) = (*range, *intensity);
+        }
+    }
+
+    /// The profile of (range, intensity) pairs, ascending.
+    #[cfg(test)]
+    pub fn of(pairs: &[(f64, f64)]) -> ReturnProfile {
+        let mut profile = ReturnProfile::default();
+        profile.set(pairs);
+        profile
+    }
 }
 
-/// How many of the first `n` keys are smaller than each key of the first `BLOCKS` times eight.
+/// Counts for each of the first `BLOCKS` · 8 keys how many of the first `n` keys are smaller.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f")]
 #[inline]
@@ -136,31 +153,12 @@ fn rank<const BLOCKS: usize>(keys: &[f64; MAX_RANKED], n: usize, ranks: &mut [u6
     }
 }
 
-impl ReturnProfile {
-    /// Replaces the light by (range, intensity) pairs, ascending.
-    pub fn set(&mut self, pairs: &[(f64, f64)]) {
-        self.make_room(pairs.len());
-        self.len = pairs.len();
-        for (i, (range, intensity)) in pairs.iter().enumerate() {
-            (self.range.as_flattened_mut()[i], self.intensity[i]) = (*range, *intensity);
-        }
-    }
-
-    /// Light of (range, intensity) pairs, ascending.
-    #[cfg(test)]
-    pub fn of(pairs: &[(f64, f64)]) -> ReturnProfile {
-        let mut light = ReturnProfile::default();
-        light.set(pairs);
-        light
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn ordered(of: &[(f64, f64)], sum: bool) -> [Vec<(f64, f64)>; 2] {
+    fn sorted(of: &[(f64, f64)], sum: bool) -> [Vec<(f64, f64)>; 2] {
         let mut reflections = Reflections::default();
         reflections.clear(of.len());
         for (range, intensity) in of {
@@ -181,18 +179,18 @@ mod tests {
     #[test]
     fn the_first_of_equal_ranges_counts_or_all_of_them() {
         let of = [(3.0, 1.0), (2.0, 5.0), (3.0, 10.0), (1.0, 7.0), (3.0, 100.0)];
-        assert_eq!(ordered(&of, false), [[(1.0, 7.0), (2.0, 5.0), (3.0, 1.0)]; 2]);
-        assert_eq!(ordered(&of, true), [[(1.0, 7.0), (2.0, 5.0), (3.0, 111.0)]; 2]);
-        assert_eq!(ordered(&[], false), [[]; 2]);
+        assert_eq!(sorted(&of, false), [[(1.0, 7.0), (2.0, 5.0), (3.0, 1.0)]; 2]);
+        assert_eq!(sorted(&of, true), [[(1.0, 7.0), (2.0, 5.0), (3.0, 111.0)]; 2]);
+        assert_eq!(sorted(&[], false), [[]; 2]);
     }
 
     proptest! {
         #[test]
         fn counting_orders_like_sorting(of in prop::collection::vec((0u32..200, 0.0..1.0f64), 0..40), sum: bool) {
             let of: Vec<(f64, f64)> = of.into_iter().map(|(r, i)| (100.0 + f64::from(r) * 0.01, i)).collect();
-            let [slow, quick] = ordered(&of, sum);
-            prop_assert_eq!(slow.len(), quick.len());
-            for (a, b) in slow.iter().zip(&quick) {
+            let [slow, fast] = sorted(&of, sum);
+            prop_assert_eq!(slow.len(), fast.len());
+            for (a, b) in slow.iter().zip(&fast) {
                 prop_assert_eq!((a.0.to_bits(), a.1.to_bits()), (b.0.to_bits(), b.1.to_bits()));
             }
             prop_assert!(slow.is_sorted_by(|a, b| a.0 < b.0));

@@ -1,30 +1,28 @@
-//! The short way of most pulses: all their light arrives within one bin, so that the waveform is the outgoing pulse, whose
-//! only peak is known beforehand.
+//! The fast path of most pulses: all their light arrives within one bin, so that the waveform is the outgoing pulse, whose
+//! single peak is precomputed.
 
-use super::detector::{DetectorSettings, Return};
-use super::peaks::PeakRule;
+use super::detector::{DetectorSettings, PeakRule, Return};
 use super::return_profile::ReturnProfile;
 use super::shape::PulseShape;
 
-/// What is known of a pulse that returns from one bin.
+/// The precomputed peak of a pulse that returns from one bin.
 #[derive(Clone, Debug)]
 pub(super) struct SingleBinDetector {
     /// Largest sample of the pulse.
     top: f64,
-    /// Smallest sample among those that the peak is compared with, if that matters.
-    least: Option<f64>,
+    /// Smallest sample among the neighbours of the peak, if these must reach the threshold.
+    min_neighbour: Option<f64>,
     threshold: f64,
 }
 
-/// Samples of a pulse are at least so much apart, relative to each other, that their products with any intensity are in
-/// the same order.
+/// Relative difference of neighbouring samples above which their products with any intensity stay in the same order.
 const MIN_RELATIVE_STEP: f64 = 1e-9;
 
 /// Intensities whose products with a sample are normal numbers.
 const NORMAL_INTENSITIES: std::ops::Range<f64> = 1e-200..1e200;
 
 impl SingleBinDetector {
-    /// `None` where the peak is not that simple: windows that see one bin or more than the pulse, flat or ragged pulses.
+    /// `None` where the peak is not that simple: windows of one bin or longer than the pulse, flat or ragged pulses.
     pub fn new(shape: &PulseShape, rule: &PeakRule) -> Option<SingleBinDetector> {
         let (samples, peak) = (&shape.samples, shape.peak);
         let window = usize::try_from(rule.window).ok().filter(|w| *w >= 2)?;
@@ -36,43 +34,42 @@ impl SingleBinDetector {
             && samples[peak..].windows(2).all(falls)
             && rule.threshold > 0.0;
         let first = (peak + 1).saturating_sub(window).max(usize::from(!rule.first_bin));
-        let least = samples.get(first..peak + window)?.iter().copied().fold(f64::INFINITY, f64::min);
+        let min_neighbour = samples.get(first..peak + window)?.iter().copied().fold(f64::INFINITY, f64::min);
         is_simple.then_some(SingleBinDetector {
             top: samples[peak],
-            least: (!rule.weak_neighbours).then_some(least),
+            min_neighbour: (!rule.weak_neighbours).then_some(min_neighbour),
             threshold: rule.threshold,
         })
     }
 
-    /// What is detected of light that arrives within the bin of the nearest return: at most one echo. `None` when there is
-    /// more to it.
+    /// Detects the return of light that arrives within one bin: at most one. `None` if there is light in other bins.
     #[inline(always)]
-    pub fn detect(&self, light: &ReturnProfile, detector: &DetectorSettings) -> Option<Option<Return>> {
+    pub fn detect(&self, profile: &ReturnProfile, detector: &DetectorSettings) -> Option<Option<Return>> {
         let (shape, light_speed) = (&detector.shape, detector.light_speed);
-        let (nearest, farthest) = (*light.ranges().first()?, *light.ranges().last()?);
+        let (nearest, farthest) = (*profile.ranges().first()?, *profile.ranges().last()?);
         let peak = shape.peak as f64;
         let start = nearest / light_speed - peak * shape.bin;
         let position = (farthest / light_speed - start) / shape.bin;
-        // That of the nearest may have been rounded to either side of the peak, and counts as the peak.
+        // Rounding may put the nearest reflection to either side of the peak; it counts as the peak.
         if position >= peak + 1.0 {
             return None;
         }
         if detector.range_min / light_speed > start {
-            // In the blind zone.
+            // In the dead zone.
             return Some(None);
         }
         let mut intensity = 0.0;
-        for i in light.intensities() {
+        for i in profile.intensities() {
             intensity += i;
         }
         if !NORMAL_INTENSITIES.contains(&intensity) {
             return None;
         }
         let amplitude = self.top * intensity;
-        let stands_out =
-            amplitude >= self.threshold && self.least.is_none_or(|least| least * intensity >= self.threshold);
+        let is_detected = amplitude >= self.threshold
+            && self.min_neighbour.is_none_or(|min| min * intensity >= self.threshold);
         let range = light_speed * (peak * shape.bin + start);
-        Some(stands_out.then_some(Return { range, amplitude, width: 0.0, is_noise: false }))
+        Some(is_detected.then_some(Return { range, amplitude, width: 0.0, is_noise: false }))
     }
 }
 
@@ -85,7 +82,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_short_way_leads_to_the_same_echo(
+        fn the_fast_path_detects_the_same_echo(
             nearest in 2.0..3000.0f64,
             behind in prop::collection::vec((0.0..0.12f64, 1e-6..1.0f64), 0..30),
             length in prop::sample::select(vec![2.0, 4.0, 5.0, 7.3]),
@@ -99,9 +96,9 @@ mod tests {
             map.dedup_by(|a, b| a.0 == b.0);
             let mut detector = tls_detector(length);
             detector.rule = PeakRule { window, threshold, weak_neighbours, ..detector.rule };
-            let light = ReturnProfile::of(&map);
-            let single_bin = SingleBinDetector::new(&detector.shape, &detector.rule);
-            let short = single_bin.and_then(|l| l.detect(&light, &detector));
+            let profile = ReturnProfile::of(&map);
+            let fast = SingleBinDetector::new(&detector.shape, &detector.rule);
+            let short = single_bin.and_then(|l| l.detect(&profile, &detector));
             if let Some(short) = short {
                 let mut long = Vec::new();
                 detect::<false>(&received(&map, &detector), (&detector, None), false, |_| true, &mut long);
@@ -111,12 +108,12 @@ mod tests {
     }
 
     #[test]
-    fn usual_instruments_have_a_short_way() {
+    fn common_instruments_have_the_fast_path() {
         for length in [2.0, 4.0, 5.0] {
             let detector = tls_detector(length);
-            let single_bin = SingleBinDetector::new(&detector.shape, &detector.rule).expect("one");
-            let light = ReturnProfile::of(&[(100.0, 1.0), (100.01, 1.0)]);
-            assert!(single_bin.detect(&light, &detector).flatten().is_some());
+            let fast = SingleBinDetector::new(&detector.shape, &detector.rule).expect("one");
+            let profile = ReturnProfile::of(&[(100.0, 1.0), (100.01, 1.0)]);
+            assert!(single_bin.detect(&profile, &detector).flatten().is_some());
             let apart = ReturnProfile::of(&[(100.0, 1.0), (100.2, 1.0)]);
             assert!(single_bin.detect(&apart, &detector).is_none());
         }

@@ -9,8 +9,8 @@ use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3, Rotation};
 use crate::pulse::Batch;
 use crate::scene::{LadTable, Material, Part, Reflection, Scene, Surface, Voxel, VoxelKind};
-pub use crate::survey::testkit::*;
 use crate::survey::Survey;
+pub use crate::survey::testkit::*;
 use crate::tree::{BuildOptions, Builder, Cube, Geometry, Tree};
 use std::sync::Arc;
 

@@ -8,8 +8,8 @@ use super::return_profile::ReturnProfile;
 /// Longest recorded waveform, samples (1,250 km of 0.25 ns bins).
 pub(super) const MAX_RECORD_SAMPLES: u64 = 1 << 24;
 
-/// Bins without any light that are still stored when light surrounds them; longer gaps only exist as a difference of
-/// bin numbers, so that a leaf at 5 m and a wall at 5 km take no more memory than two leaves.
+/// Longest gap without light that is stored, bins; longer gaps exist as differences of bin numbers only, so that a leaf at
+/// 5 m and a wall at 5 km take no more memory than two leaves.
 const MAX_STORED_GAP: u64 = 64;
 
 /// A waveform: bins of amplitude over one-way travel time, from bin 0 at [`Waveform::start`]. Bins outside the segments
@@ -21,35 +21,34 @@ pub(super) struct Waveform {
     /// Number of bins.
     pub bins: u64,
     segments: Vec<Segment>,
-    /// Zero behind the last segment.
+    /// Zero after the last segment.
     samples: Vec<f64>,
-    /// Where the returns lie, in bins.
+    /// Positions of the peaks of the reflections' pulses, bins.
     positions: Vec<Block>,
-    /// Where pulses begin within bins.
     starts: PulseStarts,
 }
 
-/// Samples that are cleared at a time.
-const CLEARED: usize = 128;
+/// Samples that are appended at a time.
+const SAMPLES_PER_RESIZE: usize = 128;
 
 /// A run of stored bins.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
     /// Number of its first bin.
     pub first: u64,
+    /// Index of its first sample.
     at: usize,
     len: usize,
 }
 
 impl Waveform {
-    /// Adds up the pulses that `light` sends back. `false` when a return lies so near that nothing of this pulse is
-    /// received.
+    /// Replaces the waveform by the sum of the pulses of `profile`. `false` if a reflection in the dead zone discards it.
     #[inline(always)]
-    pub fn receive(&mut self, light: &ReturnProfile, detector: &DetectorSettings) -> bool {
+    pub fn receive(&mut self, profile: &ReturnProfile, detector: &DetectorSettings) -> bool {
         self.segments.clear();
         self.samples.clear();
         self.bins = 0;
-        let (Some(&nearest), Some(&farthest)) = (light.ranges().first(), light.ranges().last()) else {
+        let (Some(&nearest), Some(&farthest)) = (profile.ranges().first(), profile.ranges().last()) else {
             return true;
         };
         let (shape, corrections) = (&detector.shape, &detector.corrections);
@@ -58,54 +57,53 @@ impl Waveform {
         let begin = nearest / c - lead;
         let start = if detector.digitiser_clock { (begin / bin).floor() * bin } else { begin };
         let mut end = farthest / c + shape.duration - lead + bin;
-        let mut count = light.ranges().len();
+        let mut count = profile.ranges().len();
         if detector.max_duration > 0.0 && end - start > detector.max_duration {
             end = start + detector.max_duration;
             let limit = c * detector.max_duration + if corrections.limit_from_first { nearest } else { 0.0 };
-            count = light.ranges().iter().take_while(|range| **range <= limit).count();
+            count = profile.ranges().iter().take_while(|range| **range <= limit).count();
         }
-        let blind = detector.range_min / c;
-        // Where it clips, the detector sees the pulse from its beginning, and records begin at the minimum range.
-        if blind > start && !corrections.clip_dead_zone {
+        // With the correction the detector sees the pulse from its start, and only records begin at the minimum range.
+        if detector.range_min / c > start && !corrections.clip_dead_zone {
             return false;
         }
         self.start = start;
         self.bins = ((end / bin).ceil() - (start / bin).ceil()) as u64;
         if corrections.fractional_bins {
-            self.add_between_bins(count, light, (begin - start) / bin, detector);
+            self.add_between_bins(count, profile, (begin - start) / bin, detector);
         } else {
-            self.place(light.blocks(), detector);
-            self.add_in_bins(count, light.intensities(), detector);
+            self.place(profile.blocks(), detector);
+            self.add_in_bins(count, profile.intensities(), detector);
         }
         self.store_tail();
         true
     }
 
-    /// Computes in which bin the peak of the pulse from each range lies, and how far in.
+    /// Computes the position of the peak of each reflection's pulse, bins.
     #[inline(always)]
     fn place(&mut self, ranges: &[Block], detector: &DetectorSettings) {
         let (c, bin, start) = (detector.light_speed, detector.shape.bin, self.start);
-        // Rounding must not cut off the front of the first pulse.
-        let least = detector.shape.peak as f64;
+        // Rounding must not cut off the start of the first pulse.
+        let min = detector.shape.peak as f64;
         self.positions.resize(ranges.len(), [0.0; LANES]);
         let positions = self.positions.iter_mut().zip(ranges);
         match detector.shape.bins_per_ns {
             Some(scale) => positions.for_each(|(to, from)| {
                 for i in 0..LANES {
                     let position = (from[i] / c - start) * scale;
-                    to[i] = if position < least { least } else { position };
+                    to[i] = if position < min { min } else { position };
                 }
             }),
             None => positions.for_each(|(to, from)| {
                 for i in 0..LANES {
                     let position = (from[i] / c - start) / bin;
-                    to[i] = if position < least { least } else { position };
+                    to[i] = if position < min { min } else { position };
                 }
             }),
         }
     }
 
-    /// Adds pulses that begin where their bin begins; those of the same bin together.
+    /// Adds pulses that start with their bin; those of the same bin together.
     #[inline(always)]
     fn add_in_bins(&mut self, count: usize, intensities: &[f64], detector: &DetectorSettings) {
         let shape = &detector.shape;
@@ -121,25 +119,25 @@ impl Waveform {
         }
     }
 
-    /// Adds pulses that begin within bins, the first one `first` bins behind the beginning of bin 0; those of the same bin
+    /// Adds pulses that start within bins, the first one `first` bins after the start of bin 0; those of the same bin
     /// together.
     #[inline(always)]
     fn add_between_bins(
         &mut self,
         count: usize,
-        light: &ReturnProfile,
+        profile: &ReturnProfile,
         first: f64,
         detector: &DetectorSettings,
     ) {
         let shape = &detector.shape;
         let mut starts = std::mem::take(&mut self.starts);
-        starts.compute(light, detector, first);
+        starts.compute(profile, detector, first);
         let mut i = 0;
         while i < count {
-            let (next, late) = starts.of_one_bin(i, count, light.intensities());
+            let (next, late) = starts.sum_of_bin(i, count, profile.intensities());
             let bin = starts.bin(i);
-            let room = usize::try_from(self.bins.saturating_sub(bin as u64)).unwrap_or(usize::MAX);
-            let len = shape.samples.len().min(room);
+            let max_len = usize::try_from(self.bins.saturating_sub(bin as u64)).unwrap_or(usize::MAX);
+            let len = shape.samples.len().min(max_len);
             if len > 0 {
                 let segment = self.segment_for(bin as u64, len);
                 let offset = segment.at + (bin as u64 - segment.first) as usize;
@@ -150,15 +148,15 @@ impl Waveform {
         self.starts = starts;
     }
 
-    /// Adds `intensity` times the pulse from bin `from` on; what lies before bin 0 or behind the last is cut off. Later
-    /// calls do not begin earlier.
+    /// Adds `intensity` times the pulse from bin `from` on, without what lies before bin 0 or after the last. Successive
+    /// calls must not start earlier.
     #[inline(always)]
     fn add(&mut self, pulse: &[f64], from: i64, intensity: f64) {
         let skip = (-from).max(0) as usize;
         let from = from.max(0) as u64;
         let Some(pulse) = pulse.get(skip..) else { return };
-        let room = usize::try_from(self.bins.saturating_sub(from)).unwrap_or(usize::MAX);
-        let pulse = &pulse[..pulse.len().min(room)];
+        let max_len = usize::try_from(self.bins.saturating_sub(from)).unwrap_or(usize::MAX);
+        let pulse = &pulse[..pulse.len().min(max_len)];
         if pulse.is_empty() {
             return;
         }
@@ -176,7 +174,7 @@ impl Waveform {
         }
     }
 
-    /// The segment that stores `len` bins from `from` on: the last one, made longer, or a new one.
+    /// Makes the last segment longer, or appends one, so that it stores `len` bins from `from` on, and returns it.
     #[inline(always)]
     fn segment_for(&mut self, from: u64, len: usize) -> Segment {
         let stored = self.segments.last().map_or(0, |s| s.at + s.len);
@@ -191,33 +189,33 @@ impl Waveform {
         let s = self.segments.last_mut().expect("there is one now");
         s.len = s.len.max((from - s.first) as usize + len);
         let s = *s;
-        self.clear_to(s.at + s.len);
+        self.fill_to(s.at + s.len);
         s
     }
 
-    /// Makes room for `stored` samples.
+    /// Appends zeros up to `stored` samples.
     #[inline(always)]
-    fn clear_to(&mut self, stored: usize) {
+    fn fill_to(&mut self, stored: usize) {
         if self.samples.len() < stored {
-            self.samples.resize(stored.next_multiple_of(CLEARED), 0.0);
+            self.samples.resize(stored.next_multiple_of(SAMPLES_PER_RESIZE), 0.0);
         }
     }
 
-    /// Stores the bins behind the last light if they are few.
+    /// Stores the bins after the last light if they are few.
     fn store_tail(&mut self) {
         let Some(s) = self.segments.last_mut() else { return };
         let tail = self.bins - (s.first + s.len as u64);
         if tail <= MAX_STORED_GAP {
             s.len += tail as usize;
             let stored = s.at + s.len;
-            self.clear_to(stored);
+            self.fill_to(stored);
         }
     }
 
-    /// Stores all bins without gaps if there are at most `most`.
-    pub fn store_gaps(&mut self, most: u64) {
+    /// Stores all bins without gaps if there are at most `max`.
+    pub fn store_gaps(&mut self, max: u64) {
         let stored: usize = self.segments.iter().map(|s| s.len).sum();
-        if self.bins > most || self.bins == stored as u64 {
+        if self.bins > max || self.bins == stored as u64 {
             return;
         }
         let mut samples = Vec::new();
@@ -227,14 +225,14 @@ impl Waveform {
         self.samples = samples;
     }
 
-    /// Lets `change` change the bins of each stored run; it is told the number of the first of them.
+    /// Calls `change` with each segment: the number of its first bin, and its bins.
     pub fn change_segments(&mut self, mut change: impl FnMut(u64, &mut [f64])) {
         for s in &self.segments {
             change(s.first, &mut self.samples[s.at..s.at + s.len]);
         }
     }
 
-    /// A waveform of samples that were recorded.
+    /// A waveform of recorded samples.
     pub fn of_samples(samples: &[f64]) -> Waveform {
         let whole = Segment { first: 0, at: 0, len: samples.len() };
         Waveform {
@@ -246,7 +244,7 @@ impl Waveform {
         }
     }
 
-    /// Stored runs, ascending and apart from each other.
+    /// The segments, ascending and disjoint: the number of their first bin, and their bins.
     pub fn segments(&self) -> impl Iterator<Item = (u64, &[f64])> {
         self.segments.iter().map(|s| (s.first, &self.samples[s.at..s.at + s.len]))
     }
@@ -256,7 +254,7 @@ impl Waveform {
         self.segments.len()
     }
 
-    /// Segment `i`: the number of its first bin, and its bins.
+    /// Segment `i`, see [`Waveform::segments`].
     pub fn segment(&self, i: usize) -> (u64, &[f64]) {
         let s = self.segments[i];
         (s.first, &self.samples[s.at..s.at + s.len])

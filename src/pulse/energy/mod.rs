@@ -1,4 +1,11 @@
 //! Received power of one reflection (spec pulse-physics §3).
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `beam` | optics and atmosphere, which all models share |
+//! | `legacy`, `improved` | the models of the reference |
+//! | `lidar` | the lidar equation of the refined physics |
+//! | `series` | exponentials of small arguments |
 
 mod beam;
 mod improved;

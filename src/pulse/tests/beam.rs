@@ -24,8 +24,7 @@ fn lab(divergence: f64, quality: u32) -> Survey {
 
 /// What `count` pulses along +y from points `at` yield: the sum of the intensities of each.
 fn sums(scene: &Scene, survey: &Survey, at: impl Fn(u64) -> DVec3, count: u64) -> Vec<f64> {
-    let aimed: Vec<Pulse> =
-        pulses(count).into_iter().map(|p| Pulse { origin: at(p.number), ..p }).collect();
+    let aimed: Vec<Pulse> = pulses(count).into_iter().map(|p| Pulse { origin: at(p.number), ..p }).collect();
     let batch = simulate_pulses(scene, survey, PhysicsOptions::refined(), 0, &aimed);
     let mut sums = vec![0.0; count as usize];
     batch.echoes.iter().for_each(|e| sums[e.pulse_number as usize - 1] += e.intensity);

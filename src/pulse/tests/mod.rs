@@ -118,8 +118,11 @@ fn a_tilted_plane_spreads_the_echo() {
     assert_eq!(w.samples, 35);
     assert_echoes(&batch, &[(100.1104, 352.904730959)], 1e-10);
     assert!((batch.echoes[0].echo_width - 2.5222).abs() < 5e-5);
-    let improved =
-        simulate(&tilted_plane(half_white()), &survey, PhysicsOptions { echo_width: true, ..Default::default() });
+    let improved = simulate(
+        &tilted_plane(half_white()),
+        &survey,
+        PhysicsOptions { echo_width: true, ..Default::default() },
+    );
     assert_echoes(&improved, &[(100.1104, 0.030266230)], 1e-7);
     assert!((improved.echoes[0].echo_width - 3.0390).abs() < 5e-5);
 }
@@ -259,8 +262,13 @@ fn positions_lie_on_the_exact_axis_and_errors_count() {
     p.reported_attitude = p.exact_attitude;
     p.range_error = 0.25;
     p.origin = DVec3::new(0.0, 10.0, 0.0);
-    let batch =
-        simulate_pulses(&plane_at_100(), &tls(), PhysicsOptions { record_waveforms: true, ..legacy() }, 0, &[p]);
+    let batch = simulate_pulses(
+        &plane_at_100(),
+        &tls(),
+        PhysicsOptions { record_waveforms: true, ..legacy() },
+        0,
+        &[p],
+    );
     let e = batch.echoes[0];
     assert!((e.range - 90.25).abs() < 1e-9);
     assert!((e.position - (e.origin + p.exact_attitude.forward() * e.range)).length() < 1e-12);

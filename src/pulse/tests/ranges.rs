@@ -51,7 +51,8 @@ fn instruments_see_as_far_as_their_data_sheets_say() {
     for (_, scanner) in &catalogue.scanners {
         let id = scanner.id.as_str();
         let row = PUBLISHED.lines().find(|row| row.split('|').next().unwrap().split(' ').any(|i| i == id));
-        let row: Vec<&str> = row.unwrap_or_else(|| panic!("{id} is missing")).split('|').map(str::trim).collect();
+        let row: Vec<&str> =
+            row.unwrap_or_else(|| panic!("{id} is missing")).split('|').map(str::trim).collect();
         let figures: Vec<&str> = row[1].split(',').filter(|f| !f.is_empty()).collect();
         for figure in &figures {
             let numbers: Vec<f64> = figure.split_whitespace().map(|n| n.parse().unwrap()).collect();

@@ -1,7 +1,7 @@
 //! Receivers that are not ideal, by their closed forms: whole pulses at a wall that faces the beam.
 
 use super::*;
-use crate::pulse::{Echo, Physics, PulseSimulator};
+use crate::pulse::{Echo, Physics};
 use crate::survey::{AmplifierNoise, PulseSamples, Ranging, Receiver, ReferenceTarget, ShotNoise};
 use libm::erfc;
 use std::sync::Arc;
@@ -87,7 +87,9 @@ fn the_probability_of_detection_is_the_tail_beyond_the_threshold() {
             noisy(sigma)(d);
             d.detector.threshold = (AT_100_M + over * sigma) * 1e-9;
         });
-        let seen = simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(n)).echoes.len() as f64;
+        let seen = simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(n))
+            .echoes
+            .len() as f64;
         let expected = 0.5 * erfc(over / std::f64::consts::SQRT_2);
         assert!(
             (seen / n as f64 - expected).abs() < 0.05,
@@ -160,7 +162,8 @@ fn background_light_makes_shot_noise() {
         d.receiver.bandwidth = Some(2e8);
         d.detector.threshold_given = false;
     });
-    let echoes = simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(4000)).echoes;
+    let echoes =
+        simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(4000)).echoes;
     let expected = (2.0 * 1.602_176_634e-19 * 2e8 * (1e-6 + AT_100_M * 1e-9) / 0.5).sqrt() * 1e9;
     let (_, sigma) = moments(echoes.iter().map(|e| e.intensity));
     assert!((sigma / expected - 1.0).abs() < 0.06, "{sigma} is not {expected}");
@@ -286,5 +289,8 @@ fn the_reference_knows_no_receiver() {
         d.beam.pulse_energy = None;
     };
     let switched_off = simulate(&wall_at(100.0), &instrument(without_energy), options).echoes;
-    assert_eq!(switched_off, simulate(&wall_at(100.0), &instrument(|_| ()), PhysicsOptions::refined()).echoes);
+    assert_eq!(
+        switched_off,
+        simulate(&wall_at(100.0), &instrument(|_| ()), PhysicsOptions::refined()).echoes
+    );
 }

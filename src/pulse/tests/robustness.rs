@@ -23,7 +23,9 @@ fn range_noise_has_device_0_s_spread_and_depends_on_the_pulse_alone() {
     assert!(spread(with(PhysicsOptions::helios(), "own_accuracy"), 1) < 1e-9);
     let again = |seed| {
         let p = Pulse { number: 77, ..pulse(Rotation::IDENTITY) };
-        simulate_pulses(&scene, &survey, PhysicsOptions { seed, ..PhysicsOptions::helios() }, 0, &[p]).echoes[0].range
+        simulate_pulses(&scene, &survey, PhysicsOptions { seed, ..PhysicsOptions::helios() }, 0, &[p]).echoes
+            [0]
+        .range
     };
     assert_eq!(again(5), again(5));
     assert_ne!(again(5), again(6));

@@ -12,6 +12,7 @@ use crate::pulse::{Physics, PulseSimulator};
 use crate::rng::{Purpose, Stream};
 use crate::scene::{LadTable, Part, Surface, Voxel, VoxelKind};
 use crate::tree::Cube;
+use proptest::prelude::*;
 use rayon::prelude::*;
 use std::sync::Arc;
 
