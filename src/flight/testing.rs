@@ -6,38 +6,15 @@ use crate::error::{Error, Result};
 use crate::geom::{DVec3, Rotation, radians};
 use crate::scanner::testing::{device, settings};
 use crate::survey::*;
-use std::path::PathBuf;
 
 /// The GPS start of "2024-01-01 00:00:00".
 pub const START_NS: f64 = 86_391e9;
 
 /// A survey with one device and no scene to speak of.
 pub fn survey(kind: PlatformKind, mount: Mount, deflector: Deflector, legs: Vec<Leg>) -> Survey {
-    let mut survey = Survey {
-        name: "test".into(),
-        path: PathBuf::from("test.xml"),
-        seed: None,
-        platform: Platform { id: "p".into(), kind, mount, noise: PlatformNoise::default() },
-        scanner: Scanner {
-            id: "s".into(),
-            name: "s".into(),
-            pulse_freqs: vec![100],
-            devices: vec![device(deflector)],
-            multi_channel: false,
-        },
-        scene: SceneRecipe {
-            id: "scene".into(),
-            path: PathBuf::from("scene.xml"),
-            parts: Vec::new(),
-            dyn_step: 1,
-            dyn_time_step: None,
-            packed: None,
-            asset_folders: Vec::new(),
-        },
-        legs,
-        leg_offset: None,
-        crs_wkt: None,
-    };
+    let mut survey = Survey { legs, ..testkit::survey(vec![device(deflector)]) };
+    (survey.platform.kind, survey.platform.mount) = (kind, mount);
+    survey.scanner.pulse_freqs = vec![100];
     for (i, leg) in survey.legs.iter_mut().enumerate() {
         leg.number = i as u32;
     }
@@ -46,22 +23,8 @@ pub fn survey(kind: PlatformKind, mount: Mount, deflector: Deflector, legs: Vec<
 
 /// An active leg at `position`, 100 Hz, changed by `change`.
 pub fn leg(position: [f64; 3], speed: f64, change: impl FnOnce(&mut Leg)) -> Leg {
-    let mut leg = Leg {
-        number: 0,
-        strip: None,
-        platform: PlatformSettings {
-            position: DVec3::from(position),
-            on_ground: false,
-            speed,
-            stop_and_turn: true,
-            smooth_turn: false,
-            slowdown: true,
-            yaw_at_departure: None,
-            trajectory: None,
-        },
-        scanner: settings(100),
-        place: None,
-    };
+    let mut leg = testkit::leg(0, settings(100));
+    (leg.platform.position, leg.platform.speed) = (DVec3::from(position), speed);
     change(&mut leg);
     leg
 }

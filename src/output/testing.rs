@@ -7,7 +7,7 @@ use crate::geom::{Aabb, DVec3, Rotation};
 use crate::pulse::Batch;
 use crate::pulse::{Echo, PulseRecord, WaveformRecord};
 use crate::scene::{Part, Scene};
-use crate::survey::*;
+use crate::survey::{Detector, Device, Leg, ScannerSettings, Survey, testkit};
 use std::sync::Arc;
 
 /// An echo with plain values, return `number` of `of`.
@@ -46,104 +46,21 @@ pub(super) fn scene() -> Scene {
 
 /// A survey `demo` with `devices` devices; a leg for each strip given, inactive where `!` stands.
 pub(super) fn survey(devices: usize, legs: &[Option<&str>]) -> Survey {
-    let device = Device {
-        id: String::new(),
-        deflector: Deflector::Conic,
-        scan_angle_max: 0.5,
-        scan_freq: (0.0, 0.0),
-        head: Head { axis: DVec3::Z, max_rate: 0.0 },
-        beam_origin: Mount::IDENTITY,
-        beam: Beam {
-            divergence: 0.0003,
-            divergence_y: None,
-            profile: BeamProfile::Gaussian,
-            aperture: 0.0,
-            pulse_length: 4.0,
-            wavelength: 1064.0,
-            atmosphere_wavelength: 1064.0,
-            average_power: 4.0,
-            pulse_energy: None,
-            quality: 1.0,
-            efficiency: 0.99,
-            receiver_diameter: 0.15,
-            visibility: 23.0,
-        },
-        detector: Detector {
-            accuracy: 0.0,
-            range_min: 0.0,
-            range_max: 1e4,
-            max_returns: 0,
-            threshold: 0.0,
-            threshold_given: false,
-            distance_error: None,
-        },
-        receiver: Receiver::default(),
-        waveform: WaveformSettings { bin: 0.25, window: 1.0, quality: 3, max_range: 0.0 },
-        errors: MechanicalErrors::default(),
+    let device = |i| Device {
+        id: format!("q{i}"),
+        detector: Detector { range_max: 1e4, threshold: 0.0, ..testkit::device().detector },
+        ..testkit::device()
+    };
+    let leg = |(i, strip): (usize, &Option<&str>)| {
+        let settings = testkit::scanner_settings(1000);
+        let scanner = ScannerSettings { active: *strip != Some("!"), scan_freq: 10.0, ..settings };
+        Leg { strip: strip.filter(|s| *s != "!").map(str::to_owned), ..testkit::leg(i as u32, scanner) }
     };
     Survey {
         name: "demo".to_owned(),
         path: "demo.xml".into(),
-        seed: None,
-        platform: Platform {
-            id: "tripod".to_owned(),
-            kind: PlatformKind::Static,
-            mount: Mount { offset: DVec3::ZERO, rotation: Rotation::IDENTITY },
-            noise: PlatformNoise::default(),
-        },
-        scanner: Scanner {
-            id: "scanner".to_owned(),
-            name: "Test scanner".to_owned(),
-            pulse_freqs: vec![1000],
-            devices: (0..devices).map(|i| Device { id: format!("q{i}"), ..device.clone() }).collect(),
-            multi_channel: devices > 1,
-        },
-        scene: SceneRecipe {
-            id: "scene".to_owned(),
-            path: "scene.xml".into(),
-            parts: Vec::new(),
-            dyn_step: 1,
-            dyn_time_step: None,
-            packed: None,
-            asset_folders: Vec::new(),
-        },
-        legs: legs.iter().enumerate().map(|(i, strip)| leg(i as u32, *strip)).collect(),
-        leg_offset: None,
-        crs_wkt: None,
-    }
-}
-
-fn leg(number: u32, strip: Option<&str>) -> Leg {
-    Leg {
-        number,
-        strip: strip.filter(|s| *s != "!").map(str::to_owned),
-        platform: PlatformSettings {
-            position: DVec3::ZERO,
-            on_ground: false,
-            speed: 0.0,
-            stop_and_turn: false,
-            smooth_turn: false,
-            slowdown: false,
-            yaw_at_departure: None,
-            trajectory: None,
-        },
-        scanner: ScannerSettings {
-            active: strip != Some("!"),
-            pulse_freq: 1000,
-            scan_freq: 10.0,
-            scan_angle: 0.0,
-            vertical_min: None,
-            vertical_max: None,
-            head_rate: 0.0,
-            head_start: 0.0,
-            head_stop: 0.0,
-            beam_divergence: 0.0003,
-            written_divergence: None,
-            trajectory_interval: 0.0,
-            max_duration: None,
-            warmup: 0.0,
-        },
-        place: None,
+        legs: legs.iter().enumerate().map(leg).collect(),
+        ..testkit::survey((0..devices).map(device).collect())
     }
 }
 

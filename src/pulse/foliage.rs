@@ -1,4 +1,4 @@
-//! Voxels of foliage: whether a ray stops in one, and where (spec pulse-physics §2.5, §2.6).
+//! Voxels of foliage: whether they scatter a ray, and where (spec pulse-physics §2.5, §2.6).
 
 use super::options::Corrections;
 use crate::geom::DVec3;
@@ -8,13 +8,12 @@ use crate::tree::{Cube, Tree};
 use libm::log;
 use std::f64::consts::TAU;
 
-/// Projection of spherically distributed leaves.
-const SPHERICAL: f64 = 0.5;
+/// Projection G of spherically distributed leaves.
+const SPHERICAL_PROJECTION: f64 = 0.5;
 
-/// The free paths of a pulse: one draw per voxel of foliage met, in the order of subrays.
+/// The free paths of a pulse: one draw per voxel of foliage that a subray enters, in the order of subrays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FreePaths {
-    /// Where the draws come from.
     pub stream: Stream,
     /// Index of the device.
     pub device: u32,
@@ -25,8 +24,7 @@ pub(super) struct FreePaths {
 }
 
 impl FreePaths {
-    /// Length of the next free path through foliage of extinction `sigma` (1/m), m: exponentially distributed, ∞ when
-    /// the draw is 0.
+    /// Draws a free path through foliage of extinction `sigma` (1/m), m: exponentially distributed, ∞ if the draw is 0.
     pub fn sample(&mut self, sigma: f64) -> f64 {
         let u = self.stream.uniform(self.device, self.pulse, self.drawn);
         self.drawn = self.drawn.wrapping_add(1);
@@ -37,15 +35,15 @@ impl FreePaths {
 /// What a voxel does to a ray that enters it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum MediumEvent {
-    /// The ray is reflected that many metres behind its entry.
+    /// The ray is scattered that many metres after its entry.
     Scatter(f64),
-    /// The ray leaves the voxel that far from where the current stretch of it began.
+    /// The ray leaves the voxel that many metres from the start of its current segment.
     Exit(f64),
-    /// The ray is lost: there is no way out of the voxel ahead.
+    /// The ray is lost: the voxel has no exit ahead.
     Lost,
 }
 
-/// How a ray along `direction`, which began at `from` and enters primitive `i` at `entry` metres, fares in it.
+/// What primitive `i` does to a ray from `from` along `direction` that enters it at `entry` metres.
 pub(super) fn medium_event(
     scene: &Scene,
     corrections: &Corrections,
@@ -73,7 +71,7 @@ pub(super) fn medium_event(
     if path > exit - entry { MediumEvent::Exit(exit) } else { MediumEvent::Scatter(path) }
 }
 
-/// Whether rays stop within primitive `i` rather than where they enter it.
+/// Whether primitive `i` scatters rays within itself rather than at its surface.
 pub(super) fn is_scattering(scene: &Scene, i: u32) -> bool {
     scene.voxel(i).is_some_and(|v| v.kind() == VoxelKind::Transmittive)
 }
@@ -83,8 +81,7 @@ fn leaf_angles(scene: &Scene, i: u32) -> Option<&LadTable> {
     scene.parts[scene.part_of(i) as usize].lad.as_deref()
 }
 
-/// Where a ray along `direction` from `from` leaves voxel `i`, m from there, and the voxel's extinction, 1/m; `None` where
-/// it holds no leaves.
+/// Distance at which a ray leaves voxel `i`, m, and the voxel's extinction, 1/m; `None` if it holds no leaves.
 pub(super) fn leaf_extinction(
     scene: &Scene,
     corrections: &Corrections,
@@ -97,15 +94,15 @@ pub(super) fn leaf_extinction(
     (sigma > 0.0 && exit > 0.0).then_some((exit, sigma))
 }
 
-/// Mean cosine of the incidence on the leaves of voxel `i`: those that its part's leaf angle table has, otherwise leaves that
+/// Mean cosine of the incidence on the leaves of voxel `i`: by the leaf angle table of its part, otherwise for leaves that
 /// face all directions alike.
 pub(super) fn mean_cosine(scene: &Scene, corrections: &Corrections, i: u32, direction: DVec3) -> f64 {
     let table = leaf_angles(scene, i).filter(|_| corrections.leaf_table_law);
     table.map_or(SPHERICAL_MEAN_COSINE, |t| t.mean_cosine(direction))
 }
 
-/// Cross-section that a voxel presents to the radar equation: that of its foliage if its part has a leaf angle table
-/// (§3.5), `None` if it reflects like a surface.
+/// Cross-section of the foliage of a voxel with a leaf angle table in the radar equation (spec pulse-physics §3.5); `None`
+/// if the voxel reflects like a surface.
 pub(super) fn cross_section(
     scene: &Scene,
     corrections: &Corrections,
@@ -120,17 +117,17 @@ pub(super) fn cross_section(
     Some(voxel.density * table.g(direction) / TAU)
 }
 
-/// Extinction of foliage of a density along `direction`, 1/m.
+/// Extinction of foliage of density `density` along `direction`, 1/m.
 fn extinction(density: f64, table: Option<&LadTable>, corrections: &Corrections, direction: DVec3) -> f64 {
     match table {
         Some(table) => density * table.g(direction) / TAU,
-        None if corrections.spherical_leaves => density * SPHERICAL,
+        None if corrections.spherical_leaves => density * SPHERICAL_PROJECTION,
         None => density,
     }
 }
 
-/// Whether a ray that enters voxel `i` at `entry` metres runs through its inside or along a lower face, but not along an
-/// upper one, which the neighbour owns.
+/// Whether a ray that enters voxel `i` at `entry` metres runs through its interior or along a lower face; an upper face
+/// belongs to the neighbour.
 pub(super) fn is_within(scene: &Scene, i: u32, (from, direction): (DVec3, DVec3), entry: f64) -> bool {
     let cube = (i as usize).checked_sub(scene.geometry.triangles.len());
     let Some(cube) = cube.and_then(|c| scene.geometry.cubes.get(c)) else { return true };
@@ -138,7 +135,7 @@ pub(super) fn is_within(scene: &Scene, i: u32, (from, direction): (DVec3, DVec3)
     middle.cmpge(cube.centre - cube.half).all() && middle.cmplt(cube.centre + cube.half).all()
 }
 
-/// Where a ray leaves a cube, in metres from `from`.
+/// Distance from `from` at which a ray leaves a cube, m.
 fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
     let mut nearest = f64::INFINITY;
     for axis in 0..3 {
@@ -152,7 +149,7 @@ fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
     nearest
 }
 
-/// The voxels of foliage that contain or touch `point`: no ray that begins there ever enters them. `size` is the edge of the
+/// The voxels of foliage that contain or touch `point`: rays that start there never enter them. `size` is the edge of the
 /// scene's largest cube.
 pub(super) fn voxels_around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Vec<u32> {
     let first_cube = scene.geometry.triangles.len();

@@ -1,14 +1,14 @@
-//! Where the subrays of a beam lie across its footprint when all of them carry the same energy.
+//! Patterns of subrays of equal energy across the footprint of a beam.
 //!
 //! The energy within a radius r of the footprint is F(r): 1 − e^(−2r²/w²) of a Gaussian beam of 1/e² radius w, (r/w)² of a top
 //! hat. N subrays stand for N annuli of equal energy, each at the root mean square radius of its annulus and turned against
-//! the one before by the golden angle (Vogel 1979, "A better way to construct the sunflower head") or one near by, so that the
-//! subrays spread evenly over radii and directions: what an edge, a wire or a plate cuts off is known to a fraction of a subray.
-//! Last, the pattern is moved and stretched by a few per cent so that its centre is on the axis and its second moments are
+//! the previous one by the golden angle (Vogel 1979, "A better way to construct the sunflower head") or a similar one, so that
+//! the subrays spread evenly over radii and directions: what an edge, a wire or a plate cuts off is known to a fraction of a
+//! subray. Finally the pattern is moved and stretched by a few per cent so that its centre is on the axis and its second moments are
 //! exactly the beam's, in all directions: then the mean range of a plane and the broadening of its echo are exact for any
 //! number of subrays.
 //!
-//! From pulse to pulse the pattern is turned, so that whatever a pattern misses, its neighbours see.
+//! From pulse to pulse the pattern is turned, so that neighbouring pulses hit what one of them misses.
 
 use crate::survey::BeamProfile;
 use libm::{cos, log, sin};
@@ -17,7 +17,6 @@ use std::f64::consts::{PI, TAU};
 /// The distribution of a beam's energy over the angle off its axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Footprint {
-    /// How the energy is distributed.
     pub profile: BeamProfile,
     /// Half angle (rad) at which a Gaussian beam has fallen to 1/e², or a top hat ends: along x and along z of the beam frame.
     pub half_angles: [f64; 2],
@@ -30,13 +29,13 @@ pub(super) struct Footprint {
 pub(super) struct Subray {
     /// Angles off the axis, rad, along x and z of the beam frame.
     pub angles: [f64; 2],
-    /// Where it leaves the instrument, m off the axis, along the same.
+    /// Offset from the axis where it leaves the instrument, m, along x and z of the beam frame.
     pub exit: [f64; 2],
 }
 
-/// Patterns that pulses take turns at, for beams of few subrays.
+/// Number of patterns for beams of few subrays.
 const PATTERNS: usize = 16;
-/// Beams of more subrays have one pattern: they cover any footprint, and patterns need memory.
+/// Beams of more subrays have one pattern: it covers any footprint, and patterns need memory.
 const MAX_PATTERNED_SUBRAYS: usize = 1000;
 
 /// `count` subrays of equal energy, for each pattern. A single subray is the axis.
@@ -47,7 +46,7 @@ const MAX_PATTERNED_SUBRAYS: usize = 1000;
 pub(super) fn patterns(beam: &Footprint, count: usize) -> impl Iterator<Item = Vec<Subray>> {
     let base = match count {
         1 => vec![[0.0; 2]],
-        _ => with_exact_moments(spiral(beam.profile, count), root_mean_square(beam.profile)),
+        _ => with_exact_moments(spiral(beam.profile, count)),
     };
     let turns = if (2..=MAX_PATTERNED_SUBRAYS).contains(&count) { PATTERNS } else { 1 };
     let Footprint { half_angles, exit_radius, .. } = *beam;
@@ -65,9 +64,9 @@ pub(super) fn patterns(beam: &Footprint, count: usize) -> impl Iterator<Item = V
     })
 }
 
-/// Points of a sunflower: in units of the beam's radius.
+/// Points of a sunflower, in units of the beam's radius.
 fn spiral(profile: BeamProfile, count: usize) -> Vec<[f64; 2]> {
-    // The golden angle is best for many points; of few, other angles cut edges better: found by trying 2500 of them.
+    // The golden angle is best for many points. For 16 this angle resolves edges best among 2500 that were tried.
     let twist = match count {
         16 => 1.7146,
         _ => PI * (3.0 - 5f64.sqrt()),
@@ -89,21 +88,19 @@ fn annulus_radius(profile: BeamProfile, i: usize, count: usize) -> f64 {
             let integral = |u: f64| if u > 0.0 { u * log(u) - u } else { 0.0 };
             let (inner, outer) = (1.0 - i as f64 / n, 1.0 - (i as f64 + 1.0) / n);
             let radius = (-0.5 * n * (integral(inner) - integral(outer))).sqrt();
-            // The outermost annulus has no end. Its subray stays at its beginning, beyond which less light is than it carries.
+            // The outermost annulus is infinite. Its subray lies at most at the inner edge.
             radius.min((0.5 * log(n)).sqrt())
         }
     }
 }
 
-/// Standard deviation of the energy along any axis, in units of the beam's radius.
-fn root_mean_square(_profile: BeamProfile) -> f64 {
-    // ∫ r² dF = 1/2 of either profile, half of it along each axis.
-    0.5
-}
+/// Standard deviation of the energy of either profile along any axis, in units of the beam's radius: ∫ r² dF = 1/2, half of it
+/// along each axis.
+const DEVIATION: f64 = 0.5;
 
 /// Moves and stretches points so that their mean is 0, their covariance 0 and their standard deviation along each axis
-/// `deviation`: by the inverse root of their covariance matrix, which turns nothing.
-fn with_exact_moments(mut points: Vec<[f64; 2]>, deviation: f64) -> Vec<[f64; 2]> {
+/// [`DEVIATION`]: by the inverse root of their covariance matrix, which does not rotate them.
+fn with_exact_moments(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     let n = points.len() as f64;
     let mean = [0, 1].map(|axis: usize| points.iter().map(|p| p[axis]).sum::<f64>() / n);
     points.iter_mut().for_each(|p| *p = [p[0] - mean[0], p[1] - mean[1]]);
@@ -113,7 +110,7 @@ fn with_exact_moments(mut points: Vec<[f64; 2]>, deviation: f64) -> Vec<[f64; 2]
     let root_det = (xx * zz - xz * xz).sqrt();
     let scale = 1.0 / (xx + zz + 2.0 * root_det).sqrt();
     let (a, b, d) = ((xx + root_det) * scale, xz * scale, (zz + root_det) * scale);
-    let factor = deviation / (a * d - b * b);
+    let factor = DEVIATION / (a * d - b * b);
     points.iter().map(|[x, z]| [factor * (d * x - b * z), factor * (a * z - b * x)]).collect()
 }
 

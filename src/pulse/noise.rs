@@ -1,14 +1,14 @@
-//! Noise of the receiver's output: normal, limited to the receiver's bandwidth, a function of device, pulse and sample.
+//! Noise of the receiver: normal, limited to its bandwidth, a function of device, pulse and sample.
 //!
 //! A receiver with the Gaussian response |H(f)|² = 2^(−(f/B)²) turns white noise into noise of autocorrelation
 //! exp(−t²/(4σ_h²)), where σ_h = √(ln 2)/(2πB) is the width of its impulse response. Samples are therefore white draws under a
 //! Gaussian window of that width: neighbouring samples share most of their noise, as behind a real amplifier, and an echo is
 //! one crossing of the threshold and not a cluster of them.
 //!
-//! Between the echoes nothing but noise crosses the threshold T. A stationary normal process of standard deviation σ does so
+//! Between the echoes only noise crosses the threshold T. A stationary normal process of standard deviation σ does so
 //! ν = √(−ρ''(0))/(2π)·exp(−T²/(2σ²)) times per time (Rice 1945, "Mathematical analysis of random noise", eq. 3.3-14), here
 //! with −ρ''(0) = 1/(2σ_h²); crossings of a high threshold form a Poisson process whose peaks x have the tail
-//! exp(−(x² − T²)/(2σ²)) (Cramér & Leadbetter 1967, ch. 12). So they are drawn as they come, not sample by sample.
+//! exp(−(x² − T²)/(2σ²)) (Cramér & Leadbetter 1967, ch. 12). So they are drawn one after the other, not sample by sample.
 
 use crate::rng::{self, Stream};
 use libm::{erfc, exp, log, sqrt};
@@ -16,19 +16,19 @@ use std::f64::consts::{LN_2, PI, SQRT_2};
 
 /// Charge of an electron, C.
 const ELECTRON: f64 = 1.602_176_634e-19;
-/// Window of the draws on either side, in units of σ_h.
-const WINDOW: f64 = 4.0;
+/// Half width of the window of draws, in units of σ_h.
+const HALF_WINDOW: f64 = 4.0;
 /// Most draws on either side of a sample that make its noise.
 const MAX_TAPS: usize = 1024;
-/// Threshold over noise of instruments that name no threshold: a false alarm in ten thousand pulses or less.
+/// Threshold over noise of instruments that name no threshold: at most one false alarm in ten thousand pulses.
 const THRESHOLD_OVER_NOISE: f64 = 6.0;
-/// Bandwidth times full width at half maximum of a Gaussian pulse behind a receiver that is matched to it: 2·ln 2/π.
-const MATCHED: f64 = 2.0 * LN_2 / PI;
+/// Bandwidth of a matched receiver times the full width at half maximum of its Gaussian pulse: 2·ln 2/π.
+const MATCHED_BANDWIDTH_WIDTH: f64 = 2.0 * LN_2 / PI;
 
-/// Bandwidth (GHz) of the receiver that is matched to a pulse of `fwhm` ns: its noise is correlated as long as the pulse
-/// lasts.
+/// Bandwidth (GHz) of the receiver that is matched to a pulse of `fwhm` ns: its noise is correlated over the length of the
+/// pulse.
 pub(super) fn matched_bandwidth(fwhm: f64) -> f64 {
-    MATCHED / fwhm
+    MATCHED_BANDWIDTH_WIDTH / fwhm
 }
 
 /// Variance of shot noise in W² per watt of light: 2qB/responsivity (Schottky 1918), with the bandwidth in Hz and the
@@ -61,13 +61,11 @@ pub(super) struct ReceiverNoise {
 /// The draws of one pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PulseDraws {
-    /// Stream of draws on samples.
+    /// Stream of the noise on samples.
     pub samples: Stream,
     /// Stream of false alarms.
     pub alarms: Stream,
-    /// Device of the pulse.
     pub device: u32,
-    /// Number of the pulse.
     pub pulse: u64,
 }
 
@@ -76,7 +74,7 @@ pub(super) struct PulseDraws {
 pub(super) struct FalseAlarm {
     /// Travel time of its peak, ns.
     pub time: f64,
-    /// Its peak.
+    /// Amplitude of its peak.
     pub amplitude: f64,
 }
 
@@ -86,7 +84,7 @@ impl ReceiverNoise {
     pub fn new(dark_variance: f64, signal_variance: f64, bandwidth: f64, bin: f64) -> ReceiverNoise {
         let response = sqrt(LN_2) / (2.0 * PI * bandwidth);
         let width = response / bin;
-        let reach = ((WINDOW * width).ceil() as usize).min(MAX_TAPS);
+        let reach = ((HALF_WINDOW * width).ceil() as usize).min(MAX_TAPS);
         let weight = |k: usize| {
             let x = (k as f64 - reach as f64) / width;
             exp(-0.5 * x * x)
@@ -102,12 +100,12 @@ impl ReceiverNoise {
         sqrt(self.dark_variance)
     }
 
-    /// Threshold of instruments that name none: well above the noise.
+    /// Threshold of instruments that name none.
     pub fn default_threshold(&self) -> f64 {
         THRESHOLD_OVER_NOISE * self.dark_sigma()
     }
 
-    /// Half width at 1/e of a false alarm, ns: a high peak of the noise looks like its autocorrelation.
+    /// Half width at 1/e of a false alarm, ns: a high peak of the noise has the shape of its autocorrelation.
     pub fn alarm_width(&self) -> f64 {
         2.0 * self.response
     }
@@ -123,7 +121,7 @@ impl ReceiverNoise {
         }
     }
 
-    /// How many false alarms a threshold has per nanosecond. Samples farther apart than the noise is correlated cross it
+    /// False alarms per nanosecond at a threshold. Samples farther apart than the noise is correlated cross it
     /// with the tail probability of the normal distribution, which bounds the rate of the continuous process.
     pub fn alarm_rate(&self, threshold: f64) -> f64 {
         let level = threshold / self.dark_sigma();
@@ -132,8 +130,7 @@ impl ReceiverNoise {
         crossings.min(tail)
     }
 
-    /// Appends the false alarms in `gate` (ns) outside of the `lit` intervals (ns, ascending, apart from each other), by
-    /// ascending time.
+    /// Appends the false alarms in `gate` (ns) outside of the `lit` intervals (ns, ascending, disjoint), by ascending time.
     pub fn add_alarms(
         &self,
         threshold: f64,
@@ -150,7 +147,7 @@ impl ReceiverNoise {
             let [a, b, c, d] = draws.alarms.bits(draws.device, draws.pulse, drawn);
             drawn = drawn.wrapping_add(1);
             time -= log(rng::open_unit(a, b)) / rate;
-            // The process has no memory: it begins anew behind what is lit.
+            // The process has no memory: it starts anew after each lit interval.
             while lit.next_if(|interval| interval.1 <= time).is_some() {}
             if let Some((_, until)) = lit.next_if(|interval| interval.0 <= time) {
                 time = until;
@@ -164,7 +161,7 @@ impl ReceiverNoise {
     }
 }
 
-/// Standard normal draws of `count` samples from number `first` on, numbers modulo 2³².
+/// Replaces `out` by the standard normal draws of `count` samples from number `first` (modulo 2³²) on.
 fn draw_white(count: usize, first: u32, draws: &PulseDraws, out: &mut Vec<f64>) {
     const LANES: usize = rng::NORMALS_PER_BLOCK;
     out.clear();

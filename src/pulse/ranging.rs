@@ -1,16 +1,15 @@
-//! Where an echo is within its bins: by its peak, its centroid or a Gaussian, for pulses of any shape.
+//! Ranging between bins: the position of an echo by its peak, its centroid or a Gaussian, for pulses of any shape.
 //!
-//! Each of these reads a position from the samples around the largest one that differs from where the pulse is, by an
-//! amount that depends on the pulse's shape and on where in its bin it begins. So the instrument is calibrated: the reading
-//! is tabulated for a pulse of its own shape that is shifted bit by bit, and the table is read backwards. Noiseless single
-//! echoes then come out where they are by any of the detectors; they differ in what they make of noise and of echoes that
-//! overlap.
+//! Each method reads a position from the samples around the largest one that differs from the position of the pulse, by an
+//! amount that depends on the pulse's shape and on its start within a bin. So the instrument is calibrated: the reading is
+//! tabulated for a pulse of its own shape in small shifts, and the table is inverted. Noiseless single echoes then have
+//! exact positions by any method; the methods differ in their response to noise and to echoes that overlap.
 
 use crate::survey::Ranging;
 
-/// Shifts per bin that are tabulated.
-const STEPS: usize = 64;
-/// Steps of the fit of a Gaussian, which converges in a few.
+/// Tabulated shifts per bin.
+const STEPS_PER_BIN: usize = 64;
+/// Iterations of the fit of a Gaussian, which converges in a few.
 const ITERATIONS: usize = 8;
 /// Full width at half maximum of a Gaussian of standard deviation 1: √(8·ln 2).
 const GAUSSIAN_WIDTH: f64 = 2.354_820_045_030_949_3;
@@ -19,7 +18,7 @@ const GAUSSIAN_WIDTH: f64 = 2.354_820_045_030_949_3;
 #[derive(Clone, Debug)]
 pub(super) struct RangeReader {
     ranging: Ranging,
-    /// Bins on either side of the peak that take part.
+    /// Bins on either side of the peak that are read.
     reach: i64,
     /// Standard deviation of a Gaussian as wide as the pulse, bins.
     width: f64,
@@ -37,13 +36,13 @@ impl RangeReader {
         };
         let mut reader = RangeReader { ranging, reach, width: width / GAUSSIAN_WIDTH, readings: Vec::new() };
         let reading = |i: usize| {
-            let shift = i as f64 / STEPS as f64 - 1.0;
-            // A pulse that begins early begins late in the bin before.
+            let shift = i as f64 / STEPS_PER_BIN as f64 - 1.0;
+            // A pulse that starts early starts late in the previous bin.
             let whole = shift.floor();
             reader.read(|k| pulse(k - whole as i64, shift - whole))
         };
-        let mut readings: Vec<f64> = (0..=2 * STEPS).map(reading).collect();
-        // Ascending even where rounding or an odd shape says otherwise.
+        let mut readings: Vec<f64> = (0..=2 * STEPS_PER_BIN).map(reading).collect();
+        // Enforces the order against rounding and odd shapes.
         for i in 1..readings.len() {
             readings[i] = readings[i].max(readings[i - 1]);
         }
@@ -51,12 +50,12 @@ impl RangeReader {
         reader
     }
 
-    /// How many bins later than a pulse that begins with a bin this one began, given its samples relative to the peak.
+    /// Shift of a pulse relative to one that starts with a bin, bins, given its samples relative to the peak.
     pub fn offset(&self, sample: impl Fn(i64) -> f64) -> f64 {
         let reading = self.read(sample);
-        let (first, last) = (self.readings[0], self.readings[2 * STEPS]);
+        let (first, last) = (self.readings[0], self.readings[2 * STEPS_PER_BIN]);
         let limit = self.reach as f64;
-        // Beyond the table a bin more is a bin more.
+        // Beyond the table readings are extrapolated with slope 1.
         if reading < first {
             return (reading - first - 1.0).max(-limit);
         }
@@ -68,10 +67,10 @@ impl RangeReader {
             return if above == 0 { -1.0 } else { 0.0 };
         };
         let part = (reading - self.readings[low]) / (high - self.readings[low]);
-        (low as f64 + part) / STEPS as f64 - 1.0
+        (low as f64 + part) / STEPS_PER_BIN as f64 - 1.0
     }
 
-    /// Position relative to the largest sample, bins; 0 where the samples are no echo.
+    /// Position relative to the largest sample, bins; 0 if the samples are no echo.
     fn read(&self, sample: impl Fn(i64) -> f64) -> f64 {
         let position = match self.ranging {
             Ranging::Peak => vertex(sample(-1), sample(0), sample(1)),
@@ -115,16 +114,16 @@ impl RangeReader {
             let Some([dh, dc, dw]) = solve(normal, gradient) else { return f64::NAN };
             height += dh;
             centre += dc.clamp(-width, width);
-            // Never inside out, and not much wider or narrower at a time.
+            // The width stays positive and changes by a factor of two at most.
             width *= (1.0 + dw / width).clamp(0.5, 2.0);
         }
         if height > 0.0 { centre } else { f64::NAN }
     }
 }
 
-/// Samples on either side of a peak that take part, in widths at half maximum: more would add noise, fewer lose light.
+/// Reach on either side of a peak, in widths at half maximum: more would add noise, less would lose light.
 const REACH: f64 = 0.75;
-/// Most bins on either side of a peak that take part.
+/// Longest reach, bins.
 const MAX_REACH: i64 = 1 << 12;
 
 /// Position of the vertex of the parabola through three samples, bins from the middle one.

@@ -1,6 +1,6 @@
-//! The receiver between light and detection: noise, saturation, range walk, and where an echo is within its bins.
+//! Receivers that are not ideal: noise, saturation, range walk, and ranging between bins.
 //!
-//! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise comes on the
+//! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise is added to the
 //! samples, then the receiver saturates, then echoes are detected.
 
 use super::detector::{DetectorSettings, Return};
@@ -14,12 +14,12 @@ use crate::rng::{Purpose, Stream};
 use crate::survey::{AmplifierNoise, Ranging, Receiver, ReferenceTarget};
 use libm::sqrt;
 
-/// Most false alarms of a pulse, on the mean, that anybody can want.
+/// Most false alarms per pulse on average.
 const MAX_ALARMS: f64 = 10_000.0;
-/// Waveforms of at most so many bins have noise on all of them; longer ones where light is.
-const MAX_FILLED: u64 = 4096;
+/// Longest waveform with noise on all bins; longer ones have noise where light is stored.
+const MAX_FILLED_BINS: u64 = 4096;
 
-/// Noise of a receiver in nanowatts; `None` for an ideal one. `amplitude_of` tells the peak of a target's echo, nW.
+/// Noise of a receiver in nanowatts; `None` for an ideal one. `amplitude_of` computes the peak of a target's echo, nW.
 pub(super) fn receiver_noise(
     receiver: &Receiver,
     shape: &PulseShape,
@@ -54,7 +54,7 @@ pub(super) fn range_walk(walk: f64, threshold: f64, amplitude: f64) -> f64 {
     if amplitude > threshold { walk * threshold / amplitude } else { walk }
 }
 
-/// What a device's receiver does, as far as it is not ideal.
+/// The receiver of a device, as far as it is not ideal.
 #[derive(Clone, Debug)]
 pub(super) struct ReceiverModel {
     noise: Option<ReceiverNoise>,
@@ -63,7 +63,7 @@ pub(super) struct ReceiverModel {
     /// Shift of the range of an echo at the threshold, m.
     walk: f64,
     threshold: f64,
-    /// Travel times between which it listens, ns.
+    /// Travel times between which it detects echoes, ns.
     gate: (f64, f64),
     reader: Option<RangeReader>,
     samples: Stream,
@@ -74,7 +74,7 @@ impl ReceiverModel {
     /// The model of a receiver; `None` if it is ideal. `gate` are the travel times between which echoes count, ns.
     ///
     /// # Errors
-    /// A threshold so low that noise alone makes more echoes than anybody can want, in words.
+    /// A message if the threshold is so low that noise causes more than [`MAX_ALARMS`] echoes per pulse.
     pub fn new(
         receiver: &Receiver,
         noise: Option<ReceiverNoise>,
@@ -83,7 +83,7 @@ impl ReceiverModel {
         gate: (f64, f64),
         seed: u64,
     ) -> Result<Option<ReceiverModel>, String> {
-        let reader = read_by(receiver, shape);
+        let reader = calibrated_reader(receiver, shape);
         let limit = receiver.saturation.map_or(f64::INFINITY, |power| power * NANO);
         if noise.is_none() && limit == f64::INFINITY && receiver.range_walk == 0.0 && reader.is_none() {
             return Ok(None);
@@ -111,16 +111,16 @@ impl ReceiverModel {
         }))
     }
 
-    /// Whether pulses may have echoes though nothing came back.
+    /// Whether pulses may have echoes without any reflection.
     pub fn has_false_alarms(&self) -> bool {
         self.noise.as_ref().is_some_and(|noise| noise.alarm_rate(self.threshold) > 0.0)
     }
 
-    /// Adds noise to the samples of a pulse, and saturates. Noise is on all bins of waveforms that will be recorded, and of
-    /// others where that is not much work; else where bins are stored.
+    /// Adds noise to the samples of a pulse and saturates them. All bins of recorded and of short waveforms have noise, of
+    /// others the stored ones.
     pub fn distort(&self, waveform: &mut Waveform, is_recorded: bool, (device, pulse): (u32, u64)) {
         if let Some(noise) = &self.noise {
-            waveform.store_gaps(if is_recorded { MAX_RECORD_SAMPLES } else { MAX_FILLED });
+            waveform.store_gaps(if is_recorded { MAX_RECORD_SAMPLES } else { MAX_FILLED_BINS });
             let (draws, mut white) = (self.draws(device, pulse), Vec::new());
             waveform.change_segments(|first, samples| noise.add(samples, first, &draws, &mut white));
         }
@@ -131,7 +131,7 @@ impl ReceiverModel {
         }
     }
 
-    /// Bins from the beginning of bin `peak` to where the echo is by this receiver's detector; `None` for the default one.
+    /// Position of the echo relative to bin `peak` by this receiver's method, bins; `None` for the default method.
     pub fn offset(&self, waveform: &Waveform, peak: u64) -> Option<f64> {
         let reader = self.reader.as_ref()?;
         Some(reader.offset(|k| peak.checked_add_signed(k).map_or(0.0, |bin| waveform.at(bin))))
@@ -142,8 +142,8 @@ impl ReceiverModel {
         if self.walk == 0.0 { 0.0 } else { range_walk(self.walk, self.threshold, amplitude) }
     }
 
-    /// Inserts the false alarms of a pulse among its returns, which are ascending in range, and leaves as many as the
-    /// instrument reports.
+    /// Inserts the false alarms of a pulse among its returns, by ascending range, and truncates them to the detector's
+    /// maximum.
     #[inline(never)]
     pub fn add_false_alarms(
         &self,
@@ -177,8 +177,8 @@ impl ReceiverModel {
     }
 }
 
-/// The detector that is calibrated for the pulse; `None` where the exact formula for the default pulse does.
-fn read_by(receiver: &Receiver, shape: &PulseShape) -> Option<RangeReader> {
+/// The reader that is calibrated for the pulse; `None` where the exact formula of the default pulse applies.
+fn calibrated_reader(receiver: &Receiver, shape: &PulseShape) -> Option<RangeReader> {
     let is_default = receiver.ranging == Ranging::Peak && receiver.pulse_shape.is_none();
     let pulse = |k: i64, by: f64| {
         let at = shape.peak.checked_add_signed(k as isize).filter(|at| *at < shape.samples.len());

@@ -1,4 +1,4 @@
-//! What a recorded waveform shows: the echoes of samples that were written earlier, for those who look at them again.
+//! Echoes of recorded waveforms.
 
 use super::detector::PeakRule;
 use super::fit;
@@ -8,28 +8,28 @@ use super::waveform::Waveform;
 /// An echo in recorded samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecordedEcho {
-    /// Number of the sample with its top.
+    /// Index of the sample with its peak.
     pub sample: usize,
     /// Amplitude there.
     pub amplitude: f64,
     /// Half width at 1/e of the Gaussian that fits it (spec pulse-physics §4.5), samples. May be NaN or absurd where
-    /// nothing like a Gaussian is, as may be the others.
+    /// nothing resembles a Gaussian, as may be the following.
     pub width: f64,
     /// Where the fitted Gaussian has its centre, samples.
     pub centre: f64,
-    /// Its height above the pedestal.
+    /// Height of the Gaussian above the pedestal.
     pub height: f64,
     /// The pedestal on which it stands.
     pub pedestal: f64,
 }
 
-/// Samples on either side that an echo tops; one nanosecond in waveforms of the usual 0.25 ns.
+/// Neighbours on either side below an echo, plus one: one nanosecond in bins of 0.25 ns.
 const WINDOW: u64 = 5;
-/// Echoes are at least this share of the highest.
+/// Smallest amplitude of an echo, as a share of the highest.
 const MIN_SHARE: f64 = 0.01;
 
-/// The echoes of `samples` in their order. A waveform of one echo is fitted whole, as a run with echo widths does; several
-/// are fitted each up to the nearer of the valleys beside it.
+/// The echoes of `samples` in their order. The whole waveform of a single echo is fitted, as by a run with echo widths;
+/// several echoes are fitted up to the nearer valley on either side.
 pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     let highest = samples.iter().copied().fold(0.0, f64::max);
     if highest <= 0.0 || !highest.is_finite() {
@@ -64,7 +64,7 @@ mod tests {
     use super::*;
     use libm::exp;
 
-    fn bells(of: &[(f64, f64, f64)], count: usize) -> Vec<f64> {
+    fn gaussians(of: &[(f64, f64, f64)], count: usize) -> Vec<f64> {
         let at = |t: f64| {
             of.iter().map(|(top, centre, w)| top * exp(-((t - centre) / w) * ((t - centre) / w))).sum()
         };
@@ -72,18 +72,18 @@ mod tests {
     }
 
     #[test]
-    fn bells_are_found_where_they_are_with_their_widths() {
-        let echoes = recorded_echoes(&bells(&[(2.0, 20.0, 4.0)], 60));
+    fn gaussians_are_found_at_their_centres_with_their_widths() {
+        let echoes = recorded_echoes(&gaussians(&[(2.0, 20.0, 4.0)], 60));
         assert_eq!(echoes.len(), 1);
         assert_eq!((echoes[0].sample, echoes[0].amplitude), (20, 2.0));
         assert!((echoes[0].width - 4.0).abs() < 1e-3, "{}", echoes[0].width);
-        let echoes = recorded_echoes(&bells(&[(2.0, 20.0, 4.0), (0.5, 50.0, 3.0)], 80));
+        let echoes = recorded_echoes(&gaussians(&[(2.0, 20.0, 4.0), (0.5, 50.0, 3.0)], 80));
         assert_eq!(echoes.iter().map(|e| e.sample).collect::<Vec<_>>(), [20, 50]);
         assert!((echoes[0].width - 4.0).abs() < 0.1 && (echoes[1].width - 3.0).abs() < 0.1, "{echoes:?}");
     }
 
     #[test]
-    fn odd_samples_do_no_harm() {
+    fn odd_samples_are_accepted() {
         for samples in
             [&[][..], &[0.0; 9], &[1.0], &[f64::NAN; 5], &[f64::INFINITY, 1.0], &[-1.0, -2.0], &[3.0, 3.0]]
         {

@@ -34,7 +34,7 @@ pub(super) fn width(pulse: &PulseSamples) -> f64 {
         differs.then(|| t[0] + (0.5 - p[0]) / (p[1] - p[0]) * (t[1] - t[0]))
     });
     let last = duration(pulse);
-    // A file may begin or end in the middle of a pulse.
+    // Samples may begin or end in the middle of a pulse.
     let begin = pulse.powers.first().filter(|p| **p >= 0.5).map(|_| 0.0);
     let end = pulse.powers.last().filter(|p| **p >= 0.5).map(|_| last);
     let all: Vec<f64> = begin.into_iter().chain(crossings).chain(end).collect();
@@ -44,10 +44,10 @@ pub(super) fn width(pulse: &PulseSamples) -> f64 {
     }
 }
 
-/// The pulse in bins of `bin` ns: samples, and what a late start adds to them. The pulse that starts φ bins late, 0 to 1, has
+/// The pulse in bins of `bin` ns: samples, and the coefficients of late starts. The pulse that starts φ bins late, 0 to 1, has
 /// the sample `samples[k] + lateness[0][k]·φ + lateness[1][k]·φ²`: the parabola through the pulse at kΔ, (k − ½)Δ and (k − 1)Δ.
-pub(super) fn in_bins(pulse: &PulseSamples, bin: f64) -> (Vec<f64>, [Vec<f64>; 2]) {
-    // One more bin holds the end of pulses that start late.
+pub(super) fn digitise(pulse: &PulseSamples, bin: f64) -> (Vec<f64>, [Vec<f64>; 2]) {
+    // One more bin for the end of pulses that start late.
     let count = (duration(pulse) / bin).ceil() as usize + 2;
     let at = |k: f64| power_at(pulse, k * bin);
     let (mut samples, mut slope, mut bend) = (Vec::new(), Vec::new(), Vec::new());
@@ -84,11 +84,11 @@ mod tests {
     }
 
     #[test]
-    fn a_late_pulse_is_the_same_pulse_later() {
+    fn a_late_pulse_is_shifted() {
         let gaussian = |t: f64| (-0.5 * ((t - 5.0) / 0.9) * ((t - 5.0) / 0.9)).exp();
         let times: Vec<f64> = (0..=1000).map(|i| f64::from(i) * 0.01).collect();
         let pulse = PulseSamples { powers: times.iter().map(|t| gaussian(*t)).collect(), times };
-        let (samples, lateness) = in_bins(&pulse, 0.25);
+        let (samples, lateness) = digitise(&pulse, 0.25);
         for by in [0.0, 0.2, 0.5, 0.9, 1.0] {
             for k in 1..40 {
                 let late = samples[k] + lateness[0][k] * by + lateness[1][k] * by * by;

@@ -19,7 +19,7 @@ pub(super) struct PulseShape {
     pub bins_per_ns: Option<f64>,
     /// Pulse length τp, ns; of a measured shape that of a gamma-like curve as wide at half maximum.
     pub length: f64,
-    /// How long there are samples, ns.
+    /// Duration of the samples, ns.
     pub duration: f64,
     /// Largest power between the samples.
     pub top: f64,
@@ -29,8 +29,8 @@ pub(super) struct PulseShape {
     decay: f64,
     /// e^x.
     growth: f64,
-    /// What late starts add, see [`PulseShape::late`]: −2kx²e^(−kx) and x²e^(−kx), 0 in bin 0; see [`sampled::in_bins`] for a
-    /// measured shape.
+    /// Coefficients of late starts, see [`PulseShape::late`]: −2kx²e^(−kx) and x²e^(−kx), 0 in bin 0; see
+    /// [`sampled::digitise`] for a measured shape.
     pub lateness: [Vec<f64>; 2],
 }
 
@@ -51,7 +51,7 @@ impl PulseShape {
                 x * x * exp(-x)
             })
             .collect();
-        let peak = first_largest(&samples);
+        let peak = index_of_max(&samples);
         let late = |weight: fn(f64) -> f64| {
             let of_bin = |k: usize| weight(k as f64) * decay * decay * exp(-(k as f64) * decay);
             (0..count).map(|k| if k == 0 { 0.0 } else { of_bin(k) }).collect()
@@ -74,9 +74,9 @@ impl PulseShape {
 
     /// A pulse of measured shape.
     pub fn measured(pulse: &PulseSamples, bin: f64) -> PulseShape {
-        let (samples, lateness) = sampled::in_bins(pulse, bin);
+        let (samples, lateness) = sampled::digitise(pulse, bin);
         PulseShape {
-            peak: first_largest(&samples),
+            peak: index_of_max(&samples),
             samples,
             bin,
             bins_per_ns: exact_inverse(bin),
@@ -105,9 +105,9 @@ impl PulseShape {
     #[inline(always)]
     pub fn late(&self, by: &Block) -> [Block; 3] {
         let mut late = [[0.0; LANES]; 3];
-        let is_short = self.decay < MAX_SERIES;
+        let is_short = self.decay < MAX_SERIES_ARGUMENT;
         for i in 0..LANES {
-            late[0][i] = if is_short { rise(by[i] * self.decay) } else { 0.0 };
+            late[0][i] = if is_short { exp_series(by[i] * self.decay) } else { 0.0 };
         }
         if !is_short {
             late[0] = by.map(|by| exp(by * self.decay));
@@ -119,13 +119,13 @@ impl PulseShape {
         late
     }
 
-    /// Sample `k` of pulses that start late in their bin, added up with the factors `late`.
+    /// Sample `k` of pulses that start late in their bin, of which `late` are the summed factors.
     #[inline(always)]
     pub fn late_sample(&self, k: usize, late: &[f64; 3]) -> f64 {
         self.samples[k] * late[0] + self.lateness[0][k] * late[1] + self.lateness[1][k] * late[2]
     }
 
-    /// Adds such samples, from the first on.
+    /// Adds all samples of pulses that start late in their bin, of which `late` are the summed factors.
     #[inline(always)]
     pub fn add_late(&self, late: &[f64; 3], to: &mut [f64]) {
         let pulse = self.samples.iter().zip(&self.lateness[0]).zip(&self.lateness[1]);
@@ -134,15 +134,14 @@ impl PulseShape {
         }
     }
 
-    /// How far pulses may be apart, in bins, for their sum to have a single peak: as long as all of them are concave between
-    /// the first peak and the last. (t/τ)²·e^(−t/τ) is for t from (2 − √2)τ to (2 + √2)τ, around its peak at 2τ.
+    /// Greatest distance between pulses, bins, with which their sum has a single peak: all of them must be concave between the
+    /// first peak and the last. (t/τ)²·e^(−t/τ) is concave for t from (2 − √2)τ to (2 + √2)τ, around its peak at 2τ.
     pub fn concave_reach(&self) -> f64 {
         std::f64::consts::SQRT_2 / self.decay
     }
 
-    /// Where the pulse started, in bins before the peak of a waveform, less those that an undelayed pulse needs: from
-    /// the samples on both sides of the peak. √(F·e^(kx)) grows linearly from the start of a pulse. Never more than one
-    /// bin either way.
+    /// Delay of a pulse within its bin, bins, from the samples on both sides of the peak: √(F·e^(kx)) grows linearly from the
+    /// start of a pulse. At most one bin either way, else 0.
     pub fn offset(&self, before: f64, after: f64) -> f64 {
         let growth = (after / before).sqrt() * self.growth;
         let start = -1.0 - 2.0 / (growth - 1.0);
@@ -151,8 +150,8 @@ impl PulseShape {
     }
 }
 
-/// Index of the largest sample, the first one of equal ones.
-fn first_largest(samples: &[f64]) -> usize {
+/// Index of the largest sample, the first of equal ones.
+fn index_of_max(samples: &[f64]) -> usize {
     let mut peak = 0;
     for (k, s) in samples.iter().enumerate() {
         if *s > samples[peak] {
@@ -162,13 +161,13 @@ fn first_largest(samples: &[f64]) -> usize {
     peak
 }
 
-/// Arguments up to which [`rise`] is exact enough.
-const MAX_SERIES: f64 = 1.0;
+/// Arguments up to which [`exp_series`] is exact enough.
+const MAX_SERIES_ARGUMENT: f64 = 1.0;
 
-/// e^x for x from 0 to [`MAX_SERIES`]: a Taylor series of 12 terms, whose rest is below 3e-9, and
+/// e^x for x from 0 to [`MAX_SERIES_ARGUMENT`]: a Taylor series of 12 terms, whose rest is below 3e-9, and
 /// below 2e-12 up to 0.5: ranges move by nanometres.
 #[inline(always)]
-fn rise(x: f64) -> f64 {
+fn exp_series(x: f64) -> f64 {
     const C: [f64; 12] = {
         let mut c = [1.0; 12];
         let mut k = 1;
@@ -186,7 +185,7 @@ fn rise(x: f64) -> f64 {
     low + x4 * (middle + x4 * high)
 }
 
-/// 1/x if no product with it rounds otherwise than the quotient with x: if x is a power of two.
+/// 1/x if every product with it rounds like the quotient with x: if x is a power of two.
 fn exact_inverse(x: f64) -> Option<f64> {
     let is_power_of_two = x.is_normal() && x.to_bits() & ((1 << (f64::MANTISSA_DIGITS - 1)) - 1) == 0;
     (is_power_of_two && (1.0 / x).is_normal()).then_some(1.0 / x)
@@ -230,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_that_starts_late_is_the_same_curve_later() {
+    fn a_pulse_that_starts_late_is_the_curve_shifted() {
         let s = shape(4.0, 0.25);
         let (by, tau) = (0.3, 4.0 / 7.0);
         let [a, b, c] = s.late(&[by; LANES]).map(|f| f[0]);
@@ -250,7 +249,7 @@ mod tests {
     fn the_series_of_the_rise_is_exact() {
         for i in 0..2000 {
             let x = f64::from(i) * 5e-4;
-            assert!((rise(x) / exp(x) - 1.0).abs() < if x < 0.5 { 2e-12 } else { 3e-9 }, "{x}");
+            assert!((exp_series(x) / exp(x) - 1.0).abs() < if x < 0.5 { 2e-12 } else { 3e-9 }, "{x}");
         }
     }
 

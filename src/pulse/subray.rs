@@ -9,9 +9,9 @@ use std::f64::consts::TAU;
 /// The subrays of a device relative to its beam axis, from the axis outwards.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Subrays {
-    /// Quaternions of each pattern, w, x, y and z apart; the last one fills the last block. Pulses take turns at them.
+    /// Quaternions of each pattern by component; the last block is padded with the last quaternion.
     patterns: Vec<Vec<[Block; 4]>>,
-    /// Where the subrays of each pattern leave the instrument, m, beam frame; empty where all leave its origin.
+    /// Where the subrays of each pattern leave the instrument, m, beam frame; empty if all leave its origin.
     exits: Vec<Vec<DVec3>>,
     /// Ring of each subray; 0 where all have the same energy.
     pub ring: Vec<u32>,
@@ -22,8 +22,8 @@ pub(super) fn rays_in_ring(i: u32) -> u32 {
     ((TAU * f64::from(i)) as u32).max(1)
 }
 
-/// Number of subrays of equal energy for a beam sample quality: about as many as the reference's rings have, but whole
-/// registers of them: 1, 8, 16, 40, 64, 96 …
+/// Number of subrays of equal energy for a beam sample quality: about as many as the reference's rings have, in whole
+/// blocks: 1, 8, 16, 40, 64, 96 …
 pub(super) fn equal_subrays(rings: u32) -> usize {
     let of_rings = (0..rings).map(rays_in_ring).sum::<u32>() as usize;
     if of_rings <= 1 { of_rings } else { ((of_rings + LANES / 2) / LANES * LANES).max(LANES) }
@@ -67,7 +67,7 @@ impl Subrays {
         subrays
     }
 
-    /// Where the subrays of a pattern leave the instrument, m, beam frame; `None` where all leave its origin.
+    /// Where the subrays of a pattern leave the instrument, m, beam frame; `None` if all leave its origin.
     #[inline(always)]
     pub fn exits(&self, pattern: usize) -> Option<&[DVec3]> {
         self.exits.get(pattern).map(Vec::as_slice)
@@ -84,17 +84,16 @@ impl Subrays {
         self.patterns.len()
     }
 
-    /// Writes x, y and z of the directions of all subrays of a pattern under `attitude`, the last of which fills the last
-    /// block.
+    /// Writes x, y and z of the directions of all subrays of a pattern under `attitude`, padded like the quaternions.
     ///
     /// The direction is the image of +Y under the product of the quaternions, rounded in the order of
     /// [`Rotation::after`] and [`Rotation::apply`]: which subrays of a symmetric surface tie in range depends on the
-    /// last digits (§4.2). A zero component is always +0, so that no slab test takes the sign of a zero for a side.
+    /// last digits (spec pulse-physics §4.2). A zero component is always +0, because slab tests read the sign of zeros.
     #[inline(always)]
     pub fn expand(&self, pattern: usize, attitude: &Rotation, [dx, dy, dz]: [&mut [Block]; 3]) {
         let (aw, a) = (attitude.w, attitude.u);
         for (((turns, dx), dy), dz) in self.patterns[pattern].iter().zip(dx).zip(dy).zip(dz) {
-            // Blocks of its own, that no store could be meant for what is still to be read.
+            // Local copies, which stores cannot alias.
             let ([w, x, y, z], mut d) = (*turns, [[0.0; LANES]; 3]);
             for i in 0..LANES {
                 let qw = aw * w[i] - (a.x * x[i] + a.y * y[i] + a.z * z[i]);
@@ -110,7 +109,7 @@ impl Subrays {
     }
 }
 
-/// The parts of quaternions apart, in whole blocks.
+/// Quaternions by component, in whole blocks.
 fn in_blocks(turns: &[Rotation]) -> Vec<[Block; 4]> {
     let block = |some: &[Rotation]| {
         let lane = |i: usize| some[i.min(some.len() - 1)];
@@ -145,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn subrays_of_equal_energy_fill_registers() {
+    fn subrays_of_equal_energy_fill_blocks() {
         assert_eq!([0, 1, 2, 3, 4, 5, 6].map(equal_subrays), [0, 1, 8, 16, 40, 64, 96]);
     }
 
@@ -164,7 +163,7 @@ mod tests {
             let difference = (rays[i] - DVec3::from(d)).length();
             assert!(difference < 1e-14, "subray {i}: {} is not {d:?}", rays[i]);
         }
-        // The quaternion route leaves this trace of rounding, which decides ties between ranges.
+        // Rounding of the quaternions leaves this trace, which decides ties between ranges.
         assert!((rays[10].z - 4.1e-20).abs() < 5e-22, "{:e}", rays[10].z);
     }
 

@@ -1,8 +1,8 @@
-//! Random numbers as a pure function of what they are for.
+//! Counter-based random numbers: pure functions of their purpose.
 //!
 //! Every draw is Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3") keyed by the survey's
 //! seed and the [`Purpose`], with the emitting device, the pulse number and a counter as the plain text. No generator has
-//! state, so no draw depends on threads, chunks or on what was drawn before it.
+//! state, so no draw depends on threads, chunks or previous draws.
 
 mod normals;
 
@@ -82,7 +82,7 @@ impl Stream {
         // 1 − u lies in (0, 1], so the logarithm is finite.
         let radius = (-2.0 * log(1.0 - unit_interval(b[0], b[1]))).sqrt();
         let angle = std::f64::consts::TAU * unit_interval(b[2], b[3]);
-        // The sign of the angle's half decides nothing; one of the pair's two values is enough.
+        // A random one of the two values of the pair.
         if b[3] & 1 == 0 { radius * cos(angle) } else { radius * sin(angle) }
     }
 }

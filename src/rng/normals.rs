@@ -1,7 +1,7 @@
-//! Eight normal draws at a time: the same bits as [`Stream::normal`].
+//! Eight normal draws at a time, bit for bit equal to [`Stream::normal`].
 //!
-//! Logarithm, sine and cosine take the steps of libm's for the arguments that occur here, lane by lane without a branch, so
-//! that the compiler may take them eight at a time for whatever instruction set this is inlined into.
+//! Logarithm, sine and cosine repeat the steps of libm for the arguments that occur here, without branches, so that the
+//! compiler can vectorise them for the instruction set that they are inlined into.
 
 #![expect(clippy::excessive_precision, reason = "coefficients stand as they were published")]
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
@@ -9,7 +9,7 @@
 use super::{Stream, unit_interval};
 use std::f64::consts::TAU;
 
-/// Draws that are computed together.
+/// Number of draws that are computed together.
 pub const NORMALS_PER_BLOCK: usize = 8;
 type Block = [f64; NORMALS_PER_BLOCK];
 
@@ -82,7 +82,7 @@ fn logs(x: &Block) -> Block {
         1.531383769920937332e-01,
         1.479819860511658591e-01,
     ];
-    // The upper half of √2/2, from which on mantissas count as 1 or more of the next lower power of two.
+    // The upper half of √2/2: larger mantissas belong to the next lower power of two.
     const HALF_ROOT: u64 = 0x3fe6_a09e;
     let mut out = [0.0; NORMALS_PER_BLOCK];
     for i in 0..NORMALS_PER_BLOCK {
@@ -108,7 +108,7 @@ fn logs(x: &Block) -> Block {
 fn sines(x: &Block, is_sine: &[u64; NORMALS_PER_BLOCK]) -> Block {
     /// π/2: its first 33 bits, and the others.
     const QUARTER: [f64; 2] = [1.57079632673412561417e+00, 6.07710050650619224932e-11];
-    // Upper halves of odd multiples of π/4, from which on the next multiple of π/2 is taken off.
+    // Upper halves of odd multiples of π/4, above which the next multiple of π/2 is subtracted.
     const FROM: [u64; 4] = [0x3fe9_21fb, 0x4002_d97c, 0x400f_6a7a, 0x4015_fdbc];
     let (mut out, mut rare) = ([0.0; NORMALS_PER_BLOCK], 0);
     for i in 0..NORMALS_PER_BLOCK {
@@ -119,7 +119,7 @@ fn sines(x: &Block, is_sine: &[u64; NORMALS_PER_BLOCK]) -> Block {
         let z = x[i] - n * QUARTER[0];
         let y = z - n * QUARTER[1];
         let rest = (z - y) - n * QUARTER[1];
-        // Near multiples of π/2 libm takes off more digits.
+        // Near multiples of π/2 libm subtracts more digits.
         let cancels = (high & 0x000f_ffff == 0x9_21fb) & (high > FROM[0]) | (high == 0x4012_d97c);
         rare |= u64::from(cancels);
         let quadrant = quarters + 3 * is_sine[i];
@@ -129,14 +129,14 @@ fn sines(x: &Block, is_sine: &[u64; NORMALS_PER_BLOCK]) -> Block {
         out[i] = f64::from_bits(value.to_bits() ^ ((quadrant + 1) & 2) << 62);
     }
     if rare != 0 {
-        one_by_one(x, is_sine, &mut out);
+        scalar_sines(x, is_sine, &mut out);
     }
     out
 }
 
 #[cold]
 #[inline(never)]
-fn one_by_one(x: &Block, is_sine: &[u64; NORMALS_PER_BLOCK], out: &mut Block) {
+fn scalar_sines(x: &Block, is_sine: &[u64; NORMALS_PER_BLOCK], out: &mut Block) {
     for i in 0..NORMALS_PER_BLOCK {
         out[i] = if is_sine[i] == 1 { libm::sin(x[i]) } else { libm::cos(x[i]) };
     }
@@ -181,7 +181,7 @@ fn sine(x: f64, y: f64) -> f64 {
     x - ((z * (0.5 * y - v * r) - y) - v * S[0])
 }
 
-/// sin(x), rounded as libm does it where nothing was taken off.
+/// sin(x), rounded as by libm where no multiple of π/2 was subtracted.
 #[inline(always)]
 fn sine_alone(x: f64) -> f64 {
     let z = x * x;
@@ -197,7 +197,7 @@ mod tests {
     use std::array::from_fn;
 
     #[test]
-    fn eight_draws_are_those_one_by_one() {
+    fn blocks_equal_single_draws() {
         for seed in [1, u64::MAX] {
             let s = Stream::new(seed, Purpose::Range);
             for block in 0..50_000u64 {

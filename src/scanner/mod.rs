@@ -132,64 +132,17 @@ pub mod testing {
 
     use super::*;
     use crate::geom::radians;
-    use crate::survey::{Beam, BeamProfile, Detector, Head, Receiver, WaveformSettings};
+    use crate::survey::Head;
+    use crate::survey::testkit;
+    pub use crate::survey::testkit::scanner_settings as settings;
 
     /// A device with the given deflector, 120° mechanical half angle and a free head.
     pub fn device(deflector: Deflector) -> Device {
         Device {
-            id: "d".into(),
             deflector,
             scan_angle_max: radians(120.0),
-            scan_freq: (0.0, 0.0),
             head: Head { axis: DVec3::Z, max_rate: radians(3600.0) },
-            beam_origin: Mount::IDENTITY,
-            beam: Beam {
-                divergence: 0.0003,
-                divergence_y: None,
-                profile: BeamProfile::Gaussian,
-                aperture: 0.0,
-                pulse_length: 4.0,
-                wavelength: 1064.0,
-                atmosphere_wavelength: 1064.0,
-                average_power: 4.0,
-                pulse_energy: None,
-                quality: 1.0,
-                efficiency: 0.99,
-                receiver_diameter: 0.15,
-                visibility: 23.0,
-            },
-            detector: Detector {
-                accuracy: 0.0,
-                range_min: 0.0,
-                range_max: f64::MAX,
-                max_returns: 0,
-                threshold: 0.0,
-                threshold_given: false,
-                distance_error: None,
-            },
-            receiver: Receiver::default(),
-            waveform: WaveformSettings { bin: 0.25, window: 1.0, quality: 3, max_range: 0.0 },
-            errors: MechanicalErrors::default(),
-        }
-    }
-
-    /// An active leg's settings at `pulse_freq` Hz with nothing else set.
-    pub fn settings(pulse_freq: u32) -> ScannerSettings {
-        ScannerSettings {
-            active: true,
-            pulse_freq,
-            scan_freq: 0.0,
-            scan_angle: 0.0,
-            vertical_min: None,
-            vertical_max: None,
-            head_rate: 0.0,
-            head_start: 0.0,
-            head_stop: 0.0,
-            beam_divergence: 0.0003,
-            written_divergence: None,
-            trajectory_interval: 0.0,
-            max_duration: None,
-            warmup: 0.0,
+            ..testkit::device()
         }
     }
 }

@@ -1,30 +1,12 @@
 //! Devices and surveys for the tests of several modules.
 
+use super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM};
+use super::settings::PlatformLayer;
 use super::*;
 use crate::geom::DVec3;
-use std::path::PathBuf;
 
-/// The beam of the worked examples (spec pulse-physics §3.6), of 5 ns.
-pub fn tls_beam() -> Beam {
-    Beam {
-        divergence: 3e-4,
-        divergence_y: None,
-        profile: BeamProfile::Gaussian,
-        aperture: 0.0,
-        pulse_length: 5.0,
-        wavelength: 1064.0,
-        atmosphere_wavelength: 1064.0,
-        average_power: 4.0,
-        pulse_energy: None,
-        quality: 1.0,
-        efficiency: 0.99,
-        receiver_diameter: 0.15,
-        visibility: 23.0,
-    }
-}
-
-/// A device with that beam, 3 rings, bins of 0.25 ns and a window of a quarter pulse.
-pub fn tls_device(pulse_length: f64) -> Device {
+/// A device with the default beam, detector and waveform settings.
+pub fn device() -> Device {
     Device {
         id: "tls".to_owned(),
         deflector: Deflector::Conic,
@@ -32,27 +14,34 @@ pub fn tls_device(pulse_length: f64) -> Device {
         scan_freq: (0.0, 0.0),
         head: Head { axis: DVec3::Z, max_rate: 0.0 },
         beam_origin: Mount::IDENTITY,
-        beam: Beam { pulse_length, ..tls_beam() },
-        detector: Detector {
-            accuracy: 0.0,
-            range_min: 1.5,
-            range_max: f64::MAX,
-            max_returns: 0,
-            threshold: 1e-4,
-            threshold_given: false,
-            distance_error: None,
-        },
+        beam: DEVICE_BEAM,
+        detector: DETECTOR,
         receiver: Receiver::default(),
-        waveform: WaveformSettings { bin: 0.25, window: pulse_length / 4.0, quality: 3, max_range: 0.0 },
+        waveform: WAVEFORM,
         errors: MechanicalErrors::default(),
     }
 }
 
-/// A survey of one leg with these devices and device 0's divergence.
-pub fn survey(devices: Vec<Device>) -> Survey {
-    let scanner = ScannerSettings {
+/// The beam of the worked examples (spec pulse-physics §3.6), of 5 ns.
+pub fn tls_beam() -> Beam {
+    Beam { pulse_length: 5.0, ..DEVICE_BEAM }
+}
+
+/// A device with that beam, a minimum range of 1.5 m, 3 rings, bins of 0.25 ns and a window of a quarter pulse.
+pub fn tls_device(pulse_length: f64) -> Device {
+    Device {
+        beam: Beam { pulse_length, ..tls_beam() },
+        detector: Detector { range_min: 1.5, ..DETECTOR },
+        waveform: WaveformSettings { window: pulse_length / 4.0, ..WAVEFORM },
+        ..device()
+    }
+}
+
+/// Settings of an active leg at `pulse_freq` Hz.
+pub fn scanner_settings(pulse_freq: u32) -> ScannerSettings {
+    ScannerSettings {
         active: true,
-        pulse_freq: 1000,
+        pulse_freq,
         scan_freq: 0.0,
         scan_angle: 0.0,
         vertical_min: None,
@@ -60,25 +49,25 @@ pub fn survey(devices: Vec<Device>) -> Survey {
         head_rate: 0.0,
         head_start: 0.0,
         head_stop: 0.0,
-        beam_divergence: devices[0].beam.divergence,
+        beam_divergence: DEVICE_BEAM.divergence,
         written_divergence: None,
         trajectory_interval: 0.0,
         max_duration: None,
         warmup: 0.0,
-    };
-    let platform = PlatformSettings {
-        position: DVec3::ZERO,
-        on_ground: false,
-        speed: 0.0,
-        stop_and_turn: false,
-        smooth_turn: false,
-        slowdown: false,
-        yaw_at_departure: None,
-        trajectory: None,
-    };
+    }
+}
+
+/// A leg with the default platform settings.
+pub fn leg(number: u32, scanner: ScannerSettings) -> Leg {
+    Leg { number, strip: None, platform: PlatformLayer::unset().resolved(None), scanner, place: None }
+}
+
+/// A survey of these devices on a tripod with one leg at 1 kHz, which has the divergence of device 0.
+pub fn survey(devices: Vec<Device>) -> Survey {
+    let beam_divergence = devices[0].beam.divergence;
     Survey {
         name: "test".to_owned(),
-        path: PathBuf::new(),
+        path: "test.xml".into(),
         seed: None,
         platform: Platform {
             id: "tripod".to_owned(),
@@ -87,22 +76,22 @@ pub fn survey(devices: Vec<Device>) -> Survey {
             noise: PlatformNoise::default(),
         },
         scanner: Scanner {
-            id: "tls".to_owned(),
-            name: "tls".to_owned(),
+            id: "scanner".to_owned(),
+            name: "Test scanner".to_owned(),
             pulse_freqs: vec![1000],
             multi_channel: devices.len() > 1,
             devices,
         },
         scene: SceneRecipe {
             id: "scene".to_owned(),
-            path: PathBuf::new(),
+            path: "scene.xml".into(),
             parts: Vec::new(),
             dyn_step: 1,
             dyn_time_step: None,
             packed: None,
             asset_folders: Vec::new(),
         },
-        legs: vec![Leg { number: 0, strip: None, platform, scanner, place: None }],
+        legs: vec![leg(0, ScannerSettings { beam_divergence, ..scanner_settings(1000) })],
         leg_offset: None,
         crs_wkt: None,
     }

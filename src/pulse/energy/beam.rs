@@ -9,10 +9,9 @@ use libm::pow;
 /// Nanowatts per watt; amplitudes are in nanowatts.
 pub const NANO: f64 = 1e9;
 
-/// The beam's state that an energy model is computed for.
+/// State of a beam for which an energy model is computed.
 #[derive(Clone, Copy, Debug)]
 pub struct BeamState<'a> {
-    /// The device's optics.
     pub beam: &'a Beam,
     /// Number of rings of subrays.
     pub rings: u32,
@@ -26,7 +25,7 @@ pub struct BeamState<'a> {
     pub frequency: f64,
 }
 
-/// The rings of all subrays, ring by ring, in blocks; the last ring fills the last block.
+/// The ring of every subray, padded to whole blocks with the last ring.
 pub fn rings_of_subrays(rings: u32) -> Vec<u32> {
     let mut all: Vec<u32> =
         (0..rings).flat_map(|r| std::iter::repeat_n(r, rays_in_ring(r) as usize)).collect();
@@ -39,7 +38,7 @@ pub fn half_angle(divergence: f64, corrections: &Corrections) -> f64 {
     if corrections.full_angle_divergence { divergence * 0.5 } else { divergence }
 }
 
-/// Extinction by the atmosphere, per metre as the models apply it (§3.1).
+/// Extinction by the atmosphere, 1/m.
 pub fn extinction(beam: &Beam, corrections: &Corrections) -> f64 {
     let v = beam.visibility;
     let wavelength = if corrections.channel_haze { beam.wavelength } else { beam.atmosphere_wavelength };
@@ -58,7 +57,7 @@ pub fn extinction(beam: &Beam, corrections: &Corrections) -> f64 {
     }
 }
 
-/// P·D²·η in nanowatt square metres, the factor that all laws share.
+/// P·D²·η in nW m².
 pub fn received_scale(beam: &Beam) -> f64 {
     NANO * beam.average_power * (beam.receiver_diameter * beam.receiver_diameter) * beam.efficiency
 }

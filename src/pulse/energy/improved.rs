@@ -1,18 +1,18 @@
 //! The improved energy model of the reference (spec pulse-physics §3.4).
 
 use super::beam::{BeamState, extinction, half_angle, received_scale, rings_of_subrays};
-use super::series::{SMALL, exponential, exponential_minus_one, series};
+use super::series::{MAX_SERIES_ARGUMENT, exponential, exponential_minus_one, series};
 use crate::pulse::lanes::{Block, LANES};
 use crate::pulse::options::Corrections;
 use crate::pulse::subray::rays_in_ring;
 use std::array::from_fn;
 use std::f64::consts::PI;
 
-/// The newer law: each ring carries its share of a Gaussian beam.
+/// Each ring carries its share of a Gaussian beam.
 #[derive(Clone, Debug)]
 pub struct Improved {
     pub rings: Vec<Ring>,
-    /// Of all subrays.
+    /// Rings of all subrays.
     pub lanes: Vec<RingBlock>,
     /// w0², m².
     waist_squared: f64,
@@ -33,7 +33,7 @@ pub struct RingBlock {
 }
 
 impl RingBlock {
-    /// Some rings, at most as many as a block holds.
+    /// Constants of at most a block of rings.
     pub fn of(rings: &[Ring], some: &[u32]) -> RingBlock {
         let lane = |i: usize| rings[some.get(i).map_or(0, |r| *r as usize)];
         RingBlock {
@@ -47,7 +47,7 @@ impl RingBlock {
 /// One ring of the improved model.
 #[derive(Clone, Copy, Debug)]
 pub struct Ring {
-    /// Everything that does not depend on range or surface.
+    /// All factors that do not depend on range or surface.
     scale: f64,
     /// 2ρ² of the inner radius.
     inner: f64,
@@ -86,7 +86,6 @@ impl Improved {
     /// Intensities for a reflectance factor of 1.
     #[inline(always)]
     pub fn gains(&self, ring: &RingBlock, range: &Block, out: &mut Block) {
-        // The energy that a ring has lost to its outer neighbours, and what is left of the rest by then:
         // e^(−a) − e^(−b) as e^(−a)·(1 − e^(−(b−a))), which does not cancel.
         let (mut share, mut damping) = ([0.0; LANES], [0.0; LANES]);
         let mut other = 0;
@@ -99,7 +98,7 @@ impl Improved {
                 (-(ring.width[i] * unit), -(ring.inner[i] * unit + range[i] * self.double_extinction));
             (share[i], damping[i]) = (x, y);
             out[i] = -(ring.scale[i] * (x * series(x)) * (1.0 + y * series(y))) / square;
-            let small = (x.abs() < SMALL) & (y.abs() < SMALL);
+            let small = (x.abs() < MAX_SERIES_ARGUMENT) & (y.abs() < MAX_SERIES_ARGUMENT);
             other |= u32::from(!small & range[i].is_finite());
         }
         if other != 0 {

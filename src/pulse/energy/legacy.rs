@@ -1,7 +1,7 @@
 //! The legacy energy model of the reference (spec pulse-physics §3.3).
 
 use super::beam::{BeamState, extinction, half_angle, received_scale, rings_of_subrays};
-use super::series::{SMALL, exponential, series};
+use super::series::{MAX_SERIES_ARGUMENT, exponential, series};
 use crate::pulse::lanes::{Block, LANES};
 use crate::pulse::options::Corrections;
 use crate::pulse::subray::{rays_in_ring, ring_angle};
@@ -9,13 +9,13 @@ use libm::sin;
 use std::array::from_fn;
 use std::f64::consts::PI;
 
-/// The older law: I ∝ R⁻², each ring damped by the beam's profile.
+/// I ∝ R⁻², each ring damped by the beam's profile.
 #[derive(Clone, Debug)]
 pub struct Legacy {
     surface: f64,
     pub cross_section: f64,
     pub profile: Vec<RingProfile>,
-    /// Of all subrays.
+    /// Profiles of all subrays.
     pub lanes: Vec<ProfileBlock>,
     range_min_squared: f64,
     double_extinction: f64,
@@ -26,7 +26,7 @@ pub struct Legacy {
 pub struct RingProfile {
     /// k.
     exponent: f64,
-    /// exp(−k), which is what remains far away.
+    /// exp(−k), the limit at large ranges.
     far: f64,
 }
 
@@ -38,7 +38,7 @@ pub struct ProfileBlock {
 }
 
 impl ProfileBlock {
-    /// Those of some rings, at most as many as a block holds.
+    /// Profiles of at most a block of rings.
     pub fn of(profile: &[RingProfile], rings: &[u32]) -> ProfileBlock {
         let lane = |i: usize| profile[rings.get(i).map_or(0, |r| *r as usize)];
         ProfileBlock { exponent: from_fn(|i| lane(i).exponent), far: from_fn(|i| lane(i).far) }
@@ -98,7 +98,7 @@ impl Legacy {
             let near = self.range_min_squared / (range[i] * range[i] + self.range_min_squared);
             x[i] = ring.exponent[i] * near - range[i] * self.double_extinction;
             out[i] = ring.far[i] * (1.0 + x[i] * series(x[i]));
-            let small = x[i].abs() < SMALL;
+            let small = x[i].abs() < MAX_SERIES_ARGUMENT;
             other |= u32::from(!small & range[i].is_finite());
         }
         if other != 0 {

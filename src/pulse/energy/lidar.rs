@@ -9,10 +9,10 @@
 //! into a receiver of diameter D: the radiance ρ/π of the lit surface, foreshortened by the incidence angle θ, times the solid
 //! angle of the receiver (Wagner et al. 2006, "Gaussian decomposition and calibration of a novel small-footprint full-waveform
 //! digitising airborne laser scanner", eq. 1 to 5; Baltsavias 1999, "Airborne laser scanning: basic relations and formulas").
-//! The divergence does not occur: all the light arrives, near and far.
+//! The divergence does not occur: the surface takes up the whole beam at any range.
 
 use super::beam::{NANO, extinction};
-use super::series::{SMALL, exponential, series};
+use super::series::{MAX_SERIES_ARGUMENT, exponential, series};
 use crate::pulse::lanes::{Block, LANES};
 use crate::pulse::options::Corrections;
 use crate::survey::Beam;
@@ -29,9 +29,9 @@ fn default_integral(length: f64) -> f64 {
 
 /// Energy of a pulse at a pulse rate (Hz), nJ: as the instrument names it, else by its average power.
 ///
-/// What instruments of HELIOS++ call average power is the power of a pulse in that program's radar equation, at any rate and
-/// length. Here it is that of a pulse of 4 ns at 100 kHz; the mean power stays the same at other rates, and the energy at other
-/// lengths, so that a pulse at twice the rate has half the energy.
+/// The average power of HELIOS++ instruments is the power of a pulse in that program's radar equation, at any rate and length.
+/// Here it is the power of a pulse of 4 ns at 100 kHz. The mean power is the same at all rates, so that a pulse at twice the
+/// rate has half the energy, and the energy is the same at all lengths.
 fn pulse_energy(beam: &Beam, frequency: f64) -> f64 {
     match beam.pulse_energy {
         Some(joules) => joules * NANO,
@@ -67,7 +67,7 @@ impl LidarEquation {
         for i in 0..LANES {
             x[i] = -(range[i] * self.double_extinction);
             out[i] = self.scale * (1.0 + x[i] * series(x[i])) / (range[i] * range[i]);
-            let small = x[i].abs() < SMALL;
+            let small = x[i].abs() < MAX_SERIES_ARGUMENT;
             other |= u32::from(!small & range[i].is_finite());
         }
         if other != 0 {
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn haze_takes_its_share_on_both_ways() {
+    fn haze_dims_both_ways() {
         let (hazy, beam) = (Beam { visibility: 5.0, ..clear(4.0) }, clear(4.0));
         let alpha = extinction(&hazy, &Corrections::REFINED);
         for range in [1.0, 100.0, 5000.0] {

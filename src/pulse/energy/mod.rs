@@ -25,22 +25,19 @@ use lidar::LidarEquation;
 #[derive(Clone, Debug)]
 pub(super) struct Energy {
     law: Law,
-    /// Voxels with a leaf angle table follow the legacy law in either model (§3.5).
+    /// Voxels with a leaf angle table follow the legacy model in either model (spec pulse-physics §3.5).
     legacy: Legacy,
 }
 
 #[derive(Clone, Debug)]
 enum Law {
-    /// Spec §3.3.
     Legacy,
-    /// Spec §3.4.
     Improved(Improved),
-    /// The lidar equation in watts, subrays of equal energy.
     Lidar(LidarEquation),
 }
 
 impl Energy {
-    /// The model that a run uses for a device whose beam has so many subrays.
+    /// The model of a device whose beam has `subrays` subrays.
     pub fn new(state: BeamState, subrays: usize, multi_channel: bool, options: &PhysicsOptions) -> Energy {
         let corrections = &options.corrections;
         let law = if corrections.radiometry {
@@ -53,9 +50,8 @@ impl Energy {
         Energy { law, legacy: Legacy::new(state, corrections) }
     }
 
-    /// Gains of the subrays of one pulse, [`LANES`] at a time: the intensity that a reflectance factor of 1 would have at
-    /// those ranges (m). `ranges` are by subray, filled up to whole blocks; where they are not finite, gains are not either
-    /// or mean nothing.
+    /// Gains of the subrays of one pulse, [`LANES`] at a time: the intensities of reflectance factors of 1 at `ranges` (m, by
+    /// subray, padded to whole blocks). Gains at ranges that are not finite are meaningless.
     #[inline(always)]
     pub fn gains(&self, ranges: &[Block], out: &mut [Block]) {
         match &self.law {
@@ -77,7 +73,7 @@ impl Energy {
         }
     }
 
-    /// Intensity of all `subrays` of a pulse together that a reflectance factor of 1 has at `range` m.
+    /// Intensity of a reflectance factor of 1 at `range` m, summed over `subrays` subrays.
     pub fn of_beam(&self, subrays: usize, range: f64) -> f64 {
         let ranges = vec![[range; LANES]; subrays.div_ceil(LANES)];
         let mut gains = vec![[0.0; LANES]; ranges.len()];
@@ -85,7 +81,7 @@ impl Energy {
         gains.as_flattened()[..subrays].iter().sum()
     }
 
-    /// Turns reflectance factors f(θ) into intensities: of a reflection in `rings[i]` at `ranges[i]` m.
+    /// Turns reflectance factors f(θ) into intensities, factor `i` of a subray in `rings[i]` at `ranges[i]` m.
     pub fn apply(&self, rings: &[u32], ranges: &[f64], factors: &mut [f64]) {
         let blocks = rings.chunks(LANES).zip(ranges.chunks(LANES)).zip(factors.chunks_mut(LANES));
         for ((rings, ranges), factors) in blocks {
@@ -97,7 +93,7 @@ impl Energy {
         }
     }
 
-    /// Gains of subrays of any rings.
+    /// Gains of subrays in `rings`.
     fn of_rings(&self, rings: &[u32], range: &Block) -> Block {
         let mut out = [0.0; LANES];
         match &self.law {
@@ -108,7 +104,7 @@ impl Energy {
         out
     }
 
-    /// Intensity of a reflection at `range` m in `ring` from a voxel with the cross-section `sigma` (§3.5).
+    /// Intensity of a reflection at `range` m in `ring` from a voxel with the cross-section `sigma` (spec pulse-physics §3.5).
     pub fn of_cross_section(&self, ring: u32, range: f64, sigma: f64) -> f64 {
         let mut damping = [0.0; LANES];
         self.legacy.damping(&ProfileBlock::of(&self.legacy.profile, &[ring]), &[range; LANES], &mut damping);
@@ -265,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn reflections_are_evaluated_alike_wherever_they_stand() {
+    fn the_lane_of_a_reflection_makes_no_difference() {
         let beam = tls_beam();
         for options in
             [PhysicsOptions::helios(), PhysicsOptions { legacy_energy: true, ..PhysicsOptions::helios() }]

@@ -1,16 +1,16 @@
 //! Exponentials of small arguments.
 
-/// Arguments below this need only a short series.
-pub const SMALL: f64 = 1.0 / 16.0;
+/// Bound of the arguments for which the series is used.
+pub const MAX_SERIES_ARGUMENT: f64 = 1.0 / 16.0;
 
-/// e^x. Near 0, where most arguments of these laws lie, a series of 10 terms is exact to the last digit.
+/// e^x. Near 0, where most arguments of the energy models lie, a series of 10 terms is exact to the last digit.
 pub fn exponential(x: f64) -> f64 {
-    if x.abs() < SMALL { 1.0 + x * series(x) } else { libm::exp(x) }
+    if x.abs() < MAX_SERIES_ARGUMENT { 1.0 + x * series(x) } else { libm::exp(x) }
 }
 
 /// e^x − 1.
 pub fn exponential_minus_one(x: f64) -> f64 {
-    if x.abs() < SMALL { x * series(x) } else { libm::expm1(x) }
+    if x.abs() < MAX_SERIES_ARGUMENT { x * series(x) } else { libm::expm1(x) }
 }
 
 /// (e^x − 1)/x for small x: Σ x^k/(k+1)!.
