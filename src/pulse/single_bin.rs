@@ -98,7 +98,7 @@ mod tests {
             detector.rule = PeakRule { window, threshold, weak_neighbours, ..detector.rule };
             let profile = ReturnProfile::of(&map);
             let fast = SingleBinDetector::new(&detector.shape, &detector.rule);
-            let short = single_bin.and_then(|l| l.detect(&profile, &detector));
+            let short = fast.and_then(|l| l.detect(&profile, &detector));
             if let Some(short) = short {
                 let mut long = Vec::new();
                 detect::<false>(&received(&map, &detector), (&detector, None), false, |_| true, &mut long);
@@ -113,9 +113,9 @@ mod tests {
             let detector = tls_detector(length);
             let fast = SingleBinDetector::new(&detector.shape, &detector.rule).expect("one");
             let profile = ReturnProfile::of(&[(100.0, 1.0), (100.01, 1.0)]);
-            assert!(single_bin.detect(&profile, &detector).flatten().is_some());
+            assert!(fast.detect(&profile, &detector).flatten().is_some());
             let apart = ReturnProfile::of(&[(100.0, 1.0), (100.2, 1.0)]);
-            assert!(single_bin.detect(&apart, &detector).is_none());
+            assert!(fast.detect(&apart, &detector).is_none());
         }
     }
 }
