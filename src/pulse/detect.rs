@@ -53,7 +53,7 @@ pub(super) fn detect<const WIDE: bool>(
 }
 
 /// The reflection that a return at `range` is attributed to: the nearest by entry point, the first of equally near ones
-/// (§4.7). A range that is no number belongs to the first.
+/// (spec pulse-physics §4.7). NaN is attributed to the first.
 #[inline(always)]
 pub(super) fn attribute(reflections: &Reflections, range: f64) -> usize {
     // The bits of floats that are not negative are ordered like the floats.

@@ -339,12 +339,12 @@ mod tests {
         assert_eq!(face_of_cube(DVec3::new(0.5, 0.5, 0.5), 0.5), DVec3::X, "the first of equals");
     }
 
-    /// What becomes of a pulse from the world's origin whose axis is turned off +y, as `ask` has it.
-    fn shoot<R>(
+    /// Calls `check` with a traced pulse from the world's origin whose axis is turned off +y.
+    fn trace_pulse<R>(
         scene: &Scene,
         instrument: &Instrument,
         turn: &Rotation,
-        ask: impl FnOnce(&SceneView, (TracedPulse, SubrayGains), &mut FreePaths) -> R,
+        check: impl FnOnce(&SceneView, (TracedPulse, SubrayGains), &mut FreePaths) -> R,
     ) -> R {
         let tree = tree(scene);
         let view = SceneView {
@@ -359,15 +359,15 @@ mod tests {
         instrument.subrays.expand(0, turn, rays.add(-scene.shift));
         let mut hits = Hits::default();
         tree.trace_group(&scene.geometry, &rays, &mut hits);
-        let (shot, mut gain_buffer) = (TracedPulse::of(&rays, &hits, 0), GainBuffer::default());
-        gain_buffer.push(instrument, &shot);
+        let (traced, mut gain_buffer) = (TracedPulse::of(&rays, &hits, 0), GainBuffer::default());
+        gain_buffer.push(instrument, &traced);
         let mut paths =
             FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
-        ask(&view, (shot, gain_buffer.of(0, &shot)), &mut paths)
+        check(&view, (traced, gain_buffer.of(0, &traced)), &mut paths)
     }
 
-    /// Room for the reflections of a pulse.
-    fn room(instrument: &Instrument) -> Reflections {
+    /// Empty reflections with memory for a pulse.
+    fn empty(instrument: &Instrument) -> Reflections {
         let mut out = Reflections::default();
         out.clear(instrument.subrays.len());
         out
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_reflect_together_as_one_by_one() {
+    fn triangles_reflect_alike_in_blocks_and_one_by_one() {
         // Boards with gaps between them, the farthest of them out of range.
         let boards: Vec<_> =
             (0..12).map(|i| wall(f64::from(i) - 6.3, f64::from(i) - 5.7, f64::from(9 + i))).collect();
@@ -400,34 +400,35 @@ mod tests {
             (instrument.detector.range_min, instrument.detector.range_max) = (9.5, 18.5);
             instrument.subrays = Subrays::new(0.02 * f64::from(round % 9), 3);
             let turn = Rotation::about_z(f64::from(round) * 0.02 - 0.6);
-            shoot(&scene, &instrument, &turn, |view, seen, paths| {
+            trace_pulse(&scene, &instrument, &turn, |view, pulse, paths| {
                 let view = SceneView { fixed_incidence: round % 7 == 0, ..*view };
-                let (mut plain, mut each) = (room(&instrument), room(&instrument));
+                let (mut shaded, mut each) = (empty(&instrument), empty(&instrument));
                 let mut scratch = ReflectScratch::default();
-                assert!(view.shade_triangles(&instrument, seen, &mut scratch.triangles, &mut plain));
-                view.reflect_each(&instrument, seen, &[], paths, &mut scratch, &mut each);
-                assert_same(&plain, &each);
-                some += plain.primitives().len();
-                none += instrument.subrays.len() - plain.primitives().len();
+                assert!(view.shade_triangles(&instrument, pulse, &mut scratch.triangles, &mut shaded));
+                view.reflect_each(&instrument, pulse, &[], paths, &mut scratch, &mut each);
+                assert_same(&shaded, &each);
+                some += shaded.primitives().len();
+                none += instrument.subrays.len() - shaded.primitives().len();
             });
         }
         assert!(some > 200 && none > 200, "{some} {none}");
     }
 
-    /// The first eight subrays pass beside the cubes to the wall behind them, some of the others do not.
+    /// The first eight subrays miss the cubes and hit the wall, some of the others do not.
     #[test]
-    fn what_the_plain_way_found_before_a_voxel_counts_once() {
+    fn triangles_shaded_before_a_voxel_is_hit_count_once() {
         let cubes: Vec<_> = (0..5).map(|i| (f64::from(100 + i), 0.0, VoxelKind::Opaque)).collect();
         let scene = foliage(&cubes, None);
         let mut instrument = tls_instrument(5.0);
         instrument.subrays = Subrays::new(0.01, 3);
-        shoot(&scene, &instrument, &Rotation::about_z(-0.01), |view, seen, paths| {
-            let (mut plain, mut each, mut out) = (room(&instrument), room(&instrument), room(&instrument));
+        trace_pulse(&scene, &instrument, &Rotation::about_z(-0.01), |view, pulse, paths| {
+            let (mut shaded, mut each, mut out) =
+                (empty(&instrument), empty(&instrument), empty(&instrument));
             let mut scratch = ReflectScratch::default();
-            assert!(!view.shade_triangles(&instrument, seen, &mut scratch.triangles, &mut plain));
-            assert_eq!(plain.count(), 8);
-            view.reflect_each(&instrument, seen, &[], paths, &mut scratch, &mut each);
-            view.reflect(&instrument, seen, paths, &mut scratch, &mut out);
+            assert!(!view.shade_triangles(&instrument, pulse, &mut scratch.triangles, &mut shaded));
+            assert_eq!(shaded.count(), 8);
+            view.reflect_each(&instrument, pulse, &[], paths, &mut scratch, &mut each);
+            view.reflect(&instrument, pulse, paths, &mut scratch, &mut out);
             assert_eq!(out.count(), instrument.subrays.len());
             assert_same(&out, &each);
         });
@@ -440,8 +441,8 @@ mod tests {
         instrument.subrays = Subrays::new(0.0, 1);
         let turn = Rotation::about_x(0.01);
         let mut out = Reflections::default();
-        shoot(&scene, &instrument, &turn, |view, seen, paths| {
-            view.reflect(&instrument, seen, paths, &mut ReflectScratch::default(), &mut out);
+        trace_pulse(&scene, &instrument, &turn, |view, pulse, paths| {
+            view.reflect(&instrument, pulse, paths, &mut ReflectScratch::default(), &mut out);
         });
         let d = turn.forward();
         assert_eq!(out.primitives(), [0]);
