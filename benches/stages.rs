@@ -1,4 +1,4 @@
-//! Where the nanoseconds of a pulse go: the stages of the river one after the other on one thread, and the whole of it.
+//! The time of a pulse by stages of the pipeline, one after the other on one thread, and in all.
 //!
 //! ```text
 //! cargo bench --bench stages                       a forest of a million triangles, made for it
@@ -10,14 +10,13 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use vlscan::flight::{FlightOptions, FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
-use vlscan::generate;
-use vlscan::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
-use vlscan::pulse::{Batch, Phase, Physics, PhysicsOptions, PulseSimulator};
-use vlscan::scene::{self, LoadOptions, Scene};
-use vlscan::survey::{ReadOptions, Survey, read_survey};
-use vlscan::tree::{BuildOptions, Tree};
-use vlscan::{Error, Result};
+use vlscan::internals::{
+    Batch, FlightPlan, FlightSink, FlightState, Kind, NoOffload, OutputContext, OutputPlan, Phase, Physics,
+    PoseSample, Pulse, PulseSimulator, Scene, SceneOptions, Step, Survey, write_scene,
+};
+use vlscan::{
+    Error, OutputRequest, PointFormat, ReadOptions, Result, Session, Settings, Target, read_survey,
+};
 
 /// Pulses of a pass.
 const PULSES: usize = 1 << 17;
@@ -67,55 +66,30 @@ impl Replay {
     }
 }
 
+/// The stages of a pass: how many there are before the outputs, and the names of all.
+const COMPUTING: usize = 5;
+const STAGES: [&str; 8] = [
+    "count steps (producer)",
+    "replay: steps to pulses",
+    "pulses to subrays",
+    "trace",
+    "hits to echoes",
+    "encode LAS",
+    "encode LAZ",
+    "encode text",
+];
+
 /// Seconds of each stage in one pass.
-#[derive(Clone, Copy, Debug)]
-struct Pass {
-    count: f64,
-    replay: f64,
-    aim: f64,
-    trace: f64,
-    receive: f64,
-    las: f64,
-    laz: f64,
-    text: f64,
-}
-
-const UNMEASURED: Pass = Pass {
-    count: f64::INFINITY,
-    replay: f64::INFINITY,
-    aim: f64::INFINITY,
-    trace: f64::INFINITY,
-    receive: f64::INFINITY,
-    las: f64::INFINITY,
-    laz: f64::INFINITY,
-    text: f64::INFINITY,
-};
-
-impl Pass {
-    fn best(self, other: Pass) -> Pass {
-        Pass {
-            count: self.count.min(other.count),
-            replay: self.replay.min(other.replay),
-            aim: self.aim.min(other.aim),
-            trace: self.trace.min(other.trace),
-            receive: self.receive.min(other.receive),
-            las: self.las.min(other.las),
-            laz: self.laz.min(other.laz),
-            text: self.text.min(other.text),
-        }
-    }
-}
+type Pass = [f64; STAGES.len()];
 
 /// A survey, ready to fly.
-struct River<'a> {
+struct Stages<'a> {
     flight: &'a FlightPlan,
     physics: &'a Physics<'a>,
-    las: Arc<OutputPlan>,
-    laz: Arc<OutputPlan>,
-    text: Arc<OutputPlan>,
+    outputs: [Arc<OutputPlan>; STAGES.len() - COMPUTING],
 }
 
-impl River<'_> {
+impl Stages<'_> {
     /// The flight from where at least half of the pulses have echoes, or from its start if there is no such place.
     fn over_the_scene(&self) -> Result<FlightState> {
         let mut state = FlightState::start(self.flight);
@@ -137,16 +111,7 @@ impl River<'_> {
 
     /// Flies the pulses through one stage after the other; returns the echoes, too.
     fn pass(&self) -> Result<(Pass, usize)> {
-        let mut pass = Pass {
-            count: 0.0,
-            replay: 0.0,
-            aim: 0.0,
-            trace: 0.0,
-            receive: 0.0,
-            las: 0.0,
-            laz: 0.0,
-            text: 0.0,
-        };
+        let mut pass = Pass::default();
         let (mut counter, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });
         let mut counting = self.over_the_scene()?;
         let mut simulator = PulseSimulator::new(&self.physics);
@@ -159,20 +124,20 @@ impl River<'_> {
                 now - std::mem::replace(&mut before, now)
             };
             counter.step(&mut counting, self.flight, CHUNK)?;
-            pass.count += lap();
+            pass[0] += lap();
             replay.step(&mut state, self.flight, CHUNK)?;
-            pass.replay += lap();
+            pass[1] += lap();
             let mut batch = Batch::default();
             simulator.simulate_timed(0, &replay.pulses, &mut batch, |stage| match stage {
-                Phase::RayGeneration => pass.aim += lap(),
-                Phase::Traversal => pass.trace += lap(),
-                Phase::Detection => pass.receive += lap(),
+                Phase::RayGeneration => pass[2] += lap(),
+                Phase::Traversal => pass[3] += lap(),
+                Phase::Detection => pass[4] += lap(),
             })?;
             batches.push(batch);
         }
-        pass.las = encode(&self.las, &batches)?;
-        pass.laz = encode(&self.laz, &batches)?;
-        pass.text = encode(&self.text, &batches)?;
+        for (seconds, output) in pass[COMPUTING..].iter_mut().zip(&self.outputs) {
+            *seconds = encode(output, &batches)?;
+        }
         Ok((pass, batches.iter().map(|b| b.echoes.len()).sum()))
     }
 }
@@ -194,23 +159,24 @@ fn plan(survey: &Survey, scene: &Scene, format: PointFormat) -> Result<Arc<Outpu
 
 fn measure(path: &Path, passes: usize) -> Result<()> {
     let (survey, _) = read_survey(path, &ReadOptions::default())?;
-    let wavelength_nm = survey.scanner.devices[0].beam.wavelength;
-    let (scene, _) = scene::load(&survey.scene, &LoadOptions { wavelength_nm, ..LoadOptions::default() })?;
-    let tree: Tree = scene.tree(&BuildOptions::default());
-    let ground = |x, y| scene.ground_height(x, y);
-    let (flight, _) = FlightPlan::new(&survey, scene.shift, &ground, &FlightOptions::default())?;
-    let physics = Physics::new(&scene, &tree, &survey, PhysicsOptions::helios())?;
-    let river = River {
-        flight: &flight,
-        physics: &physics,
-        las: plan(&survey, &scene, PointFormat::Las)?,
-        laz: plan(&survey, &scene, PointFormat::Laz)?,
-        text: plan(&survey, &scene, PointFormat::Xyz)?,
+    let session = Session::open_scene(Settings::new(survey), |_| ())?;
+    let (settings, scene) = (session.settings(), session.scene());
+    let tree = session.build_tree(&settings.tree)?;
+    let [las, laz, text] = [PointFormat::Las, PointFormat::Laz, PointFormat::Xyz];
+    let stages = Stages {
+        flight: &session.plan_flight()?,
+        physics: &Physics::new(scene, &tree, &settings.survey, settings.physics)?,
+        outputs: [
+            plan(&settings.survey, scene, las)?,
+            plan(&settings.survey, scene, laz)?,
+            plan(&settings.survey, scene, text)?,
+        ],
     };
-    let (mut best, mut echoes) = (UNMEASURED, 0);
+    let (mut best, mut echoes) = ([f64::INFINITY; STAGES.len()], 0);
     for _ in 0..passes {
-        let (pass, found) = river.pass()?;
-        (best, echoes) = (best.best(pass), found);
+        let (pass, found) = stages.pass()?;
+        best = std::array::from_fn(|i| best[i].min(pass[i]));
+        echoes = found;
     }
     println!("{} primitives, {PULSES} pulses, {echoes} echoes; best of {passes} passes", scene.primitives());
     println!("{:<38}{:>10}{:>14}", "stage (one thread)", "ns/pulse", "M pulses/s");
@@ -218,18 +184,11 @@ fn measure(path: &Path, passes: usize) -> Result<()> {
         let ns = seconds / PULSES as f64 * 1e9;
         println!("{name:<38}{ns:>10.1}{:>14.2}", 1e3 / ns);
     };
-    row("count steps (producer)", best.count);
-    row("replay: steps to pulses", best.replay);
-    row("aim: pulses to subrays", best.aim);
-    row("trace", best.trace);
-    row("receive: hits to echoes", best.receive);
-    row("encode LAS", best.las);
-    row("encode LAZ", best.laz);
-    row("encode text", best.text);
-    let river = best.count + best.replay + best.aim + best.trace + best.receive;
-    row("the whole river to LAS", river + best.las);
-    row("the whole river to LAZ", river + best.laz);
-    row("the whole river to text", river + best.text);
+    STAGES.iter().zip(best).for_each(|(name, seconds)| row(name, seconds));
+    let computing: f64 = best[..COMPUTING].iter().sum();
+    for (name, seconds) in ["LAS", "LAZ", "text"].iter().zip(&best[COMPUTING..]) {
+        row(&format!("all stages to {name}"), computing + seconds);
+    }
     Ok(())
 }
 
@@ -238,9 +197,9 @@ fn forest() -> Result<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("forest-1m");
     let survey = folder.join("survey.xml");
     if !survey.exists() {
-        let options = generate::SceneOptions::new(generate::Kind::Forest, 1_000_000);
-        let options = generate::SceneOptions { overwrite: true, ..options };
-        generate::write_scene(&options, &folder, |_| ())?;
+        let options = SceneOptions::new(Kind::Forest, 1_000_000);
+        let options = SceneOptions { overwrite: true, ..options };
+        write_scene(&options, &folder, |_| ())?;
     }
     Ok(survey)
 }

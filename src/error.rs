@@ -46,6 +46,17 @@ impl Error {
         Error::Io { action, path: path.as_ref().to_path_buf(), source }
     }
 
+    /// The error for a file that cannot be opened for reading: a file that does not exist is wrong input.
+    pub fn open(path: impl AsRef<Path>, source: std::io::Error) -> Error {
+        let path = path.as_ref();
+        match source.kind() {
+            std::io::ErrorKind::NotFound => {
+                Error::input(format!("{}: there is no such file", path.display()))
+            }
+            _ => Error::io("read", path, source),
+        }
+    }
+
     /// One input problem without a place in a file (a command-line value, a combination of options).
     pub fn input(message: impl Into<String>) -> Error {
         let mut d = Diagnostics::default();

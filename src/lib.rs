@@ -50,30 +50,55 @@
 //! * coordinates are `f64` in the scene frame, which is the world frame minus the scene's centre;
 //! * only data goes to stdout.
 
-pub mod cli;
+mod cli;
 mod columns;
 mod damage;
-pub mod diag;
-pub mod error;
+mod diag;
+mod error;
 mod files;
-pub mod flight;
-pub mod generate;
-pub mod geom;
-pub mod input;
-pub mod output;
-pub mod pipeline;
-pub mod platform;
+mod flight;
+mod generate;
+mod geom;
+mod input;
+mod output;
+mod pipeline;
+mod platform;
 mod points;
-pub mod preview;
-pub mod pulse;
+mod preview;
+mod pulse;
 mod quantity;
-pub mod rng;
-pub mod scanner;
-pub mod scene;
-pub mod schedule;
-pub mod store;
-pub mod streams;
-pub mod survey;
-pub mod tree;
+mod rng;
+mod scanner;
+mod scene;
+mod schedule;
+mod store;
+mod streams;
+mod survey;
+mod tree;
 
+pub use cli::main;
+pub use diag::{Diagnostics, Notice};
 pub use error::{Error, Result};
+pub use output::{OutputRequest, PointFormat, Target};
+pub use pipeline::{Control, LegRule, Progress, Report, Session, Settings};
+pub use schedule::{Policy, Recorder, Schedule, Stop};
+pub use streams::PulseReader;
+pub use survey::{Formula, ReadOptions, parse_seed, read_pipeline, read_survey};
+
+/// What the benchmarks and tests of this repository measure and compare, besides the library.
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
+    pub use crate::generate::{
+        FlightOptions as GeneratedFlight, GridPlace, Kind, SceneOptions, write_flight, write_sbet,
+        write_scene,
+    };
+    pub use crate::geom::{DVec3, Rotation, UtmZone};
+    pub use crate::output::{NoOffload, OutputContext, OutputPlan};
+    pub use crate::preview::{read_packet, read_points};
+    pub use crate::pulse::{Batch, Phase, Physics, PulseSimulator};
+    pub use crate::rng::{Purpose, Stream};
+    pub use crate::scene::{LoadOptions, Scene, load};
+    pub use crate::survey::{Scanner, Survey, catalogue};
+    pub use crate::tree::{BuildOptions, Builder, Geometry, Hits, RayGroup, Tree};
+}

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    ExitCode::from(vlscan::cli::main(std::env::args_os()))
+    ExitCode::from(vlscan::main(std::env::args_os()))
 }

@@ -4,7 +4,7 @@ mod common;
 
 use common::{fixture, folder, succeed, text};
 use std::fs;
-use vlscan::survey::{Scanner, catalogue};
+use vlscan::internals::{Scanner, catalogue};
 
 /// A survey of 3000 pulses per device over a fixture, from where the scanner can see it.
 fn survey(reference: &str, scanner: &Scanner) -> String {

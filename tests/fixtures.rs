@@ -4,8 +4,10 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use vlscan::generate::{FlightOptions, GridPlace, Kind, SceneOptions, write_flight, write_sbet, write_scene};
-use vlscan::geom::UtmZone;
+use vlscan::internals::UtmZone;
+use vlscan::internals::{
+    GeneratedFlight, GridPlace, Kind, SceneOptions, write_flight, write_sbet, write_scene,
+};
 
 fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures")
@@ -59,16 +61,16 @@ fn scenes_are_what_the_generator_writes() {
 fn the_flight_is_what_the_generator_writes() {
     let kept = fixtures().join("flight.csv");
     if updating() {
-        write_flight(&FlightOptions::default(), &kept).unwrap();
+        write_flight(&GeneratedFlight::default(), &kept).unwrap();
     }
     let folder = tempfile::tempdir().unwrap();
-    let made = write_flight(&FlightOptions::default(), &folder.path().join("flight.csv")).unwrap();
+    let made = write_flight(&GeneratedFlight::default(), &folder.path().join("flight.csv")).unwrap();
     assert!(std::fs::read(kept).unwrap() == std::fs::read(made).unwrap(), "fixtures/flight.csv differs");
 }
 
 #[test]
 fn the_geographic_flight_is_what_the_generator_writes() {
-    let options = FlightOptions { rate_hz: 50.0, duration_s: 10.0, ..FlightOptions::default() };
+    let options = GeneratedFlight { rate_hz: 50.0, duration_s: 10.0, ..GeneratedFlight::default() };
     let zone = UtmZone::parse("32N").unwrap();
     let place = GridPlace { zone, origin_m: [476_000.0, 5_429_000.0], height_m: 48.0 };
     let kept = fixtures().join("airborne/flight.out");

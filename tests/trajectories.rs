@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::sync::mpsc;
 use std::time::Duration;
-use vlscan::geom::{Rotation, UtmZone};
+use vlscan::internals::{Rotation, UtmZone};
 
 /// Where `fixtures/airborne` lies in zone 32N.
 const ORIGIN: [f64; 2] = [476_000.0, 5_429_000.0];

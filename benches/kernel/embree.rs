@@ -2,7 +2,7 @@
 
 use crate::Tracer;
 use std::os::raw::c_void;
-use vlscan::tree::{Geometry, RayGroup};
+use vlscan::internals::{Geometry, RayGroup};
 
 /// What `embree.c` calls a tracer.
 #[repr(C)]

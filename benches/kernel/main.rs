@@ -18,7 +18,7 @@ mod scene;
 
 use rays::RaySet;
 use std::time::Duration;
-use vlscan::tree::{BuildOptions, Builder, Geometry, Hits, RayGroup, Tree};
+use vlscan::internals::{BuildOptions, Builder, Geometry, Hits, RayGroup, Tree};
 
 const BUILDERS: [(&str, Builder); 5] = [
     ("bvh", Builder::Bvh),

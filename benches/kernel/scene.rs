@@ -1,9 +1,9 @@
 //! The forests.
 
-use vlscan::generate::{Kind, SceneOptions, write_scene};
-use vlscan::scene::{LoadOptions, load};
-use vlscan::survey::{ReadOptions, read_survey};
-use vlscan::tree::Geometry;
+use vlscan::internals::Geometry;
+use vlscan::internals::{Kind, SceneOptions, write_scene};
+use vlscan::internals::{LoadOptions, load};
+use vlscan::{ReadOptions, read_survey};
 
 /// What `vlscan scene make forest -n SIZE` makes, loaded as a run loads it.
 pub fn forest(size: &str) -> Geometry {

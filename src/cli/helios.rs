@@ -171,7 +171,8 @@ fn is_xml(word: &OsStr) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::{Cli, Command, TreeKind};
+    use crate::cli::args::TreeKind;
+    use crate::cli::{Cli, Command};
     use clap::Parser;
 
     fn words(line: &str) -> Vec<OsString> {

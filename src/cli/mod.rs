@@ -1,6 +1,19 @@
 //! The command line: one file per subcommand, and the edge where errors become reports and exit statuses.
 //!
 //! Data goes to stdout; messages, warnings and progress go to stderr.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `args` | the command line of every subcommand |
+//! | `helios` | command lines of HELIOS++ |
+//! | `run` | `vlscan run`; arguments and files to a session's settings |
+//! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
+//! | `bench` | `vlscan bench` |
+//! | `scene`, `info`, `pack` | `vlscan scene make`, `info` and `pack` |
+//! | `preview`, `unzip`, `catalogue` | the commands of these names |
+//! | `completions`, `manual` | help, man pages, shell completions |
+//! | `inputs` | surveys and pipelines told apart |
+//! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
 mod args;
 mod bench;
@@ -20,7 +33,7 @@ mod stages;
 mod unzip;
 mod watch;
 
-pub use args::{Cli, Command, PhysicsProfile, RunArgs, TreeKind};
+pub use args::{Cli, Command, PhysicsProfile, RunArgs};
 pub use console::{Console, LogTo, Verbosity};
 
 use crate::error::Error;

@@ -3,12 +3,13 @@
 use super::Console;
 use super::args::{Colour, PreviewArgs};
 use crate::error::{Error, Result};
+use crate::files::TemporaryFile;
 use crate::preview::{
     Chart, ColourBy, PageOptions, PreviewOptions, Wave, draw, read_packet, read_points, read_wave, write_page,
 };
 use crate::quantity::amount;
 use std::io::{BufWriter, IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Runs `vlscan preview`.
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
@@ -19,7 +20,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     let most_points = super::run::count(&args.most_points).filter(|n| *n > 0).ok_or_else(|| {
         Error::input(format!("--most-points: expected a number such as 500k, found {:?}", args.most_points))
     })?;
-    let points = read_points(&args.points).map_err(|e| missing(e, &args.points))?;
+    let points = read_points(&args.points)?;
     let colour = match args.colour {
         Colour::Height => ColourBy::Height,
         Colour::Class => ColourBy::Class,
@@ -51,7 +52,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
 
 /// Plots the waveform of one pulse.
 fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
-    let wave = waveform(&args.points, pulse).map_err(|e| missing(e, &args.points))?;
+    let wave = waveform(&args.points, pulse)?;
     let chart = Chart::new(&wave, &title(&args.points), args.width, args.height);
     let content = if is_page(&args.out) { chart.page().into_bytes() } else { chart.picture().png()? };
     write(&args.out, |out| out.write_all(&content))?;
@@ -66,7 +67,7 @@ fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("las") || e.eq_ignore_ascii_case("laz")) {
         return read_packet(path, pulse);
     }
-    let open = |path: &Path| std::fs::File::open(path).map_err(|e| Error::io("read", path, e));
+    let open = |path: &Path| std::fs::File::open(path).map_err(|e| Error::open(path, e));
     let file = open(path)?;
     if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("bin")) {
         return read_wave(file, path, pulse);
@@ -77,17 +78,7 @@ fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
     read_wave(open(&text)?, path, pulse)
 }
 
-/// A file that is not there is a slip of the user, not of the machine.
-fn missing(error: Error, path: &Path) -> Error {
-    match error {
-        Error::Io { action: "read", ref source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
-            Error::input(format!("{}: there is no such file", path.display()))
-        }
-        other => other,
-    }
-}
-
-/// Whatever can be refused before the points are read.
+/// Checks the options before the points are read.
 fn check(args: &PreviewArgs) -> Result<()> {
     let (points, out) = (&args.points, &args.out);
     if points.is_dir() {
@@ -138,16 +129,8 @@ fn write<T>(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result
     if is_stdout(path) {
         return flushed(&mut std::io::stdout().lock()).map_err(|e| Error::io("write", "<stdout>", e));
     }
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    let file = std::fs::File::create(&part).map_err(|e| Error::io("create", &part, e))?;
-    let written = flushed(&mut BufWriter::new(file)).map_err(|e| Error::io("write", &part, e));
-    let finished = written.and_then(|written| {
-        std::fs::rename(&part, path).map_err(|e| Error::io("create", path, e)).map(|()| written)
-    });
-    if finished.is_err() {
-        let _ = std::fs::remove_file(&part);
-    }
-    finished
+    let (part, file) = TemporaryFile::create(path, true)?;
+    let written = flushed(&mut BufWriter::new(file)).map_err(|e| Error::io("write", part.path(), e))?;
+    part.commit()?;
+    Ok(written)
 }

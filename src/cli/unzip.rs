@@ -13,12 +13,7 @@ pub fn run(args: &UnzipArgs, console: &Console) -> Result<()> {
     let file: Box<dyn BufRead> = if is_stream(&args.file) {
         Box::new(io::stdin().lock())
     } else {
-        let file = File::open(&args.file).map_err(|e| match e.kind() {
-            io::ErrorKind::NotFound => {
-                Error::input(format!("{}: there is no such file", args.file.display()))
-            }
-            _ => Error::io("read", &args.file, e),
-        })?;
+        let file = File::open(&args.file).map_err(|e| Error::open(&args.file, e))?;
         Box::new(BufReader::new(file))
     };
     let out = (!is_stream(&args.out)).then_some(args.out.as_path());

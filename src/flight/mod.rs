@@ -16,7 +16,6 @@ mod state;
 
 pub use clock::{calendar_day, gps_start};
 pub use plan::{FlightOptions, FlightPlan};
-pub use positions::PlannedPosition;
 pub use pulse::{FlightSink, PoseSample, Pulse};
 pub use state::{FlightState, Step};
 

@@ -11,7 +11,7 @@ pub use aabb::Aabb;
 pub use affine::Affine;
 pub use glam::DVec3;
 pub use rotation::Rotation;
-pub use utm::{GridPoint, UtmZone};
+pub use utm::UtmZone;
 
 /// Speed of light in metres per nanosecond.
 pub const LIGHT_SPEED: f64 = 0.299_792_458;

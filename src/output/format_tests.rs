@@ -1,5 +1,7 @@
 //! LAS, LAZ and PLY, read back with other people's readers.
 
+use super::offload::Job;
+use super::request::{ExtraDimensions, IntensityMapping};
 use super::testing::{batch, echo, scene, survey, write};
 use super::*;
 use crate::error::Error;

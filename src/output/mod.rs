@@ -56,11 +56,10 @@ const PARTIAL: &str = "partial: the run was interrupted";
 pub use archive::unzip;
 pub use columns::Column;
 pub use encode::Encoded;
-pub use offload::{Job, NoOffload, Offload};
+pub use offload::{NoOffload, Offload};
 pub use plan::{OutputContext, OutputPlan};
 pub use request::{
-    ExtraDimensions, IntensityMapping, LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat,
-    Target, TrajectoryFormat,
+    LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat, Target, TrajectoryFormat,
 };
 pub use summary::{FileKind, FileSummary, Summary};
 pub use writer::Writer;

@@ -36,13 +36,11 @@ mod settings;
 mod stream;
 mod worker;
 
-pub use aim::{Aim, AimLog, AimTarget};
-pub use chunk::Chunk;
 pub use collector::Ended;
 pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
 pub use pass::{Control, Pass};
-pub use plausibility::{CheckTime, YieldCheck, target};
+pub use plausibility::target;
 pub use progress::{Progress, Snapshot};
 pub use session::{Report, Session};
 pub use settings::{DEFAULT_CHUNK_SIZE, DEFAULT_LATENCY, DEFAULT_WAREHOUSE_FACTOR, Settings};

@@ -29,10 +29,7 @@ pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 /// A survey with its scene.
 ///
 /// ```
-/// use vlscan::output::{OutputRequest, PointFormat, Target};
-/// use vlscan::pipeline::{Control, Progress, Session, Settings};
-/// use vlscan::schedule::Stop;
-/// use vlscan::survey::{ReadOptions, read_survey};
+/// use vlscan::{Control, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey};
 ///
 /// # fn main() -> vlscan::Result<()> {
 /// # let folder = tempfile::tempdir().unwrap();

@@ -326,14 +326,6 @@ impl PlatformState {
     }
 
     /// The stream of poses, if the platform follows one.
-    pub fn stream(&self) -> Option<&StreamState> {
-        match &self.0 {
-            KindState::Stream(s) => Some(s),
-            _ => None,
-        }
-    }
-
-    /// The stream of poses, if the platform follows one.
     pub fn stream_mut(&mut self) -> Option<&mut StreamState> {
         match &mut self.0 {
             KindState::Stream(s) => Some(s),

@@ -19,9 +19,9 @@ mod read_table;
 mod wave;
 
 pub use chart::Chart;
-pub use page::{Page, PageOptions, write_page};
-pub use picture::{Picture, Rgb};
-pub use points::{Attributes, Point, Points};
+pub use page::{PageOptions, write_page};
+pub use picture::Picture;
+pub use points::Points;
 pub use read::read_points;
 pub use read_packets::read_packet;
 pub use wave::{Wave, read_wave};

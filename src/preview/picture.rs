@@ -30,11 +30,13 @@ impl Picture {
     }
 
     /// Width in dots.
+    #[cfg(test)]
     pub fn width(&self) -> u32 {
         self.width
     }
 
     /// Height in dots.
+    #[cfg(test)]
     pub fn height(&self) -> u32 {
         self.height
     }

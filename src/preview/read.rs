@@ -31,7 +31,7 @@ pub fn read_points(path: &Path) -> Result<Points> {
         "ply" => read_binary(path, false),
         "parquet" => super::read_table::read_parquet(path),
         _ => {
-            let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
+            let file = File::open(path).map_err(|e| Error::open(path, e))?;
             read_text_or_arrow(BufReader::with_capacity(1 << 20, file), path)
         }
     }
@@ -56,7 +56,7 @@ fn read_text_or_arrow(mut source: impl BufRead, path: &Path) -> Result<Points> {
 
 /// Reads a file of points with a header.
 fn read_binary(path: &Path, is_las: bool) -> Result<Points> {
-    let file = FileBytes::open(path).map_err(|e| Error::io("read", path, e))?;
+    let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
     let failed = |problem: String| Error::input(format!("{}: {problem}", path.display()));
     let mut reader: Box<dyn PointReader + '_> = match is_las {
         true => Box::new(LasReader::open(&file, Selection::All).map_err(failed)?),

@@ -20,7 +20,7 @@ const LONGEST: u32 = 1 << 28;
 /// # Errors
 /// [`Error::Input`] when the file has no packets or none of that pulse, with the nearest that are there.
 pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
-    let file = FileBytes::open(path).map_err(|e| Error::io("read", path, e))?;
+    let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
     let failed = |problem: String| Error::input(format!("{}: {problem}", path.display()));
     let mut reader = LasReader::open(&file, Selection::All).map_err(failed)?;
     let format = reader.header.format;

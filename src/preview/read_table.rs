@@ -59,7 +59,7 @@ pub(super) fn read_arrow(mut source: impl Read, path: &Path) -> Result<Points> {
 
 /// Reads a Parquet file.
 pub(super) fn read_parquet(path: &Path) -> Result<Points> {
-    let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
+    let file = File::open(path).map_err(|e| Error::open(path, e))?;
     let failed = |e: &dyn std::fmt::Display| {
         Error::input(format!("{} is not a Parquet file that can be read: {e}", path.display()))
     };

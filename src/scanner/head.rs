@@ -62,11 +62,6 @@ impl HeadState {
         if self.rate < 0.0 { self.angle <= self.stop } else { self.angle >= self.stop }
     }
 
-    /// The accumulated exact angle, rad.
-    pub fn angle(&self) -> f64 {
-        self.angle
-    }
-
     /// The angle with its error, rad.
     pub fn angle_with_error(&self, plan: &DevicePlan) -> f64 {
         match (&plan.errors.head, self.error_at) {
@@ -135,7 +130,7 @@ mod tests {
             head.step(&plan, 0.0);
             steps += 1;
         }
-        (steps, degrees(head.angle()))
+        (steps, degrees(head.angle))
     }
 
     #[test]
@@ -184,8 +179,8 @@ mod tests {
         let (plan, mut h) = head(&d, 100, 36.0, 0.0, 90.0);
         assert_eq!(h.angle_with_error(&plan), 0.0, "setting the present angle does nothing");
         h.step(&plan, 0.0);
-        assert!((degrees(h.angle_with_error(&plan) - h.angle()) - 0.1).abs() < 1e-12);
+        assert!((degrees(h.angle_with_error(&plan) - h.angle) - 0.1).abs() < 1e-12);
         let turned = h.exact_rotation(&plan).apply(DVec3::Y);
-        assert!((libm::atan2(-turned.x, turned.y) - h.angle()).abs() < 1e-12);
+        assert!((libm::atan2(-turned.x, turned.y) - h.angle).abs() < 1e-12);
     }
 }

@@ -6,8 +6,8 @@ mod deflector;
 mod head;
 mod risley;
 
+pub use deflector::DeflectorState;
 pub(crate) use deflector::window;
-pub use deflector::{DeflectorState, Oscillating, Polygon};
 pub use head::HeadState;
 
 use crate::geom::{DVec3, Rotation, unit};

@@ -46,7 +46,7 @@ mod voxel;
 mod xyz;
 
 pub use epoch::{SceneFrame, count_epochs};
-pub use geotiff::{RasterNeed, raster_needs};
+pub use geotiff::raster_needs;
 pub use instances::{InstanceSet, Sharing};
 pub use inventory::Inventory;
 pub use lad::LadTable;
@@ -54,7 +54,7 @@ pub use load::{LoadOptions, load, load_epoch};
 pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{MovingPart, Part, ReadyTree, Scene, Surface};
 pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate};
-pub use pack::{Conditions, Pack, Packed, pack};
+pub use pack::{Pack, pack};
 pub use rules::MaterialRules;
 pub use surface_ids::SurfaceIds;
 pub use voxel::{Voxel, VoxelKind};

@@ -57,7 +57,7 @@ impl PulseReader {
     /// # Errors
     /// [`Error::Io`] when it cannot be opened.
     pub fn open(path: &Path, most: usize) -> Result<PulseReader> {
-        let input = InputStream::open(path).map_err(|e| Error::io("read", path, e))?;
+        let input = InputStream::open(path).map_err(|e| Error::open(path, e))?;
         Ok(PulseReader::of(input, path, most))
     }
 

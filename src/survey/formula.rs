@@ -11,7 +11,7 @@ use std::ops::Range;
 /// operand (`-t^2` is `-(t^2)`), and `x^0` is 1.
 ///
 /// ```
-/// use vlscan::survey::Formula;
+/// use vlscan::Formula;
 /// let error = Formula::parse("0.002 + 1e-5*t^2").unwrap();
 /// assert_eq!(error.eval(100.0), 0.002 + 1e-5 * 1e4);
 /// ```

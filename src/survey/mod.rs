@@ -47,11 +47,10 @@ mod text;
 mod trajectories;
 mod xml;
 
-pub use catalogue::{Catalogue, catalogue};
+pub use catalogue::catalogue;
 pub use context::ReadOptions;
-pub use formula::{Formula, FormulaError};
+pub use formula::Formula;
 pub use model::*;
-pub use pipeline::keys;
-pub use pipeline::{OutputSettings, Pipeline, PipelineKeys, RunSettings, SinkSetting, read_pipeline};
+pub use pipeline::{OutputSettings, RunSettings, read_pipeline};
 pub use read::{find_scanner, read_scene, read_survey};
 pub use seed::parse_seed;

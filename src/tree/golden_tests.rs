@@ -1,5 +1,6 @@
 //! The published test mesh and rays (spec §1.16): costs, sizes and hits of every builder.
 
+use super::options::{Accounting, Axes, Statistics};
 use super::*;
 use crate::geom::{DVec3, unit};
 

@@ -34,10 +34,8 @@ mod trace;
 
 pub use geometry::{Cube, Geometry, Hit};
 pub use index::Tree;
-pub use instances::{Instance, Instances, Model, Placement};
-pub use intersect::{cube as intersect_cube, triangle as intersect_triangle};
-pub use options::{Accounting, Areas, Axes, BuildOptions, Builder, Statistics};
-pub use pack::Reason;
+pub use instances::{Instances, Model, Placement};
+pub use options::{BuildOptions, Builder};
 pub use rays::{Hits, RayBundle, RayGroup};
 pub(crate) use simd::{Level, prefetch};
 

@@ -1,5 +1,7 @@
 //! Every tree and every way to trace gives the hits of asking for all verdicts, bit for bit.
 
+use super::intersect::{cube as intersect_cube, triangle as intersect_triangle};
+use super::options::{Accounting, Axes};
 use super::*;
 use crate::geom::{DVec3, unit};
 use proptest::prelude::*;

@@ -112,7 +112,7 @@ impl PoseReader {
         if let Some(Err(message)) = settings.columns.as_deref().map(PoseLayout::chosen) {
             return Err(Error::input(format!("columns of the trajectory: {message}")));
         }
-        let input = InputStream::open(&settings.path).map_err(|e| Error::io("read", &settings.path, e))?;
+        let input = InputStream::open(&settings.path).map_err(|e| Error::open(&settings.path, e))?;
         Ok(PoseReader::new(input, settings))
     }
 

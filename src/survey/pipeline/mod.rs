@@ -20,7 +20,7 @@ mod source;
 mod trajectory;
 
 pub use keys::PipelineKeys;
-pub use output::{OutputSettings, SinkSetting};
+pub use output::OutputSettings;
 pub use run::RunSettings;
 
 use super::Survey;

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::geom::{DVec3, radians};
+use crate::survey::pipeline::Pipeline;
 
 /// A pipeline with an instrument of its own and every table.
 pub(super) const EVERYTHING: &str = r#"
