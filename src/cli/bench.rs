@@ -17,7 +17,6 @@ use clap::Parser;
 use matrix::{Matrix, thread_counts};
 use report::Report;
 use std::ffi::OsString;
-use std::io::Write as _;
 use std::path::Path;
 
 /// Runs `vlscan bench`.
@@ -73,11 +72,7 @@ fn write(path: &Path, text: &str) -> Result<()> {
     if path.as_os_str() != "-" {
         return std::fs::write(path, text).map_err(|e| Error::io("write", path, e));
     }
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| match e.kind() {
-        std::io::ErrorKind::BrokenPipe => Error::ClosedPipe,
-        _ => Error::io("write to", Path::new("stdout"), e),
-    })
+    super::write_stdout(text)
 }
 
 /// The survey with the options of `vlscan run` that follow `--`.

@@ -6,18 +6,18 @@ use super::inputs::{holds_survey, read_survey};
 use crate::diag::{Diagnostics, Severity};
 use crate::error::{Error, Result};
 use crate::quantity::amount;
-use crate::scene::{self, Inventory, LoadOptions, Pack, Scene};
+use crate::scene::{self, Inventory, LoadOptions, Material, Pack, Scene};
 use crate::survey::{self, ReadOptions, SceneRecipe};
 use crate::tree::{BuildOptions, Tree};
+use serde_json::json;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Parts that the text lists; `--json` lists all.
-const LISTED: usize = 40;
+const MAX_LISTED_PARTS: usize = 40;
 
-/// What is told.
+/// What is reported.
 struct Facts<'a> {
     scene: &'a Scene,
     tree: &'a Tree,
@@ -28,8 +28,8 @@ struct Facts<'a> {
 
 /// Runs `vlscan scene info`.
 pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
-    let asked = Asked { scene: &args.scene, assets: &args.assets };
-    let (recipe, scanning, mut warnings) = asked.recipe()?;
+    let name = SceneName { scene: &args.scene, assets: &args.assets };
+    let (recipe, scanning, mut warnings) = name.recipe()?;
     let started = Instant::now();
     let options = options(&recipe, &scanning, args.verify)?;
     let (scene, found) = scene::load(&recipe, &options)?;
@@ -47,16 +47,12 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     if !args.json {
         console.warnings(&warnings);
     }
-    let text = if args.json { facts.json() } else { facts.text() };
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| match e.kind() {
-        std::io::ErrorKind::BrokenPipe => Error::ClosedPipe,
-        _ => Error::io("write to", Path::new("stdout"), e),
-    })
+    let text = if args.json { facts.json()? } else { facts.text() };
+    super::write_stdout(&text)
 }
 
-/// A scene as somebody names it: by itself, or by what scans it.
-pub struct Asked<'a> {
+/// A scene as it is named on the command line: by itself, or by what scans it.
+pub struct SceneName<'a> {
     /// Scene, survey, pipeline or file of geometry.
     pub scene: &'a str,
     /// Folders to look for files in.
@@ -71,7 +67,7 @@ pub struct Scanning {
     pub seed: Option<u64>,
 }
 
-impl Asked<'_> {
+impl SceneName<'_> {
     /// The scene, and how it is scanned.
     pub fn recipe(&self) -> Result<(SceneRecipe, Scanning, Diagnostics)> {
         let reading = ReadOptions { assets: self.assets.to_vec(), ..ReadOptions::default() };
@@ -205,10 +201,10 @@ impl Facts<'_> {
             );
         }
         let _ = writeln!(out, "\nparts       {:>12}  id", "primitives");
-        for (part, count) in self.scene.parts.iter().zip(&i.of_part).take(LISTED) {
+        for (part, count) in self.scene.parts.iter().zip(&i.of_part).take(MAX_LISTED_PARTS) {
             let _ = writeln!(out, "            {count:>12}  {}", part.id);
         }
-        if let Some(more) = self.scene.parts.len().checked_sub(LISTED).filter(|n| *n > 0) {
+        if let Some(more) = self.scene.parts.len().checked_sub(MAX_LISTED_PARTS).filter(|n| *n > 0) {
             let _ = writeln!(out, "            and {more} more; --json lists all");
         }
         for fault in self.faults() {
@@ -217,90 +213,42 @@ impl Facts<'_> {
         out
     }
 
-    fn json(&self) -> String {
+    fn json(&self) -> Result<String> {
         let i = &self.inventory;
-        let list = |items: Vec<String>| format!("[{}]", items.join(", "));
-        let point = |p: crate::geom::DVec3| format!("[{}, {}, {}]", p.x, p.y, p.z);
+        let point = |p: crate::geom::DVec3| [p.x, p.y, p.z];
         let parts = self.scene.parts.iter().zip(&i.of_part);
-        let parts = parts.map(|(p, n)| format!("{{\"id\": {}, \"primitives\": {n}}}", quoted(&p.id)));
-        let materials = self.scene.materials.iter().zip(&i.of_material).map(|(m, n)| {
-            format!(
-                "{{\"name\": {}, \"reflectance\": {}, \"class\": {}, \"ground\": {}, \"primitives\": {n}}}",
-                quoted(&m.name),
-                number(m.reflectance),
-                m.classification,
-                m.is_ground
-            )
-        });
+        let parts: Vec<_> = parts.map(|(p, n)| json!({ "id": p.id, "primitives": n })).collect();
+        let material = |(m, n): (&Material, &u64)| {
+            json!({
+                "name": m.name, "reflectance": m.reflectance, "class": m.classification, "ground": m.is_ground,
+                "primitives": n,
+            })
+        };
+        let materials: Vec<_> = self.scene.materials.iter().zip(&i.of_material).map(material).collect();
         let warnings = self.warnings.items().iter().filter(|d| d.severity == Severity::Warning);
-        let faults = self.faults();
-        let warnings = warnings.map(|d| quoted(&d.message)).chain(faults.iter().map(|f| quoted(f)));
-        let (scene, tree) = (self.scene.memory(), self.tree.memory());
-        let s = self.tree.statistics();
-        format!(
-            "{{\n  \"primitives\": {}, \"triangles\": {}, \"voxels\": {},\n  \
-             \"instances\": {}, \"models\": {}, \"instanced_triangles\": {},\n  \
-             \"bounds_m\": {{\"min\": {}, \"max\": {}}},\n  \"coordinates\": {},\n  \
-             \"memory_bytes\": {{\"scene\": {scene}, \"tree\": {tree}, \"per_primitive\": {}}},\n  \
-             \"seconds\": {{\"load\": {}, \"tree\": {}}},\n  \
-             \"tree\": {{\"leaves\": {}, \"nodes\": {}, \"depth\": {}}},\n  \
-             \"slivers\": {}, \"duplicates\": {}, \"duplicate_voxels\": {}, \"duplicate_instances\": {},\n  \"parts\": {},\n  \"materials\": {},\n  \"warnings\": {}\n}}\n",
-            i.primitives(),
-            i.triangles + i.instanced_triangles,
-            i.cubes,
-            i.instances,
-            i.models,
-            i.instanced_triangles,
-            point(i.bounds.min),
-            point(i.bounds.max),
-            quoted(i.coordinates()),
-            self.per_primitive(scene + tree),
-            self.seconds[0],
-            self.seconds[1],
-            s.leaves,
-            s.interior,
-            s.max_depth,
-            i.slivers,
-            i.duplicates,
-            i.duplicate_cubes,
-            i.duplicate_instances,
-            list(parts.collect()),
-            list(materials.collect()),
-            list(warnings.collect()),
-        )
-    }
-}
-
-/// A number, or null for what JSON cannot say.
-fn number(x: f64) -> String {
-    if x.is_finite() { x.to_string() } else { "null".to_owned() }
-}
-
-/// A JSON string.
-fn quoted(text: &str) -> String {
-    let mut out = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' => out.push_str("\\\""),
-            '\\' => out.push_str("\\\\"),
-            '\n' => out.push_str("\\n"),
-            c if c.is_control() => {
-                let _ = write!(out, "\\u{:04x}", c as u32);
-            }
-            c => out.push(c),
-        }
-    }
-    out.push('"');
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn any_text_can_be_quoted() {
-        assert_eq!(quoted("a\"b\\c\n\u{1}é"), "\"a\\\"b\\\\c\\n\\u0001é\"");
-        assert_eq!((number(0.5), number(f64::NAN)), ("0.5".to_owned(), "null".to_owned()));
+        let warnings: Vec<_> = warnings.map(|d| d.message.clone()).chain(self.faults()).collect();
+        let (scene, tree, s) = (self.scene.memory(), self.tree.memory(), self.tree.statistics());
+        let facts = json!({
+            "primitives": i.primitives(),
+            "triangles": i.triangles + i.instanced_triangles,
+            "voxels": i.cubes,
+            "instances": i.instances,
+            "models": i.models,
+            "instanced_triangles": i.instanced_triangles,
+            "bounds_m": { "min": point(i.bounds.min), "max": point(i.bounds.max) },
+            "coordinates": i.coordinates(),
+            "memory_bytes": { "scene": scene, "tree": tree, "per_primitive": self.per_primitive(scene + tree) },
+            "seconds": { "load": self.seconds[0], "tree": self.seconds[1] },
+            "tree": { "leaves": s.leaves, "nodes": s.interior, "depth": s.max_depth },
+            "slivers": i.slivers,
+            "duplicates": i.duplicates,
+            "duplicate_voxels": i.duplicate_cubes,
+            "duplicate_instances": i.duplicate_instances,
+            "parts": parts,
+            "materials": materials,
+            "warnings": warnings,
+        });
+        let text = serde_json::to_string_pretty(&facts).map_err(|e| Error::Internal(e.to_string()))?;
+        Ok(text + "\n")
     }
 }

@@ -39,6 +39,7 @@ pub use console::{Console, LogTo, Verbosity};
 use crate::error::Error;
 use clap::FromArgMatches;
 use std::ffi::OsString;
+use std::io::Write as _;
 
 /// Runs the program with these arguments and returns its exit status: 0 done, 1 the machine failed, 2 wrong input or
 /// usage, 3 a scan frequency outside the scanner's limits, 130 interrupted.
@@ -93,4 +94,10 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
             error.exit_status()
         }
     }
+}
+
+/// Writes a text to stdout. A reader that went away ends the program quietly.
+fn write_stdout(text: &str) -> Result<(), Error> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Error::io("write", "stdout", e))
 }

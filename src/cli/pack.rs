@@ -16,8 +16,8 @@ use std::time::Instant;
 /// Runs `vlscan scene pack`.
 pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
-    let asked = info::Asked { scene: &args.scene, assets: &args.assets };
-    let (recipe, found, warnings) = asked.recipe()?;
+    let name = info::SceneName { scene: &args.scene, assets: &args.assets };
+    let (recipe, found, warnings) = name.recipe()?;
     console.warnings(&warnings);
     let out = args.out.clone().unwrap_or_else(|| recipe.path.with_extension("vlscene"));
     if out.exists() && !args.force {

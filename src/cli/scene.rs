@@ -21,26 +21,19 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         SceneKind::Terrain => Kind::Terrain,
         SceneKind::Room => Kind::Room,
     };
-    let triangles = super::run::count(&args.triangles).ok_or_else(|| {
-        Error::input(format!("--triangles: expected a number such as 250k, found {:?}", args.triangles))
-    })?;
-    let pulses = args.pulses.as_deref().map(|text| {
-        super::run::count(text)
-            .ok_or_else(|| Error::input(format!("--pulses: expected a number such as 2M, found {text:?}")))
-    });
-    let voxels = args.voxels.as_deref().map(|text| {
-        super::run::count(text)
-            .ok_or_else(|| Error::input(format!("--voxels: expected a number such as 40k, found {text:?}")))
-    });
+    let count = |text: &Option<String>, option: &str, example: &str| {
+        text.as_deref().map(|text| parse_count(text, option, example)).transpose()
+    };
+    let triangles = parse_count(&args.triangles, "--triangles", "250k")?;
     let options = SceneOptions {
         kind,
         triangles,
         seed: args.seed,
         extent_m: args.extent,
-        pulses: pulses.transpose()?,
+        pulses: count(&args.pulses, "--pulses", "2M")?,
         separate_trees: args.separate_trees,
         instances: args.models.map(|models| (models, args.copies.unwrap_or(100))),
-        voxels: voxels.transpose()?,
+        voxels: count(&args.voxels, "--voxels", "40k")?,
         overwrite: args.force,
     };
     let made = write_scene(&options, &args.out, |_| {})?;
@@ -53,4 +46,9 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         made.survey.display()
     ));
     Ok(())
+}
+
+fn parse_count(text: &str, option: &str, example: &str) -> Result<u64> {
+    super::run::count(text)
+        .ok_or_else(|| Error::input(format!("{option}: expected a number such as {example}, found {text:?}")))
 }

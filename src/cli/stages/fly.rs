@@ -8,7 +8,6 @@ use crate::cli::run::Job;
 use crate::cli::watch::watched;
 use crate::cli::{Console, Verbosity, interrupt};
 use crate::error::{Error, Result};
-use crate::flight::PoseSample;
 use crate::geom::DVec3;
 use crate::pipeline::{Control, Emission, Emitted, Progress, Session, emit};
 use crate::quantity::{amount, duration};
@@ -37,91 +36,65 @@ pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
             leg.scanner.trajectory_interval = interval.unwrap_or(if own > 0.0 { own } else { INTERVAL });
         }
     };
-    fly(&as_run(&args.survey, &args.profile), &args.emit, args.flown, console, change, &Poses)
+    fly(&as_run(&args.survey, &args.profile), &args.emit, args.flown, console, change, Rows::Poses)
 }
 
 /// Runs `vlscan pulses`.
 pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
-    // Poses would only make work.
+    // No poses are written.
     let change = |survey: &mut Survey| {
         survey.legs.iter_mut().for_each(|leg| leg.scanner.trajectory_interval = 0.0);
     };
-    fly(&as_run(&args.survey, &args.profile), &args.emit, false, console, change, &Pulses)
+    fly(&as_run(&args.survey, &args.profile), &args.emit, false, console, change, Rows::Pulses)
 }
 
-/// What is written of a flight, as lines of text or as rows of a table.
-trait Rows: Sync {
+/// The rows that are written of a flight.
+#[derive(Clone, Copy)]
+enum Rows {
+    Poses,
+    Pulses,
+}
+
+impl Rows {
     /// First line of text.
-    fn header(&self, flight: &Flight) -> String;
+    fn header(self, flight: &Flight) -> String {
+        match self {
+            Rows::Poses => POSE_HEADER.to_owned(),
+            Rows::Pulses => header(flight.columns),
+        }
+    }
+
     /// Columns of a table.
-    fn columns(&self, flight: &Flight) -> Vec<TableColumn>;
-    /// Appends what was emitted as lines.
-    fn push_lines(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>);
-    /// Appends it as values, row by row, as [`TableWriter`] takes them.
-    fn push_values(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>);
-}
+    fn columns(self, flight: &Flight) -> Vec<TableColumn> {
+        match self {
+            Rows::Poses => pose_columns(),
+            Rows::Pulses => pulse_columns(flight.columns),
+        }
+    }
 
-struct Poses;
-
-impl Poses {
-    fn rows(flight: &Flight, emitted: &Emitted) -> impl Iterator<Item = PoseSample> {
-        emitted.poses.iter().map(|pose| if flight.as_flown { pose.as_flown() } else { *pose })
+    /// Appends what was emitted as lines of text, or as values for [`TableWriter`].
+    fn push(self, flight: &Flight, emitted: &Emitted, as_text: bool, out: &mut Vec<u8>) {
+        match self {
+            Rows::Poses => {
+                let push = if as_text { push_pose } else { push_pose_row };
+                for pose in &emitted.poses {
+                    push(out, &if flight.as_flown { pose.as_flown() } else { *pose }, flight.shift);
+                }
+            }
+            Rows::Pulses => {
+                let push = if as_text { push_pulse } else { push_pulse_row };
+                let divergence = flight.divergences.get(emitted.leg as usize).copied();
+                let (leg, play) = (emitted.leg, emitted.epoch);
+                for &(pulse, step) in &emitted.pulses {
+                    let row = PulseRow { pulse, leg, step, play, divergence };
+                    push(out, &row, flight.columns, flight.shift);
+                }
+            }
+        }
     }
 }
 
-impl Rows for Poses {
-    fn header(&self, _: &Flight) -> String {
-        POSE_HEADER.to_owned()
-    }
-
-    fn columns(&self, _: &Flight) -> Vec<TableColumn> {
-        pose_columns()
-    }
-
-    fn push_lines(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
-        Poses::rows(flight, emitted).for_each(|pose| push_pose(out, &pose, flight.shift));
-    }
-
-    fn push_values(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
-        Poses::rows(flight, emitted).for_each(|pose| push_pose_row(out, &pose, flight.shift));
-    }
-}
-
-struct Pulses;
-
-impl Pulses {
-    fn rows(flight: &Flight, emitted: &Emitted) -> impl Iterator<Item = PulseRow> {
-        let divergence = flight.divergences.get(emitted.leg as usize).copied();
-        let (leg, play) = (emitted.leg, emitted.epoch);
-        emitted.pulses.iter().map(move |(pulse, step)| PulseRow {
-            pulse: *pulse,
-            leg,
-            step: *step,
-            play,
-            divergence,
-        })
-    }
-}
-
-impl Rows for Pulses {
-    fn header(&self, flight: &Flight) -> String {
-        header(flight.columns)
-    }
-
-    fn columns(&self, flight: &Flight) -> Vec<TableColumn> {
-        pulse_columns(flight.columns)
-    }
-
-    fn push_lines(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
-        Pulses::rows(flight, emitted).for_each(|row| push_pulse(out, &row, flight.columns, flight.shift));
-    }
-
-    fn push_values(&self, flight: &Flight, emitted: &Emitted, out: &mut Vec<u8>) {
-        Pulses::rows(flight, emitted).for_each(|row| push_pulse_row(out, &row, flight.columns, flight.shift));
-    }
-}
-
-/// What the rows need to know of the flight.
+/// What the rows need of the flight.
 struct Flight {
     shift: DVec3,
     /// Columns of a stream of pulses.
@@ -166,7 +139,7 @@ fn fly(
     as_flown: bool,
     console: &Console,
     change: impl FnOnce(&mut Survey),
-    rows: &impl Rows,
+    rows: Rows,
 ) -> Result<()> {
     interrupt::listen();
     if emit_args.format == EmitFormat::Arrow && !emit_args.force && std::io::stdout().is_terminal() {
@@ -192,13 +165,13 @@ fn fly(
     match emit_args.format {
         EmitFormat::Csv => {
             out.write_all(rows.header(&flight).as_bytes()).and_then(|()| out.flush()).map_err(failed)?;
-            let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push_lines(&flight, emitted, out);
+            let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push(&flight, emitted, true, out);
             watched(console, progress_lines, legs, &progress, || emit(emission, control, encode, out))?;
         }
         EmitFormat::Arrow => {
             let mut out = TableWriter::begin(rows.columns(&flight), is_live, out).map_err(failed)?;
             out.flush().map_err(failed)?;
-            let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push_values(&flight, emitted, out);
+            let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push(&flight, emitted, false, out);
             let out =
                 watched(console, progress_lines, legs, &progress, || emit(emission, control, encode, out))?;
             out.finish().map_err(failed)?;
