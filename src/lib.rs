@@ -100,5 +100,5 @@ pub mod internals {
     pub use crate::rng::{Purpose, Stream};
     pub use crate::scene::{LoadOptions, Scene, load};
     pub use crate::survey::{Scanner, Survey, catalogue};
-    pub use crate::tree::{BuildOptions, Builder, Geometry, Hits, RayGroup, Tree};
+    pub use crate::tree::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
 }

@@ -4,7 +4,7 @@ use crate::Tracer;
 use std::os::raw::c_void;
 use vlscan::internals::{Geometry, RayGroup};
 
-/// What `embree.c` calls a tracer.
+/// The device and scene of `embree.c`.
 #[repr(C)]
 pub struct Embree {
     device: *mut c_void,
@@ -25,7 +25,7 @@ unsafe extern "C" {
     fn embree_coherent(embree: *const Embree, rays: *const Rays, t: *mut f32, ids: *mut u32);
 }
 
-/// How Embree is asked.
+/// How Embree is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// `rtcIntersect1`.
@@ -45,22 +45,22 @@ impl Mode {
     }
 }
 
-/// The rays of a volley in single precision, one after the other.
+/// The rays of a batch in single precision, one after the other.
 #[derive(Clone, Default)]
 pub struct Packed {
     origin: [Vec<f32>; 3],
     direction: [Vec<f32>; 3],
-    /// How many are meant; the last is repeated up to a multiple of 16.
+    /// Number of rays; the last is repeated up to a multiple of 16.
     count: usize,
 }
 
 impl Packed {
-    /// All rays of a volley.
-    pub fn of(volley: &RayGroup) -> Packed {
+    /// All rays of a batch.
+    pub fn of(batch: &RayGroup) -> Packed {
         let mut packed = Packed::default();
-        for p in 0..volley.len() {
-            for r in 0..volley.rays() {
-                let (o, d) = (volley.origin(p).to_array(), volley.direction(p, r).to_array());
+        for p in 0..batch.len() {
+            for r in 0..batch.rays() {
+                let (o, d) = (batch.origin(p).to_array(), batch.direction(p, r).to_array());
                 for a in 0..3 {
                     packed.origin[a].push(o[a] as f32);
                     packed.direction[a].push(d[a] as f32);
@@ -77,24 +77,24 @@ impl Packed {
 }
 
 /// Embree in one of its modes.
-pub struct Theirs<'a> {
+pub struct EmbreeTracer<'a> {
     embree: &'a Embree,
     mode: Mode,
-    volleys: &'a [Packed],
+    batches: &'a [Packed],
     rays: Packed,
     t: Vec<f32>,
     ids: Vec<u32>,
 }
 
-impl<'a> Theirs<'a> {
-    pub fn new(embree: &'a Embree, mode: Mode, volleys: &'a [Packed]) -> Theirs<'a> {
-        Theirs { embree, mode, volleys, rays: Packed::default(), t: Vec::new(), ids: Vec::new() }
+impl<'a> EmbreeTracer<'a> {
+    pub fn new(embree: &'a Embree, mode: Mode, batches: &'a [Packed]) -> EmbreeTracer<'a> {
+        EmbreeTracer { embree, mode, batches, rays: Packed::default(), t: Vec::new(), ids: Vec::new() }
     }
 }
 
-impl Tracer for Theirs<'_> {
-    fn load(&mut self, volley: usize) {
-        self.rays.clone_from(&self.volleys[volley]);
+impl Tracer for EmbreeTracer<'_> {
+    fn load(&mut self, batch: usize) {
+        self.rays.clone_from(&self.batches[batch]);
         self.t.resize(self.rays.origin[0].len(), 0.0);
         self.ids.resize(self.rays.origin[0].len(), 0);
     }
@@ -126,13 +126,13 @@ impl Embree {
     }
 
     /// Distance and triangle of every ray; infinite and `u32::MAX` for misses.
-    pub fn hits(&self, mode: Mode, volleys: &[Packed]) -> Vec<(f64, u32)> {
-        let mut theirs = Theirs::new(self, mode, volleys);
+    pub fn hits(&self, mode: Mode, batches: &[Packed]) -> Vec<(f64, u32)> {
+        let mut tracer = EmbreeTracer::new(self, mode, batches);
         let mut hits = Vec::new();
-        for (volley, rays) in volleys.iter().enumerate() {
-            theirs.load(volley);
-            theirs.trace();
-            let all = theirs.t.iter().zip(&theirs.ids).map(|(t, id)| (f64::from(*t), *id));
+        for (batch, rays) in batches.iter().enumerate() {
+            tracer.load(batch);
+            tracer.trace();
+            let all = tracer.t.iter().zip(&tracer.ids).map(|(t, id)| (f64::from(*t), *id));
             hits.extend(all.take(rays.count));
         }
         hits

@@ -6,7 +6,7 @@
 //! cargo bench --bench kernel --features embree -- -n 1M --rounds 9 --builders bvh,fsah --sets airborne,sparse
 //! ```
 //!
-//! Rays come by volleys, which lie in the second-level cache when the clock starts, as they do in a run, where they have
+//! Rays come in batches, which are in the second-level cache when the clock starts, as they are in a run, where they have
 //! just been made: ours in double precision by pulse, Embree's in single precision one after the other. Both write
 //! distance and triangle of every ray. The tracers take turns, and a ratio is the median over the rounds of the ratios
 //! within a round. The clock is that of the thread, so that other load matters little.
@@ -18,7 +18,7 @@ mod scene;
 
 use rays::RaySet;
 use std::time::Duration;
-use vlscan::internals::{BuildOptions, Builder, Geometry, Hits, RayGroup, Tree};
+use vlscan::internals::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
 
 const BUILDERS: [(&str, Builder); 5] = [
     ("bvh", Builder::Bvh),
@@ -60,23 +60,24 @@ impl Settings {
     }
 }
 
-/// Time that this thread has worked.
-fn clock() -> Duration {
+/// Processor time of this thread.
+fn thread_time() -> Duration {
     let t = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::new(t.tv_sec as u64, t.tv_nsec as u32)
 }
 
-/// One way to trace, and what it has taken per round.
-struct Lane<'a> {
+/// A tracer and its times.
+struct Contender<'a> {
     name: String,
     tracer: Box<dyn Tracer + 'a>,
+    /// Seconds per round.
     seconds: Vec<f64>,
 }
 
-/// Traces volley after volley.
+/// Traces batch after batch.
 trait Tracer {
-    /// Brings the rays of a volley near.
-    fn load(&mut self, volley: usize);
+    /// Copies the rays of a batch into the cache.
+    fn load(&mut self, batch: usize);
     /// Traces the rays loaded last.
     fn trace(&mut self);
 }
@@ -88,38 +89,39 @@ struct Own<'a> {
     set: &'a RaySet,
     rays: RayGroup,
     hits: Hits,
+    scratch: TraceScratch,
 }
 
 impl Tracer for Own<'_> {
-    fn load(&mut self, volley: usize) {
-        let volley = &self.set.volleys[volley];
-        self.rays.copy_from(volley, 0..volley.len());
+    fn load(&mut self, batch: usize) {
+        let batch = &self.set.batches[batch];
+        self.rays.copy_from(batch, 0..batch.len());
     }
 
     fn trace(&mut self) {
-        self.tree.trace_group(self.geometry, &self.rays, &mut self.hits);
+        self.tree.trace_group(self.geometry, &self.rays, &mut self.hits, &mut self.scratch);
         std::hint::black_box(&self.hits);
     }
 }
 
-impl<'a> Lane<'a> {
-    fn new(name: impl Into<String>, tracer: impl Tracer + 'a) -> Lane<'a> {
+impl<'a> Contender<'a> {
+    fn new(name: impl Into<String>, tracer: impl Tracer + 'a) -> Contender<'a> {
         Lane { name: name.into(), tracer: Box::new(tracer), seconds: Vec::new() }
     }
 
-    fn pass(&mut self, volleys: usize) {
+    fn run_round(&mut self, batches: usize) {
         let mut spent = Duration::ZERO;
-        for volley in 0..volleys {
-            self.tracer.load(volley);
-            let start = clock();
+        for batch in 0..batches {
+            self.tracer.load(batch);
+            let start = thread_time();
             self.tracer.trace();
-            spent += clock() - start;
+            spent += thread_time() - start;
         }
         self.seconds.push(spent.as_secs_f64());
     }
 
     /// Median ratio of another's time to ours.
-    fn times_as_fast_as(&self, other: &Lane) -> f64 {
+    fn times_as_fast_as(&self, other: &Contender) -> f64 {
         median(self.seconds.iter().zip(&other.seconds).map(|(own, other)| other / own))
     }
 }
@@ -157,35 +159,35 @@ fn bench(geometry: &Geometry, settings: &Settings) {
             continue;
         }
         #[cfg(feature = "embree")]
-        let volleys: Vec<embree::Packed> = set.volleys.iter().map(embree::Packed::of).collect();
-        let mut lanes = Vec::new();
+        let batches: Vec<embree::Packed> = set.batches.iter().map(embree::Packed::of).collect();
+        let mut contenders = Vec::new();
         #[cfg(feature = "embree")]
         for mode in embree::Mode::BOTH {
-            lanes.push(Lane::new(mode.name(), embree::Theirs::new(&embree, mode, &volleys)));
+            contenders.push(Contender::new(mode.name(), embree::EmbreeTracer::new(&embree, mode, &batches)));
         }
         for (name, tree) in &trees {
-            let (rays, hits) = (RayGroup::new(0), Hits::default());
-            lanes.push(Lane::new(*name, Own { geometry, tree, set: &set, rays, hits }));
+            let (rays, hits, scratch) = (RayGroup::new(0), Hits::default(), TraceScratch::default());
+            contenders.push(Contender::new(*name, Own { geometry, tree, set: &set, rays, hits, scratch }));
         }
         for round in 0..=settings.rounds {
-            lanes.iter_mut().for_each(|l| l.pass(set.volleys.len()));
+            contenders.iter_mut().for_each(|l| l.run_round(set.batches.len()));
             if round == 0 {
                 // Caches and clocks are warm now.
-                lanes.iter_mut().for_each(|l| l.seconds.clear());
+                contenders.iter_mut().for_each(|l| l.seconds.clear());
             }
         }
-        report(&set, &lanes);
-        drop(lanes);
-        let ours = trees.first().map(|(_, tree)| outcome(geometry, tree, &set));
+        report(&set, &contenders);
+        drop(contenders);
+        let ours = trees.first().map(|(_, tree)| hits_of(geometry, tree, &set));
         if let Some(ours) = &ours {
             println!("{:<12} {:<10} {:>50}", set.name, "ours", summary(ours));
             for (name, tree) in &trees[1..] {
-                assert!(*ours == outcome(geometry, tree, &set), "{name} does not hit what the others hit");
+                assert!(*ours == hits_of(geometry, tree, &set), "{name} does not hit what the others hit");
             }
         }
         #[cfg(feature = "embree")]
         for mode in embree::Mode::BOTH {
-            let theirs = embree.hits(mode, &volleys);
+            let theirs = embree.hits(mode, &batches);
             print!("{:<12} {:<10} {:>50}", set.name, mode.name(), summary(&theirs));
             if let Some(ours) = &ours {
                 print!(", {}", difference(ours, &theirs));
@@ -195,15 +197,15 @@ fn bench(geometry: &Geometry, settings: &Settings) {
     }
 }
 
-fn report(set: &RaySet, lanes: &[Lane]) {
-    let reference = |name: &str| lanes.iter().find(|l| l.name == name);
-    for lane in lanes {
-        let seconds = median(lane.seconds.iter().copied());
+fn report(set: &RaySet, contenders: &[Contender]) {
+    let reference = |name: &str| contenders.iter().find(|l| l.name == name);
+    for contender in contenders {
+        let seconds = median(contender.seconds.iter().copied());
         let rate = set.rays as f64 / seconds;
-        print!("{:<12} {:<10} {:>8.1} {:>8.2}", set.name, lane.name, rate * 1e-6, 1e9 / rate);
+        print!("{:<12} {:<10} {:>8.1} {:>8.2}", set.name, contender.name, rate * 1e-6, 1e9 / rate);
         for other in ["single", "coherent"] {
             match reference(other) {
-                Some(other) => print!(" {:>10.2}", lane.times_as_fast_as(other)),
+                Some(other) => print!(" {:>10.2}", contender.times_as_fast_as(other)),
                 None => print!(" {:>10}", "-"),
             }
         }
@@ -212,10 +214,11 @@ fn report(set: &RaySet, lanes: &[Lane]) {
 }
 
 /// Distance and triangle of every ray.
-fn outcome(geometry: &Geometry, tree: &Tree, set: &RaySet) -> Vec<(f64, u32)> {
+fn hits_of(geometry: &Geometry, tree: &Tree, set: &RaySet) -> Vec<(f64, u32)> {
     let (mut all, mut hits) = (Vec::with_capacity(set.rays), Hits::default());
-    for group in &set.volleys {
-        tree.trace_group(geometry, group, &mut hits);
+    let mut scratch = TraceScratch::default();
+    for group in &set.batches {
+        tree.trace_group(geometry, group, &mut hits, &mut scratch);
         for p in 0..group.len() {
             let row = p * group.stride()..p * group.stride() + group.rays();
             all.extend(hits.t[row.clone()].iter().copied().zip(hits.primitive[row].iter().copied()));
@@ -233,8 +236,8 @@ fn summary(hits: &[(f64, u32)]) -> String {
 #[cfg(feature = "embree")]
 fn difference(ours: &[(f64, u32)], theirs: &[(f64, u32)]) -> String {
     let pairs = || ours.iter().zip(theirs);
-    let verdicts = pairs().filter(|(a, b)| a.0.is_finite() != b.0.is_finite()).count();
+    let hit_or_miss = pairs().filter(|(a, b)| a.0.is_finite() != b.0.is_finite()).count();
     let ids = pairs().filter(|(a, b)| a.1 != b.1).count();
     let ranges = pairs().filter(|(a, b)| (a.0 - b.0).abs() > 1e-3).count();
-    format!("{verdicts} hit or miss, {ids} triangles, {ranges} ranges by 1 mm differ")
+    format!("{hit_or_miss} hit or miss, {ids} triangles, {ranges} ranges by 1 mm differ")
 }

@@ -6,7 +6,7 @@ use vlscan::internals::{Geometry, RayGroup};
 use vlscan::internals::{Purpose, Stream};
 
 /// Pulses per call.
-const VOLLEY: usize = 512;
+const BATCH_PULSES: usize = 512;
 
 /// Height of the aeroplane above the lowest vertex, m.
 const HEIGHT: f64 = 300.0;
@@ -14,7 +14,7 @@ const HEIGHT: f64 = 300.0;
 /// Rays of many pulses.
 pub struct RaySet {
     pub name: &'static str,
-    pub volleys: Vec<RayGroup>,
+    pub batches: Vec<RayGroup>,
     pub rays: usize,
 }
 
@@ -55,7 +55,7 @@ impl RaySet {
                 })
             })
             .collect();
-        let volley = |aims: &[Aim]| {
+        let batch = |aims: &[Aim]| {
             let mut group = RayGroup::new(template.len());
             for aim in aims {
                 group.push(aim.origin, |x, y, z| {
@@ -66,8 +66,8 @@ impl RaySet {
             }
             group
         };
-        let volleys: Vec<RayGroup> = aims.chunks(VOLLEY).map(volley).collect();
-        RaySet { name, rays: aims.len() * template.len(), volleys }
+        let batches: Vec<RayGroup> = aims.chunks(BATCH_PULSES).map(batch).collect();
+        RaySet { name, rays: aims.len() * template.len(), batches }
     }
 }
 

@@ -62,7 +62,7 @@ pub(super) fn build_tree(
 pub(super) fn check_raster_memory(settings: &Settings, notify: &dyn Fn(Notice)) -> Result<()> {
     let mut all = 0u64;
     for need in scene::raster_needs(&settings.survey.scene) {
-        let tree = Tree::forecast(need.triangles, settings.tree.builder);
+        let tree = Tree::estimate_build_memory(need.triangles, settings.tree.builder);
         all = all.saturating_add(need.bytes).saturating_add(tree);
         if need.bytes.saturating_add(tree) >= MIN_REPORTED_BYTES {
             notify(Notice::Note(format!(

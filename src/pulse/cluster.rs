@@ -190,6 +190,7 @@ mod tests {
     use crate::pulse::detect::detect;
     use crate::pulse::options::Corrections;
     use crate::pulse::testkit::{received, tls_detector};
+    use crate::tree::simd::portable::Portable;
     use proptest::prelude::*;
 
     /// An instrument that reads between bins.
@@ -219,7 +220,7 @@ mod tests {
             let rule = ClusterRule::new(&detector.shape, &detector.rule).expect("a fast path");
             let (mut found, mut all) = (Vec::new(), Vec::new());
             prop_assert!(ClusterDetector::default().detect(&rule, &ReturnProfile::of(&map), &detector, |_| true, &mut found));
-            detect::<false>(&received(&map, &detector), (&detector, None), false, |_| true, &mut all);
+            detect(Portable, &received(&map, &detector), (&detector, None), false, |_| true, &mut all);
             prop_assert_eq!(all, found);
         }
     }

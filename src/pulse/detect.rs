@@ -6,13 +6,15 @@ use super::peaks::Peaks;
 use super::receiver::ReceiverModel;
 use super::reflections::Reflections;
 use super::waveform::Waveform;
+use crate::tree::simd::Simd;
 
 /// Echoes with a narrower fit are dropped, ns.
 const MIN_ECHO_WIDTH: f64 = 0.1;
 
 /// Appends the returns of `waveform`, nearest first, up to the detector's maximum: those whose range `is_kept` accepts.
 #[inline(always)]
-pub(super) fn detect<const WIDE: bool>(
+pub(super) fn detect<S: Simd>(
+    simd: S,
     waveform: &Waveform,
     (detector, receiver): (&DetectorSettings, Option<&ReceiverModel>),
     echo_width: bool,
@@ -21,7 +23,7 @@ pub(super) fn detect<const WIDE: bool>(
 ) {
     let corrections = &detector.corrections;
     let (shape, max_returns) = (&detector.shape, detector.max_returns as usize);
-    for (bin, amplitude) in Peaks::<WIDE>::of(waveform, detector.rule) {
+    for (bin, amplitude) in Peaks::of(simd, waveform, detector.rule) {
         let width = if echo_width {
             let reach = corrections.local_fit.then_some(shape.samples.len() as u64);
             let width = fit::width(waveform, bin, amplitude, reach) * shape.bin;
@@ -71,11 +73,13 @@ mod tests {
     use super::*;
     use crate::pulse::testkit::{received, tls_detector};
     use crate::survey::WaveformSettings;
+    use crate::tree::simd::portable::Portable;
+    use crate::tree::simd::{Level, dispatch};
     use proptest::prelude::*;
 
     fn returns(of: &[(f64, f64)], detector: &DetectorSettings) -> Vec<Return> {
         let mut out = Vec::new();
-        detect::<false>(&received(of, detector), (detector, None), false, |_| true, &mut out);
+        detect(Portable, &received(of, detector), (detector, None), false, |_| true, &mut out);
         out
     }
 
@@ -105,7 +109,7 @@ mod tests {
         for (s, bins, expected) in table {
             let waveform = received(&[(100.0, 1.0), (100.0 + s, 1.0)], &detector);
             assert_eq!(waveform.bins, bins, "s = {s}");
-            let found: Vec<_> = Peaks::<false>::of(&waveform, detector.rule).map(|p| p.0).collect();
+            let found: Vec<_> = Peaks::of(Portable, &waveform, detector.rule).map(|p| p.0).collect();
             assert_eq!(found, expected.iter().map(|e| e.0).collect::<Vec<_>>(), "s = {s}");
             for (r, e) in returns(&[(100.0, 1.0), (100.0 + s, 1.0)], &detector).iter().zip(expected) {
                 assert!(
@@ -232,13 +236,11 @@ mod tests {
             for (a, b) in all.iter().zip(&f) {
                 prop_assert_eq!(a.to_bits(), b.to_bits());
             }
-            let found: Vec<usize> = Peaks::<false>::of(&waveform, detector.rule).map(|p| p.0 as usize).collect();
-            prop_assert_eq!(&found, &peaks);
-            #[cfg(target_arch = "x86_64")]
-            if is_x86_feature_detected!("avx512f") {
-                let found: Vec<usize> =
-                    Peaks::<true>::of(&waveform, detector.rule).map(|p| p.0 as usize).collect();
-                prop_assert_eq!(found, peaks);
+            for level in Level::available() {
+                let found: Vec<usize> = dispatch!(level, simd => {
+                    Peaks::of(simd, &waveform, detector.rule).map(|p| p.0 as usize).collect()
+                });
+                prop_assert_eq!(&found, &peaks);
             }
         }
     }

@@ -19,6 +19,7 @@ use super::view::SceneView;
 use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
 use crate::flight::Pulse;
 use crate::geom::DVec3;
+use crate::tree::simd::Simd;
 use crate::{Error, Result};
 
 /// Scratch memory of everything after the traversal.
@@ -58,8 +59,9 @@ fn is_too_near(range: f64, detector: &DetectorSettings) -> bool {
 impl Detection {
     /// Appends the records of a pulse.
     #[inline(always)]
-    pub fn detect<const WIDE: bool>(
+    pub fn detect<S: Simd>(
         &mut self,
+        simd: S,
         physics: &Physics,
         view: &SceneView,
         (instrument, pulse): (&Instrument, &Pulse),
@@ -75,7 +77,7 @@ impl Detection {
         if self.reflections.is_empty() && !model.is_some_and(ReceiverModel::has_false_alarms) {
             return Ok(());
         }
-        self.profile.sort_by_range::<WIDE>(&self.reflections, corrections.sum_equal_ranges);
+        self.profile.sort_by_range(simd, &self.reflections, corrections.sum_equal_ranges);
         self.returns.clear();
         let is_kept =
             |range: f64| !corrections.count_kept_returns || !is_too_near(range + pulse.range_error, detector);
@@ -99,7 +101,7 @@ impl Detection {
                 model.distort(&mut self.waveform, options.record_waveforms, draw);
             }
             let width = options.echo_width;
-            detect::<WIDE>(&self.waveform, (detector, model), width, is_kept, &mut self.returns);
+            detect(simd, &self.waveform, (detector, model), width, is_kept, &mut self.returns);
             if let Some(model) = model {
                 model.add_false_alarms(&self.waveform, detector, draw, &mut self.returns);
             }

@@ -3,6 +3,6 @@
 use crate::tree::RayGroup;
 
 /// Subrays of a block.
-pub(super) const LANES: usize = RayGroup::LANES;
+pub(super) const LANES: usize = RayGroup::WIDTH;
 /// A number for each subray of a block.
 pub(super) type Block = [f64; LANES];

@@ -3,41 +3,37 @@
 use super::detector::PeakRule;
 use super::lanes::LANES;
 use super::waveform::Waveform;
+use crate::tree::simd::{F64Ops, MaskOps, Simd, each_of};
 
 /// Which of eight bins may be peaks as far as their direct neighbours tell: bit `i` is that of `around[i + 1]`.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f")]
-#[inline]
-fn candidates(around: &[f64; LANES + 2], rule: &PeakRule) -> u8 {
-    use std::arch::x86_64::*;
-    let load = |i: usize| {
-        // SAFETY: there are eight bins and their neighbours.
-        unsafe { _mm512_loadu_pd(around.as_ptr().add(i)) }
-    };
-    let (before, top, after) = (load(0), load(1), load(2));
-    let threshold = _mm512_set1_pd(rule.threshold);
-    let higher = _mm512_cmp_pd_mask::<_CMP_GE_OQ>(before, top) | _mm512_cmp_pd_mask::<_CMP_GE_OQ>(after, top);
-    let mut below = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(top, threshold);
+#[inline(always)]
+fn candidates<S: Simd>(simd: S, around: &[f64; LANES + 2], rule: &PeakRule) -> u8 {
+    let [before, top, after] = each_of!([0, 1, 2], i => {
+        simd.load_f64(around[i..i + LANES].as_array().expect("eight bins and their neighbours"))
+    });
+    let threshold = simd.splat_f64(rule.threshold);
+    let higher = top.le(before) | top.le(after);
+    let mut below = top.lt(threshold);
     if !rule.weak_neighbours {
-        below |= _mm512_cmp_pd_mask::<_CMP_LT_OQ>(before, threshold);
-        below |= _mm512_cmp_pd_mask::<_CMP_LT_OQ>(after, threshold);
+        below = below | before.lt(threshold) | after.lt(threshold);
     }
-    !(higher | below)
+    !(higher | below).bits() as u8
 }
 
 /// The peaks of a waveform in ascending time, as (bin, amplitude). Bins that are not stored are never peaks: they received no
-/// light. `WIDE`: compiled for AVX-512, with the same results.
-pub(super) struct Peaks<'a, const WIDE: bool> {
+/// light.
+pub(super) struct Peaks<'a, S: Simd> {
+    simd: S,
     waveform: &'a Waveform,
     rule: PeakRule,
     segment: usize,
     offset: usize,
 }
 
-impl<'a, const WIDE: bool> Peaks<'a, WIDE> {
+impl<'a, S: Simd> Peaks<'a, S> {
     /// The peaks of `waveform` under `rule`.
-    pub fn of(waveform: &'a Waveform, rule: PeakRule) -> Peaks<'a, WIDE> {
-        Peaks { waveform, rule, segment: 0, offset: 0 }
+    pub fn of(simd: S, waveform: &'a Waveform, rule: PeakRule) -> Peaks<'a, S> {
+        Peaks { simd, waveform, rule, segment: 0, offset: 0 }
     }
 
     /// Whether a direct neighbour of bin `i` = `bins[offset]` rules out a peak, as it mostly does.
@@ -51,7 +47,6 @@ impl<'a, const WIDE: bool> Peaks<'a, WIDE> {
 
     /// Skips bins below the threshold or ruled out by a direct neighbour, eight at a time, as far as both neighbours are
     /// stored.
-    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     fn skip_ruled_out(&mut self, bins: &[f64]) {
         if self.rule.window < 2 {
@@ -60,8 +55,7 @@ impl<'a, const WIDE: bool> Peaks<'a, WIDE> {
         while self.offset >= 2
             && let Some(around) = bins.get(self.offset - 1..self.offset + LANES + 1)
         {
-            // SAFETY: `WIDE` holds only where the machine has the feature.
-            let found = unsafe { candidates(around.as_array().expect("as many as asked for"), &self.rule) };
+            let found = candidates(self.simd, around.as_array().expect("as many as asked for"), &self.rule);
             self.offset += found.trailing_zeros().min(LANES as u32) as usize;
             if found != 0 {
                 break;
@@ -113,7 +107,7 @@ impl<'a, const WIDE: bool> Peaks<'a, WIDE> {
     }
 }
 
-impl<const WIDE: bool> Iterator for Peaks<'_, WIDE> {
+impl<S: Simd> Iterator for Peaks<'_, S> {
     type Item = (u64, f64);
 
     #[inline(always)]
@@ -121,8 +115,7 @@ impl<const WIDE: bool> Iterator for Peaks<'_, WIDE> {
         while self.segment < self.waveform.segment_count() {
             let (first, bins) = self.waveform.segment(self.segment);
             loop {
-                #[cfg(target_arch = "x86_64")]
-                if WIDE {
+                if S::HAS_WIDE_REGISTERS {
                     self.skip_ruled_out(bins);
                 }
                 let Some(&top) = bins.get(self.offset) else { break };

@@ -1,7 +1,7 @@
 //! Rays of several pulses of one device, traced together.
 
 use crate::geom::DVec3;
-use crate::tree::{Geometry, Hits, RayGroup, Tree};
+use crate::tree::{Geometry, Hits, RayGroup, TraceScratch, Tree};
 use std::ops::Range;
 
 /// Pulses of one device with what their rays hit.
@@ -17,9 +17,9 @@ pub(super) struct RayBatch {
 
 impl RayBatch {
     /// Finds the nearest hit of every ray.
-    pub fn trace(&mut self, tree: &Tree, geometry: &Geometry) {
+    pub fn trace(&mut self, tree: &Tree, geometry: &Geometry, scratch: &mut TraceScratch) {
         if self.exits.is_empty() {
-            return tree.trace_group(geometry, &self.rays, &mut self.hits);
+            return tree.trace_group(geometry, &self.rays, &mut self.hits, scratch);
         }
         let (rays, n, stride) = (&self.rays, self.rays.rays(), self.rays.stride());
         let (single, hits) = &mut *self.single;
@@ -28,7 +28,7 @@ impl RayBatch {
             let d = rays.direction(i / n, i % n);
             single.push(*exit, |x, y, z| (x[0], y[0], z[0]) = (d.x, d.y, d.z));
         }
-        tree.trace_group(geometry, single, hits);
+        tree.trace_group(geometry, single, hits, scratch);
         self.hits.t.clear();
         self.hits.t.resize(rays.len() * stride, f64::INFINITY);
         self.hits.primitive.clear();

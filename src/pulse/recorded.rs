@@ -4,6 +4,7 @@ use super::detector::PeakRule;
 use super::fit;
 use super::peaks::Peaks;
 use super::waveform::Waveform;
+use crate::tree::simd::portable::Portable;
 
 /// An echo in recorded samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +39,7 @@ pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     let waveform = Waveform::of_samples(samples);
     let rule =
         PeakRule { threshold: MIN_SHARE * highest, window: WINDOW, weak_neighbours: true, first_bin: true };
-    let peaks: Vec<(u64, f64)> = Peaks::<false>::of(&waveform, rule).collect();
+    let peaks: Vec<(u64, f64)> = Peaks::of(Portable, &waveform, rule).collect();
     let echo = |&(bin, amplitude): &(u64, f64)| {
         let sample = bin as usize;
         let reach = (peaks.len() > 1).then(|| valley(samples, sample));

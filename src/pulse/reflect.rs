@@ -329,7 +329,7 @@ mod tests {
     use crate::pulse::traced::GainBuffer;
     use crate::rng::{Purpose, Stream};
     use crate::scene::{Reflection, VoxelKind};
-    use crate::tree::RayGroup;
+    use crate::tree::{RayGroup, TraceScratch};
 
     #[test]
     fn the_nearest_face_of_a_cube_gives_its_normal() {
@@ -356,9 +356,9 @@ mod tests {
             max_cube_size: 1.0,
         };
         let mut rays = RayGroup::new(instrument.subrays.len());
-        instrument.subrays.expand(0, turn, rays.add(-scene.shift));
+        instrument.subrays.expand(0, turn, rays.push_registers(-scene.shift));
         let mut hits = Hits::default();
-        tree.trace_group(&scene.geometry, &rays, &mut hits);
+        tree.trace_group(&scene.geometry, &rays, &mut hits, &mut TraceScratch::default());
         let (traced, mut gain_buffer) = (TracedPulse::of(&rays, &hits, 0), GainBuffer::default());
         gain_buffer.push(instrument, &traced);
         let mut paths =

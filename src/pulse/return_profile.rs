@@ -2,6 +2,7 @@
 
 use super::lanes::{Block, LANES};
 use super::reflections::Reflections;
+use crate::tree::simd::Simd;
 
 /// The reflections of a pulse by strictly ascending range.
 #[derive(Clone, Debug, Default)]
@@ -14,18 +15,17 @@ pub(super) struct ReturnProfile {
 }
 
 /// Most reflections that are sorted by counting.
-#[cfg(target_arch = "x86_64")]
 const MAX_RANKED: usize = 32;
 
 impl ReturnProfile {
     /// Replaces the light by that of `reflections`, sorted. Of reflections at exactly the same range only the first counts,
-    /// or their sum if `sum` is set (spec pulse-physics trap 2). `WIDE`: compiled for AVX-512, with the same results.
+    /// or their sum if `sum` is set (spec pulse-physics trap 2).
     #[inline(always)]
-    pub fn sort_by_range<const WIDE: bool>(&mut self, reflections: &Reflections, sum: bool) {
+    pub fn sort_by_range<S: Simd>(&mut self, simd: S, reflections: &Reflections, sum: bool) {
         let (ranges, intensities) = (reflections.ranges(), reflections.intensities());
         self.reserve(ranges.len());
-        #[cfg(target_arch = "x86_64")]
-        if WIDE && ranges.len() <= MAX_RANKED && self.sort_by_counting(ranges, intensities) {
+        let is_short = S::HAS_WIDE_REGISTERS && ranges.len() <= MAX_RANKED;
+        if is_short && self.sort_by_counting(simd, ranges, intensities) {
             return;
         }
         self.sort_by_keys(ranges, intensities, sum);
@@ -39,21 +39,19 @@ impl ReturnProfile {
     }
 
     /// Sorts by counting how many ranges are smaller than each: no branch depends on the ranges. `false` if some are equal.
-    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn sort_by_counting(&mut self, ranges: &[f64], intensities: &[f64]) -> bool {
+    fn sort_by_counting<S: Simd>(&mut self, simd: S, ranges: &[f64], intensities: &[f64]) -> bool {
         let n = ranges.len();
-        let mut keys = [f64::INFINITY; MAX_RANKED];
-        keys[..n].copy_from_slice(ranges);
-        let mut ranks = [0; MAX_RANKED];
-        // SAFETY: `WIDE` holds only where the machine has the feature.
-        unsafe {
-            if n <= 24 {
-                rank::<3>(&keys, n, &mut ranks);
-            } else {
-                rank::<4>(&keys, n, &mut ranks);
-            }
+        let mut keys = [[f64::INFINITY; LANES]; MAX_RANKED / LANES];
+        keys.as_flattened_mut()[..n].copy_from_slice(ranges);
+        let mut ranks = [[0; LANES]; MAX_RANKED / LANES];
+        if n <= 24 {
+            let first = keys.first_chunk::<3>().expect("there are four blocks");
+            ranks[..3].copy_from_slice(&simd.count_smaller(ranges, first));
+        } else {
+            ranks = simd.count_smaller(ranges, &keys);
         }
+        let ranks = ranks.as_flattened();
         let mut sum = 0;
         let out = self.range.as_flattened_mut();
         for i in 0..n {
@@ -125,37 +123,11 @@ impl ReturnProfile {
     }
 }
 
-/// Counts for each of the first `BLOCKS` · 8 keys how many of the first `n` keys are smaller.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f")]
-#[inline]
-fn rank<const BLOCKS: usize>(keys: &[f64; MAX_RANKED], n: usize, ranks: &mut [u64; MAX_RANKED]) {
-    use std::arch::x86_64::*;
-    let (keys_by_block, _) = keys.as_chunks::<8>();
-    let (ranks_by_block, _) = ranks.as_chunks_mut::<8>();
-    let one = _mm512_set1_epi64(1);
-    let mut of_block = [_mm512_setzero_pd(); BLOCKS];
-    let mut rank = [_mm512_setzero_si512(); BLOCKS];
-    for i in 0..BLOCKS {
-        // SAFETY: a block is eight keys.
-        of_block[i] = unsafe { _mm512_loadu_pd(keys_by_block[i].as_ptr()) };
-    }
-    for key in &keys[..n] {
-        let key = _mm512_set1_pd(*key);
-        for i in 0..BLOCKS {
-            let smaller = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(key, of_block[i]);
-            rank[i] = _mm512_mask_add_epi64(rank[i], smaller, rank[i], one);
-        }
-    }
-    for i in 0..BLOCKS {
-        // SAFETY: a block has room for eight ranks.
-        unsafe { _mm512_storeu_si512(ranks_by_block[i].as_mut_ptr().cast(), rank[i]) };
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tree::simd::portable::Portable;
+    use crate::tree::simd::{Level, dispatch};
     use proptest::prelude::*;
 
     fn sorted(of: &[(f64, f64)], sum: bool) -> [Vec<(f64, f64)>; 2] {
@@ -167,12 +139,9 @@ mod tests {
         let pairs =
             |l: &ReturnProfile| l.ranges().iter().copied().zip(l.intensities().iter().copied()).collect();
         let mut profile = ReturnProfile::default();
-        profile.sort_by_range::<false>(&reflections, sum);
+        profile.sort_by_range(Portable, &reflections, sum);
         let slow = pairs(&profile);
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx512f") {
-            profile.sort_by_range::<true>(&reflections, sum);
-        }
+        dispatch!(Level::best(), simd => profile.sort_by_range(simd, &reflections, sum));
         [slow, pairs(&profile)]
     }
 

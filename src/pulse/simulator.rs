@@ -13,7 +13,8 @@ use crate::Result;
 use crate::flight::Pulse;
 use crate::rng;
 use crate::scene::{DynamicObject, DynamicScene, ObjectUpdate};
-use crate::tree::Level;
+use crate::tree::TraceScratch;
+use crate::tree::simd::{Level, Simd, dispatch};
 use std::ops::Range;
 
 /// Most pulses that are traced together, over all devices.
@@ -24,7 +25,6 @@ const MAX_BATCH_RAYS: usize = 1 << 16;
 const GAIN_BATCH: usize = 8;
 
 /// Simulates pulses. One per worker: it owns the scratch memory, which is reused from pulse to pulse.
-#[derive(Clone, Debug)]
 pub struct PulseSimulator<'p> {
     physics: &'p Physics<'p>,
     /// The survey's instruments, or those set later.
@@ -37,6 +37,7 @@ pub struct PulseSimulator<'p> {
     slots: Vec<Option<usize>>,
     gain_buffer: GainBuffer,
     detection: Detection,
+    trace_scratch: TraceScratch,
     /// The instruction set of ray generation and detection.
     pub(super) level: Level,
 }
@@ -52,35 +53,6 @@ pub enum Phase {
     Detection,
 }
 
-/// Defines a method that runs a generic one compiled for the simulator's instruction set. The generic methods are plain
-/// Rust without fused or reordered operations, so that all sets give the same bits.
-macro_rules! for_instruction_set {
-    ($(#[doc = $doc:literal])* fn $name:ident = $generic:ident($($arg:ident: $type:ty),*)) => {
-        $(#[doc = $doc])*
-        fn $name(&mut self, $($arg: $type),*) -> Result<()> {
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx2")]
-            fn avx2(simulator: &mut PulseSimulator, $($arg: $type),*) -> Result<()> {
-                simulator.$generic::<false>($($arg),*)
-            }
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
-            fn avx512(simulator: &mut PulseSimulator, $($arg: $type),*) -> Result<()> {
-                simulator.$generic::<true>($($arg),*)
-            }
-            match self.level {
-                Level::Portable => self.$generic::<false>($($arg),*),
-                // SAFETY: the level is available only where the features are.
-                #[cfg(target_arch = "x86_64")]
-                Level::Avx2 => unsafe { avx2(self, $($arg),*) },
-                // SAFETY: the level is available only where the features are.
-                #[cfg(target_arch = "x86_64")]
-                Level::Avx512 => unsafe { avx512(self, $($arg),*) },
-            }
-        }
-    };
-}
-
 impl<'p> PulseSimulator<'p> {
     /// A simulator for one worker.
     pub fn new(physics: &'p Physics<'p>) -> PulseSimulator<'p> {
@@ -92,6 +64,7 @@ impl<'p> PulseSimulator<'p> {
             slots: Vec::new(),
             gain_buffer: GainBuffer::default(),
             detection: Detection::default(),
+            trace_scratch: TraceScratch::default(),
             level: Level::best(),
         }
     }
@@ -168,13 +141,15 @@ impl<'p> PulseSimulator<'p> {
         (MAX_BATCH_RAYS / self.instruments.max_rays().max(1)).clamp(1, MAX_BATCH_PULSES)
     }
 
-    for_instruction_set! {
-        /// Expands pulses into the rays of their subrays.
-        fn generate_rays = generate_rays_generic(leg: u32, pulses: &[Pulse])
+    /// Expands pulses into the rays of their subrays.
+    fn generate_rays(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
+        dispatch!(self.level, _simd => self.generate_rays_generic(leg, pulses))
     }
 
+    /// [`PulseSimulator::generate_rays`] for the instruction set of the caller: plain Rust without fused or reordered
+    /// operations, so that all sets give the same bits.
     #[inline(always)]
-    fn generate_rays_generic<const WIDE: bool>(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
+    fn generate_rays_generic(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
         let PulseSimulator { physics, instruments, batches, slots, .. } = self;
         batches.iter_mut().for_each(|b| b.rays.clear(0));
         slots.clear();
@@ -190,7 +165,7 @@ impl<'p> PulseSimulator<'p> {
                 rays.clear(subrays.len());
             }
             let pattern = choose_pattern(physics, subrays, pulse);
-            subrays.expand(pattern, &pulse.attitude, rays.add(pulse.origin));
+            subrays.expand(pattern, &pulse.attitude, rays.push_registers(pulse.origin));
             if let Some(exits) = subrays.exits(pattern) {
                 device_exits.extend(exits.iter().map(|exit| pulse.origin + pulse.attitude.apply(*exit)));
             }
@@ -203,13 +178,13 @@ impl<'p> PulseSimulator<'p> {
     fn trace(&mut self) {
         let SceneView { scene, tree, .. } = self.physics.view;
         for batch in self.batches.iter_mut().filter(|b| !b.rays.is_empty()) {
-            batch.trace(tree, &scene.geometry);
+            batch.trace(tree, &scene.geometry, &mut self.trace_scratch);
         }
     }
 
     /// Replaces the hits of the pulses in `range` where moving objects are nearer than the static scene.
     fn trace_moving(&mut self, moving: &[DynamicObject], pulses: &[Pulse], range: Range<usize>) {
-        let PulseSimulator { physics, batches, dynamic_batch, slots, .. } = self;
+        let PulseSimulator { physics, batches, dynamic_batch, slots, trace_scratch, .. } = self;
         let scene = physics.view.scene;
         for (device, batch) in batches.iter_mut().enumerate() {
             let of_device = |i: &usize| pulses[*i].device as usize == device;
@@ -219,7 +194,7 @@ impl<'p> PulseSimulator<'p> {
             let rows = first..own.next_back().unwrap_or(first) + 1;
             dynamic_batch.copy_rays(batch, rows.clone());
             for object in moving {
-                dynamic_batch.trace(&object.tree, &object.scene.geometry);
+                dynamic_batch.trace(&object.tree, &object.scene.geometry, trace_scratch);
                 let first = rows.start * dynamic_batch.rays.stride();
                 let (number, order) = (|i| object.to_scene_index(i), |i| scene.number_when_stored(i));
                 batch.hits.take_nearer(first, &dynamic_batch.hits, number, order);
@@ -237,19 +212,15 @@ impl<'p> PulseSimulator<'p> {
         batch: &mut Batch,
     ) -> Result<()> {
         self.detection.scratch.triangles.forget_moving();
-        self.detect_traced(leg, &pulses[range.clone()], range, moving, batch)
+        let pulses = &pulses[range.clone()];
+        dispatch!(self.level, simd => self.detect_generic(simd, leg, pulses, range, moving, batch))
     }
 
-    for_instruction_set! {
-        /// [`PulseSimulator::detect`] of `pulses` with the slots `range`.
-        fn detect_traced = detect_generic(
-            leg: u32, pulses: &[Pulse], range: Range<usize>, moving: &[DynamicObject], batch: &mut Batch
-        )
-    }
-
+    /// [`PulseSimulator::detect`] of `pulses` with the slots `range` on one instruction set; all give the same bits.
     #[inline(always)]
-    fn detect_generic<const WIDE: bool>(
+    fn detect_generic<S: Simd>(
         &mut self,
+        simd: S,
         leg: u32,
         pulses: &[Pulse],
         range: Range<usize>,
@@ -282,7 +253,7 @@ impl<'p> PulseSimulator<'p> {
                     let traced = TracedPulse::of(&traced.rays, &traced.hits, slot);
                     let gains = self.gain_buffer.of(first_block, &traced);
                     let pulse = (instrument, pulse);
-                    self.detection.detect::<WIDE>(physics, &view, pulse, (traced, gains), batch)?;
+                    self.detection.detect(simd, physics, &view, pulse, (traced, gains), batch)?;
                     first_block += traced.blocks();
                 }
             }

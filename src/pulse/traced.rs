@@ -28,7 +28,7 @@ impl<'a> TracedPulse<'a> {
         let row = pulse * group.stride();
         TracedPulse {
             origin: group.origin(pulse),
-            directions: group.blocks(pulse),
+            directions: group.registers(pulse),
             t: hits.t[row..row + group.stride()].as_chunks().0,
             primitives: &hits.primitive[row..row + group.rays()],
             primitive_blocks: hits.primitive[row..row + group.stride()].as_chunks().0,

@@ -102,22 +102,23 @@ impl Scene {
         if let Some(ready) = self.ready.as_ref().filter(|r| is_usual && r.builder == options.builder) {
             return ready.tree.clone();
         }
-        let tree = Tree::build_of(&self.geometry, options, |i| self.is_still(i));
+        let tree = Tree::build_where(&self.geometry, options, |i| self.is_still(i));
         match &self.instances {
             Some(set) => tree.with_instances(&set.instances, options),
             None => tree,
         }
     }
 
-    /// About how many bytes [`Scene::tree`] takes, see [`Tree::forecast`]; models of instances have a tree each.
+    /// About how many bytes [`Scene::tree`] takes, see [`Tree::estimate_build_memory`]; models of instances have a tree each.
     pub fn tree_forecast(&self, builder: Builder) -> u64 {
         let set = self.instances.as_ref().map_or(0, |p| {
             let models = p.instances.models.iter().map(|m| m.geometry.len() as u64).sum::<u64>();
-            Tree::forecast(models, builder) + Tree::forecast(p.instances.all.len() as u64, Builder::Bvh)
+            Tree::estimate_build_memory(models, builder)
+                + Tree::estimate_build_memory(p.instances.all.len() as u64, Builder::Bvh)
         });
         match &self.ready {
             Some(_) => 0,
-            None => Tree::forecast(self.geometry.len() as u64, builder).saturating_add(set),
+            None => Tree::estimate_build_memory(self.geometry.len() as u64, builder).saturating_add(set),
         }
     }
 

@@ -207,8 +207,8 @@ fn sharing_a_mesh_changes_nothing() {
         let size = stored.bounds.size();
         let origin = stored.bounds.min + DVec3::new(a * size.x, b * size.y, size.z + 50.0);
         let direction = crate::geom::unit(DVec3::new(0.1 * a - 0.05, 0.03, -1.0));
-        let one = trees[0].nearest(&stored.geometry, origin, direction);
-        let other = trees[1].nearest(&shared.geometry, origin, direction);
+        let one = trees[0].nearest_where(&stored.geometry, origin, direction, |_| true);
+        let other = trees[1].nearest_where(&shared.geometry, origin, direction, |_| true);
         assert_eq!(one.map(|h| h.t), other.map(|h| h.t));
         assert_eq!(one.map(|h| h.primitive), other.map(|h| shared.number_when_stored(h.primitive)));
         hits += u32::from(one.is_some());

@@ -29,7 +29,7 @@ fn hits_of_test_rays(tree: &Tree, g: &Geometry) -> (usize, f64) {
         for j in 0..20 {
             for d in [DVec3::new(0.2, 0.1, -1.0), DVec3::new(1.0, 0.3, -0.2)].map(unit) {
                 let target = DVec3::new(-15.2 + 1.6 * f64::from(i), -15.2 + 1.6 * f64::from(j), 0.0);
-                if let Some(hit) = tree.nearest(g, target - 60.0 * d, d) {
+                if let Some(hit) = tree.nearest_where(g, target - 60.0 * d, d, |_| true) {
                     found = (found.0 + 1, found.1 + hit.t);
                 }
             }
@@ -41,7 +41,7 @@ fn hits_of_test_rays(tree: &Tree, g: &Geometry) -> (usize, f64) {
 /// Interior nodes, leaves, deepest level, fullest and emptiest leaf, cost.
 type Row = (Builder, usize, [usize; 5], f64);
 
-/// As in a [`Row`].
+/// The sizes as in a [`Row`].
 fn sizes(s: &Statistics) -> [usize; 5] {
     [s.interior, s.leaves, s.max_depth as usize, s.max_leaf, s.min_leaf]
 }
@@ -93,9 +93,10 @@ fn a_depth_cap_costs_nothing() {
     assert!((s.cost - 21.1668).abs() < 1e-4);
 }
 
-/// The local verdict stands where the running sums have no digits left, and gives the tree that is published for it.
+/// Judging a split by its node alone works where the running sums have no digits left, and gives the tree that is published
+/// for it.
 #[test]
-fn the_local_verdict_gives_its_published_tree() {
+fn local_accounting_gives_its_published_tree() {
     let g = mesh(1.0);
     let options = BuildOptions { accounting: Accounting::Local, ..BuildOptions::strict(Builder::Sah) };
     let s = *Tree::build(&g, &options).statistics();
@@ -130,10 +131,10 @@ fn every_builder_gives_the_published_hits_with_its_own_defaults() {
     }
 }
 
-/// The paper's Algorithm 1 by several threads, and the local verdict. They differ only where a split gains nothing at all,
+/// The paper's Algorithm 1 by several threads, and accounting by the node alone. They differ only where a split gains nothing at all,
 /// which no split does at this cost, or less than the running sums can hold, which is deeper down.
 #[test]
-fn the_running_cost_and_the_local_verdict_agree() {
+fn global_and_local_accounting_agree() {
     let g = mesh(1.0);
     for builder in [Builder::Sah, Builder::AxisSah, Builder::Fsah] {
         let build = |accounting, jobs| {

@@ -1,13 +1,13 @@
-//! The tree as its users see it.
+//! The tree: what it is made of, and how it is built.
 
 use super::Instances;
-use super::block::{Block, LANES};
-use super::build::{build_kd, build_wide, collect, frame_of};
+use super::block::{BLOCK_SIZE, Block};
+use super::build::{Prim, build_kd, build_wide, collect, frame_of};
 use super::frame::Frame;
 use super::geometry::Geometry;
 use super::node::{KdNode, WideNode};
 use super::options::{BuildOptions, Builder, Statistics};
-use super::placed::Placed;
+use crate::geom::Aabb;
 use crate::store::Store;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -24,11 +24,20 @@ pub struct Tree {
     pub(super) nodes: Nodes,
     pub(super) blocks: Store<Block>,
     statistics: Statistics,
-    pub(super) placed: Option<Box<Placed>>,
+    pub(super) instances: Option<Box<InstanceTree>>,
 }
 
-/// Primitives of which one thread builds a tree before others have woken up.
-const FEW: usize = 1024;
+/// The trees over instances and over their models.
+#[derive(Clone, Debug)]
+pub(super) struct InstanceTree {
+    pub instances: Arc<Instances>,
+    pub models: Vec<Tree>,
+    /// Over the boxes of the instances, which stand in its blocks as cubes.
+    pub top: Tree,
+}
+
+/// Smallest number of primitives whose tree several threads build: one is done with fewer before others have woken up.
+const MIN_SHARED_PRIMITIVES: usize = 1024;
 
 /// The nodes of either kind of tree.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,25 +47,25 @@ pub(super) enum Nodes {
 }
 
 impl Tree {
-    /// Builds a tree over all primitives of `geometry`. Primitives with coordinates that are no numbers are left out;
+    /// Builds a tree over all primitives of `geometry`. Primitives with a coordinate that is NaN or infinite are left out;
     /// no ray hits them. The result does not depend on the number of threads.
     pub fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
-        Tree::build_of(geometry, options, |_| true)
+        Tree::build_where(geometry, options, |_| true)
     }
 
-    /// Builds a tree over those primitives of `geometry` whose number `keep` approves; rays hit no others.
-    pub fn build_of(
+    /// Builds a tree over the primitives of `geometry` whose number `keep` approves; rays hit no others.
+    pub fn build_where(
         geometry: &Geometry,
         options: &BuildOptions,
         keep: impl Fn(u32) -> bool + Send + Sync,
     ) -> Tree {
-        if options.jobs == 0 || geometry.len() <= FEW {
-            // All threads are wanted, which the global pool has, or none but this one is worth waking.
+        if options.jobs == 0 || geometry.len() <= MIN_SHARED_PRIMITIVES {
+            // All threads are wanted, which the global pool has, or waking others would take longer.
             return build(geometry, options, keep);
         }
         match rayon::ThreadPoolBuilder::new().num_threads(options.jobs.max(options.geometry_jobs)).build() {
             Ok(pool) => pool.install(|| build(geometry, options, keep)),
-            // No more threads are to be had.
+            // The system has no more threads.
             Err(_) => build(geometry, options, keep),
         }
     }
@@ -64,11 +73,11 @@ impl Tree {
     /// Adds instances, whose trees are built here. `instances` must continue the numbers of the geometry that this tree was
     /// built over.
     pub fn with_instances(self, instances: &Arc<Instances>, options: &BuildOptions) -> Tree {
-        let placed = match rayon::ThreadPoolBuilder::new().num_threads(options.jobs).build() {
-            Ok(pool) if options.jobs > 0 => pool.install(|| Placed::build(instances, options)),
-            _ => Placed::build(instances, options),
+        let instances = match rayon::ThreadPoolBuilder::new().num_threads(options.jobs).build() {
+            Ok(pool) if options.jobs > 0 => pool.install(|| InstanceTree::build(instances, options)),
+            _ => InstanceTree::build(instances, options),
         };
-        Tree { placed: Some(Box::new(placed)), ..self }
+        Tree { instances: Some(Box::new(instances)), ..self }
     }
 
     /// A tree of these parts.
@@ -79,14 +88,14 @@ impl Tree {
         blocks: Store<Block>,
         statistics: Statistics,
     ) -> Tree {
-        Tree { frame, bounds, nodes, blocks, statistics, placed: None }
+        Tree { frame, bounds, nodes, blocks, statistics, instances: None }
     }
 
     /// About how many bytes building a tree over so many triangles takes at its peak; the tree itself keeps less.
-    pub fn forecast(triangles: u64, builder: Builder) -> u64 {
+    pub fn estimate_build_memory(triangles: u64, builder: Builder) -> u64 {
         let each = match builder {
             Builder::Bvh => 85,
-            // These put a triangle into several leaves; measured in forests, terrain takes less.
+            // Kd-trees put a triangle into several leaves; measured in forests, terrain takes less.
             Builder::Fsah => 250,
             Builder::AxisSah => 270,
             Builder::Sah => 290,
@@ -106,9 +115,42 @@ impl Tree {
             Nodes::Kd(n) => n.memory(),
             Nodes::Wide(n) => n.memory(),
         };
-        let placed = self.placed.as_ref().map_or(0, |p| p.memory());
-        nodes + self.blocks.memory() + size_of::<Tree>() + placed
+        let instances = self.instances.as_ref().map_or(0, |i| i.memory());
+        nodes + self.blocks.memory() + size_of::<Tree>() + instances
     }
+}
+
+impl InstanceTree {
+    /// Builds all trees.
+    pub fn build(instances: &Arc<Instances>, options: &BuildOptions) -> InstanceTree {
+        let models = instances.models.iter().map(|m| Tree::build(&m.geometry, options)).collect();
+        InstanceTree { instances: instances.clone(), models, top: over_boxes(&instances.boxes(), options) }
+    }
+
+    /// Bytes of all trees; the models themselves are not counted.
+    pub fn memory(&self) -> usize {
+        self.models.iter().map(Tree::memory).sum::<usize>() + self.top.memory()
+    }
+}
+
+/// A tree over boxes, whatever is in them.
+fn over_boxes(boxes: &[Aabb], options: &BuildOptions) -> Tree {
+    let is_sound = |b: &Aabb| b.min.is_finite() && b.max.is_finite() && !b.is_empty();
+    let all = boxes.iter().filter(|b| is_sound(b)).fold(Aabb::EMPTY, |all, b| all.union(*b));
+    let frame = Frame::around(&all);
+    let prims: Vec<Prim> = (0..)
+        .zip(boxes)
+        .filter(|(_, b)| is_sound(b))
+        .map(|(id, b)| {
+            let (lo, hi) = frame.local_box(b);
+            Prim { lo, id, hi }
+        })
+        .collect();
+    let (arena, statistics) = build_wide(0, &frame, prims, options);
+    let block = |ids| Block::of_boxes(ids, |id| frame.local_box(&boxes[id as usize]));
+    let blocks: Vec<Block> = arena.slots.chunks(BLOCK_SIZE).map(block).collect();
+    let (lo, hi) = frame.local_box(&all);
+    Tree::of(frame, [lo, hi], Nodes::Wide(arena.nodes.into()), blocks.into(), statistics)
 }
 
 fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool + Sync) -> Tree {
@@ -128,8 +170,8 @@ fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool
         }
     };
     let blocks: Vec<Block> = slots
-        .par_chunks(LANES)
-        .with_min_len(FEW / LANES)
+        .par_chunks(BLOCK_SIZE)
+        .with_min_len(MIN_SHARED_PRIMITIVES / BLOCK_SIZE)
         .map(|ids| Block::of(geometry, &frame, ids))
         .collect();
     Tree::of(frame, bounds, nodes, blocks.into(), statistics)
@@ -150,8 +192,8 @@ mod tests {
         };
         for builder in [Builder::Bvh, Builder::Median] {
             let first = |kept: &[u32]| {
-                let tree = Tree::build_of(&geometry, &BuildOptions::of(builder), |i| kept.contains(&i));
-                tree.nearest(&geometry, DVec3::ZERO, DVec3::Y).map(|h| h.primitive)
+                let tree = Tree::build_where(&geometry, &BuildOptions::of(builder), |i| kept.contains(&i));
+                tree.nearest_where(&geometry, DVec3::ZERO, DVec3::Y, |_| true).map(|h| h.primitive)
             };
             assert_eq!([first(&[0, 1]), first(&[1]), first(&[])], [Some(0), Some(1), None]);
         }

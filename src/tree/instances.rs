@@ -1,9 +1,9 @@
-//! Instances: models that stand in many places without being stored as often.
+//! Instances: models that stand in many places but are stored once.
 //!
-//! A scene of instances has the primitives that copying every model to its places would give, and the verdicts are
-//! asked with exactly the corners that copying would store: [`Placement::place`] computes them from the model's when they
-//! are needed. The models' own trees and the tree over the boxes of all instances are filters only: rays are taken into the
-//! model's frame with a margin for all rounding on the way.
+//! A scene of instances has the primitives that copying every model to its places would give, and the exact test gets
+//! exactly the corners that copying would store: [`Placement::place`] computes them from the model's when they are needed.
+//! The models' own trees and the tree over the boxes of all instances are filters only: rays are taken into the model's
+//! frame with a margin for all rounding on the way.
 
 use super::Geometry;
 use crate::geom::{Aabb, DVec3, Rotation};
@@ -14,8 +14,8 @@ use std::sync::Arc;
 /// Covers what rounding does to a placed point and on the way back, relative to the largest number involved.
 const ROUNDING: f64 = 1e-14;
 
-/// Boxes per axis of a model's outline.
-const CELLS: usize = 8;
+/// Cells per axis of a model's outline.
+const OUTLINE_CELLS: usize = 8;
 
 /// Where an instance stands: `scale · R · p + offset`, then up by `raise`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +26,7 @@ pub struct Placement {
     pub scale: f64,
     /// Offset, m.
     pub offset: DVec3,
-    /// Metres up, after all else; −0 for none at all.
+    /// Added to z after all else, m; −0 leaves every z as it is, which +0 would not.
     pub raise: f64,
 }
 
@@ -35,61 +35,59 @@ impl Placement {
     pub const IDENTITY: Placement =
         Placement { rotation: Rotation::IDENTITY, scale: 1.0, offset: DVec3::ZERO, raise: -0.0 };
 
-    /// The image of a point of the model in a frame moved by `shift`, by the operations of a scene that stores it.
+    /// The image of a point of the model, less `shift`: computed as by a scene that stores the image.
     #[inline(always)]
     pub fn place(&self, p: DVec3, shift: DVec3) -> DVec3 {
         let p = self.rotation.apply(p) * self.scale + self.offset;
         DVec3::new(p.x, p.y, p.z + self.raise) - shift
     }
 
-    /// The linear part.
+    /// The linear part of the placement.
     fn matrix(&self) -> DMat3 {
         let column = |v| self.rotation.apply(v) * self.scale;
         DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
     }
 
-    /// At least the largest number that placing a point with coordinates within `reach` meets.
+    /// A bound of the numbers that occur when a point with coordinates within `reach` is placed.
     pub fn magnitude(&self, shift: DVec3, reach: f64) -> f64 {
         let largest = |v: DVec3| v.abs().max_element();
         largest(self.offset) + largest(shift) + self.raise.abs() + 4.0 * self.scale.abs() * reach
     }
 }
 
-/// The way from the scene's frame into a model's.
+/// The map from the scene's frame into a model's.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Inward {
+pub(super) struct WorldToInstance {
     matrix: DMat3,
+    /// Where the model's origin is in the scene.
     anchor: DVec3,
+    /// Bound of the numbers that occur when a point is placed.
     magnitude: f64,
+    /// Bound of how much the matrix enlarges an error.
     stretch: f64,
 }
 
-impl Inward {
-    /// A point, and by how much it may be off on any axis.
+impl WorldToInstance {
+    /// The image of a point, and by how much it may be off on any axis.
     pub fn point(&self, p: DVec3) -> (DVec3, f64) {
-        let off = ROUNDING * (self.magnitude + p.abs().max_element()) * self.stretch;
-        (self.matrix * (p - self.anchor), off)
+        let error = ROUNDING * (self.magnitude + p.abs().max_element()) * self.stretch;
+        (self.matrix * (p - self.anchor), error)
     }
 
-    /// What turns directions.
-    pub fn turn(&self) -> DMat3 {
+    /// Maps directions; `t` along the image of a direction is what it is along the direction.
+    pub fn matrix(&self) -> DMat3 {
         self.matrix
-    }
-
-    /// A direction; `t` along it is what it is in the scene.
-    pub fn direction(&self, d: DVec3) -> DVec3 {
-        self.matrix * d
     }
 }
 
 /// A mesh that is placed.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// Its triangles, in its own frame; cubes have no place here.
+    /// Its triangles, in its own frame; no cubes.
     pub geometry: Geometry,
     /// Largest coordinate.
     reach: f64,
-    /// Boxes that hold all vertices: together they turn with less waste than one.
+    /// Boxes that hold all vertices: rotated, several are a tighter bound than one.
     outline: Vec<Aabb>,
 }
 
@@ -99,10 +97,10 @@ impl Model {
         let bounds = Aabb::around(geometry.vertices.iter().copied().filter(|v| v.is_finite()));
         let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
         let size = bounds.size();
-        let mut cells = vec![Aabb::EMPTY; CELLS * CELLS * CELLS];
+        let mut cells = vec![Aabb::EMPTY; OUTLINE_CELLS.pow(3)];
         for v in geometry.vertices.iter().filter(|v| v.is_finite()) {
-            let cell = ((*v - bounds.min) / size * CELLS as f64).to_array();
-            let at = cell.iter().fold(0, |at, c| at * CELLS + (*c as usize).min(CELLS - 1));
+            let cell = ((*v - bounds.min) / size * OUTLINE_CELLS as f64).to_array();
+            let at = cell.iter().fold(0, |at, c| at * OUTLINE_CELLS + (*c as usize).min(OUTLINE_CELLS - 1));
             cells[at] = cells[at].with(*v);
         }
         cells.retain(|c| !c.is_empty());
@@ -132,26 +130,26 @@ impl Model {
     }
 }
 
-/// A model at a place.
+/// A model with its placement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instance {
-    /// Which model.
+    /// Number of the model.
     pub model: u32,
     /// How many of the geometry's own triangles come before it, were it stored among them: decides between equal
     /// distances as storing it would.
     pub before: u32,
     /// Number of its first triangle.
     pub first: u32,
-    /// Where it stands.
+    /// Where the model stands.
     pub placement: Placement,
 }
 
 /// All instances of a scene. Their triangles are numbered on from the primitives of the scene's own geometry.
 #[derive(Clone, Debug, Default)]
 pub struct Instances {
-    /// What is placed.
+    /// The models that are placed.
     pub models: Vec<Arc<Model>>,
-    /// The places; `first` and `before` ascend.
+    /// The instances; `first` and `before` ascend.
     pub all: Vec<Instance>,
     /// Subtracted from every placed point, m.
     pub shift: DVec3,
@@ -256,7 +254,7 @@ impl Instances {
         vertices.fold(|| Aabb::EMPTY, |b, v| b.with(place(v))).reduce(|| Aabb::EMPTY, Aabb::union)
     }
 
-    /// The exact box around `known` and all instances. Looks at the vertices of those only that may reach beyond.
+    /// The exact box around `known` and all instances. Only the vertices of instances that may reach beyond are computed.
     pub fn exact_bounds(&self, known: Aabb) -> Aabb {
         let boxes = self.boxes();
         let mut exact = known;
@@ -276,14 +274,19 @@ impl Instances {
         exact
     }
 
-    /// The way into the model's frame; `None` for a scale that cannot be undone.
-    pub(super) fn inward(&self, instance: &Instance) -> Option<Inward> {
+    /// The map into the model's frame; `None` for a scale that cannot be inverted.
+    pub(super) fn world_to_instance(&self, instance: &Instance) -> Option<WorldToInstance> {
         let p = &instance.placement;
         let matrix = p.matrix().inverse();
         let stretch = matrix.x_axis.length() + matrix.y_axis.length() + matrix.z_axis.length();
         let magnitude = p.magnitude(self.shift, self.model(instance).reach);
         let anchor = p.place(DVec3::ZERO, self.shift);
-        (stretch.is_finite() && stretch > 0.0).then_some(Inward { matrix, anchor, magnitude, stretch })
+        (stretch.is_finite() && stretch > 0.0).then_some(WorldToInstance {
+            matrix,
+            anchor,
+            magnitude,
+            stretch,
+        })
     }
 
     /// Bytes that models and places occupy.

@@ -17,7 +17,7 @@ use super::Cube;
 use crate::geom::{Aabb, DVec3};
 
 /// Directions shorter than this are none: their products would be lost to underflow.
-pub(crate) const SHORTEST: f64 = 1e-100;
+pub(crate) const MIN_DIRECTION: f64 = 1e-100;
 
 /// How far a distance may leave the depth range of the triangle's corners, relative to that depth.
 pub(crate) const DEPTH_SLACK: f64 = 1e-9;
@@ -44,7 +44,7 @@ pub fn triangle(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Optio
     let (pa, pb, pc) = (a - origin, b - origin, c - origin);
     let [k, i, j] = axes_by_dominance(direction);
     let d = direction;
-    if d[k].abs() < SHORTEST {
+    if d[k].abs() < MIN_DIRECTION {
         return None;
     }
     let across = |p: DVec3| (p[i] * d[k] - p[k] * d[i], p[j] * d[k] - p[k] * d[j]);
@@ -56,7 +56,7 @@ pub fn triangle(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Optio
     let left = sides.iter().all(|s| *s >= 0);
     let right = sides.iter().all(|s| *s <= 0);
     // Both hold only for a triangle seen exactly edge-on: its neighbours have the hit.
-    if left == right || sides.contains(&NOWHERE) {
+    if left == right || sides.contains(&UNDEFINED) {
         return None;
     }
     let (e1, e2) = (b - a, c - a);
@@ -79,7 +79,7 @@ pub fn triangle(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Optio
 }
 
 /// The side of something that is no number.
-const NOWHERE: i8 = i8::MAX;
+const UNDEFINED: i8 = i8::MAX;
 
 /// The sign of `a·b − c·d`, exactly (but for underflow).
 fn side([a, b, c, d]: [f64; 4]) -> i8 {
@@ -90,7 +90,7 @@ fn side([a, b, c, d]: [f64; 4]) -> i8 {
     } else {
         l.partial_cmp(&r)
     };
-    order.map_or(NOWHERE, |o| o as i8)
+    order.map_or(UNDEFINED, |o| o as i8)
 }
 
 /// Depth by the edge functions as weights of the opposite corners; `None` when they are noise.
@@ -114,7 +114,7 @@ fn dot(a: DVec3, b: DVec3) -> f64 {
 /// Distance at which the ray enters the cube; `None` for a miss and for an origin on or within it (spec
 /// pulse-physics §2.3: the entry must lie ahead).
 pub fn cube(origin: DVec3, direction: DVec3, cube: Cube) -> Option<f64> {
-    if direction.abs().max_element() < SHORTEST {
+    if direction.abs().max_element() < MIN_DIRECTION {
         return None;
     }
     let half = DVec3::splat(cube.half);

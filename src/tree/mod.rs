@@ -3,22 +3,22 @@
 //! | file | what it does |
 //! |---|---|
 //! | `geometry`, `rays` | primitives; rays by pulse; hits |
-//! | `intersect` | the verdict: one ray, one primitive, double precision |
+//! | `intersect` | the exact test: one ray, one primitive, double precision |
 //! | `options`, `build` | what a tree is built with; the builders |
-//! | `frame`, `node`, `block` | the tree's parts, in single precision around the scene's centre |
-//! | `beam` | the filter: a bundle of rays against planes, boxes and blocks of triangles |
-//! | `trace` | single rays |
-//! | `instances`, `placed` | models in many places; their trees and rays |
+//! | `index`, `frame`, `node`, `block` | the tree; its parts, in single precision around the scene's centre |
+//! | `frustum` | the filter: rays with one origin against planes, boxes and blocks of triangles |
+//! | `trace`, `trace_instances` | single rays |
+//! | `instances` | models in many places |
 //! | `pack` | all of it as arrays of a file |
-//! | `kernel`, `simd` | groups of pulses; the instruction sets that they are traced with |
+//! | `kernel`, `simd` | packets of pulses; the instruction sets that they are traced with |
 //!
-//! Trees and beams only choose which verdicts are asked for, and err on the side of asking; so every tree, every way to
-//! trace and every instruction set gives the same hits, bit for bit, as asking for all of them.
+//! Trees and frustums only choose which exact tests are made, and err on the side of making them; so every tree, every way to
+//! trace and every instruction set gives the same hits, bit for bit, as making all of them.
 
-mod beam;
 mod block;
 mod build;
 mod frame;
+mod frustum;
 mod geometry;
 mod index;
 mod instances;
@@ -27,17 +27,18 @@ mod kernel;
 mod node;
 mod options;
 mod pack;
-mod placed;
 mod rays;
-mod simd;
+pub(crate) mod simd;
 mod trace;
+mod trace_instances;
 
 pub use geometry::{Cube, Geometry, Hit};
 pub use index::Tree;
 pub use instances::{Instances, Model, Placement};
+pub use kernel::TraceScratch;
 pub use options::{BuildOptions, Builder};
-pub use rays::{Hits, RayBundle, RayGroup};
-pub(crate) use simd::{Level, prefetch};
+pub use rays::{Hits, RayGroup};
+pub(crate) use simd::prefetch;
 
 #[cfg(test)]
 mod golden_tests;

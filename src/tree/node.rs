@@ -1,6 +1,6 @@
 //! Nodes: of the kd-tree, eight bytes each, and of the wide tree, sixteen children each.
 
-use super::block::LANES;
+use super::block::BLOCK_SIZE;
 use bytemuck::{Pod, Zeroable};
 
 /// An interior node or a leaf. The two children of an interior node are neighbours in the array.
@@ -13,7 +13,7 @@ pub(crate) struct KdNode {
     link: u32,
 }
 
-const LEAF: u32 = 3;
+const LEAF_TAG: u32 = 3;
 
 impl KdNode {
     /// A node split at `position` on `axis`, whose lower child has number `child`.
@@ -23,14 +23,14 @@ impl KdNode {
 
     /// A leaf of `count` blocks from number `first` on.
     pub fn leaf(first: usize, count: usize) -> KdNode {
-        KdNode { payload: count as u32, link: pack(first, LEAF) }
+        KdNode { payload: count as u32, link: pack(first, LEAF_TAG) }
     }
 
     /// Split axis; `None` for a leaf.
     #[inline(always)]
     pub fn axis(self) -> Option<usize> {
         let axis = self.link & 3;
-        (axis != LEAF).then_some(axis as usize)
+        (axis != LEAF_TAG).then_some(axis as usize)
     }
 
     /// Split position of an interior node.
@@ -52,8 +52,7 @@ impl KdNode {
         first..first + self.payload as usize
     }
 
-    /// The same node in an array where nodes and blocks are numbered from these offsets on. A leaf without blocks is the same
-    /// everywhere.
+    /// The node in an array where nodes and blocks are numbered from these offsets on. A leaf without blocks stays as it is.
     pub fn moved(self, nodes: usize, blocks: usize) -> KdNode {
         if self.axis().is_none() && self.payload == 0 {
             return self;
@@ -74,19 +73,19 @@ fn pack(number: usize, tag: u32) -> u32 {
 #[repr(C, align(64))]
 pub(crate) struct WideNode {
     /// Lower corners by axis and lane.
-    pub lower: [[f32; LANES]; 3],
+    pub lower: [[f32; BLOCK_SIZE]; 3],
     /// Upper corners.
-    pub upper: [[f32; LANES]; 3],
-    /// What is in the boxes.
-    pub child: [WideChild; LANES],
+    pub upper: [[f32; BLOCK_SIZE]; 3],
+    /// What the boxes hold.
+    pub child: [WideChild; BLOCK_SIZE],
 }
 
 impl WideNode {
     /// A node without children.
     pub const EMPTY: WideNode = WideNode {
-        lower: [[f32::INFINITY; LANES]; 3],
-        upper: [[f32::NEG_INFINITY; LANES]; 3],
-        child: [WideChild(0); LANES],
+        lower: [[f32::INFINITY; BLOCK_SIZE]; 3],
+        upper: [[f32::NEG_INFINITY; BLOCK_SIZE]; 3],
+        child: [WideChild(0); BLOCK_SIZE],
     };
 
     /// Puts a child and its box in a lane.
@@ -104,7 +103,8 @@ impl WideNode {
 #[repr(transparent)]
 pub(crate) struct WideChild(u32);
 
-const BLOCK: u32 = 1 << 31;
+/// The bit that marks a block.
+const BLOCK_BIT: u32 = 1 << 31;
 
 impl WideChild {
     /// The first node.
@@ -112,24 +112,24 @@ impl WideChild {
 
     /// Node number `n`.
     pub fn node(n: usize) -> WideChild {
-        assert!(n < BLOCK as usize, "a tree of more than 2^31 nodes");
+        assert!(n < BLOCK_BIT as usize, "a tree of more than 2^31 nodes");
         WideChild(n as u32)
     }
 
     /// Block number `n`.
     pub fn block(n: usize) -> WideChild {
-        assert!(n < BLOCK as usize, "a tree of more than 2^31 blocks");
-        WideChild(n as u32 | BLOCK)
+        assert!(n < BLOCK_BIT as usize, "a tree of more than 2^31 blocks");
+        WideChild(n as u32 | BLOCK_BIT)
     }
 
     /// `Ok` with the number of a node, `Err` with that of a block.
     #[inline(always)]
     pub fn number(self) -> Result<usize, usize> {
-        let n = (self.0 & !BLOCK) as usize;
-        if self.0 & BLOCK == 0 { Ok(n) } else { Err(n) }
+        let n = (self.0 & !BLOCK_BIT) as usize;
+        if self.0 & BLOCK_BIT == 0 { Ok(n) } else { Err(n) }
     }
 
-    /// The same child where nodes and blocks are numbered from these offsets on.
+    /// The child where nodes and blocks are numbered from these offsets on.
     pub fn moved(self, nodes: usize, blocks: usize) -> WideChild {
         match self.number() {
             Ok(n) => WideChild::node(n + nodes),

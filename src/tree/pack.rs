@@ -2,11 +2,10 @@
 
 use super::block::Block;
 use super::frame::Frame;
-use super::index::Nodes;
-use super::instances::{Instance, Instances, Model, Placement};
+use super::index::{InstanceTree, Nodes};
+use super::instances::{Instances, Model, Placement};
 use super::node::{KdNode, WideNode};
 use super::options::Statistics;
-use super::placed::Placed;
 use super::{Geometry, Tree};
 use crate::error::Result;
 use crate::geom::{Aabb, Rotation};
@@ -14,7 +13,7 @@ use crate::store::{ArrayFile, ArrayFileWriter, ByteReader, ByteWriter, Unexpecte
 use std::sync::Arc;
 
 /// Why something cannot be read from a file.
-pub type Reason = String;
+type Reason = String;
 
 fn cut(UnexpectedEnd: UnexpectedEnd) -> Reason {
     "its contents end too early".to_owned()
@@ -65,7 +64,7 @@ impl Tree {
         out.array(format!("{name}.blocks"), &self.blocks)
     }
 
-    /// What [`Tree::pack`] wrote.
+    /// Reads what [`Tree::pack`] wrote.
     pub fn unpack(name: &str, file: &ArrayFile, words: &mut ByteReader) -> std::result::Result<Tree, Reason> {
         let mut head = || {
             let frame = Frame { origin: words.vector()?, scale: words.f64()? };
@@ -99,12 +98,12 @@ impl Tree {
 
     /// Writes the trees of the instances.
     pub fn pack_instances(&self, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
-        let Some(placed) = &self.placed else { return Ok(()) };
-        placed.top.pack("top", out, words)?;
-        placed.models.iter().enumerate().try_for_each(|(i, m)| m.pack(&format!("model {i}"), out, words))
+        let Some(trees) = &self.instances else { return Ok(()) };
+        trees.top.pack("top", out, words)?;
+        trees.models.iter().enumerate().try_for_each(|(i, m)| m.pack(&format!("model {i}"), out, words))
     }
 
-    /// The tree with what [`Tree::pack_instances`] wrote.
+    /// Adds the trees that [`Tree::pack_instances`] wrote.
     pub fn unpack_instances(
         mut self,
         instances: &Arc<Instances>,
@@ -114,7 +113,7 @@ impl Tree {
         let top = Tree::unpack("top", file, words)?;
         let models = (0..instances.models.len()).map(|i| Tree::unpack(&format!("model {i}"), file, words));
         let models = models.collect::<std::result::Result<_, Reason>>()?;
-        self.placed = Some(Box::new(Placed { instances: instances.clone(), models, top }));
+        self.instances = Some(Box::new(InstanceTree { instances: instances.clone(), models, top }));
         Ok(self)
     }
 }
@@ -141,7 +140,7 @@ impl Instances {
         self.models.iter().enumerate().try_for_each(|(i, m)| m.geometry.pack(&format!("mesh {i}"), out))
     }
 
-    /// What [`Instances::pack`] wrote.
+    /// Reads what [`Instances::pack`] wrote.
     pub fn unpack(file: &ArrayFile, words: &mut ByteReader) -> std::result::Result<Instances, Reason> {
         let mut head = || {
             let (shift, first) = (words.vector()?, words.u32()?);
@@ -170,14 +169,6 @@ impl Instances {
     }
 }
 
-impl Instance {
-    /// The image of a point in the scene's frame: kept here to be compared in tests.
-    #[cfg(test)]
-    fn image(&self, p: crate::geom::DVec3, all: &Instances) -> crate::geom::DVec3 {
-        self.placement.place(p, all.shift)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -187,7 +178,7 @@ mod tests {
 
     #[test]
     fn the_layout_of_arrays_is_that_of_the_file_s_version() {
-        // Whoever changes these changes what packed scenes hold: raise the version of the file.
+        // A change of these changes what packed scenes hold: raise the version of the file.
         let sizes = (size_of::<Block>(), size_of::<WideNode>(), size_of::<KdNode>(), size_of::<Cube>());
         assert_eq!(sizes, (832, 448, 8, 32));
     }
@@ -226,15 +217,14 @@ mod tests {
             let placed = Arc::new(Instances::unpack(&file, &mut reader).unwrap());
             let mapped = mapped.unpack_instances(&placed, &file, &mut reader).unwrap();
             assert_eq!(placed.all, instances.all);
-            let p = DVec3::new(1.0, 2.0, 3.0);
-            assert_eq!(placed.all[1].image(p, &placed), instances.all[1].image(p, &instances));
+            assert_eq!(placed.shift, instances.shift);
             let mut found = 0;
             for i in 0..500 {
                 let origin = DVec3::new(point(i, 3) * 3.0, -20.0, point(i, 9));
                 let d = unit(DVec3::new(point(i, 11) * 0.1, 1.0, point(i, 13) * 0.1));
-                let hit = tree.nearest(&own, origin, d);
+                let hit = tree.nearest_where(&own, origin, d, |_| true);
                 found += usize::from(hit.is_some());
-                assert_eq!(mapped.nearest(&again, origin, d), hit);
+                assert_eq!(mapped.nearest_where(&again, origin, d, |_| true), hit);
             }
             assert!(found > 100, "{found}");
             assert_eq!(mapped.statistics(), tree.statistics());

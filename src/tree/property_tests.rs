@@ -1,30 +1,49 @@
-//! Every tree and every way to trace gives the hits of asking for all verdicts, bit for bit.
+//! Every tree and every way to trace gives the hits of the exact test of all primitives, bit for bit.
 
-use super::intersect::{cube as intersect_cube, triangle as intersect_triangle};
 use super::options::{Accounting, Axes};
 use super::*;
 use crate::geom::{DVec3, unit};
 use proptest::prelude::*;
 
-/// First hit by all verdicts.
+/// First hit by testing all primitives.
 fn brute_force(g: &Geometry, origin: DVec3, d: DVec3) -> Option<Hit> {
     let triangles =
-        (0..g.triangles.len()).filter_map(|i| Some((intersect_triangle(origin, d, g.triangle(i))?, i)));
+        (0..g.triangles.len()).filter_map(|i| Some((intersect::triangle(origin, d, g.triangle(i))?, i)));
     let cubes = g.cubes.iter().enumerate();
-    let cubes = cubes.filter_map(|(i, &c)| Some((intersect_cube(origin, d, c)?, g.triangles.len() + i)));
+    let cubes = cubes.filter_map(|(i, &c)| Some((intersect::cube(origin, d, c)?, g.triangles.len() + i)));
     triangles
         .chain(cubes)
         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
         .map(|(t, i)| Hit { t, primitive: i as u32 })
 }
 
-fn bundle(origin: DVec3, directions: &[DVec3]) -> RayBundle {
-    RayBundle {
-        origin,
-        x: directions.iter().map(|d| d.x).collect(),
-        y: directions.iter().map(|d| d.y).collect(),
-        z: directions.iter().map(|d| d.z).collect(),
+/// The rays of one pulse.
+#[derive(Clone)]
+struct Pulse {
+    origin: DVec3,
+    directions: Vec<DVec3>,
+}
+
+fn pulse(origin: DVec3, directions: &[DVec3]) -> Pulse {
+    Pulse { origin, directions: directions.to_vec() }
+}
+
+/// Pulses of the same number of rays.
+fn group<'a>(pulses: impl Iterator<Item = &'a Pulse>, rays: usize) -> RayGroup {
+    let mut group = RayGroup::new(rays);
+    for p in pulses {
+        group.push(p.origin, |x, y, z| {
+            for (r, d) in p.directions.iter().enumerate() {
+                (x[r], y[r], z[r]) = (d.x, d.y, d.z);
+            }
+        });
     }
+    group
+}
+
+/// One hit of many.
+fn hit(hits: &Hits, at: usize) -> Option<Hit> {
+    (hits.primitive[at] != Hits::MISS).then(|| Hit { t: hits.t[at], primitive: hits.primitive[at] })
 }
 
 fn trees(g: &Geometry) -> Vec<Tree> {
@@ -39,68 +58,45 @@ fn trees(g: &Geometry) -> Vec<Tree> {
     trees
 }
 
-/// Bundles, single rays and brute force agree in all trees.
-fn assert_agreement(g: &Geometry, pulses: &[RayBundle]) {
-    let expected: Vec<Vec<Option<Hit>>> = pulses
-        .iter()
-        .map(|p| (0..p.len()).map(|i| brute_force(g, p.origin, p.direction(i))).collect())
-        .collect();
-    let mut hits = Hits::default();
+/// Pulses alone and in groups, single rays and brute force agree in all trees.
+fn assert_agreement(g: &Geometry, pulses: &[Pulse]) {
+    let expected = expected_hits(g, pulses);
+    let (mut hits, mut scratch) = (Hits::default(), TraceScratch::default());
     for (n, tree) in trees(g).iter().enumerate() {
         for (p, expected) in pulses.iter().zip(&expected) {
-            tree.trace(g, p, &mut hits);
-            for (i, hit) in expected.iter().enumerate() {
-                let found = (hits.primitive[i] != Hits::MISS)
-                    .then(|| Hit { t: hits.t[i], primitive: hits.primitive[i] });
-                assert_eq!(
-                    found,
-                    *hit,
-                    "tree {n}, ray {i} of a bundle from {} to {}",
-                    p.origin,
-                    p.direction(i)
-                );
-                let (o, d) = (p.origin, p.direction(i));
-                assert_eq!(tree.nearest(g, o, d), *hit, "tree {n}, single ray {i}");
-                assert_eq!(tree.nearest_where(g, o, d, |_| true), *hit, "tree {n}, filtered ray {i}");
+            tree.trace_group(g, &group(std::iter::once(p), p.directions.len()), &mut hits, &mut scratch);
+            for (i, (d, expected)) in p.directions.iter().zip(expected).enumerate() {
+                let o = p.origin;
+                assert_eq!(hit(&hits, i), *expected, "tree {n}, ray {i} of a pulse from {o} to {d}");
+                assert_eq!(tree.nearest_where(g, o, *d, |_| true), *expected, "tree {n}, single ray {i}");
+            }
+            for (d, expected) in p.directions.iter().zip(expected) {
+                tree.trace_group(g, &group([pulse(p.origin, &[*d])].iter(), 1), &mut hits, &mut scratch);
+                assert_eq!(hit(&hits, 0), *expected, "tree {n}, a pulse of one ray from {} to {d}", p.origin);
             }
         }
         assert_groups_agree(n, tree, g, pulses, &expected);
     }
 }
 
-/// So do groups, on every instruction set.
-fn assert_groups_agree(
-    n: usize,
-    tree: &Tree,
-    g: &Geometry,
-    pulses: &[RayBundle],
-    expected: &[Vec<Option<Hit>>],
-) {
-    let mut hits = Hits::default();
+fn expected_hits(g: &Geometry, pulses: &[Pulse]) -> Vec<Vec<Option<Hit>>> {
+    let of_pulse = |p: &Pulse| p.directions.iter().map(|d| brute_force(g, p.origin, *d)).collect();
+    pulses.iter().map(of_pulse).collect()
+}
+
+/// Groups agree with the expected hits on every instruction set.
+fn assert_groups_agree(n: usize, tree: &Tree, g: &Geometry, pulses: &[Pulse], expected: &[Vec<Option<Hit>>]) {
+    let (mut hits, mut scratch) = (Hits::default(), TraceScratch::default());
     for rays in [1, 2, 3, 4, 7, 19, 62] {
-        let mut group = RayGroup::new(rays);
-        let members = || pulses.iter().zip(expected).filter(|(p, _)| p.len() == rays);
-        for (p, _) in members() {
-            group.push(p.origin, |x, y, z| {
-                x.copy_from_slice(&p.x);
-                y.copy_from_slice(&p.y);
-                z.copy_from_slice(&p.z);
-            });
-        }
+        let members = || pulses.iter().zip(expected).filter(|(p, _)| p.directions.len() == rays);
+        let group = group(members().map(|(p, _)| p), rays);
         for level in simd::Level::available() {
-            tree.trace_group_on(level, g, &group, &mut hits);
+            tree.trace_group_on(level, g, &group, &mut hits, &mut scratch);
             for (i, (p, expected)) in members().enumerate() {
-                for (r, hit) in expected.iter().enumerate() {
-                    let at = i * group.stride() + r;
-                    let found = (hits.primitive[at] != Hits::MISS)
-                        .then(|| Hit { t: hits.t[at], primitive: hits.primitive[at] });
-                    assert_eq!(
-                        found,
-                        *hit,
-                        "{level:?}, tree {n}, ray {r} of pulse {i} from {} to {}",
-                        p.origin,
-                        p.direction(r)
-                    );
+                for (r, expected) in expected.iter().enumerate() {
+                    let (o, d) = (p.origin, p.directions[r]);
+                    let found = hit(&hits, i * group.stride() + r);
+                    assert_eq!(found, *expected, "{level:?}, tree {n}, ray {r} of pulse {i} from {o} to {d}");
                 }
             }
         }
@@ -156,7 +152,7 @@ fn cone(axis: DVec3, width: f64, rays: usize) -> Vec<DVec3> {
 }
 
 /// What a pulse is aimed at: a vertex, the middle of an edge, or anywhere.
-fn pulses(g: &Geometry, aims: &[(DVec3, usize, u8, f64)]) -> Vec<RayBundle> {
+fn pulses(g: &Geometry, aims: &[(DVec3, usize, u8, f64)]) -> Vec<Pulse> {
     aims.iter()
         .map(|&(from, which, kind, width)| {
             let origin = from * 3.0;
@@ -168,16 +164,16 @@ fn pulses(g: &Geometry, aims: &[(DVec3, usize, u8, f64)]) -> Vec<RayBundle> {
             };
             let aim = if kind & 4 == 0 { target - origin } else { DVec3::AXES[which % 3] };
             let aim = if aim == DVec3::ZERO { DVec3::X } else { aim };
-            bundle(origin, &if kind & 8 == 0 { cone(unit(aim), width, 19) } else { vec![aim] })
+            pulse(origin, &if kind & 8 == 0 { cone(unit(aim), width, 19) } else { vec![aim] })
         })
-        .flat_map(|b| {
-            // Neighbours of each pulse, so that groups come about.
+        .flat_map(|p| {
+            // Neighbours of each pulse, so that packets come about.
             let beside = |n: u32| {
                 let step = DVec3::new(0.01, 0.02, -0.015) * f64::from(n);
-                let turned = |i| unit(b.direction(i) + step * 0.1);
-                bundle(b.origin + step, &(0..b.len()).map(turned).collect::<Vec<_>>())
+                let directions = p.directions.iter().map(|d| unit(*d + step * 0.1)).collect();
+                Pulse { origin: p.origin + step, directions }
             };
-            [b.clone(), beside(1), beside(2), b.clone(), beside(7)]
+            [p.clone(), beside(1), beside(2), p.clone(), beside(7)]
         })
         .collect()
 }
@@ -208,8 +204,8 @@ proptest! {
         odd in prop_oneof![Just(DVec3::ZERO), Just(DVec3::NAN), Just(DVec3::INFINITY), Just(DVec3::X * -0.0), Just(DVec3::Y * 1e-200)],
     ) {
         let origin = (from + DVec3::splat(0.1)) * far;
-        assert_agreement(&g, &[bundle(origin, &cone(unit(-from - DVec3::splat(0.1)), 1.0 / far, 7)), bundle(origin, &[odd, -origin])]);
-        assert_agreement(&g, &[bundle(DVec3::NAN, &[DVec3::X])]);
+        assert_agreement(&g, &[pulse(origin, &cone(unit(-from - DVec3::splat(0.1)), 1.0 / far, 7)), pulse(origin, &[odd, -origin])]);
+        assert_agreement(&g, &[pulse(DVec3::NAN, &[DVec3::X])]);
     }
 
     /// From within a closed mesh every ray meets it; from outside an even number of times, so never "through" an edge.
@@ -224,7 +220,7 @@ proptest! {
             for target in [*v, (*v + next) * 0.5, *v * 0.3 + next * 0.7] {
                 let d = unit(target - origin);
                 for d in [d, DVec3::new(d.x.next_up(), d.y, d.z), DVec3::new(d.x, d.y.next_down(), d.z)] {
-                    prop_assert!(tree.nearest(&g, origin, d).is_some(), "a leak towards {}", d);
+                    prop_assert!(tree.nearest_where(&g, origin, d, |_| true).is_some(), "a leak towards {}", d);
                 }
             }
         }
@@ -292,7 +288,7 @@ fn trees_of_nothing_and_of_one_work() {
     for g in [empty, one, point, same, broken] {
         assert_agreement(
             &g,
-            &[bundle(DVec3::Z * 5.0, &cone(-DVec3::Z, 0.3, 19)), bundle(DVec3::ZERO, &[DVec3::X])],
+            &[pulse(DVec3::Z * 5.0, &cone(-DVec3::Z, 0.3, 19)), pulse(DVec3::ZERO, &[DVec3::X])],
         );
     }
 }
@@ -327,11 +323,11 @@ fn the_tree_does_not_depend_on_threads() {
 #[test]
 fn wide_pulses_in_groups_agree() {
     let g = ball(DVec3::new(1000.0, -2000.0, 50.0), 40, 60, 9);
-    let pulses: Vec<RayBundle> = (0..40)
+    let pulses: Vec<Pulse> = (0..40)
         .map(|i| {
             let origin = g.vertices[0] + DVec3::new(0.02 * f64::from(i), 3.0 - 0.1 * f64::from(i), 20.0);
             let axis = unit(g.vertices[30 * i as usize] - origin);
-            bundle(origin, &cone(axis, 3e-3 * f64::from(i % 7), if i < 20 { 62 } else { 19 }))
+            pulse(origin, &cone(axis, 3e-3 * f64::from(i % 7), if i < 20 { 62 } else { 19 }))
         })
         .collect();
     assert_agreement(&g, &pulses);
@@ -341,9 +337,9 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
     /// Pulses of few rays that start beside, before and behind each other, some of them within the mesh, some with another
-    /// that is no number: what packets are made of.
+    /// that is no number: what merged pulses are made of.
     #[test]
-    fn packets_of_pulses_agree(
+    fn merged_pulses_agree(
         seed in 0u64..1000, rays in prop::sample::select(vec![1usize, 2, 3, 4, 7]), away in 0.0..5.0f64,
         step in prop_oneof![Just(0.0), Just(1e-4), Just(0.05), Just(0.3)],
         turn in prop_oneof![Just(0.0), Just(1e-5), Just(1e-3), Just(0.015)],
@@ -357,20 +353,17 @@ proptest! {
         };
         let ahead = unit(any(0, 1));
         let from = centre - ahead * away;
-        let pulses: Vec<RayBundle> = (0..40)
+        let pulses: Vec<Pulse> = (0..40)
             .map(|i| {
                 let axis = unit(ahead + any(i, 2) * turn);
-                let mut pulse = bundle(from + any(i, 3) * step, &cone(axis, 2.0 * turn, rays));
+                let mut pulse = pulse(from + any(i, 3) * step, &cone(axis, 2.0 * turn, rays));
                 if odd == Some(i as usize) {
                     pulse.origin.y = f64::NAN;
                 }
                 pulse
             })
             .collect();
-        let expected: Vec<Vec<Option<Hit>>> = pulses
-            .iter()
-            .map(|p| (0..p.len()).map(|i| brute_force(&g, p.origin, p.direction(i))).collect())
-            .collect();
+        let expected = expected_hits(&g, &pulses);
         for builder in [Builder::Fsah, Builder::Bvh] {
             let tree = Tree::build(&g, &BuildOptions::of(builder));
             assert_groups_agree(0, &tree, &g, &pulses, &expected);
@@ -414,37 +407,30 @@ fn wide_scenes_at_utm_coordinates_are_exact() {
     }
     let shift = DVec3::new(498_765.0, 5_412_345.0, 120.0);
     let moved = Geometry { vertices: local.vertices.iter().map(|v| *v + shift).collect(), ..local.clone() };
-    let pulses: Vec<RayBundle> = (0..600)
+    let pulses: Vec<Pulse> = (0..600)
         .map(|p| {
             let u = |n| draw.uniform(1, p / 4, n);
             let beside = (p % 4) as f64;
             let origin = DVec3::new(19_000.0 * u(0) - 9_500.0 + beside, 19_000.0 * u(1) - 9_500.0, 1500.0);
             let axis = DVec3::new(u(2) - 0.5, u(3) - 0.5 + 1e-3 * beside, -1.2);
-            bundle(DVec3::from(origin.to_array().map(coarse)), &cone(unit(axis), 3e-4, 19))
+            pulse(DVec3::from(origin.to_array().map(coarse)), &cone(unit(axis), 3e-4, 19))
         })
         .collect();
     let group = |shift: DVec3| {
-        let mut group = RayGroup::new(19);
-        for p in &pulses {
-            group.push(p.origin + shift, |x, y, z| {
-                x.copy_from_slice(&p.x);
-                y.copy_from_slice(&p.y);
-                z.copy_from_slice(&p.z);
-            });
-        }
-        group
+        let moved: Vec<Pulse> = pulses.iter().map(|p| pulse(p.origin + shift, &p.directions)).collect();
+        group(moved.iter(), 19)
     };
-    let options = BuildOptions::default();
+    let (options, mut scratch) = (BuildOptions::default(), TraceScratch::default());
     let (mut near, mut far) = (Hits::default(), Hits::default());
-    Tree::build(&local, &options).trace_group(&local, &group(DVec3::ZERO), &mut near);
-    Tree::build(&moved, &options).trace_group(&moved, &group(shift), &mut far);
+    Tree::build(&local, &options).trace_group(&local, &group(DVec3::ZERO), &mut near, &mut scratch);
+    Tree::build(&moved, &options).trace_group(&moved, &group(shift), &mut far, &mut scratch);
     let stride = group(shift).stride();
     for (p, pulse) in pulses.iter().enumerate() {
-        for r in 0..pulse.len() {
+        for (r, d) in pulse.directions.iter().enumerate() {
             let at = p * stride + r;
             assert_ne!(far.primitive[at], Hits::MISS);
             assert!((near.t[at] - far.t[at]).abs() < 1e-6, "{} against {}", near.t[at], far.t[at]);
-            let truth = brute_force_one(&local, pulse.origin, pulse.direction(r), far.primitive[at]);
+            let truth = brute_force_one(&local, pulse.origin, *d, far.primitive[at]);
             assert!(truth.is_some_and(|t| (t - far.t[at]).abs() < 1e-6), "{truth:?}");
         }
     }

@@ -1,8 +1,8 @@
 //! Single rays.
 
-use super::beam::{Beam, LOOSE};
-use super::block::{Block, LANES};
-use super::build::{DEEPEST, DEEPEST_WIDE};
+use super::block::{BLOCK_SIZE, Block};
+use super::build::{MAX_DEPTH, MAX_WIDE_DEPTH};
+use super::frustum::{DEPTH_MARGIN, Frustum};
 use super::index::Nodes;
 use super::intersect::{cube, triangle};
 use super::node::{KdNode, WideChild, WideNode};
@@ -11,7 +11,8 @@ use crate::geom::DVec3;
 
 impl Tree {
     /// First hit of the ray `origin + t·direction` among the primitives whose number `accept` approves, t > 0 in units of
-    /// `direction`. For all primitives [`Tree::nearest`] is faster.
+    /// `direction`. Directions are meant to be of about unit length; one shorter than 1e-100 hits nothing. For many rays
+    /// [`Tree::trace_group`] is several times faster.
     pub fn nearest_where(
         &self,
         geometry: &Geometry,
@@ -19,49 +20,59 @@ impl Tree {
         direction: DVec3,
         accept: impl Fn(u32) -> bool,
     ) -> Option<Hit> {
-        let ray_is_sound = origin.is_finite() && direction.is_finite();
-        if !ray_is_sound {
+        let best = self.nearest_primitive(geometry, origin, direction, &accept);
+        match &self.instances {
+            Some(instances) if origin.is_finite() && direction.is_finite() => {
+                instances.nearest(origin, direction, best, &accept)
+            }
+            _ => best,
+        }
+    }
+
+    /// [`Tree::nearest_where`] without instances.
+    pub(super) fn nearest_primitive(
+        &self,
+        geometry: &Geometry,
+        origin: DVec3,
+        direction: DVec3,
+        accept: impl Fn(u32) -> bool,
+    ) -> Option<Hit> {
+        if !(origin.is_finite() && direction.is_finite()) {
             return None;
         }
         let mut best: Option<Hit> = None;
         let mut test = |id: u32| {
             if accept(id)
-                && let Some(t) = verdict(geometry, origin, direction, id)
+                && let Some(t) = intersect_exact(geometry, origin, direction, id)
                 && best.is_none_or(|b| t < b.t || (t == b.t && id < b.primitive))
             {
                 best = Some(Hit { t, primitive: id });
             }
             best.map_or(f64::INFINITY, |b| b.t)
         };
-        match Beam::of(&self.frame, origin, std::iter::once(direction)) {
-            Some(beam) => {
-                let steepness = direction[beam.axes[0]].abs() * self.frame.scale;
-                self.walk(&beam, f32::INFINITY, |block, mut mask, limit| {
-                    while mask != 0 {
-                        let t = test(block.id[mask.trailing_zeros() as usize]);
-                        *limit = depth_limit(t * steepness);
-                        mask &= mask - 1;
-                    }
-                });
-            }
-            // Out of reach of single precision: ask for every verdict.
+        match Frustum::around(&self.frame, origin, std::iter::once(direction)) {
+            Some(frustum) => self.walk(&frustum, f32::INFINITY, |block, mut mask, limit| {
+                while mask != 0 {
+                    let t = test(block.id[mask.trailing_zeros() as usize]);
+                    *limit = frustum.limit(t);
+                    mask &= mask - 1;
+                }
+            }),
+            // Out of reach of single precision: test all primitives.
             None => self.blocks.iter().flat_map(|b| b.id).filter(|&id| id != Hits::MISS).for_each(|id| {
                 test(id);
             }),
         }
-        match &self.placed {
-            Some(placed) => placed.nearest(origin, direction, best, &accept),
-            None => best,
-        }
+        best
     }
 
-    /// Walks through the leaves that the beam meets, nearest first, up to the depth `limit` that `visit` may lower, and
-    /// shows it the blocks with the lanes that rays of the beam might hit.
+    /// Walks through the leaves that the frustum meets, nearest first, up to the depth `limit` that `visit` may lower, and
+    /// shows it the blocks with a mask of the lanes that rays of the frustum might hit.
     #[inline(always)]
-    pub(super) fn walk(&self, beam: &Beam, limit: f32, visit: impl FnMut(&Block, u32, &mut f32)) {
+    pub(super) fn walk(&self, frustum: &Frustum, limit: f32, visit: impl FnMut(&Block, u32, &mut f32)) {
         match &self.nodes {
-            Nodes::Kd(nodes) => self.walk_kd(nodes, beam, limit, visit),
-            Nodes::Wide(nodes) => self.walk_wide(nodes, beam, limit, visit),
+            Nodes::Kd(nodes) => self.walk_kd(nodes, frustum, limit, visit),
+            Nodes::Wide(nodes) => self.walk_wide(nodes, frustum, limit, visit),
         }
     }
 
@@ -69,12 +80,12 @@ impl Tree {
     fn walk_kd(
         &self,
         nodes: &[KdNode],
-        beam: &Beam,
+        frustum: &Frustum,
         mut limit: f32,
         mut visit: impl FnMut(&Block, u32, &mut f32),
     ) {
-        let mut stack = [(0u32, [0.0f32; 2]); DEEPEST as usize + 1];
-        stack[0] = (0, beam.within(&self.bounds[0], &self.bounds[1]));
+        let mut stack = [(0u32, [0.0f32; 2]); MAX_DEPTH as usize + 1];
+        stack[0] = (0, frustum.depths_within(&self.bounds[0], &self.bounds[1]));
         let mut height = 1;
         while height > 0 {
             height -= 1;
@@ -83,16 +94,16 @@ impl Tree {
                 let node = nodes[number as usize];
                 let Some(axis) = node.axis() else {
                     for block in &self.blocks[node.blocks()] {
-                        let mask = candidates(beam, block, [range[0], range[1].min(limit)]);
+                        let mask = frustum.candidates(block, [range[0], range[1].min(limit)]);
                         if mask != 0 {
                             visit(block, mask, &mut limit);
                         }
                     }
                     break;
                 };
-                let [lower, upper] = beam.cut(axis, node.position(), range);
+                let [lower, upper] = frustum.cut(axis, node.position(), range);
                 let child = node.child() as u32;
-                let (near, far) = if beam.ascends(axis) {
+                let (near, far) = if frustum.is_ascending(axis) {
                     ((child, lower), (child + 1, upper))
                 } else {
                     ((child + 1, upper), (child, lower))
@@ -114,22 +125,22 @@ impl Tree {
     fn walk_wide(
         &self,
         nodes: &[WideNode],
-        beam: &Beam,
+        frustum: &Frustum,
         mut limit: f32,
         mut visit: impl FnMut(&Block, u32, &mut f32),
     ) {
-        let mut stack = [(WideChild::ROOT, 0.0f32); WIDE_STACK];
+        let mut stack = [(WideChild::ROOT, 0.0f32); MAX_WIDE_STACK];
         let mut height = 1;
         while height > 0 {
             height -= 1;
             let (child, enter) = stack[height];
-            if enter > limit * LOOSE {
+            if enter > limit * DEPTH_MARGIN {
                 continue;
             }
             match child.number() {
                 Ok(number) => {
                     let node = &nodes[number];
-                    let (mut met, depths) = beam.boxes(&node.lower, &node.upper, limit);
+                    let (mut met, depths) = frustum.boxes(&node.lower, &node.upper, limit);
                     let floor = height;
                     while met != 0 {
                         let lane = met.trailing_zeros() as usize;
@@ -145,7 +156,7 @@ impl Tree {
                 }
                 Err(number) => {
                     let block = &self.blocks[number];
-                    let mask = candidates(beam, block, [0.0, limit]);
+                    let mask = frustum.candidates(block, [0.0, limit]);
                     if mask != 0 {
                         visit(block, mask, &mut limit);
                     }
@@ -155,32 +166,17 @@ impl Tree {
     }
 }
 
-/// Visits that may wait at a time in the wide tree: every level leaves up to fifteen.
-pub(super) const WIDE_STACK: usize = DEEPEST_WIDE as usize * (LANES - 1) + LANES;
+/// Most visits that wait at a time in the wide tree: every level leaves up to fifteen.
+pub(super) const MAX_WIDE_STACK: usize = MAX_WIDE_DEPTH as usize * (BLOCK_SIZE - 1) + BLOCK_SIZE;
 
-/// Whether a beam can be anywhere within a range of depths up to the limit.
+/// Whether a frustum can be anywhere within a range of depths up to the limit.
 #[inline(always)]
 fn is_met([lo, hi]: [f32; 2], limit: f32) -> bool {
-    lo <= hi.min(limit) * LOOSE
-}
-
-#[inline(always)]
-fn candidates(beam: &Beam, block: &Block, range: [f32; 2]) -> u32 {
-    if block.holds_cubes() {
-        beam.boxes(&block.corner[0], &block.corner[1], range[1]).0
-    } else {
-        beam.triangles(block, range)
-    }
-}
-
-/// A depth beyond which nothing can be nearer than `depth`.
-#[inline(always)]
-pub(super) fn depth_limit(depth: f64) -> f32 {
-    (depth * 1.000_000_2) as f32
+    lo <= hi.min(limit) * DEPTH_MARGIN
 }
 
 /// The distance at which a ray hits a primitive.
-pub(super) fn verdict(geometry: &Geometry, origin: DVec3, direction: DVec3, id: u32) -> Option<f64> {
+fn intersect_exact(geometry: &Geometry, origin: DVec3, direction: DVec3, id: u32) -> Option<f64> {
     let (i, triangles) = (id as usize, geometry.triangles.len());
     if i < triangles {
         triangle(origin, direction, geometry.triangle(i))

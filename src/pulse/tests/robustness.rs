@@ -95,7 +95,7 @@ fn pulses_yield_the_same_alone_and_together() {
     assert_eq!(together.samples, alone.samples);
     assert_eq!(together.pulses, alone.pulses);
     assert!(together.pulses.iter().zip(&pulses).all(|(r, p)| (r.number, r.device) == (p.number, p.device)));
-    for level in crate::tree::Level::available() {
+    for level in crate::tree::simd::Level::available() {
         let (mut simulator, mut batch) = (PulseSimulator::new(&physics), Batch::default());
         simulator.level = level;
         simulator.simulate(0, &pulses, &mut batch).unwrap();

@@ -1,11 +1,11 @@
 //! The recursion that all kd builders share (spec §1.3), on one or several threads.
 
-use super::ledger::{Ledger, Proposal, Sums};
+use super::cost::{CostAccount, Proposal, Sums};
 use super::prim::Prim;
 use super::split::{Cell, Search, Split, count, partition};
-use super::{Arena, KdArena, MANY};
+use super::{Arena, KdArena, MIN_TEAM_PRIMITIVES};
 use crate::tree::Geometry;
-use crate::tree::block::append_leaf;
+use crate::tree::block::{BLOCK_SIZE, append_leaf};
 use crate::tree::frame::Frame;
 use crate::tree::node::KdNode;
 use crate::tree::options::{Accounting, Axes, BuildOptions, Builder, Statistics};
@@ -21,38 +21,39 @@ pub(crate) fn build_kd(
         0 => rayon::current_num_threads(),
         n => n,
     };
-    let (count, root) = (prims.len(), Cell::around(crew(prims.len(), Place::ROOT, geometry_jobs), &prims));
+    let (count, root) =
+        (prims.len(), Cell::around(threads_for(prims.len(), Position::ROOT, geometry_jobs), &prims));
     let build = Build {
         search: Search { geometry, frame, options },
         max_depth: depth_cap(options, count),
         shared_depth: shared_depth(options),
-        ledger: match options.accounting {
-            // A flat root has no cost to book.
+        account: match options.accounting {
+            // The cost is relative to the area of the root, which a flat one does not have.
             Accounting::Global if root.area > 0.0 && options.builder != Builder::Median => {
-                Ledger::global(options, root.area, count)
+                CostAccount::global(options, root.area, count)
             }
-            _ => Ledger::Local,
+            _ => CostAccount::Local,
         },
         geometry_jobs,
     };
     let mut arena = Arena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
-    let sums = build.node(prims, root, Place::ROOT, &mut arena, 0);
+    let sums = build.build_node(prims, root, Position::ROOT, &mut arena, 0);
     let square_metres = root.area / frame.scale / frame.scale;
     let mut statistics = sums.statistics(options, count, root.area, square_metres);
-    statistics.booked_cost = build.ledger.total();
+    statistics.booked_cost = build.account.total();
     (arena, statistics)
 }
 
 /// Levels below the root that any tree may have; traversal stacks rely on it.
-pub(crate) const DEEPEST: u32 = 64;
+pub(crate) const MAX_DEPTH: u32 = 64;
 
 fn depth_cap(options: &BuildOptions, count: usize) -> u32 {
     let auto = 8 + (1.3 * libm::log2(count.max(1) as f64)) as u32;
-    options.max_depth.unwrap_or(auto).min(DEEPEST)
+    options.max_depth.unwrap_or(auto).min(MAX_DEPTH)
 }
 
-/// Levels whose nodes several threads take from one another: so many that each thread has some hundred parts to choose from.
-/// Further down every hand-over would only copy the part once more.
+/// Levels whose nodes several threads take from one another: enough for some hundred parts per thread. Further down, handing a
+/// node over would only copy the part once more.
 fn shared_depth(options: &BuildOptions) -> u32 {
     match options.jobs {
         0 => rayon::current_num_threads().ilog2() + 8,
@@ -63,21 +64,21 @@ fn shared_depth(options: &BuildOptions) -> u32 {
 
 /// Where a node is: its depth, and its number from the left among the 2^depth nodes that may be there.
 #[derive(Clone, Copy)]
-struct Place {
+struct Position {
     depth: u32,
     number: u128,
 }
 
-impl Place {
-    const ROOT: Place = Place { depth: 0, number: 0 };
+impl Position {
+    const ROOT: Position = Position { depth: 0, number: 0 };
 
-    /// The places of the two children.
-    fn below(self) -> [Place; 2] {
-        [0, 1].map(|side| Place { depth: self.depth + 1, number: 2 * self.number + side })
+    /// The positions of the two children.
+    fn below(self) -> [Position; 2] {
+        [0, 1].map(|side| Position { depth: self.depth + 1, number: 2 * self.number + side })
     }
 
-    /// How many of `threads` belong to the node here. They are shared evenly among the nodes of a level, and what is left
-    /// over goes to the right-most; below level ⌊log2 threads⌋ every node has one (spec §2.3).
+    /// How many of `threads` belong to the node here. They are divided evenly among the nodes of a level, and the rest goes to
+    /// the right-most; below level ⌊log2 threads⌋ every node has one (spec §2.3).
     fn share_of(self, threads: usize) -> usize {
         let (nodes, threads) = (1u128 << self.depth, threads as u128);
         let (each, rest) = (threads / nodes, threads % nodes);
@@ -87,8 +88,8 @@ impl Place {
 }
 
 /// How many of `threads` work together on a node of `count` primitives.
-fn crew(count: usize, place: Place, threads: usize) -> usize {
-    if count < MANY { 1 } else { place.share_of(threads) }
+fn threads_for(count: usize, position: Position, threads: usize) -> usize {
+    if count < MIN_TEAM_PRIMITIVES { 1 } else { position.share_of(threads) }
 }
 
 struct Build<'a> {
@@ -96,95 +97,110 @@ struct Build<'a> {
     max_depth: u32,
     /// Nodes below this depth are built by the thread that comes to them.
     shared_depth: u32,
-    ledger: Ledger,
+    account: CostAccount,
     geometry_jobs: usize,
 }
 
 impl Build<'_> {
     /// Builds the node at `slot` of the arena and everything below it.
-    fn node(&self, prims: Vec<Prim>, cell: Cell, place: Place, arena: &mut KdArena, slot: usize) -> Sums {
-        let Some((split, [left, right])) = self.accepted_split(&prims, &cell, place) else {
-            return self.leaf(&prims, &cell, place.depth, arena, slot);
+    fn build_node(
+        &self,
+        prims: Vec<Prim>,
+        cell: Cell,
+        position: Position,
+        arena: &mut KdArena,
+        slot: usize,
+    ) -> Sums {
+        let Some((split, [left, right])) = self.accepted_split(&prims, &cell, position) else {
+            return self.leaf(&prims, &cell, position.depth, arena, slot);
         };
         drop(prims);
         let child = arena.nodes.len();
         arena.nodes[slot] = KdNode::interior(split.axis, split.position as f32, child);
         arena.nodes.extend([KdNode::leaf(0, 0); 2]);
-        let ([l, r], [to_left, to_right]) = (cell.cut(&split), place.below());
-        let is_shared = place.depth < self.shared_depth && left.len().min(right.len()) >= self.grain();
+        let ([l, r], [to_left, to_right]) = (cell.cut(&split), position.below());
+        let is_shared =
+            position.depth < self.shared_depth && left.len().min(right.len()) >= self.min_detached();
         let (a, b) = if is_shared {
-            let lower = || self.node(left, l, to_left, arena, child);
-            let upper = || self.apart(right, r, to_right);
+            let lower = || self.build_node(left, l, to_left, arena, child);
+            let upper = || self.build_detached(right, r, to_right);
             let (a, (part, b)) = rayon::join(lower, upper);
             attach(arena, child + 1, part);
             (a, b)
         } else {
-            let a = self.node(left, l, to_left, arena, child);
-            (a, self.node(right, r, to_right, arena, child + 1))
+            let a = self.build_node(left, l, to_left, arena, child);
+            (a, self.build_node(right, r, to_right, arena, child + 1))
         };
-        Sums::interior(cell.area, a, b)
+        Sums::interior(cell.area).plus(a).plus(b)
     }
 
-    /// Smallest part worth an own arena, which another thread may fill.
-    fn grain(&self) -> usize {
+    /// Smallest part that another thread may build in an arena of its own.
+    fn min_detached(&self) -> usize {
         self.search.options.delegate.max(32)
     }
 
-    /// The same in an arena of its own; put back with [`attach`] its nodes have the numbers that they would have had.
-    fn apart(&self, prims: Vec<Prim>, cell: Cell, place: Place) -> (KdArena, Sums) {
+    /// Builds a node and everything below it in an arena of its own; after [`attach`] its nodes have the numbers that they
+    /// would have had.
+    fn build_detached(&self, prims: Vec<Prim>, cell: Cell, position: Position) -> (KdArena, Sums) {
         let mut arena = Arena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
-        let sums = self.node(prims, cell, place, &mut arena, 0);
+        let sums = self.build_node(prims, cell, position, &mut arena, 0);
         (arena, sums)
     }
 
     fn leaf(&self, prims: &[Prim], cell: &Cell, depth: u32, arena: &mut KdArena, slot: usize) -> Sums {
         if prims.is_empty() {
-            return Sums::NOTHING;
+            return Sums::ZERO;
         }
-        let first = arena.slots.len() / crate::tree::block::LANES;
+        let first = arena.slots.len() / BLOCK_SIZE;
         let triangles = self.search.geometry.triangles.len();
         let blocks = append_leaf(&mut arena.slots, triangles, prims.iter().map(|p| p.id));
         arena.nodes[slot] = KdNode::leaf(first, blocks);
         Sums::leaf(cell.area, prims.len(), depth)
     }
 
-    /// The split of this node and its two sides, if there is one worth making.
-    fn accepted_split(&self, prims: &[Prim], cell: &Cell, place: Place) -> Option<(Split, [Vec<Prim>; 2])> {
+    /// The split of this node and its two sides, if there is one that makes the tree cheaper.
+    fn accepted_split(
+        &self,
+        prims: &[Prim],
+        cell: &Cell,
+        position: Position,
+    ) -> Option<(Split, [Vec<Prim>; 2])> {
         let options = self.search.options;
-        if prims.len() < options.min_primitives.max(2) || place.depth >= self.max_depth {
+        if prims.len() < options.min_primitives.max(2) || position.depth >= self.max_depth {
             return None;
         }
-        let turn = place.depth as usize;
-        let crew = crew(prims.len(), place, self.geometry_jobs);
-        let worth_making = |split: Split| {
-            let counts = count(crew, prims, split.axis, split.position);
-            self.accepts(cell, &split, prims.len(), counts)
-                .then(|| (split, partition(crew, prims, &split, counts)))
+        let turn = position.depth as usize;
+        let threads = threads_for(prims.len(), position, self.geometry_jobs);
+        let try_split = |split: Split| {
+            let counts = count(threads, prims, split.axis, split.position);
+            self.is_accepted(cell, &split, prims.len(), counts)
+                .then(|| (split, partition(threads, prims, &split, counts)))
         };
-        let on = |axis: usize| self.search.on_axis(crew, prims, cell, axis % 3);
+        let on = |axis: usize| self.search.on_axis(threads, prims, cell, axis % 3);
         match options.axes {
             _ if options.builder == Builder::AxisSah => {
-                self.search.on_best_axis(crew, prims, cell).and_then(worth_making)
+                self.search.on_best_axis(threads, prims, cell).and_then(try_split)
             }
-            Axes::Best => self.search.on_best_axis(crew, prims, cell).and_then(worth_making),
-            Axes::Turn => on(turn).and_then(worth_making),
-            Axes::TurnThenNext => (turn..turn + 3).filter_map(on).find_map(worth_making),
+            Axes::Best => self.search.on_best_axis(threads, prims, cell).and_then(try_split),
+            Axes::Turn => on(turn).and_then(try_split),
+            Axes::TurnThenNext => (turn..turn + 3).filter_map(on).find_map(try_split),
         }
     }
 
-    fn accepts(&self, cell: &Cell, split: &Split, n: usize, [nl, nr]: [usize; 2]) -> bool {
+    fn is_accepted(&self, cell: &Cell, split: &Split, n: usize, [nl, nr]: [usize; 2]) -> bool {
         if self.search.options.builder == Builder::Median {
             return nl != n && nr != n;
         }
         let chances = self.search.chances(cell, split.axis, split.r);
-        self.ledger.accepts(self.search.options, &Proposal { area: cell.area, chances, counts: [n, nl, nr] })
+        self.account
+            .try_split(self.search.options, &Proposal { area: cell.area, chances, counts: [n, nl, nr] })
     }
 }
 
-/// Puts a part, whose root is its node 0, in the place of node `slot`.
+/// Puts a part, whose root is its node 0, in the position of node `slot`.
 fn attach(arena: &mut KdArena, slot: usize, part: KdArena) {
     // The part's node 1 becomes the next node here.
-    let (nodes, blocks) = (arena.nodes.len() - 1, arena.slots.len() / crate::tree::block::LANES);
+    let (nodes, blocks) = (arena.nodes.len() - 1, arena.slots.len() / BLOCK_SIZE);
     arena.nodes[slot] = part.nodes[0].moved(nodes, blocks);
     arena.nodes.extend(part.nodes[1..].iter().map(|n| n.moved(nodes, blocks)));
     arena.slots.extend(part.slots);
@@ -210,9 +226,9 @@ mod tests {
                     } else {
                         (i * (alpha + 1) + beta - nodes, i * (alpha + 1) + beta - nodes + alpha)
                     };
-                    let place = Place { depth, number: i as u128 };
+                    let position = Position { depth, number: i as u128 };
                     assert_eq!(
-                        (first, place.share_of(threads)),
+                        (first, position.share_of(threads)),
                         (next, last + 1 - first),
                         "{threads} {depth} {i}"
                     );
@@ -220,10 +236,13 @@ mod tests {
                 }
                 assert_eq!(next, threads);
             }
-            let [_, deeper] = Place { depth: 63, number: u128::from(u64::MAX >> 1) }.below();
+            let [_, deeper] = Position { depth: 63, number: u128::from(u64::MAX >> 1) }.below();
             assert_eq!(deeper.share_of(threads), 1);
         }
-        assert_eq!([MANY - 1, MANY].map(|n| crew(n, Place::ROOT, 5)), [1, 5]);
+        assert_eq!(
+            [MIN_TEAM_PRIMITIVES - 1, MIN_TEAM_PRIMITIVES].map(|n| threads_for(n, Position::ROOT, 5)),
+            [1, 5]
+        );
     }
 
     /// A rough sheet of two triangles per cell.
@@ -252,9 +271,9 @@ mod tests {
         let g = sheet(288);
         let frame = frame_of(&g);
         let prims = collect(&g, &frame, |_| true);
-        assert!(prims.len() > 5 * MANY / 2);
-        let children = Place::ROOT.below().map(|place| crew(prims.len() / 2, place, 5));
-        assert_eq!((crew(prims.len(), Place::ROOT, 5), children), (5, [2, 3]));
+        assert!(prims.len() > 5 * MIN_TEAM_PRIMITIVES / 2);
+        let children = Position::ROOT.below().map(|position| threads_for(prims.len() / 2, position, 5));
+        assert_eq!((threads_for(prims.len(), Position::ROOT, 5), children), (5, [2, 3]));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap();
         for builder in [Builder::Median, Builder::Sah, Builder::AxisSah, Builder::Fsah] {
             for strict in [true, false] {

@@ -1,36 +1,36 @@
-//! Building trees.
+//! The builders of trees.
 
+mod cost;
 mod kd;
-mod ledger;
 mod prim;
 mod split;
 mod wide;
 
-pub(crate) use kd::{DEEPEST, build_kd};
+pub(crate) use kd::{MAX_DEPTH, build_kd};
 pub(crate) use prim::{Prim, collect, frame_of};
-pub(crate) use wide::{DEEPEST_WIDE, build_wide};
+pub(crate) use wide::{MAX_WIDE_DEPTH, build_wide};
 
 use super::node::KdNode;
 use rayon::prelude::*;
 
 /// Nodes of at least this many primitives may be worked on by several threads together: the upper levels, where there are
 /// fewer nodes than threads (spec §2.3).
-const MANY: usize = 1 << 16;
+const MIN_TEAM_PRIMITIVES: usize = 1 << 16;
 
-/// Folds the primitives of a node, by all threads if they are many. `join` must not care about grouping.
+/// Folds the primitives of a node, by all threads if they are many. `join` must be associative.
 fn fold<T: Send>(
     prims: &[Prim],
     nothing: impl Fn() -> T + Sync + Send,
     add: impl Fn(&mut T, &Prim) + Sync,
     join: impl Fn(T, T) -> T + Sync + Send,
 ) -> T {
-    let crew = if prims.len() < MANY { 1 } else { rayon::current_num_threads() };
-    fold_by(crew, prims, nothing, add, join)
+    let threads = if prims.len() < MIN_TEAM_PRIMITIVES { 1 } else { rayon::current_num_threads() };
+    fold_by(threads, prims, nothing, add, join)
 }
 
-/// Folds the primitives of a node in as many pieces at a time. `join` must not care about grouping.
+/// Folds the primitives of a node by several threads, a piece each. `join` must be associative.
 fn fold_by<T: Send>(
-    crew: usize,
+    threads: usize,
     prims: &[Prim],
     nothing: impl Fn() -> T + Sync + Send,
     add: impl Fn(&mut T, &Prim) + Sync,
@@ -43,15 +43,15 @@ fn fold_by<T: Send>(
         }
         sum
     };
-    if crew < 2 {
+    if threads < 2 {
         return one(prims);
     }
-    pieces(crew, prims).map(one).reduce(&nothing, join)
+    pieces(threads, prims).map(one).reduce(&nothing, join)
 }
 
-/// The primitives of a node in `crew` pieces, for as many threads.
-fn pieces(crew: usize, prims: &[Prim]) -> rayon::slice::Chunks<'_, Prim> {
-    prims.par_chunks(prims.len().div_ceil(crew.max(1)).max(1))
+/// The primitives of a node in a piece per thread.
+fn pieces(threads: usize, prims: &[Prim]) -> rayon::slice::Chunks<'_, Prim> {
+    prims.par_chunks(prims.len().div_ceil(threads.max(1)).max(1))
 }
 
 /// A tree under construction: nodes, and the primitives of its leaves in whole blocks.
@@ -62,7 +62,7 @@ pub(crate) struct Arena<N> {
     pub slots: Vec<u32>,
 }
 
-/// The kd-tree's arena.
+/// A kd-tree under construction.
 pub(crate) type KdArena = Arena<KdNode>;
 
 #[cfg(test)]
@@ -71,9 +71,9 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
-    fn a_crew_folds_a_node_in_as_many_pieces() {
+    fn threads_fold_a_piece_each() {
         let prims: Vec<Prim> = (0..1000).map(|id| Prim { lo: [0.0; 3], id, hi: [1.0; 3] }).collect();
-        for crew in [1, 2, 3, 7] {
+        for threads in [1, 2, 3, 7] {
             let folded = AtomicUsize::new(0);
             let add = |sum: &mut (u64, bool), p: &Prim| {
                 // Each piece is folded from nothing.
@@ -82,8 +82,8 @@ mod tests {
                 }
                 sum.0 += u64::from(p.id);
             };
-            let (sum, _) = fold_by(crew, &prims, || (0, false), add, |a, b| (a.0 + b.0, a.1 || b.1));
-            assert_eq!((sum, folded.into_inner()), (499_500, crew));
+            let (sum, _) = fold_by(threads, &prims, || (0, false), add, |a, b| (a.0 + b.0, a.1 || b.1));
+            assert_eq!((sum, folded.into_inner()), (499_500, threads));
         }
     }
 }

@@ -19,13 +19,13 @@ pub(crate) struct Cell {
 }
 
 impl Cell {
-    /// The root's cell, found by `crew` threads.
-    pub fn around(crew: usize, prims: &[Prim]) -> Cell {
+    /// The root's cell, found by several `threads`.
+    pub fn around(threads: usize, prims: &[Prim]) -> Cell {
         let union = |(a, b): ([f32; 3], [f32; 3]), (c, d): ([f32; 3], [f32; 3])| {
             ([0, 1, 2].map(|i| a[i].min(c[i])), [0, 1, 2].map(|i| b[i].max(d[i])))
         };
         let nothing = || ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        let (lo, hi) = fold_by(crew, prims, nothing, |b, p| *b = union(*b, (p.lo, p.hi)), union);
+        let (lo, hi) = fold_by(threads, prims, nothing, |b, p| *b = union(*b, (p.lo, p.hi)), union);
         let (mut lo, mut hi) = (lo.map(f64::from), hi.map(f64::from));
         if prims.is_empty() {
             (lo, hi) = ([0.0; 3], [0.0; 3]);
@@ -64,19 +64,19 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The split of the builder in use on `axis`, found by `crew` threads; `None` when the cell has no extent there.
-    pub fn on_axis(&self, crew: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+    /// The split of the builder in use on `axis`, found by several `threads`; `None` when the cell has no extent there.
+    pub fn on_axis(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         match self.options.builder {
-            Builder::Median => self.median_split(crew, prims, cell, axis),
-            Builder::Sah | Builder::AxisSah => self.sah_split(crew, prims, cell, axis),
-            Builder::Fsah | Builder::Bvh => self.fsah_split(crew, prims, cell, axis),
+            Builder::Median => self.median_split(threads, prims, cell, axis),
+            Builder::Sah | Builder::AxisSah => self.sah_split(threads, prims, cell, axis),
+            Builder::Fsah | Builder::Bvh => self.fsah_split(threads, prims, cell, axis),
         }
     }
 
     /// The split of least loss over all axes, the first of equals.
-    pub fn on_best_axis(&self, crew: usize, prims: &[Prim], cell: &Cell) -> Option<Split> {
+    pub fn on_best_axis(&self, threads: usize, prims: &[Prim], cell: &Cell) -> Option<Split> {
         (0..3)
-            .filter_map(|a| self.on_axis(crew, prims, cell, a))
+            .filter_map(|a| self.on_axis(threads, prims, cell, a))
             .reduce(|best, s| if s.loss < best.loss { s } else { best })
     }
 
@@ -86,21 +86,21 @@ impl Search<'_> {
         chances[0] * l + chances[1] * r
     }
 
-    fn median_split(&self, crew: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
-        let p = self.object_median(crew, prims, axis);
+    fn median_split(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+        let p = self.object_median(threads, prims, axis);
         let r = share(cell, axis, p)?;
         // Of three medians the one in the longest side is best.
         Some(Split { axis, position: p, r, loss: cell.lo[axis] - cell.hi[axis] })
     }
 
-    fn sah_split(&self, crew: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+    fn sah_split(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let (a, b) = (cell.lo[axis], cell.hi[axis]);
         let middle = (a + b) / 2.0;
-        let median = self.object_median(crew, prims, axis).max(a).min(b);
+        let median = self.object_median(threads, prims, axis).max(a).min(b);
         let n = self.options.candidates.max(2);
         let (start, step) = (middle.min(median), (middle - median).abs() / (n - 1) as f64);
         let planes: Vec<f64> = (0..n).map(|i| start + i as f64 * step).collect();
-        let Histograms { starts, ends } = between(crew, prims, axis, &planes);
+        let Histograms { starts, ends } = between(threads, prims, axis, &planes);
         let (mut below, mut above) = (0, prims.len());
         let mut best: Option<Split> = None;
         for (i, &p) in planes.iter().enumerate() {
@@ -116,7 +116,7 @@ impl Search<'_> {
     }
 
     /// The best boundary of min/max histograms (spec §1.11), bins clamped at both ends.
-    fn fsah_split(&self, crew: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
+    fn fsah_split(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let (a, b) = (cell.lo[axis], cell.hi[axis]);
         if b <= a {
             return None;
@@ -130,7 +130,7 @@ impl Search<'_> {
             h.ends[bin(o.hi[axis])] += 1;
         };
         let Histograms { starts, ends } =
-            fold_by(crew, prims, || Histograms::empty(bins), add, Histograms::plus);
+            fold_by(threads, prims, || Histograms::empty(bins), add, Histograms::plus);
         let (mut below, mut above) = (0, prims.len());
         let (mut best, mut loss) = (0, self.loss([0.0, 1.0], [0, above]));
         for i in 1..=bins {
@@ -165,12 +165,12 @@ impl Search<'_> {
     }
 
     /// The centroid at place ⌊N/2⌋ in descending order.
-    fn object_median(&self, crew: usize, prims: &[Prim], axis: usize) -> f64 {
+    fn object_median(&self, threads: usize, prims: &[Prim], axis: usize) -> f64 {
         let centroid = |p: &Prim| self.centroid(p.id, axis);
-        let mut centroids: Vec<f64> = if crew < 2 {
+        let mut centroids: Vec<f64> = if threads < 2 {
             prims.iter().map(centroid).collect()
         } else {
-            prims.par_iter().with_min_len(prims.len().div_ceil(crew)).map(centroid).collect()
+            prims.par_iter().with_min_len(prims.len().div_ceil(threads)).map(centroid).collect()
         };
         let place = prims.len() / 2;
         *centroids.select_nth_unstable_by(place, |x, y| y.total_cmp(x)).1
@@ -204,14 +204,15 @@ impl Histograms {
     }
 }
 
-/// How many primitives start and end at or before each of the planes, which rise evenly, and after the one before; what lies
-/// beyond the last plane is in the last bin. One pass for all candidates, which gives what [`count`] gives for each.
-fn between(crew: usize, prims: &[Prim], axis: usize, planes: &[f64]) -> Histograms {
+/// How many primitives start and end in each bin between planes, which rise evenly: at or before plane `i` and after plane
+/// `i − 1`; what lies beyond the last plane is in the last bin. One pass over the primitives finds what [`count`] finds for
+/// each plane.
+fn between(threads: usize, prims: &[Prim], axis: usize, planes: &[f64]) -> Histograms {
     let (start, last) = (planes[0], planes.len() - 1);
     let per_length = last as f64 / (planes[last] - start);
     let bin = |v: f32| {
         let v = f64::from(v);
-        // A guess that rounding may have put next to the truth; all planes may be one, which makes it no number: 0.
+        // Rounding may put this next to the right bin. If all planes are one, it is NaN, which becomes 0.
         let mut i = (((v - start) * per_length) as usize).min(last);
         while i > 0 && planes[i - 1] >= v {
             i -= 1;
@@ -225,7 +226,7 @@ fn between(crew: usize, prims: &[Prim], axis: usize, planes: &[f64]) -> Histogra
         h.starts[bin(o.lo[axis])] += 1;
         h.ends[bin(o.hi[axis])] += 1;
     };
-    fold_by(crew, prims, || Histograms::empty(planes.len() + 1), add, Histograms::plus)
+    fold_by(threads, prims, || Histograms::empty(planes.len() + 1), add, Histograms::plus)
 }
 
 /// (p − a)/(b − a); `None` when the cell is flat on this axis.
@@ -235,20 +236,25 @@ fn share(cell: &Cell, axis: usize, p: f64) -> Option<f64> {
 }
 
 /// How many primitives go to the lower and to the upper side (spec §1.5).
-pub(crate) fn count(crew: usize, prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
+pub(crate) fn count(threads: usize, prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
     let add = |n: &mut [usize; 2], o: &Prim| {
         n[0] += usize::from(f64::from(o.lo[axis]) <= p);
         n[1] += usize::from(f64::from(o.hi[axis]) > p);
     };
-    fold_by(crew, prims, || [0, 0], add, |a, b| [a[0] + b[0], a[1] + b[1]])
+    fold_by(threads, prims, || [0, 0], add, |a, b| [a[0] + b[0], a[1] + b[1]])
 }
 
 /// The primitives of either side in their order; those across the plane are in both.
-pub(crate) fn partition(crew: usize, prims: &[Prim], split: &Split, [nl, nr]: [usize; 2]) -> [Vec<Prim>; 2] {
+pub(crate) fn partition(
+    threads: usize,
+    prims: &[Prim],
+    split: &Split,
+    [nl, nr]: [usize; 2],
+) -> [Vec<Prim>; 2] {
     let is_left = |o: &&Prim| f64::from(o.lo[split.axis]) <= split.position;
     let is_right = |o: &&Prim| f64::from(o.hi[split.axis]) > split.position;
     let (mut left, mut right) = (Vec::with_capacity(nl), Vec::with_capacity(nr));
-    if crew < 2 {
+    if threads < 2 {
         left.extend(prims.iter().filter(is_left));
         right.extend(prims.iter().filter(is_right));
         return [left, right];
@@ -256,7 +262,7 @@ pub(crate) fn partition(crew: usize, prims: &[Prim], split: &Split, [nl, nr]: [u
     let sides = |piece: &[Prim]| -> [Vec<Prim>; 2] {
         [piece.iter().filter(is_left).copied().collect(), piece.iter().filter(is_right).copied().collect()]
     };
-    let parts: Vec<[Vec<Prim>; 2]> = pieces(crew, prims).map(sides).collect();
+    let parts: Vec<[Vec<Prim>; 2]> = pieces(threads, prims).map(sides).collect();
     for [l, r] in parts {
         left.extend(l);
         right.extend(r);

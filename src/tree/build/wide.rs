@@ -4,24 +4,26 @@
 //! sixteen and one does not fit into a block. Splits are the best of 32 bins of centroids per axis; what counts is the
 //! number of blocks, not of primitives, so blocks come out nearly full.
 
+use super::cost::Sums;
 use super::prim::Prim;
 use super::{Arena, fold};
-use crate::tree::block::LANES;
+use crate::tree::block::BLOCK_SIZE;
 use crate::tree::frame::Frame;
 use crate::tree::node::{WideChild, WideNode};
 use crate::tree::options::{BuildOptions, Statistics};
 use rayon::prelude::*;
 
-/// Nodes below this depth split in the middle, so that no tree gets deeper than [`DEEPEST_WIDE`].
-const FREE_DEPTH: u32 = 24;
+/// Nodes below this depth split in the middle, so that no tree gets deeper than [`MAX_WIDE_DEPTH`].
+const MAX_FREE_DEPTH: u32 = 24;
 
-/// Levels below the root that any tree may have: after [`FREE_DEPTH`], 16^8 primitives.
-pub(crate) const DEEPEST_WIDE: u32 = FREE_DEPTH + 8;
+/// Levels below the root that any tree may have: after [`MAX_FREE_DEPTH`], 16^8 primitives.
+pub(crate) const MAX_WIDE_DEPTH: u32 = MAX_FREE_DEPTH + 8;
 
 /// Nodes of fewer primitives are built by one thread.
-const FEW: usize = 4096;
+const MIN_SHARED_PRIMITIVES: usize = 4096;
 
-const BINS: usize = 32;
+/// Most bins of centroids per axis.
+const MAX_BINS: usize = 32;
 
 /// Builds the hierarchy over `prims`. The tree is the same for any number of threads.
 pub(crate) fn build_wide(
@@ -30,36 +32,14 @@ pub(crate) fn build_wide(
     mut prims: Vec<Prim>,
     options: &BuildOptions,
 ) -> (Arena<WideNode>, Statistics) {
-    // Blocks hold one kind only, so the kinds part at the root; they come in this order.
+    // Blocks hold one kind only, so the root separates the kinds; triangles come first.
     let kinds = prims.iter().position(|p| p.id as usize >= triangles).unwrap_or(prims.len());
     let (one, other) = prims.split_at_mut(kinds);
     let ranges = [one, other].into_iter().filter(|r| !r.is_empty()).map(Range::of).collect();
-    let whole = Bounds::of(&[]);
     let mut part = build_node(ranges, 0, options.delegate);
-    let root = part.sums.bounds.unwrap_or(whole);
-    let count = part.sums.primitives;
-    let area = f64::from(root.area());
-    let metres = 1.0 / frame.scale;
-    let s = &part.sums;
-    let cost = options.cost_interior * s.area_interior
-        + options.cost_leaf * s.area_leaves
-        + options.cost_primitive * s.area_primitives;
-    let statistics = Statistics {
-        primitives: count,
-        references: count,
-        interior: s.interior,
-        leaves: s.leaves,
-        max_depth: s.depth,
-        max_leaf: s.max_leaf,
-        min_leaf: s.min_leaf,
-        root_area: 2.0 * area * metres * metres,
-        cost: if area > 0.0 {
-            cost / area
-        } else {
-            options.cost_leaf + options.cost_primitive * count as f64
-        },
-        booked_cost: None,
-    };
+    let (area, metres) = (f64::from(part.bounds.area()), 1.0 / frame.scale);
+    let square_metres = 2.0 * area * metres * metres;
+    let statistics = part.sums.statistics(options, part.sums.references(), area, square_metres);
     if part.arena.nodes.is_empty() {
         part.arena.nodes.push(WideNode::EMPTY);
     }
@@ -74,11 +54,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    const NOTHING: Bounds = Bounds { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
-
-    fn of(prims: &[Prim]) -> Bounds {
-        prims.iter().fold(Bounds::NOTHING, |b, p| b.union(&Bounds { lo: p.lo, hi: p.hi }))
-    }
+    const EMPTY: Bounds = Bounds { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
 
     #[inline(always)]
     fn union(&self, other: &Bounds) -> Bounds {
@@ -105,7 +81,7 @@ impl Bounds {
     }
 }
 
-/// Primitives that belong together so far.
+/// Primitives that no split has separated yet.
 struct Range<'a> {
     prims: &'a mut [Prim],
     bounds: Bounds,
@@ -120,13 +96,14 @@ impl<'a> Range<'a> {
             b.0 = b.0.union(&Bounds { lo: p.lo, hi: p.hi });
             b.1 = b.1.union(&Bounds { lo: c, hi: c });
         };
-        let nothing = || (Bounds::NOTHING, Bounds::NOTHING);
+        let nothing = || (Bounds::EMPTY, Bounds::EMPTY);
         let (bounds, centroids) = fold(prims, nothing, add, |a, b| (a.0.union(&b.0), a.1.union(&b.1)));
         Range { prims, bounds, centroids }
     }
 
-    fn is_full(&self) -> bool {
-        self.prims.len() > LANES
+    /// Whether the primitives do not fit into a block.
+    fn is_too_large(&self) -> bool {
+        self.prims.len() > BLOCK_SIZE
     }
 
     /// Both parts of the best split.
@@ -142,7 +119,7 @@ impl<'a> Range<'a> {
                 });
                 middle
             }
-            // All centroids are equal: any split is as good.
+            // All centroids are equal: one split is as good as another.
             None => middle,
         };
         let (left, right) = self.prims.split_at_mut(at);
@@ -155,7 +132,7 @@ impl<'a> Range<'a> {
     }
 
     fn best_split(&self) -> Option<BinSplit> {
-        let bins = if self.prims.len() < 64 { BINS / 2 } else { BINS };
+        let bins = if self.prims.len() < 64 { MAX_BINS / 2 } else { MAX_BINS };
         let axes = [0, 1, 2].map(|axis| BinSplit {
             axis,
             origin: self.centroids.lo[axis],
@@ -200,7 +177,7 @@ impl BinSplit {
 }
 
 /// Counts and boxes by axis and bin.
-struct Histogram([[(u32, Bounds); BINS]; 3]);
+struct Histogram([[(u32, Bounds); MAX_BINS]; 3]);
 
 impl Histogram {
     fn of(prims: &[Prim], axes: &[BinSplit; 3]) -> Box<Histogram> {
@@ -217,20 +194,20 @@ impl Histogram {
             }
             a
         };
-        fold(prims, || Box::new(Histogram([[(0, Bounds::NOTHING); BINS]; 3])), add, plus)
+        fold(prims, || Box::new(Histogram([[(0, Bounds::EMPTY); MAX_BINS]; 3])), add, plus)
     }
 
     /// Cost and number of the bin before which to split; `None` when all primitives are in one bin.
     fn best_bin(&self, axis: usize, bins: usize) -> Option<(f32, usize)> {
         let bin = &self.0[axis];
-        let blocks = |n: u32| n.next_multiple_of(LANES as u32) as f32;
-        let mut above = [(0u32, 0.0f32); BINS];
-        let (mut count, mut bounds) = (0, Bounds::NOTHING);
+        let blocks = |n: u32| n.next_multiple_of(BLOCK_SIZE as u32) as f32;
+        let mut above = [(0u32, 0.0f32); MAX_BINS];
+        let (mut count, mut bounds) = (0, Bounds::EMPTY);
         for i in (1..bins).rev() {
             (count, bounds) = (count + bin[i].0, bounds.union(&bin[i].1));
             above[i] = (count, bounds.area());
         }
-        let (mut count, mut bounds) = (0, Bounds::NOTHING);
+        let (mut count, mut bounds) = (0, Bounds::EMPTY);
         let mut best = None;
         for i in 1..bins {
             (count, bounds) = (count + bin[i - 1].0, bounds.union(&bin[i - 1].1));
@@ -258,64 +235,50 @@ fn partition(prims: &mut [Prim], is_left: impl Fn(&Prim) -> bool) -> usize {
 /// A finished part of the tree; its root is the arena's first node.
 struct Part {
     arena: Arena<WideNode>,
+    /// Areas are half surfaces.
     sums: Sums,
-}
-
-/// Sums over a part; areas are half surfaces.
-#[derive(Clone, Copy)]
-struct Sums {
-    bounds: Option<Bounds>,
-    area_interior: f64,
-    area_leaves: f64,
-    area_primitives: f64,
-    primitives: usize,
-    interior: usize,
-    leaves: usize,
-    depth: u32,
-    max_leaf: usize,
-    min_leaf: usize,
+    bounds: Bounds,
 }
 
 /// Builds the node over these ranges and all below it.
 fn build_node(mut ranges: Vec<Range>, depth: u32, delegate: usize) -> Part {
-    while ranges.len() < LANES
+    while ranges.len() < BLOCK_SIZE
         && let Some(widest) = widest(&ranges)
     {
-        let parts = ranges.remove(widest).split(depth < FREE_DEPTH);
+        let parts = ranges.remove(widest).split(depth < MAX_FREE_DEPTH);
         ranges.splice(widest..widest, parts);
     }
     let count: usize = ranges.iter().map(|r| r.prims.len()).sum();
-    let bounds = ranges.iter().fold(Bounds::NOTHING, |b, r| b.union(&r.bounds));
+    let bounds = ranges.iter().fold(Bounds::EMPTY, |b, r| b.union(&r.bounds));
     let boxes: Vec<Bounds> = ranges.iter().map(|r| r.bounds).collect();
-    let build =
-        |r: Range| if r.is_full() { build_node(vec![r], depth + 1, delegate) } else { leaf(&r, depth + 1) };
-    let parts: Vec<Part> = if count >= delegate.max(FEW) {
+    let build = |r: Range| {
+        if r.is_too_large() { build_node(vec![r], depth + 1, delegate) } else { leaf(&r, depth + 1) }
+    };
+    let parts: Vec<Part> = if count >= delegate.max(MIN_SHARED_PRIMITIVES) {
         ranges.into_par_iter().map(build).collect()
     } else {
         ranges.into_iter().map(build).collect()
     };
-    let mut sums = Sums::NOTHING;
+    let mut sums = Sums::ZERO;
     let mut arena = Arena { nodes: vec![WideNode::EMPTY], slots: Vec::new() };
     for (lane, (part, b)) in parts.into_iter().zip(boxes).enumerate() {
-        let (nodes, blocks) = (arena.nodes.len(), arena.slots.len() / LANES);
+        let (nodes, blocks) = (arena.nodes.len(), arena.slots.len() / BLOCK_SIZE);
         let child =
             if part.arena.nodes.is_empty() { WideChild::block(blocks) } else { WideChild::node(nodes) };
         arena.nodes[0].set(lane, b.lo, b.hi, child);
         arena.nodes.extend(part.arena.nodes.into_iter().map(|n| moved(n, nodes, blocks)));
         arena.slots.extend(part.arena.slots);
-        sums = sums.with(&part.sums);
+        sums = sums.plus(part.sums);
     }
     if count > 0 {
-        sums.interior += 1;
-        sums.area_interior += f64::from(bounds.area());
-        sums.bounds = Some(bounds);
+        sums = sums.plus(Sums::interior(f64::from(bounds.area())));
     }
-    Part { arena, sums }
+    Part { arena, sums, bounds }
 }
 
 /// The range of largest surface among those that do not fit into a block.
 fn widest(ranges: &[Range]) -> Option<usize> {
-    let candidates = ranges.iter().enumerate().filter(|(_, r)| r.is_full());
+    let candidates = ranges.iter().enumerate().filter(|(_, r)| r.is_too_large());
     candidates.max_by(|a, b| a.1.bounds.area().total_cmp(&b.1.bounds.area())).map(|(i, _)| i)
 }
 
@@ -323,53 +286,12 @@ fn widest(ranges: &[Range]) -> Option<usize> {
 fn leaf(range: &Range, depth: u32) -> Part {
     let mut slots: Vec<u32> = range.prims.iter().map(|p| p.id).collect();
     let count = slots.len();
-    slots.resize(LANES, crate::tree::Hits::MISS);
-    let area = f64::from(range.bounds.area());
-    let sums = Sums {
-        bounds: Some(range.bounds),
-        area_leaves: area,
-        area_primitives: area * count as f64,
-        primitives: count,
-        leaves: 1,
-        depth,
-        max_leaf: count,
-        min_leaf: count,
-        ..Sums::NOTHING
-    };
-    Part { arena: Arena { nodes: Vec::new(), slots }, sums }
+    slots.resize(BLOCK_SIZE, crate::tree::Hits::MISS);
+    let sums = Sums::leaf(f64::from(range.bounds.area()), count, depth);
+    Part { arena: Arena { nodes: Vec::new(), slots }, sums, bounds: range.bounds }
 }
 
 fn moved(mut node: WideNode, nodes: usize, blocks: usize) -> WideNode {
     node.child = node.child.map(|c| c.moved(nodes, blocks));
     node
-}
-
-impl Sums {
-    const NOTHING: Sums = Sums {
-        bounds: None,
-        area_interior: 0.0,
-        area_leaves: 0.0,
-        area_primitives: 0.0,
-        primitives: 0,
-        interior: 0,
-        leaves: 0,
-        depth: 0,
-        max_leaf: 0,
-        min_leaf: 0,
-    };
-
-    fn with(self, part: &Sums) -> Sums {
-        Sums {
-            bounds: None,
-            area_interior: self.area_interior + part.area_interior,
-            area_leaves: self.area_leaves + part.area_leaves,
-            area_primitives: self.area_primitives + part.area_primitives,
-            primitives: self.primitives + part.primitives,
-            interior: self.interior + part.interior,
-            leaves: self.leaves + part.leaves,
-            depth: self.depth.max(part.depth),
-            max_leaf: self.max_leaf.max(part.max_leaf),
-            min_leaf: if self.leaves == 0 { part.min_leaf } else { self.min_leaf.min(part.min_leaf) },
-        }
-    }
 }

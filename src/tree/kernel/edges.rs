@@ -7,38 +7,50 @@
 //! `(c1, c2, c0) = p × q`. The three coefficients come from double precision, and as they are small for small triangles
 //! near the ray, so is the error of `E`. It is bounded; a ray within the bound of an edge is left undecided.
 //!
-//! To rays of packets, which start aside of the first, the edges themselves count as well: see [`super::sides`].
+//! For rays of merged pulses, which start aside of the first, the edges themselves count as well: see [`super::sides`].
 
-use super::lanes::{Asides, Deviations};
+use super::spread::{Deviations, OriginOffsets};
 use crate::geom::DVec3;
-use crate::tree::simd::{Simd, each_of};
+use crate::tree::simd::{F32Ops, MaskOps, QuadOps, Simd, VectorOps, each_of};
 
-/// Corners of a triangle by axis; the fourth place is idle.
+/// Corners of a triangle by axis; the fourth number is not used.
 type Corners = [[f64; 4]; 3];
 
-/// Brings the corners of a triangle into order.
+/// Brings the corners of a triangle into the order of [`Corners`].
 #[inline(always)]
 pub(super) fn by_axis([a, b, c]: [DVec3; 3]) -> Corners {
     [[a.x, b.x, c.x, 0.0], [a.y, b.y, c.y, 0.0], [a.z, b.z, c.z, 0.0]]
 }
 
-/// Rounding of the coefficients, the deviations and the evaluation, all in single precision, with room to spare.
+/// Rounding of the coefficients, the deviations and the evaluation, all in single precision, generously rounded up.
 const SINGLE: f64 = 1.0 / (1u64 << 20) as f64;
 
-/// Rounding of sheared coordinates and their products, here and in the verdict, relative to the square of the corners'
-/// distance, with room to spare.
+/// Rounding of sheared coordinates and their products, here and in the exact test, relative to the square of the corners'
+/// distance, generously rounded up.
 const DOUBLE: f64 = 1.0 / (1u64 << 48) as f64;
 
-/// Whence a pulse looks.
+/// The sheared coordinates of a pulse: relative to the origin of its first ray, which runs along their third axis.
 #[derive(Clone, Copy)]
-pub(super) struct Eye {
+pub(super) struct Shear {
     pub origin: [f64; 3],
     /// Slopes of the first ray on the side axes.
-    pub middle: [f64; 2],
+    pub slope: [f64; 2],
 }
 
-impl Eye {
-    pub const NOWHERE: Eye = Eye { origin: [0.0; 3], middle: [0.0; 2] };
+impl Shear {
+    pub const ZERO: Shear = Shear { origin: [0.0; 3], slope: [0.0; 2] };
+}
+
+/// How the rays of a pulse spread around its first.
+pub(super) struct PulseExtent {
+    /// Largest deviation of a slope.
+    pub width: f64,
+    /// How far sideways rays of a merged pulse start from the first, tree's frame.
+    pub reach: f64,
+    /// How far rays of any merged pulse of the packet start from their first along any axis, tree's frame.
+    pub origin_spread: f64,
+    /// Units of the tree's frame per metre.
+    pub scale: f64,
 }
 
 /// The edge functions of a triangle for one pulse; lanes are the edges.
@@ -46,93 +58,79 @@ impl Eye {
 pub(super) struct Edges {
     /// `c1`, `c2`, `c0`, the bound of the error and its negative.
     coefficients: [[f32; 4]; 5],
-    /// The edges by axis, for starts in the tree's frame.
+    /// The edges by axis, for starts in the tree's frame; only set for merged pulses.
     edges: [[f32; 4]; 3],
 }
 
 impl Edges {
-    const NONE: Edges = Edges { coefficients: [[0.0; 4]; 5], edges: [[0.0; 4]; 3] };
-
-    /// The edges of a triangle as a pulse sees them whose rays deviate from its first by no more than `width`. In a packet
-    /// they start no farther aside of it than `start`, and from it than `spread`, in the tree's frame of this `scale`.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
+    /// The edges of a triangle as a pulse of this extent sees them. `[k, i, j]` are the dominant axis and the side axes.
     #[inline(always)]
-    pub unsafe fn of<S: Simd, const PACKED: bool>(
+    pub fn of<S: Simd, const MERGED: bool>(
+        simd: S,
         [k, i, j]: [usize; 3],
-        eye: &Eye,
-        width: f64,
-        (start, spread, scale): (f64, f64, f64),
+        shear: &Shear,
+        extent: &PulseExtent,
         corners: &Corners,
     ) -> Edges {
-        let mut edges = Edges::NONE;
+        let mut edges = Edges { coefficients: [[0.0; 4]; 5], edges: [[0.0; 4]; 3] };
         let Edges { coefficients, edges: by_axis } = &mut edges;
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let z = S::qsub(S::qload(&corners[k]), S::qsplat(eye.origin[k]));
-            let x = S::qsub(S::qload(&corners[i]), S::qsplat(eye.origin[i]));
-            let y = S::qsub(S::qload(&corners[j]), S::qsplat(eye.origin[j]));
-            let x = S::qsub(x, S::qmul(S::qsplat(eye.middle[0]), z));
-            let y = S::qsub(y, S::qmul(S::qsplat(eye.middle[1]), z));
-            let (xn, yn, zn) = (S::qturn(x), S::qturn(y), S::qturn(z));
-            let c1 = S::qsub(S::qmul(y, zn), S::qmul(z, yn));
-            let c2 = S::qsub(S::qmul(z, xn), S::qmul(x, zn));
-            let c0 = S::qsub(S::qmul(x, yn), S::qmul(y, xn));
-            let mut reach = S::qadd(S::qabs(z), S::qadd(S::qabs(x), S::qabs(y)));
-            let tilt = S::qmul(S::qadd(S::qabs(c1), S::qabs(c2)), S::qsplat(width));
-            let mut most = S::qadd(S::qabs(c0), tilt);
-            if PACKED {
-                let edge = [S::qsub(xn, x), S::qsub(yn, y), S::qsub(zn, z)];
-                let turned = S::qmul(S::qabs(edge[2]), S::qsplat(2.0 * width));
-                let moved = S::qadd(S::qadd(S::qabs(edge[0]), S::qabs(edge[1])), turned);
-                // Divisions by a power of two are exact.
-                most = S::qadd(most, S::qmul(moved, S::qsplat(start / scale)));
-                reach = S::qadd(reach, S::qsplat(4.0 * (spread / scale)));
-                for (to, edge) in by_axis.iter_mut().zip(edge) {
-                    S::qstore(to, S::qmul(edge, S::qsplat(1.0 / scale)));
-                }
+        let PulseExtent { width, reach: start, origin_spread, scale } = *extent;
+        let z = simd.load_quad(&corners[k]) - simd.splat_quad(shear.origin[k]);
+        let x = simd.load_quad(&corners[i]) - simd.splat_quad(shear.origin[i]);
+        let y = simd.load_quad(&corners[j]) - simd.splat_quad(shear.origin[j]);
+        let x = x - simd.splat_quad(shear.slope[0]) * z;
+        let y = y - simd.splat_quad(shear.slope[1]) * z;
+        let (xn, yn, zn) = (x.rotate(), y.rotate(), z.rotate());
+        let c1 = y * zn - z * yn;
+        let c2 = z * xn - x * zn;
+        let c0 = x * yn - y * xn;
+        let mut reach = z.abs() + (x.abs() + y.abs());
+        let tilt = (c1.abs() + c2.abs()) * simd.splat_quad(width);
+        let mut most = c0.abs() + tilt;
+        if MERGED {
+            let edge = [xn - x, yn - y, zn - z];
+            let turned = edge[2].abs() * simd.splat_quad(2.0 * width);
+            let moved = edge[0].abs() + edge[1].abs() + turned;
+            // Divisions by a power of two are exact.
+            most = most + moved * simd.splat_quad(start / scale);
+            reach = reach + simd.splat_quad(4.0 * (origin_spread / scale));
+            for n in 0..3 {
+                (edge[n] * simd.splat_quad(1.0 / scale)).store_f32(&mut by_axis[n]);
             }
-            let reach = S::qadd(reach, S::qturn(reach));
-            let double = S::qmul(S::qmul(reach, reach), S::qsplat(DOUBLE));
-            let error = S::qadd(S::qmul(most, S::qsplat(SINGLE)), double);
-            let zero = S::qsplat(0.0);
-            S::qstore(&mut coefficients[0], c1);
-            S::qstore(&mut coefficients[1], c2);
-            S::qstore(&mut coefficients[2], c0);
-            S::qstore(&mut coefficients[3], error);
-            S::qstore(&mut coefficients[4], S::qsub(zero, error));
         }
+        let reach = reach + reach.rotate();
+        let double = reach * reach * simd.splat_quad(DOUBLE);
+        let error = most * simd.splat_quad(SINGLE) + double;
+        c1.store_f32(&mut coefficients[0]);
+        c2.store_f32(&mut coefficients[1]);
+        c0.store_f32(&mut coefficients[2]);
+        error.store_f32(&mut coefficients[3]);
+        (simd.splat_quad(0.0) - error).store_f32(&mut coefficients[4]);
         edges
     }
 
-    /// Of sixteen rays: those surely inside, and those not surely outside. `asides` count in packets only.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
+    /// Of sixteen rays: those surely inside, and those not surely outside. `offsets` count for merged pulses only.
     #[inline(always)]
-    pub unsafe fn inside<S: Simd, const PACKED: bool>(
+    pub fn inside<S: Simd, const MERGED: bool>(
         &self,
+        simd: S,
         deviations: &Deviations,
-        asides: Option<&Asides>,
+        offsets: Option<&OriginOffsets>,
     ) -> (u32, u32) {
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let (di, dj) = (S::load(&deviations[0]), S::load(&deviations[1]));
-            let [a, b, c] = each_of!([0, 1, 2], n => {
-                let [c1, c2, c0, error, negated] =
-                    each_of!([0, 1, 2, 3, 4], m => S::splat(self.coefficients[m][n]));
-                let mut e = S::add(S::add(S::mul(c1, di), S::mul(c2, dj)), c0);
-                if let Some(asides) = asides.filter(|_| PACKED) {
-                    let [x, y, z] = each_of!([0, 1, 2], m => S::splat(self.edges[m][n]));
-                    let [ui, uj, turned] = each_of!([0, 1, 2], m => S::load(&asides[m]));
-                    e = S::add(e, S::add(S::sub(S::mul(x, uj), S::mul(y, ui)), S::mul(z, turned)));
-                }
-                (S::lt(error, e), S::lt(e, negated))
-            });
-            let strictly = S::or(S::and(S::and(a.0, b.0), c.0), S::and(S::and(a.1, b.1), c.1));
-            let outside = S::and(S::or(S::or(a.0, b.0), c.0), S::or(S::or(a.1, b.1), c.1));
-            (S::bits(strictly), !S::bits(outside) & 0xffff)
-        }
+        let (di, dj) = (simd.load(&deviations[0]), simd.load(&deviations[1]));
+        let [a, b, c] = each_of!([0, 1, 2], n => {
+            let [c1, c2, c0, error, negated] =
+                each_of!([0, 1, 2, 3, 4], m => simd.splat(self.coefficients[m][n]));
+            let mut e = c1 * di + c2 * dj + c0;
+            if let Some(offsets) = offsets.filter(|_| MERGED) {
+                let [x, y, z] = each_of!([0, 1, 2], m => simd.splat(self.edges[m][n]));
+                let [ui, uj, turned] = each_of!([0, 1, 2], m => simd.load(&offsets[m]));
+                e = e + ((x * uj - y * ui) + z * turned);
+            }
+            (error.lt(e), e.lt(negated))
+        });
+        let strictly = (a.0 & b.0 & c.0) | (a.1 & b.1 & c.1);
+        let outside = (a.0 | b.0 | c.0) & (a.1 | b.1 | c.1);
+        (strictly.bits(), !outside.bits() & 0xffff)
     }
 }

@@ -1,199 +1,158 @@
-//! Boxes and blocks of triangles against a group's pulses; the reasoning is that of [`crate::tree::beam`].
+//! Boxes and blocks of triangles against the pulses of a packet; the reasoning is that of [`crate::tree::frustum`].
 
-use super::lanes::{BeamSide, Lanes, PerPulse, Side};
-use crate::tree::beam::LOOSE;
-use crate::tree::block::{Block, LANES};
-use crate::tree::simd::{Simd, each_of};
+use super::lanes::PerPulse;
+use super::packet::{PacketFrustum, PlaneDepth, PlaneDepths};
+use crate::tree::block::{BLOCK_SIZE, Block};
+use crate::tree::frustum::DEPTH_MARGIN;
+use crate::tree::simd::{F32Ops, MaskOps, Simd, each_of};
 
-/// Sixteen boxes against one beam from depth 0 to `limit`: a mask of lanes and the depths of entry.
-///
-/// # Safety
-/// As for [`Simd`].
+/// Tests sixteen boxes against one frustum from depth 0 to `limit`. Returns a mask of the boxes that it may meet, and at
+/// which depths it enters them.
 #[inline(always)]
-pub(super) unsafe fn boxes_in_beam<S: Simd>(
-    beam: &[[BeamSide; 2]; 3],
-    lower: &[[f32; LANES]; 3],
-    upper: &[[f32; LANES]; 3],
+pub(super) fn boxes_in_frustum<S: Simd>(
+    simd: S,
+    planes: &[[PlaneDepth; 2]; 3],
+    lower: &[[f32; BLOCK_SIZE]; 3],
+    upper: &[[f32; BLOCK_SIZE]; 3],
     limit: f32,
-) -> (u32, S::F) {
-    // SAFETY: the caller vouches for the instruction set.
-    unsafe {
-        let (mut enter, mut leave) = (S::splat(0.0), S::splat(limit));
-        for a in 0..3 {
-            let [under, over] = &beam[a];
-            let u = S::mul(S::sub(S::load(&upper[a]), S::splat(under.from)), S::splat(under.inverse));
-            let o = S::mul(S::sub(S::load(&lower[a]), S::splat(over.from)), S::splat(over.inverse));
-            if under.inverse > 0.0 {
-                leave = S::min(u, leave)
-            } else {
-                enter = S::max(u, enter)
-            }
-            if over.inverse > 0.0 { enter = S::max(o, enter) } else { leave = S::min(o, leave) }
+) -> (u32, S::F32x16) {
+    let (mut enter, mut leave) = (simd.splat(0.0), simd.splat(limit));
+    for a in 0..3 {
+        let [above, below] = &planes[a];
+        let u = (simd.load(&upper[a]) - simd.splat(above.from)) * simd.splat(above.inverse);
+        let o = (simd.load(&lower[a]) - simd.splat(below.from)) * simd.splat(below.inverse);
+        if above.inverse > 0.0 {
+            leave = u.min(leave)
+        } else {
+            enter = u.max(enter)
         }
-        (S::bits(S::le(enter, S::mul(leave, S::splat(LOOSE)))), enter)
+        if below.inverse > 0.0 { enter = o.max(enter) } else { leave = o.min(leave) }
     }
+    (enter.le(leave * simd.splat(DEPTH_MARGIN)).bits(), enter)
 }
 
-/// One box against all pulses, each to its own limit.
-///
-/// # Safety
-/// As for [`Simd`].
+/// Tests one box against all pulses, each up to its own limit. Returns a mask of the pulses that may meet it.
 #[inline(always)]
-pub(super) unsafe fn box_in_lanes<S: Simd>(
-    lanes: &Lanes<S>,
+pub(super) fn box_in_pulses<S: Simd>(
+    frustum: &PacketFrustum<S>,
     lower: [f32; 3],
     upper: [f32; 3],
     limit: &PerPulse,
 ) -> u32 {
-    // SAFETY: the caller vouches for the instruction set.
-    unsafe {
-        let (mut enter, mut leave) = (S::splat(0.0), S::load(&limit.0));
-        for a in 0..3 {
-            let [under, over] = &lanes.sides[a];
-            let u = depth_of(under, upper[a]);
-            leave = S::min_where(under.upper, leave, u);
-            enter = S::max_where(under.lower, enter, u);
-            let o = depth_of(over, lower[a]);
-            leave = S::min_where(over.upper, leave, o);
-            enter = S::max_where(over.lower, enter, o);
-        }
-        S::bits(S::le(enter, S::mul(leave, S::splat(LOOSE))))
+    let simd = frustum.simd;
+    let (mut enter, mut leave) = (simd.splat(0.0), simd.load(&limit.0));
+    for a in 0..3 {
+        let [above, below] = &frustum.planes[a];
+        let u = depths_at(simd, above, upper[a]);
+        leave = leave.min_where(above.is_upper, u);
+        enter = enter.max_where(above.is_lower, u);
+        let o = depths_at(simd, below, lower[a]);
+        leave = leave.min_where(below.is_upper, o);
+        enter = enter.max_where(below.is_lower, o);
     }
+    enter.le(leave * simd.splat(DEPTH_MARGIN)).bits()
 }
 
 /// The depths `[lo, hi]` of each pulse cut by a plane: those at which it may be below the plane, and above it.
-///
-/// # Safety
-/// As for [`Simd`].
 #[inline(always)]
-pub(super) unsafe fn cut<S: Simd>(
-    lanes: &Lanes<S>,
+pub(super) fn cut<S: Simd>(
+    frustum: &PacketFrustum<S>,
     axis: usize,
     plane: f32,
-    [lo, hi]: [S::F; 2],
-) -> [[S::F; 2]; 2] {
-    // SAFETY: the caller vouches for the instruction set.
-    unsafe {
-        each_of!([0, 1], n => {
-            let side = &lanes.sides[axis][n];
-            let x = depth_of(side, plane);
-            [S::max_where(side.lower, lo, x), S::min_where(side.upper, hi, x)]
-        })
-    }
+    [lo, hi]: [S::F32x16; 2],
+) -> [[S::F32x16; 2]; 2] {
+    each_of!([0, 1], n => {
+        let side = &frustum.planes[axis][n];
+        let x = depths_at(frustum.simd, side, plane);
+        [lo.max_where(side.is_lower, x), hi.min_where(side.is_upper, x)]
+    })
 }
 
 /// The depths at which the pulses meet a plane.
-///
-/// # Safety
-/// As for [`Simd`].
 #[inline(always)]
-unsafe fn depth_of<S: Simd>(side: &Side<S>, plane: f32) -> S::F {
-    // SAFETY: the caller vouches for the instruction set.
-    unsafe { S::mul(S::sub(S::splat(plane), S::load(&side.from.0)), S::load(&side.inverse.0)) }
+fn depths_at<S: Simd>(simd: S, side: &PlaneDepths<S>, plane: f32) -> S::F32x16 {
+    (simd.splat(plane) - simd.load(&side.from.0)) * simd.load(&side.inverse.0)
 }
 
-/// # Safety
-/// As for [`Simd`].
 #[inline(always)]
-unsafe fn least<S: Simd>(v: [S::F; 3]) -> S::F {
-    // SAFETY: the caller vouches for the instruction set.
-    unsafe { S::min(S::min(v[0], v[1]), v[2]) }
+fn least<F: F32Ops>(v: [F; 3]) -> F {
+    v[0].min(v[1]).min(v[2])
 }
 
-/// # Safety
-/// As for [`Simd`].
 #[inline(always)]
-unsafe fn greatest<S: Simd>(v: [S::F; 3]) -> S::F {
-    // SAFETY: the caller vouches for the instruction set.
-    unsafe { S::max(S::max(v[0], v[1]), v[2]) }
+fn greatest<F: F32Ops>(v: [F; 3]) -> F {
+    v[0].max(v[1]).max(v[2])
 }
 
-/// Triangles of a block as seen from the group's apex.
-pub(super) struct Seen<S: Simd> {
+/// The triangles of a block as seen from the packet's apex; a lane is a triangle.
+pub(super) struct BlockSlopes<S: Simd> {
     /// Slopes `[side axis][low, high]`, widened.
-    slope: [[S::F; 2]; 2],
-    /// The middle of the reciprocals of their depths.
-    inverse: S::F,
+    slope: [[S::F32x16; 2]; 2],
+    /// The middle of the reciprocals of the corners' depths.
+    inverse: S::F32x16,
     /// Least depth, widened.
-    near: S::F,
+    near: S::F32x16,
     /// Greatest depth, widened.
-    far: S::F,
+    far: S::F32x16,
     /// Triangles beside or behind the apex, whose slopes mean nothing.
-    beside: S::M,
+    is_beside: S::Mask16,
+    /// The slopes are wide enough for the offsets of all pulses, which no longer count.
+    cover_offsets: bool,
 }
 
-impl<S: Simd> Seen<S> {
-    /// # Safety
-    /// As for [`Simd`].
+impl<S: Simd> BlockSlopes<S> {
+    /// The triangles of `block`; with `cover_offsets` the slopes are widened by the offsets of all pulses from the apex.
     #[inline(always)]
-    pub unsafe fn from(lanes: &Lanes<S>, block: &Block, still: bool) -> Seen<S> {
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let [k, i, j] = lanes.axes;
-            let r = [S::splat(lanes.apex[k]), S::splat(lanes.apex[i]), S::splat(lanes.apex[j])];
-            let c = &block.corner;
-            let (sign, one) = (S::splat(lanes.forward), S::splat(1.0));
-            let s = each_of!([0, 1, 2], v => S::mul(S::sub(S::load(&c[v][k]), r[0]), sign));
-            let inv = each_of!([0, 1, 2], v => S::div(one, s[v]));
-            let x = each_of!([0, 1, 2], v => S::mul(S::sub(S::load(&c[v][i]), r[1]), inv[v]));
-            let y = each_of!([0, 1, 2], v => S::mul(S::sub(S::load(&c[v][j]), r[2]), inv[v]));
-            let (near, far, four) = (least::<S>(s), greatest::<S>(s), S::splat(4.0 * lanes.slack));
-            // Wherever slopes count all depths are positive, and the nearest corner has the greatest reciprocal.
-            let (inverse_near, inverse_far) = (greatest::<S>(inv), least::<S>(inv));
-            // What is left of the pulses' offsets: all, or how much it changes from the nearest corner to the farthest.
-            let half = S::splat(0.5);
-            let (offset, changes) =
-                (S::splat(lanes.most_offset), S::mul(S::sub(inverse_near, inverse_far), half));
-            let rounding = S::splat(4.0 * lanes.slack + 1e-6 * lanes.most_offset);
-            let shift = S::mul(offset, if still { inverse_near } else { changes });
-            let pad = S::add(S::add(S::mul(rounding, inverse_near), shift), S::splat(1e-6));
-            Seen {
-                slope: [
-                    [S::sub(least::<S>(x), pad), S::add(greatest::<S>(x), pad)],
-                    [S::sub(least::<S>(y), pad), S::add(greatest::<S>(y), pad)],
-                ],
-                inverse: S::mul(S::add(inverse_near, inverse_far), half),
-                near: S::sub(S::mul(near, S::splat(2.0 - LOOSE)), four),
-                far: S::add(S::mul(far, S::splat(LOOSE)), four),
-                beside: S::le(near, S::splat(lanes.near)),
+    pub fn of(frustum: &PacketFrustum<S>, block: &Block, cover_offsets: bool) -> BlockSlopes<S> {
+        let simd = frustum.simd;
+        let [k, i, j] = frustum.axes;
+        let r = [simd.splat(frustum.apex[k]), simd.splat(frustum.apex[i]), simd.splat(frustum.apex[j])];
+        let c = &block.corner;
+        let (sign, one, half) = (simd.splat(frustum.forward), simd.splat(1.0), simd.splat(0.5));
+        let s = each_of!([0, 1, 2], v => (simd.load(&c[v][k]) - r[0]) * sign);
+        let inverse = each_of!([0, 1, 2], v => one / s[v]);
+        let x = each_of!([0, 1, 2], v => (simd.load(&c[v][i]) - r[1]) * inverse[v]);
+        let y = each_of!([0, 1, 2], v => (simd.load(&c[v][j]) - r[2]) * inverse[v]);
+        let (near, far, four) = (least(s), greatest(s), simd.splat(4.0 * frustum.slack));
+        // Wherever slopes count all depths are positive, and the nearest corner has the greatest reciprocal.
+        let (inverse_near, inverse_far) = (greatest(inverse), least(inverse));
+        // What is left of the pulses' offsets: all, or how much it changes from the nearest corner to the farthest.
+        let (offset, changes) = (simd.splat(frustum.max_offset), (inverse_near - inverse_far) * half);
+        let rounding = simd.splat(4.0 * frustum.slack + 1e-6 * frustum.max_offset);
+        let shift = offset * if cover_offsets { inverse_near } else { changes };
+        let pad = rounding * inverse_near + shift + simd.splat(1e-6);
+        BlockSlopes {
+            slope: [[least(x) - pad, greatest(x) + pad], [least(y) - pad, greatest(y) + pad]],
+            inverse: (inverse_near + inverse_far) * half,
+            near: near * simd.splat(2.0 - DEPTH_MARGIN) - four,
+            far: far * simd.splat(DEPTH_MARGIN) + four,
+            is_beside: near.le(simd.splat(frustum.slopes_from)),
+            cover_offsets,
+        }
+    }
+
+    /// Writes the least and the greatest depths of the triangles, both on the safe side.
+    #[inline(always)]
+    pub fn store_depths(&self, near: &mut [f32; BLOCK_SIZE], far: &mut [f32; BLOCK_SIZE]) {
+        self.near.store(near);
+        self.far.store(far);
+    }
+
+    /// The triangles that a ray of pulse `p` might hit at depths within `[lo, hi]`, as a mask.
+    #[inline(always)]
+    pub fn overlapping(&self, frustum: &PacketFrustum<S>, p: usize, [lo, hi]: [f32; 2]) -> u32 {
+        let simd = frustum.simd;
+        let overlap = self.near.le(simd.splat(hi)) & simd.splat(lo).le(self.far);
+        let ends = each_of!([0, 1], side => each_of!([0, 1], end => {
+            let slope = simd.splat(frustum.slope[side][end].0[p]);
+            if self.cover_offsets {
+                slope
+            } else {
+                slope + simd.splat(frustum.offset[side][end].0[p]) * self.inverse
             }
-        }
-    }
-
-    /// The least and the greatest depths of the triangles, both on the safe side.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
-    #[inline(always)]
-    pub unsafe fn depths(&self, near: &mut [f32; LANES], far: &mut [f32; LANES]) {
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            S::store(near, self.near);
-            S::store(far, self.far);
-        }
-    }
-
-    /// The triangles that a ray of pulse `p` might hit at depths within `[lo, hi]`. If `still`, the pulses' offsets are
-    /// in the slopes already.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
-    #[inline(always)]
-    pub unsafe fn by(&self, lanes: &Lanes<S>, p: usize, [lo, hi]: [f32; 2], still: bool) -> u32 {
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let overlap = S::and(S::le(self.near, S::splat(hi)), S::le(S::splat(lo), self.far));
-            let ends = each_of!([0, 1], side => each_of!([0, 1], end => {
-                let slope = S::splat(lanes.slope[side][end].0[p]);
-                if still {
-                    slope
-                } else {
-                    S::add(slope, S::mul(S::splat(lanes.offset[side][end].0[p]), self.inverse))
-                }
-            }));
-            let x = S::and(S::le(self.slope[0][0], ends[0][1]), S::le(ends[0][0], self.slope[0][1]));
-            let y = S::and(S::le(self.slope[1][0], ends[1][1]), S::le(ends[1][0], self.slope[1][1]));
-            S::bits(S::and(overlap, S::or(S::and(x, y), self.beside)))
-        }
+        }));
+        let x = self.slope[0][0].le(ends[0][1]) & ends[0][0].le(self.slope[0][1]);
+        let y = self.slope[1][0].le(ends[1][1]) & ends[1][0].le(self.slope[1][1]);
+        (overlap & (x & y | self.is_beside)).bits()
     }
 }

@@ -1,265 +1,237 @@
-//! A leaf against a group: which pulse may meet which primitive.
+//! A leaf against a packet: which pulse may meet which primitive.
 
-use super::Kernel;
-use super::filter::{Seen, boxes_in_beam};
-use super::lanes::{BeamSide, GROUP};
-use super::placed::{HitPlaced, meet};
-use super::rows::{
-    Asked, Batch, ENOUGH, FindDistances, FindFromPackets, FindInside, FindPlanes, FindSides, LookClosely,
-    PAIRS, SPAN, TOGETHER,
+use super::candidates::{
+    Batch, CandidateLists, MAX_BLOCK_PAIRS, MAX_PENDING_BLOCKS, MIN_PENDING_PAIRS, Occlusion, RayRegisters,
+    SPAN, StepInput, find_distances, find_inside, find_merged_distances, find_planes, find_sides,
+    refine_inside,
 };
-use super::verdict::{Rays, ask, hit_cube};
-use crate::tree::block::{Block, LANES};
-use crate::tree::simd::Simd;
+use super::distance::Rays;
+use super::filter::{BlockSlopes, boxes_in_frustum};
+use super::instance_frame::{InstanceFrame, hit_instance, record_instances};
+use super::lanes::PACKET_SIZE;
+use super::packet::PlaneDepth;
+use super::traversal::PacketTraversal;
+use crate::tree::block::{BLOCK_SIZE, Block};
+use crate::tree::simd::{F64Ops, Simd};
 
-/// The lists of some blocks.
-pub(super) struct Lists<'a> {
-    pub blocks: [Option<&'a Block>; TOGETHER],
-    /// Least and greatest depths of their triangles.
-    pub near: [[f32; LANES]; TOGETHER],
-    pub far: [[f32; LANES]; TOGETHER],
-    count: usize,
-}
-
-impl Lists<'_> {
-    pub const EMPTY: Self = Lists {
-        blocks: [None; TOGETHER],
-        near: [[0.0; LANES]; TOGETHER],
-        far: [[0.0; LANES]; TOGETHER],
-        count: 0,
-    };
-}
-
-impl<'a, S: Simd> Kernel<'a, S> {
-    /// Asks the pulses in `mask`, each within its range of depths, about a block; the answers may come with one of the
-    /// next. `enter` is about the least depth of the block.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
+impl<'a, S: Simd> PacketTraversal<'a, S> {
+    /// Tests the pulses in `mask`, each within its range of depths, against a block; hits may be found with those of one of
+    /// the next blocks. `enter` is about the least depth of the block.
     #[inline(always)]
-    pub(super) unsafe fn block(
+    pub(super) fn visit_block(
         &mut self,
         block: &'a Block,
         mask: u32,
         enter: f32,
-        lo: &[f32; GROUP],
-        hi: &[f32; GROUP],
+        lo: &[f32; PACKET_SIZE],
+        hi: &[f32; PACKET_SIZE],
     ) {
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            if block.holds_cubes() {
-                self.settle();
-                self.hit_cubes(block, mask, hi);
-                return;
-            }
-            self.pair_triangles(block, mask, enter, lo, hi);
-            if self.lists.count == TOGETHER || self.rows.batch_count * LANES >= ENOUGH {
-                self.settle();
-            }
-        }
-    }
-
-    /// Finds the hits of all pairs.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
-    #[inline(always)]
-    pub(super) unsafe fn settle(&mut self) {
-        if self.lists.count == 0 {
+        if block.holds_cubes() {
+            self.flush_candidates();
+            self.hit_cubes(block, mask, hi);
             return;
         }
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let touched = if self.asides.is_empty() { self.settle_pulses() } else { self.settle_packets() };
-            self.lower_limits(touched);
+        self.pair_triangles(block, mask, enter, lo, hi);
+        if self.blocks.count == MAX_PENDING_BLOCKS || self.lists.batch_count * BLOCK_SIZE >= MIN_PENDING_PAIRS
+        {
+            self.flush_candidates();
         }
-        (self.lists.count, self.rows.batch_count) = (0, 0);
     }
 
-    /// The same; returns the pulses that may have hit something.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
+    /// Finds the hits of all pending pairs.
     #[inline(always)]
-    unsafe fn settle_pulses(&mut self) -> u32 {
-        let (lists, lanes, geometry) = (&self.lists, &self.lanes, self.geometry);
+    pub(super) fn flush_candidates(&mut self) {
+        if self.blocks.count == 0 {
+            return;
+        }
+        let touched = if self.offsets.is_empty() { self.flush_pulses() } else { self.flush_merged() };
+        self.lower_limits(touched);
+        (self.blocks.count, self.lists.batch_count) = (0, 0);
+    }
+
+    /// Finds the hits of all pending pairs, span by span; returns a mask of the pulses that may have hit something.
+    #[inline(always)]
+    fn flush_pulses(&mut self) -> u32 {
+        let simd = self.simd;
+        let Step { lists, input, .. } = self.step(0);
+        simd.outlined(
+            #[inline(always)]
+            move || find_sides::<S, false>(simd, lists, input),
+        );
         let mut touched = 0;
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let vertices = &geometry.vertices;
-            S::apart(FindSides::<_, false> { rows: self.rows, lists, lanes, vertices });
-            for span in 0..self.spans {
-                let count = self.find_inside::<false>(span);
-                let (lists, lanes) = (&self.lists, &self.lanes);
-                if let Some(standing) = &self.standing {
-                    let (rows, t, ids) = (&mut *self.rows, &mut *self.t, &mut *self.ids);
-                    touched |= S::apart(HitPlaced { rows, lists, standing, t, ids, span, count });
-                    continue;
-                }
-                let (rows, stride) = (&mut *self.rows, self.registers);
-                let first = self.first * stride + span * SPAN / 8;
-                let (count, pulses) =
-                    S::apart(FindPlanes { rows, lists, lanes, geometry, count, first, stride });
-                touched |= pulses;
-                let (rows, directions, along) =
-                    (&mut *self.rows, self.directions, self.directions[lanes.axes[0]]);
-                let (t, ids) = (&mut *self.t, &mut *self.ids);
-                let unsure = S::apart(FindDistances { rows, directions, along, t, ids, count });
-                for n in 0..unsure {
-                    self.ask_again(n);
-                }
+        for span in 0..self.spans {
+            let count = self.find_inside::<false>(span);
+            if self.instance.is_some() {
+                let Step { lists, input, instance, rays, .. } = self.step(span);
+                touched |= simd.outlined(
+                    #[inline(always)]
+                    move || hit_instance(simd, lists, input, instance, rays, count),
+                );
+                continue;
             }
+            let stride = self.registers;
+            let first = self.first * stride + span * SPAN / 8;
+            let Step { lists, input, .. } = self.step(span);
+            let (count, pulses) = simd.outlined(
+                #[inline(always)]
+                move || find_planes(simd, lists, input, count, (first, stride)),
+            );
+            touched |= pulses;
+            let axis = self.frustum.axes[0];
+            let Step { lists, rays, .. } = self.step(span);
+            let open = simd.outlined(
+                #[inline(always)]
+                move || find_distances(simd, lists, rays, axis, count),
+            );
+            (0..open).for_each(|n| self.intersect_open(n));
         }
         touched
     }
 
-    /// The same of packets, which have one span.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
+    /// Finds the hits of all pending pairs of merged pulses, which have one span; returns a mask of the pulses that may have
+    /// hit something.
     #[inline(always)]
-    unsafe fn settle_packets(&mut self) -> u32 {
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let (lists, lanes, vertices) = (&self.lists, &self.lanes, &self.geometry.vertices);
-            S::apart(FindSides::<_, true> { rows: self.rows, lists, lanes, vertices });
-            let count = self.find_inside::<true>(0);
-            let (lists, lanes, geometry) = (&self.lists, &self.lanes, self.geometry);
-            let (rows, t, ids) = (&mut *self.rows, &mut *self.t, &mut *self.ids);
-            let (directions, origins) = (self.directions, [0, 1, 2].map(|a| self.rays.origin_lanes(a)));
-            let first = self.first * self.registers;
-            let step =
-                FindFromPackets { rows, lists, lanes, geometry, directions, origins, t, ids, count, first };
-            let (unsure, touched) = S::apart(step);
-            for n in 0..unsure {
-                self.ask_again(n);
-            }
-            touched
-        }
+    fn flush_merged(&mut self) -> u32 {
+        let simd = self.simd;
+        let Step { lists, input, .. } = self.step(0);
+        simd.outlined(
+            #[inline(always)]
+            move || find_sides::<S, true>(simd, lists, input),
+        );
+        let count = self.find_inside::<true>(0);
+        let (first, group) = (self.first * self.registers, self.rays);
+        let Step { lists, input, rays, .. } = self.step(0);
+        let origins = [0, 1, 2].map(|a| group.origin_lanes(a));
+        let (open, touched) = simd.outlined(
+            #[inline(always)]
+            move || find_merged_distances(simd, lists, input, (rays, origins), (first, count)),
+        );
+        (0..open).for_each(|n| self.intersect_open(n));
+        touched
     }
 
     /// Finds the rays of a span inside of triangles; returns of how many pairs there are any.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
     #[inline(always)]
-    unsafe fn find_inside<const PACKED: bool>(&mut self, span: usize) -> usize {
-        let (lists, lanes, wide) = (&self.lists, &self.lanes, self.wide);
-        let (deviations, asides, geometry) = (self.deviations, self.asides, self.geometry);
+    fn find_inside<const MERGED: bool>(&mut self, span: usize) -> usize {
+        let simd = self.simd;
         let rays = (self.rays.stride() - span * SPAN).min(SPAN);
         let valid = if rays == SPAN { !0 } else { (1u32 << rays) - 1 };
-        let (rows, settled) = (&mut *self.rows, &mut self.settled);
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let (count, unsure) = S::apart(FindInside::<_, PACKED> {
-                rows,
-                lists,
-                lanes,
-                deviations,
-                asides,
-                settled,
+        let Step { lists, input, occlusion, .. } = self.step(span);
+        let (count, open) = simd.outlined(
+            #[inline(always)]
+            move || find_inside::<S, MERGED>(simd, lists, input, occlusion, valid),
+        );
+        if open != 0 && self.instance.is_none() {
+            let Step { lists, input, .. } = self.step(span);
+            simd.outlined(
+                #[inline(always)]
+                move || refine_inside::<S, MERGED>(simd, lists, input, open),
+            );
+        }
+        count
+    }
+
+    /// The parts of the traversal that a step borrows.
+    #[inline(always)]
+    fn step(&mut self, span: usize) -> Step<'_, 'a, S> {
+        Step {
+            lists: &mut *self.lists,
+            input: StepInput {
+                blocks: &self.blocks,
+                frustum: &self.frustum,
+                geometry: self.geometry,
+                deviations: self.deviations,
+                offsets: self.offsets,
+                wide: self.wide,
                 span,
-                wide,
-                valid,
-            });
-            if unsure != 0 && self.standing.is_none() {
-                let rows = &mut *self.rows;
-                S::apart(LookClosely::<_, PACKED> {
-                    rows,
-                    lists,
-                    lanes,
-                    deviations,
-                    asides,
-                    geometry,
-                    span,
-                    wide,
-                    unsure,
-                });
-            }
-            count
+            },
+            occlusion: &mut self.occlusion,
+            rays: RayRegisters { directions: self.directions, t: &mut *self.t, ids: &mut *self.ids },
+            instance: self.instance.as_ref(),
         }
     }
 
-    /// # Safety
-    /// As for [`Simd`].
+    /// Lowers the depth limits of the pulses in a mask.
     #[inline(always)]
-    pub(super) unsafe fn lower_limits(&mut self, mut touched: u32) {
+    pub(super) fn lower_limits(&mut self, mut touched: u32) {
         while touched != 0 {
-            // SAFETY: the caller vouches for the instruction set.
-            unsafe { self.lower_limit(touched.trailing_zeros() as usize) };
+            self.lower_limit(touched.trailing_zeros() as usize);
             touched &= touched - 1;
         }
     }
 
-    /// Finds the triangles whose slopes overlap those of a pulse. `enter` is about the least depth of the block.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
+    /// Lowers the depth limit of a pulse: once all of its rays have hit something, what lies behind the farthest of these hits
+    /// is of no interest.
     #[inline(always)]
-    unsafe fn pair_triangles(
+    fn lower_limit(&mut self, pulse: usize) {
+        let first = (self.first + pulse) * self.registers;
+        let mut farthest = self.simd.splat_f64(0.0);
+        for t in &self.t[first..first + self.registers] {
+            farthest = farthest.max(self.simd.load_f64(t));
+        }
+        let start = f64::from(self.frustum.start.0[pulse]);
+        let depth = farthest.max_lane() * self.frustum.depth_per_t[pulse] + start;
+        self.limit.0[pulse] = (depth * 1.000_000_4) as f32;
+    }
+
+    /// Finds the triangles whose slopes overlap those of a pulse, for each pulse in `mask`. `enter` is about the least depth of
+    /// the block.
+    #[inline(always)]
+    fn pair_triangles(
         &mut self,
         block: &'a Block,
         mut mask: u32,
         enter: f32,
-        lo: &[f32; GROUP],
-        hi: &[f32; GROUP],
+        lo: &[f32; PACKET_SIZE],
+        hi: &[f32; PACKET_SIZE],
     ) {
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe {
-            let still = enter >= self.lanes.still_from;
-            let seen = Seen::from(&self.lanes, block, still);
-            let (slot, rows) = (self.lists.count % TOGETHER, &mut *self.rows);
-            seen.depths(&mut self.lists.near[slot], &mut self.lists.far[slot]);
-            self.lists.blocks[slot] = Some(block);
-            self.lists.count += 1;
-            let mut count = rows.batch_count * LANES;
-            while mask != 0 {
-                let p = mask.trailing_zeros() as usize % GROUP;
-                let met = seen.by(&self.lanes, p, [lo[p], hi[p]], still);
-                if let Some(room) = rows.pairs[count..].first_chunk_mut() {
-                    S::compress(met, (slot * PAIRS + p * LANES) as u32, room);
-                }
-                count += met.count_ones() as usize;
-                mask &= mask - 1;
+        let cover_offsets = enter >= self.frustum.small_offsets_from;
+        let slopes = BlockSlopes::of(&self.frustum, block, cover_offsets);
+        let (slot, lists) = (self.blocks.count % MAX_PENDING_BLOCKS, &mut *self.lists);
+        slopes.store_depths(&mut self.blocks.near[slot], &mut self.blocks.far[slot]);
+        self.blocks.blocks[slot] = Some(block);
+        self.blocks.count += 1;
+        let mut count = lists.batch_count * BLOCK_SIZE;
+        while mask != 0 {
+            let p = mask.trailing_zeros() as usize % PACKET_SIZE;
+            let met = slopes.overlapping(&self.frustum, p, [lo[p], hi[p]]);
+            if let Some(free) = lists.pairs[count..].first_chunk_mut() {
+                self.simd.write_lanes(met, (slot * MAX_BLOCK_PAIRS + p * BLOCK_SIZE) as u32, free);
             }
-            while rows.batch_count * LANES < count {
-                let meant = count - rows.batch_count * LANES;
-                let meant = if meant < LANES { (1u32 << meant) - 1 } else { 0xffff };
-                rows.batches[rows.batch_count] = Batch { block: slot as u32, meant };
-                rows.batch_count += 1;
-            }
+            count += met.count_ones() as usize;
+            mask &= mask - 1;
+        }
+        while lists.batch_count * BLOCK_SIZE < count {
+            let used = count - lists.batch_count * BLOCK_SIZE;
+            let used = if used < BLOCK_SIZE { (1u32 << used) - 1 } else { 0xffff };
+            lists.batches[lists.batch_count] = Batch { block: slot as u32, used };
+            lists.batch_count += 1;
         }
     }
 
-    /// Asks the pulses in `mask` about a block of cubes.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
+    /// Tests the pulses in `mask` against a block of cubes, or of boxes of instances.
     #[inline(always)]
-    unsafe fn hit_cubes(&mut self, block: &Block, mask: u32, hi: &[f32; GROUP]) {
+    fn hit_cubes(&mut self, block: &Block, mask: u32, hi: &[f32; PACKET_SIZE]) {
         let (mut rest, mut touched) = (mask, 0);
         while rest != 0 {
-            let p = rest.trailing_zeros() as usize % GROUP;
-            let beam = self.lanes.sides.each_ref().map(|sides| {
-                sides.each_ref().map(|s| BeamSide { from: s.from.0[p], inverse: s.inverse.0[p] })
+            let p = rest.trailing_zeros() as usize % PACKET_SIZE;
+            let planes = self.frustum.planes.each_ref().map(|planes| {
+                planes.each_ref().map(|s| PlaneDepth { from: s.from.0[p], inverse: s.inverse.0[p] })
             });
-            // SAFETY: the caller vouches for the instruction set.
             let (mut met, enter) =
-                unsafe { boxes_in_beam::<S>(&beam, &block.corner[0], &block.corner[1], hi[p]) };
-            if let Some(list) = &mut self.met {
-                // SAFETY: as above.
-                unsafe { meet::<S>(list, block, p, met, enter) };
+                boxes_in_frustum(self.simd, &planes, &block.corner[0], &block.corner[1], hi[p]);
+            if let Some(visits) = &mut self.visits {
+                record_instances(visits, block, p, met, enter);
                 met = 0;
             }
             touched |= u32::from(met != 0) << p;
             while met != 0 {
-                self.hit_cube(self.first + p, block.id[met.trailing_zeros() as usize % LANES]);
+                self.hit_cube(self.first + p, block.id[met.trailing_zeros() as usize % BLOCK_SIZE]);
                 met &= met - 1;
             }
             rest &= rest - 1;
         }
-        // SAFETY: as above.
-        unsafe { self.lower_limits(touched) };
+        self.lower_limits(touched);
     }
 
     #[inline(always)]
@@ -267,7 +239,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let cube = self.geometry.cubes[id as usize - self.geometry.triangles.len()];
         for register in pulse * self.registers..(pulse + 1) * self.registers {
             let (rays, first) = (self.rays, 8 * (register - pulse * self.registers));
-            hit_cube(id, cube, |r| rays.origin_of(pulse, first + r), &mut self.rays_of(register));
+            self.rays_of(register).intersect_cube(id, cube, |r| rays.origin_of(pulse, first + r));
         }
     }
 
@@ -281,36 +253,27 @@ impl<'a, S: Simd> Kernel<'a, S> {
         }
     }
 
-    /// Once all rays of a pulse have hit something, what lies behind the farthest of these hits is of no interest.
-    ///
-    /// # Safety
-    /// As for [`Simd`].
-    #[inline(always)]
-    pub(super) unsafe fn lower_limit(&mut self, pulse: usize) {
-        let first = (self.first + pulse) * self.registers;
-        // SAFETY: the caller vouches for the instruction set.
-        let farthest = unsafe {
-            let mut farthest = S::dsplat(0.0);
-            for t in &self.t[first..first + self.registers] {
-                farthest = S::dmax(farthest, S::dload(t));
-            }
-            S::dgreatest(farthest)
-        };
-        let depth = farthest * self.lanes.steepness[pulse] + f64::from(self.lanes.start.0[pulse]);
-        self.limit.0[pulse] = (depth * 1.000_000_4) as f32;
-    }
-    /// Asks for the full verdict on the rays of the `n`-th register that is open. Those that the quick distance was good for
-    /// get the same again.
+    /// Applies the exact test to the rays of the `n`-th register that is open. Those that the quick distance served get the
+    /// same again.
     #[cold]
     #[inline(never)]
-    fn ask_again(&mut self, n: usize) {
-        let Asked(asked) = self.rows.asked[self.rows.unsure[n] as usize];
-        let plane = &self.rows.planes[(asked >> 32) as u16 as usize];
+    fn intersect_open(&mut self, n: usize) {
+        let candidates = self.lists.candidates[self.lists.open[n] as usize];
+        let plane = &self.lists.planes[candidates.plane()];
         let (id, pulse) = (plane.id, self.first + plane.pulse as usize);
         let corners = plane.vertex.map(|v| self.geometry.vertices[v as usize]);
-        let register = asked as u32 as usize;
+        let register = candidates.register();
         let (rays, first) = (self.rays, 8 * (register - pulse * self.registers));
         let origin = |r| rays.origin_of(pulse, first + r);
-        ask((asked >> 56) as u32, id, &mut self.rays_of(register), corners, origin);
+        self.rays_of(register).intersect_exact(candidates.maybe(), id, corners, origin);
     }
+}
+
+/// The parts of a traversal that a step of [`super::candidates`] borrows.
+struct Step<'k, 'a, S: Simd> {
+    lists: &'k mut CandidateLists,
+    input: StepInput<'k, S>,
+    occlusion: &'k mut Occlusion,
+    rays: RayRegisters<'k>,
+    instance: Option<&'k InstanceFrame<'a>>,
 }

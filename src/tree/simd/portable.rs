@@ -1,130 +1,194 @@
-//! Plain Rust: the twin of the other sets, and the fallback.
+//! Plain Rust: the reference for the other sets, and what is left where a machine has none of them.
 
-use super::{Simd, Step};
+use super::{F32Ops, F64Ops, MaskOps, QuadOps, Simd, VectorOps};
+use std::array::from_fn;
+use std::ops::{Add, Div, Mul, Sub};
 
-/// See the module.
-#[derive(Clone, Copy)]
+/// The token of this set, which every machine has.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
 
+/// A vector of `N` numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct Vector<T, const N: usize>([T; N]);
+
+macro_rules! operator {
+    ($trait:ident, $name:ident, $number:ty) => {
+        impl<const N: usize> $trait for Vector<$number, N> {
+            type Output = Self;
+            #[inline(always)]
+            fn $name(self, other: Self) -> Self {
+                Vector(from_fn(|i| self.0[i].$name(other.0[i])))
+            }
+        }
+    };
+}
+
+macro_rules! operators {
+    ($number:ty) => {
+        operator!(Add, add, $number);
+        operator!(Sub, sub, $number);
+        operator!(Mul, mul, $number);
+        operator!(Div, div, $number);
+        impl<const N: usize> VectorOps for Vector<$number, N> {
+            #[inline(always)]
+            fn abs(self) -> Self {
+                Vector(self.0.map(<$number>::abs))
+            }
+        }
+    };
+}
+operators!(f32);
+operators!(f64);
+
 #[inline(always)]
-fn map<T: Copy, U, const N: usize>(a: [T; N], b: [T; N], f: impl Fn(T, T) -> U) -> [U; N] {
-    std::array::from_fn(|i| f(a[i], b[i]))
+fn lesser<T: PartialOrd>(a: T, b: T) -> T {
+    if a < b { a } else { b }
 }
 
 #[inline(always)]
-fn mask<T: Copy, const N: usize>(a: [T; N], b: [T; N], f: impl Fn(T, T) -> bool) -> u32 {
-    (0..N).fold(0, |m, i| m | u32::from(f(a[i], b[i])) << i)
+fn greater<T: PartialOrd>(a: T, b: T) -> T {
+    if a > b { a } else { b }
 }
 
-/// # Safety
-/// As for [`Simd`].
-#[inline(never)]
-unsafe fn apart<T: Step<Portable>>(step: T) -> T::Out {
-    // SAFETY: the caller vouches for the instruction set.
-    unsafe { step.run() }
+impl<T: Copy, const N: usize> Vector<T, N> {
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(T, T) -> T) -> Self {
+        Vector(from_fn(|i| f(self.0[i], other.0[i])))
+    }
+
+    /// Bits of the lanes for which `f` holds.
+    #[inline(always)]
+    fn mask(self, other: Self, f: impl Fn(T, T) -> bool) -> u32 {
+        (0..N).fold(0, |m, i| m | u32::from(f(self.0[i], other.0[i])) << i)
+    }
+}
+
+impl MaskOps for u32 {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        self
+    }
+}
+
+impl F32Ops for Vector<f32, 16> {
+    type Mask = u32;
+
+    #[inline(always)]
+    fn store(self, to: &mut [f32; 16]) {
+        *to = self.0;
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, lesser)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, greater)
+    }
+    #[inline(always)]
+    fn min_where(self, mask: u32, other: Self) -> Self {
+        Vector(from_fn(|i| if mask >> i & 1 != 0 { lesser(other.0[i], self.0[i]) } else { self.0[i] }))
+    }
+    #[inline(always)]
+    fn max_where(self, mask: u32, other: Self) -> Self {
+        Vector(from_fn(|i| if mask >> i & 1 != 0 { greater(other.0[i], self.0[i]) } else { self.0[i] }))
+    }
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        self.mask(other, |a, b| a <= b)
+    }
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        self.mask(other, |a, b| a < b)
+    }
+    #[inline(always)]
+    fn fold_minima(self, high: Self) -> Self {
+        let (low, high) = (self.0, high.0);
+        Vector(from_fn(|i| if i < 8 { lesser(low[i], low[i + 8]) } else { lesser(high[i - 8], high[i]) }))
+    }
+    #[inline(always)]
+    fn max_lane(self) -> f32 {
+        self.0.into_iter().fold(f32::NEG_INFINITY, |m, x| greater(x, m))
+    }
+}
+
+impl F64Ops for Vector<f64, 8> {
+    type Mask = u32;
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, greater)
+    }
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        self.mask(other, |a, b| a <= b)
+    }
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        self.mask(other, |a, b| a < b)
+    }
+    #[inline(always)]
+    fn max_lane(self) -> f64 {
+        self.0.into_iter().fold(f64::NEG_INFINITY, |m, x| greater(x, m))
+    }
+}
+
+impl QuadOps for Vector<f64, 4> {
+    #[inline(always)]
+    fn rotate(self) -> Self {
+        let [x, y, z, w] = self.0;
+        Vector([y, z, x, w])
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f64; 4]) {
+        *to = self.0;
+    }
+    #[inline(always)]
+    fn store_f32(self, to: &mut [f32; 4]) {
+        *to = self.0.map(|x| x as f32);
+    }
 }
 
 impl Simd for Portable {
-    type F = [f32; 16];
-    type M = u32;
-    type D = [f64; 8];
-    type N = u32;
-    type Q = [f64; 4];
-    type I = [u32; 16];
+    type F32x16 = Vector<f32, 16>;
+    type F64x8 = Vector<f64, 8>;
+    type F64x4 = Vector<f64, 4>;
+    type Mask16 = u32;
+    type Mask8 = u32;
+    type Indices = [u32; 16];
+
+    const HAS_WIDE_REGISTERS: bool = false;
+
+    #[inline(never)]
+    fn outlined<R>(self, f: impl FnOnce() -> R) -> R {
+        f()
+    }
 
     #[inline(always)]
-    unsafe fn apart<T: Step<Portable>>(step: T) -> T::Out {
-        // SAFETY: the caller vouches for the instruction set.
-        unsafe { apart(step) }
+    fn splat(self, x: f32) -> Self::F32x16 {
+        Vector([x; 16])
     }
     #[inline(always)]
-    unsafe fn splat(x: f32) -> Self::F {
-        [x; 16]
+    fn load(self, x: &[f32; 16]) -> Self::F32x16 {
+        Vector(*x)
     }
     #[inline(always)]
-    unsafe fn load(x: &[f32; 16]) -> Self::F {
-        *x
-    }
-    #[inline(always)]
-    unsafe fn store(x: &mut [f32; 16], v: Self::F) {
-        *x = v;
-    }
-    #[inline(always)]
-    unsafe fn add(a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    unsafe fn sub(a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    unsafe fn mul(a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    unsafe fn abs(a: Self::F) -> Self::F {
-        a.map(f32::abs)
-    }
-    #[inline(always)]
-    unsafe fn places(x: &[u32; 16]) -> [Self::I; 2] {
+    fn indices(self, x: &[u32; 16]) -> [[u32; 16]; 2] {
         [x.map(|x| x & 15), x.map(|x| x >> 4 & 15)]
     }
     #[inline(always)]
-    unsafe fn pick(table: &[f32; 16], at: Self::I) -> Self::F {
-        at.map(|n| table[n as usize & 15])
+    fn look_up(self, table: &[f32; 16], at: [u32; 16]) -> Self::F32x16 {
+        Vector(at.map(|n| table[n as usize & 15]))
     }
     #[inline(always)]
-    unsafe fn div(a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| a / b)
+    fn row_minima(self, rows: &[[f32; 16]; 16]) -> [Self::F32x16; 2] {
+        let least = |half: &[f32]| half.iter().fold(f32::INFINITY, |m, &x| lesser(x, m));
+        [Vector(from_fn(|r| least(&rows[r][..8]))), Vector(from_fn(|r| least(&rows[r][8..])))]
     }
     #[inline(always)]
-    unsafe fn min(a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    unsafe fn max(a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    unsafe fn le(a: Self::F, b: Self::F) -> u32 {
-        mask(a, b, |a, b| a <= b)
-    }
-    #[inline(always)]
-    unsafe fn and(a: u32, b: u32) -> u32 {
-        a & b
-    }
-    #[inline(always)]
-    unsafe fn or(a: u32, b: u32) -> u32 {
-        a | b
-    }
-    #[inline(always)]
-    unsafe fn bits(m: u32) -> u32 {
-        m
-    }
-    #[inline(always)]
-    unsafe fn min_where(m: u32, a: Self::F, b: Self::F) -> Self::F {
-        std::array::from_fn(|i| if m >> i & 1 != 0 && b[i] < a[i] { b[i] } else { a[i] })
-    }
-    #[inline(always)]
-    unsafe fn max_where(m: u32, a: Self::F, b: Self::F) -> Self::F {
-        std::array::from_fn(|i| if m >> i & 1 != 0 && b[i] > a[i] { b[i] } else { a[i] })
-    }
-    #[inline(always)]
-    unsafe fn lt(a: Self::F, b: Self::F) -> u32 {
-        mask(a, b, |a, b| a < b)
-    }
-    #[inline(always)]
-    unsafe fn fold_minima(low: Self::F, high: Self::F) -> Self::F {
-        let least = |a: f32, b: f32| if a < b { a } else { b };
-        std::array::from_fn(|i| if i < 8 { least(low[i], low[i + 8]) } else { least(high[i - 8], high[i]) })
-    }
-    #[inline(always)]
-    unsafe fn row_minima(rows: &[[f32; 16]; 16]) -> [Self::F; 2] {
-        let least = |half: &[f32]| half.iter().fold(f32::INFINITY, |m, &x| if x < m { x } else { m });
-        [std::array::from_fn(|r| least(&rows[r][..8])), std::array::from_fn(|r| least(&rows[r][8..]))]
-    }
-    #[inline(always)]
-    unsafe fn compress(mut mask: u32, base: u32, out: &mut [u32; 16]) {
+    fn write_lanes(self, mut mask: u32, base: u32, out: &mut [u32; 16]) {
+        debug_assert!(mask < 1 << 16);
         let mut n = 0;
         while mask != 0 {
             out[n & 15] = base + mask.trailing_zeros();
@@ -134,113 +198,40 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    unsafe fn greatest(v: Self::F) -> f32 {
-        v.into_iter().fold(f32::NEG_INFINITY, |m, x| if x > m { x } else { m })
-    }
-
-    #[inline(always)]
-    unsafe fn dsplat(x: f64) -> Self::D {
-        [x; 8]
+    fn splat_f64(self, x: f64) -> Self::F64x8 {
+        Vector([x; 8])
     }
     #[inline(always)]
-    unsafe fn dload(x: &[f64; 8]) -> Self::D {
-        *x
+    fn load_f64(self, x: &[f64; 8]) -> Self::F64x8 {
+        Vector(*x)
     }
     #[inline(always)]
-    unsafe fn dadd(a: Self::D, b: Self::D) -> Self::D {
-        map(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    unsafe fn dsub(a: Self::D, b: Self::D) -> Self::D {
-        map(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    unsafe fn dmul(a: Self::D, b: Self::D) -> Self::D {
-        map(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    unsafe fn ddiv(a: Self::D, b: Self::D) -> Self::D {
-        map(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
-    unsafe fn dmax(a: Self::D, b: Self::D) -> Self::D {
-        map(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    unsafe fn dabs(a: Self::D) -> Self::D {
-        a.map(f64::abs)
-    }
-    #[inline(always)]
-    unsafe fn dle(a: Self::D, b: Self::D) -> u32 {
-        mask(a, b, |a, b| a <= b)
-    }
-    #[inline(always)]
-    unsafe fn dand(a: u32, b: u32) -> u32 {
-        a & b
-    }
-    #[inline(always)]
-    unsafe fn dbits(m: u32) -> u32 {
-        m
-    }
-    #[inline(always)]
-    unsafe fn narrow(low: Self::D, high: Self::D) -> Self::F {
-        std::array::from_fn(|i| if i < 8 { low[i] as f32 } else { high[i - 8] as f32 })
-    }
-    #[inline(always)]
-    unsafe fn dmask(bits: u32) -> Self::N {
+    fn mask8(self, bits: u32) -> u32 {
         bits & 255
     }
     #[inline(always)]
-    unsafe fn offer(hit: Self::N, t: &mut [f64; 8], v: Self::D, ids: &mut [u32; 8], id: u32) {
-        for n in 0..8 {
-            if hit >> n & 1 != 0 && (v[n] < t[n] || (v[n] == t[n] && id < ids[n])) {
-                (t[n], ids[n]) = (v[n], id);
+    fn narrow(self, low: Self::F64x8, high: Self::F64x8) -> Self::F32x16 {
+        Vector(from_fn(|i| if i < 8 { low.0[i] as f32 } else { high.0[i - 8] as f32 }))
+    }
+    #[inline(always)]
+    fn keep_nearest(self, hit: u32, t: &mut [f64; 8], v: Self::F64x8, ids: &mut [u32; 8], id: u32) {
+        for (n, v) in v.0.into_iter().enumerate() {
+            if hit >> n & 1 != 0 && (v < t[n] || (v == t[n] && id < ids[n])) {
+                (t[n], ids[n]) = (v, id);
             }
         }
     }
-    #[inline(always)]
-    unsafe fn dgreatest(v: Self::D) -> f64 {
-        v.into_iter().fold(f64::NEG_INFINITY, |m, x| if x > m { x } else { m })
-    }
 
     #[inline(always)]
-    unsafe fn qsplat(x: f64) -> Self::Q {
-        [x; 4]
+    fn splat_quad(self, x: f64) -> Self::F64x4 {
+        Vector([x; 4])
     }
     #[inline(always)]
-    unsafe fn qload(x: &[f64; 4]) -> Self::Q {
-        *x
+    fn load_quad(self, x: &[f64; 4]) -> Self::F64x4 {
+        Vector(*x)
     }
     #[inline(always)]
-    unsafe fn qload3(x: &[f64; 3]) -> Self::Q {
-        [x[0], x[1], x[2], 0.0]
-    }
-    #[inline(always)]
-    unsafe fn qkeep(x: &mut [f64; 4], v: Self::Q) {
-        *x = v;
-    }
-    #[inline(always)]
-    unsafe fn qadd(a: Self::Q, b: Self::Q) -> Self::Q {
-        map(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    unsafe fn qsub(a: Self::Q, b: Self::Q) -> Self::Q {
-        map(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    unsafe fn qmul(a: Self::Q, b: Self::Q) -> Self::Q {
-        map(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    unsafe fn qabs(a: Self::Q) -> Self::Q {
-        a.map(f64::abs)
-    }
-    #[inline(always)]
-    unsafe fn qturn(a: Self::Q) -> Self::Q {
-        [a[1], a[2], a[0], a[3]]
-    }
-    #[inline(always)]
-    unsafe fn qstore(x: &mut [f32; 4], v: Self::Q) {
-        *x = v.map(|v| v as f32);
+    fn load_triple(self, [x, y, z]: &[f64; 3]) -> Self::F64x4 {
+        Vector([*x, *y, *z, 0.0])
     }
 }

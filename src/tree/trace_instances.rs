@@ -1,33 +1,12 @@
-//! Tracing instances: through the tree over their boxes and then the trees of the models that are met. Groups go the way of
-//! `kernel`; what is here for that are single rays and pulses that have no part in one.
+//! Single rays among instances, and pulses that are part of no packet: through the tree over the boxes of the instances, then
+//! through the trees of the models that are met.
 
-use super::beam::Beam;
-use super::block::{Block, LANES};
-use super::build::Prim;
-use super::build::build_wide;
-use super::frame::Frame;
-use super::index::Nodes;
-use super::instances::{Instance, Instances, Inward};
-use super::intersect::{SHORTEST, triangle};
-use super::trace::depth_limit;
-use super::{BuildOptions, Geometry, Hit, Hits, Level, RayGroup, Tree};
-use crate::geom::{Aabb, DVec3};
-use std::cell::RefCell;
-use std::sync::Arc;
-
-thread_local! {
-    /// What a group hits of the geometry itself.
-    static OWN: RefCell<Hits> = RefCell::default();
-}
-
-/// The trees over instances and over their models.
-#[derive(Clone, Debug)]
-pub(super) struct Placed {
-    pub instances: Arc<Instances>,
-    pub models: Vec<Tree>,
-    /// Over the boxes of the instances, which stand in its blocks as cubes.
-    pub top: Tree,
-}
+use super::frustum::Frustum;
+use super::index::InstanceTree;
+use super::instances::{Instance, WorldToInstance};
+use super::intersect::{MIN_DIRECTION, triangle};
+use super::{Hit, Hits, RayGroup};
+use crate::geom::DVec3;
 
 /// Rays from one origin with the nearest hits so far.
 struct Rays<'a> {
@@ -43,6 +22,7 @@ impl Rays<'_> {
         DVec3::new(x[ray], y[ray], z[ray])
     }
 
+    /// One of the rays.
     fn one(&mut self, ray: usize) -> Rays<'_> {
         Rays {
             origin: self.origin,
@@ -60,59 +40,18 @@ impl Rays<'_> {
         self.origin.is_finite()
             && (0..self.len()).all(|r| {
                 let d = self.direction(r);
-                d.is_finite() && d.abs().max_element() >= SHORTEST
+                d.is_finite() && d.abs().max_element() >= MIN_DIRECTION
             })
     }
 
-    /// The depth beyond which nothing is of interest, when a ray gains at most `steepness` of it per unit of t.
-    fn limit(&self, steepness: f64) -> f32 {
-        depth_limit(self.t.iter().fold(0.0, |m: f64, t| m.max(*t)) * steepness)
+    /// The distance beyond which no ray hits anything first.
+    fn max_t(&self) -> f64 {
+        self.t.iter().fold(0.0, |m: f64, t| m.max(*t))
     }
 }
 
-/// How fast the depth of a beam may grow with t.
-fn steepness(beam: &Beam, frame: &Frame, directions: impl Iterator<Item = DVec3>) -> f64 {
-    directions.fold(0.0, |m: f64, d| m.max(d[beam.axes[0]].abs())) * frame.scale
-}
-
-impl Placed {
-    /// Builds all trees.
-    pub fn build(instances: &Arc<Instances>, options: &BuildOptions) -> Placed {
-        let models = instances.models.iter().map(|m| Tree::build(&m.geometry, options)).collect();
-        Placed { instances: instances.clone(), models, top: over_boxes(&instances.boxes(), options) }
-    }
-
-    /// Bytes of all trees; the models themselves are not counted.
-    pub fn memory(&self) -> usize {
-        self.models.iter().map(Tree::memory).sum::<usize>() + self.top.memory()
-    }
-
-    /// Brings the instances into the hits of a group that was traced without them.
-    pub fn trace_group_on(&self, level: Level, geometry: &Geometry, group: &RayGroup, hits: &mut Hits) {
-        OWN.with_borrow_mut(|own| {
-            // Instances win all equal distances at first, the one with the lowest number that of all instances. If that
-            // one does not come before the geometry's primitive, no other does.
-            own.t.clone_from(&hits.t);
-            own.primitive.clone_from(&hits.primitive);
-            hits.primitive.fill(Hits::MISS);
-            self.trace_nearer_on(level, geometry, group, hits);
-            let own = own.t.iter().zip(&own.primitive);
-            for ((t, id), (own_t, own)) in hits.t.iter().zip(&mut hits.primitive).zip(own) {
-                let equal = *own != Hits::MISS && t == own_t;
-                if *id == Hits::MISS || (equal && !self.comes_before(*id, *own)) {
-                    *id = *own;
-                }
-            }
-        });
-    }
-
-    /// Whether triangle `new` of an instance comes before primitive `own` of the geometry.
-    fn comes_before(&self, new: u32, own: u32) -> bool {
-        let place = self.instances.locate(new).map(|(instance, _)| self.instances.all[instance].before);
-        place.is_some_and(|before| self.instances.comes_first(new, before, own))
-    }
-
-    /// Traces one pulse alone, likewise.
+impl InstanceTree {
+    /// Brings the instances into the hits of one pulse.
     pub(super) fn trace_pulse(&self, group: &RayGroup, pulse: usize, hits: &mut Hits) {
         let row = pulse * group.stride()..pulse * group.stride() + group.rays();
         let (t, id) = (&mut hits.t[row.clone()], &mut hits.primitive[row]);
@@ -120,7 +59,7 @@ impl Placed {
         self.trace(rays, &|_| true, &mut Vec::new());
     }
 
-    /// Asks an instance about the rays of one pulse, whose nearest hits so far are in `t` and `id`.
+    /// Brings one instance into the hits `t` and `id` of one pulse.
     #[cold]
     pub(super) fn visit_pulse(
         &self,
@@ -151,88 +90,86 @@ impl Placed {
         (id[0] != Hits::MISS).then_some(Hit { t: t[0], primitive: id[0] })
     }
 
-    fn trace(&self, mut rays: Rays, accept: &impl Fn(u32) -> bool, inward: &mut Vec<DVec3>) {
-        let frame = &self.top.frame;
+    /// Brings the instances into the hits of some rays. `local` is memory for directions in the frame of a model.
+    fn trace(&self, mut rays: Rays, accept: &impl Fn(u32) -> bool, local: &mut Vec<DVec3>) {
         let directions = (0..rays.len()).map(|r| rays.direction(r));
-        match Beam::of(frame, rays.origin, directions.clone()) {
-            Some(beam) => {
-                let steepness = steepness(&beam, frame, directions);
-                self.top.walk(&beam, rays.limit(steepness), |block, mut mask, limit| {
+        match Frustum::around(&self.top.frame, rays.origin, directions) {
+            Some(frustum) => {
+                self.top.walk(&frustum, frustum.limit(rays.max_t()), |block, mut mask, limit| {
                     while mask != 0 {
                         let instance = &self.instances.all[block.id[mask.trailing_zeros() as usize] as usize];
-                        self.visit(instance, &mut rays, accept, inward);
-                        *limit = rays.limit(steepness);
+                        self.visit(instance, &mut rays, accept, local);
+                        *limit = frustum.limit(rays.max_t());
                         mask &= mask - 1;
                     }
                 });
             }
             None if rays.len() > 1 => {
-                (0..rays.len()).for_each(|r| self.trace(rays.one(r), accept, inward));
+                (0..rays.len()).for_each(|r| self.trace(rays.one(r), accept, local));
             }
             None if rays.is_sound() => {
-                self.instances.all.iter().for_each(|i| self.visit(i, &mut rays, accept, inward));
+                self.instances.all.iter().for_each(|i| self.visit(i, &mut rays, accept, local));
             }
             None => {}
         }
     }
 
-    /// Asks an instance.
+    /// Brings an instance into the hits of some rays.
     fn visit(
         &self,
         instance: &Instance,
         rays: &mut Rays,
         accept: &impl Fn(u32) -> bool,
-        inward: &mut Vec<DVec3>,
+        local: &mut Vec<DVec3>,
     ) {
-        match self.instances.inward(instance) {
-            Some(way) => self.enter(instance, &way, rays, accept, inward),
-            None => self.ask_all(instance, rays, accept),
+        match self.instances.world_to_instance(instance) {
+            Some(way) => self.walk_model(instance, &way, rays, accept, local),
+            None => self.test_all(instance, rays, accept),
         }
     }
 
-    /// Walks the model's tree.
-    fn enter(
+    /// Walks the model's tree with some rays.
+    fn walk_model(
         &self,
         instance: &Instance,
-        way: &Inward,
+        way: &WorldToInstance,
         rays: &mut Rays,
         accept: &impl Fn(u32) -> bool,
-        inward: &mut Vec<DVec3>,
+        local: &mut Vec<DVec3>,
     ) {
         let tree = &self.models[instance.model as usize];
-        let (origin, off) = way.point(rays.origin);
-        inward.clear();
-        inward.extend((0..rays.len()).map(|r| way.direction(rays.direction(r))));
-        let directions = inward.iter().copied();
-        match Beam::of(&tree.frame, origin, directions.clone()) {
-            Some(beam) => {
-                let beam = beam.widened(off * tree.frame.scale);
-                let steepness = steepness(&beam, &tree.frame, directions);
-                tree.walk(&beam, rays.limit(steepness), |block, mut mask, limit| {
+        let (origin, error) = way.point(rays.origin);
+        local.clear();
+        local.extend((0..rays.len()).map(|r| way.matrix() * rays.direction(r)));
+        match Frustum::around(&tree.frame, origin, local.iter().copied()) {
+            Some(frustum) => {
+                let frustum = frustum.widened(error * tree.frame.scale);
+                tree.walk(&frustum, frustum.limit(rays.max_t()), |block, mut mask, limit| {
                     while mask != 0 {
                         let triangle = block.id[mask.trailing_zeros() as usize];
-                        self.ask(instance, triangle, rays, accept);
+                        self.test(instance, triangle, rays, accept);
                         mask &= mask - 1;
                     }
-                    *limit = rays.limit(steepness);
+                    *limit = frustum.limit(rays.max_t());
                 });
             }
             None if rays.len() > 1 => {
-                (0..rays.len()).for_each(|r| self.enter(instance, way, &mut rays.one(r), accept, inward));
+                (0..rays.len()).for_each(|r| self.walk_model(instance, way, &mut rays.one(r), accept, local));
             }
             // Out of reach of single precision.
-            None => self.ask_all(instance, rays, accept),
+            None => self.test_all(instance, rays, accept),
         }
     }
 
-    fn ask_all(&self, instance: &Instance, rays: &mut Rays, accept: &impl Fn(u32) -> bool) {
+    /// Applies the exact test of all rays and all triangles of an instance.
+    fn test_all(&self, instance: &Instance, rays: &mut Rays, accept: &impl Fn(u32) -> bool) {
         let count = self.instances.model(instance).geometry.triangles.len() as u32;
-        (0..count).for_each(|triangle| self.ask(instance, triangle, rays, accept));
+        (0..count).for_each(|triangle| self.test(instance, triangle, rays, accept));
     }
 
-    /// The verdicts of all rays on a triangle.
+    /// Applies the exact test of all rays and one triangle of an instance.
     #[inline]
-    fn ask(&self, instance: &Instance, number: u32, rays: &mut Rays, accept: &impl Fn(u32) -> bool) {
+    fn test(&self, instance: &Instance, number: u32, rays: &mut Rays, accept: &impl Fn(u32) -> bool) {
         let id = instance.first + number;
         if !accept(id) {
             return;
@@ -248,47 +185,16 @@ impl Placed {
     }
 }
 
-/// A tree over boxes, whatever is in them.
-fn over_boxes(boxes: &[Aabb], options: &BuildOptions) -> Tree {
-    let sound = |b: &Aabb| b.min.is_finite() && b.max.is_finite() && !b.is_empty();
-    let all = boxes.iter().filter(|b| sound(b)).fold(Aabb::EMPTY, |all, b| all.union(*b));
-    let frame = Frame::around(&all);
-    let prims: Vec<Prim> = (0..)
-        .zip(boxes)
-        .filter(|(_, b)| sound(b))
-        .map(|(id, b)| {
-            let (lo, hi) = frame.local_box(b);
-            Prim { lo, id, hi }
-        })
-        .collect();
-    let (arena, statistics) = build_wide(0, &frame, prims, options);
-    let blocks: Vec<Block> = arena.slots.chunks(LANES).map(|ids| block_of(boxes, &frame, ids)).collect();
-    let (lo, hi) = frame.local_box(&all);
-    Tree::of(frame, [lo, hi], Nodes::Wide(arena.nodes.into()), blocks.into(), statistics)
-}
-
-fn block_of(boxes: &[Aabb], frame: &Frame, ids: &[u32]) -> Block {
-    let mut block =
-        Block { corner: [[[f32::NAN; LANES]; 3]; 3], id: [Hits::MISS; LANES], vertex: [[0; LANES]; 3] };
-    block.corner[0] = [[f32::INFINITY; LANES]; 3];
-    block.corner[1] = [[f32::NEG_INFINITY; LANES]; 3];
-    for (lane, &id) in ids.iter().enumerate().filter(|(_, id)| **id != Hits::MISS) {
-        let (lo, hi) = frame.local_box(&boxes[id as usize]);
-        block.id[lane] = id;
-        for axis in 0..3 {
-            block.corner[0][axis][lane] = lo[axis];
-            block.corner[1][axis][lane] = hi[axis];
-        }
-    }
-    block
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geom::{Rotation, unit};
-    use crate::tree::{Builder, Cube, Geometry, Model, Placement};
+    use crate::tree::simd::Level;
+    use crate::tree::{
+        BuildOptions, Builder, Cube, Geometry, Instances, Model, Placement, TraceScratch, Tree,
+    };
     use proptest::prelude::*;
+    use std::sync::Arc;
 
     fn point(size: f64) -> impl Strategy<Value = DVec3> {
         [-size..size, -size..size, -size..size].prop_map(DVec3::from)
@@ -340,7 +246,7 @@ mod tests {
         })
     }
 
-    /// The same scene with every model copied to its places.
+    /// The scene with every model copied to its places.
     fn stored((own, models, places, shift): &Parts) -> Geometry {
         let mut triangles = Vec::new();
         for i in 0..=own.triangles.len() {
@@ -376,7 +282,7 @@ mod tests {
         group
     }
 
-    /// More than fit two registers of sixteen.
+    /// More than fit into two registers of sixteen.
     const RAYS: usize = 37;
 
     fn pulses() -> impl Strategy<Value = Vec<(DVec3, Vec<DVec3>)>> {
@@ -385,8 +291,8 @@ mod tests {
         let target = prop_oneof![point(8.0), on_grid];
         let aside = prop::collection::vec(point(0.02), RAYS);
         // Pulses alone, and some that run side by side.
-        let volley = (origin, target, aside, prop_oneof![Just(1), 2..20usize], point(0.004), point(0.1));
-        let volley = volley.prop_map(|(origin, target, aside, count, turn, step)| {
+        let run = (origin, target, aside, prop_oneof![Just(1), 2..20usize], point(0.004), point(0.1));
+        let run = run.prop_map(|(origin, target, aside, count, turn, step)| {
             let axis = unit(target - origin + DVec3::splat(f64::MIN_POSITIVE));
             let aimed = if axis.is_finite() { axis } else { DVec3::X };
             let pulse = |n: usize| {
@@ -396,7 +302,7 @@ mod tests {
             };
             (0..count).map(pulse).collect::<Vec<_>>()
         });
-        prop::collection::vec(volley, 1..8).prop_map(|volleys| volleys.into_iter().flatten().collect())
+        prop::collection::vec(run, 1..8).prop_map(|runs| runs.into_iter().flatten().collect())
     }
 
     proptest! {
@@ -414,14 +320,14 @@ mod tests {
             let flat_tree = Tree::build(&flat, &options);
             let group = group(&pulses);
             let (mut hits, mut expected) = (Hits::default(), Hits::default());
-            flat_tree.trace_group(&flat, &group, &mut expected);
+            let mut scratch = TraceScratch::default();
+            flat_tree.trace_group(&flat, &group, &mut expected, &mut scratch);
             let number = |id: u32| match id {
                 Hits::MISS => Hits::MISS,
                 id => all.number_when_stored(id, own.triangles.len()),
             };
             for level in Level::available() {
-                tree.trace_group_on(level, own, &group, &mut hits);
-                tree.placed.as_ref().unwrap().trace_group_on(level, own, &group, &mut hits);
+                tree.trace_group_on(level, own, &group, &mut hits, &mut scratch);
                 for at in (0..group.len() * group.stride()).filter(|at| at % group.stride() < RAYS) {
                     prop_assert_eq!(hits.t[at].to_bits(), expected.t[at].to_bits());
                     prop_assert_eq!(number(hits.primitive[at]), expected.primitive[at]);

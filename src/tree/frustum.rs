@@ -1,86 +1,93 @@
-//! The filter: a bundle of rays with one origin, as intervals of slopes in single precision.
+//! The filter of single pulses: rays with one origin as a frustum, intervals of slopes in single precision.
 //!
-//! Every ray of a beam runs forward along one dominant axis `k`. With the depth `s = ±(p_k − R_k)` counted from the
-//! beam's apex `R`, a ray is at `R_a + m_a·s` on axis `a`, its slope `m_a = d_a/|d_k|` lying in an interval (for `k` itself
+//! Every ray of a frustum runs forward along one dominant axis `k`. With the depth `s = ±(p_k − R_k)` counted from the
+//! frustum's apex `R`, a ray is at `R_a + m_a·s` on axis `a`, its slope `m_a = d_a/|d_k|` lying in an interval (for `k` itself
 //! the slope is the sign). So "below plane p" is a bound on `s`, upper or lower by the slope's sign, and nothing is ever
 //! divided by something that crosses zero.
 //!
 //! Bounds are products of a difference and a reciprocal: relative errors of a few units in the last place, which
-//! [`LOOSE`] covers. Errors that do not scale with `s` (rounded vertices and planes, the rounded apex) are collected in
-//! `slack`, by which the apex is widened. A beam therefore accepts whatever the verdict could accept.
+//! [`DEPTH_MARGIN`] covers. Errors that do not scale with `s` (rounded vertices and planes, the rounded apex) are collected in
+//! `slack`, by which the apex is widened. A frustum therefore accepts whatever the exact test could accept.
 
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
 
-use super::block::{Block, LANES};
+use super::block::{BLOCK_SIZE, Block};
 use super::frame::{Frame, above, below};
-use super::intersect::{SHORTEST, axes_by_dominance};
+use super::intersect::{MIN_DIRECTION, axes_by_dominance};
 use crate::geom::DVec3;
 
-/// Covers the relative error of both sides of a comparison of depths.
-pub(crate) const LOOSE: f32 = 1.000_000_6;
+/// Factor that covers the relative error of both sides of a comparison of depths.
+pub(crate) const DEPTH_MARGIN: f32 = 1.000_000_6;
 
 /// Slopes nearer to zero are widened to this, so that reciprocals stay finite.
-pub(crate) const FLATTEST: f32 = 1e-18;
+pub(crate) const MIN_SLOPE: f32 = 1e-18;
 
-/// Origins farther away than this (in scene radii) are not for single precision.
-const FARTHEST: f64 = 1e12;
+/// Rays with a farther origin (in scene radii) are not filtered in single precision.
+pub(crate) const MAX_ORIGIN: f64 = 1e12;
 
-/// A bundle of rays with one origin. Arrays are indexed by axis.
+/// Rays with one origin. Arrays are indexed by axis.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Beam {
+pub(crate) struct Frustum {
     /// Dominant axis, then the others.
-    pub axes: [usize; 3],
+    axes: [usize; 3],
     /// Sign of the directions on the dominant axis.
-    pub forward: f32,
+    forward: f32,
     /// Rounded origin.
-    pub apex: [f32; 3],
+    apex: [f32; 3],
     /// Sum of all absolute errors.
-    pub slack: f32,
+    slack: f32,
     /// Interval of slopes.
-    pub slope: [[f32; 2]; 3],
+    slope: [[f32; 2]; 3],
     /// Reciprocals of the slopes.
     inverse: [[f32; 2]; 3],
     /// Origin less and plus the slack.
     from: [[f32; 2]; 3],
+    /// Most depth that a ray gains per unit of t, in the tree's frame.
+    pub depth_per_t: f64,
 }
 
-impl Beam {
-    /// The beam of `directions` from `origin`; `None` when they share no dominant axis and sign, when one of them is no
+impl Frustum {
+    /// The frustum of `directions` from `origin`; `None` when they share no dominant axis and sign, when one of them is no
     /// direction, or when the origin is out of reach.
-    pub fn of(frame: &Frame, origin: DVec3, directions: impl Iterator<Item = DVec3> + Clone) -> Option<Beam> {
+    pub fn around(
+        frame: &Frame,
+        origin: DVec3,
+        directions: impl Iterator<Item = DVec3> + Clone,
+    ) -> Option<Frustum> {
         let first = directions.clone().next()?;
         let axes = axes_by_dominance(first);
         let [k, i, j] = axes;
         let forward = if first[k] < 0.0 { -1.0 } else { 1.0 };
-        let mut range = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        let (mut range, mut depth_per_t) = ([[f64::INFINITY, f64::NEG_INFINITY]; 2], 0.0f64);
         for d in directions {
             let depth = d[k] * forward;
-            let own = axes_by_dominance(d) == axes && depth >= SHORTEST && depth.is_finite();
-            if !own {
+            let is_alike = axes_by_dominance(d) == axes && depth >= MIN_DIRECTION && depth.is_finite();
+            if !is_alike {
                 return None;
             }
             for (r, a) in range.iter_mut().zip([i, j]) {
                 let m = d[a] / depth;
                 *r = [r[0].min(m), r[1].max(m)];
             }
+            depth_per_t = depth_per_t.max(depth);
         }
         let local = frame.local(origin);
         let reach = local.abs().max_element();
-        if !(reach < FARTHEST && range.iter().flatten().all(|m| m.is_finite())) {
+        if !(reach < MAX_ORIGIN && range.iter().flatten().all(|m| m.is_finite())) {
             return None;
         }
         let mut slope = [[forward as f32; 2]; 3];
         for (r, a) in range.into_iter().zip([i, j]) {
             let (lo, hi) = (below(r[0]), above(r[1]));
             slope[a] = [
-                if lo.abs() < FLATTEST { -FLATTEST } else { lo },
-                if hi.abs() < FLATTEST { FLATTEST } else { hi },
+                if lo.abs() < MIN_SLOPE { -MIN_SLOPE } else { lo },
+                if hi.abs() < MIN_SLOPE { MIN_SLOPE } else { hi },
             ];
         }
         let apex = local.to_array().map(|x| x as f32);
         let rounding = (0..3).fold(0.0, |m: f64, a| m.max((f64::from(apex[a]) - local[a]).abs()));
         let slack = above(rounding + 2.0 * Frame::ROUNDING + 1e-14 * (1.0 + reach));
-        Some(Beam {
+        Some(Frustum {
             axes,
             forward: forward as f32,
             apex,
@@ -88,16 +95,23 @@ impl Beam {
             slope,
             inverse: slope.map(|s| s.map(f32::recip)),
             from: apex.map(|r| [(r - slack).next_down(), (r + slack).next_up()]),
+            depth_per_t: depth_per_t * frame.scale,
         })
     }
 
-    /// The same beam with more slack, in units of the frame.
-    pub fn widened(self, by: f64) -> Beam {
+    /// The frustum with more slack, in units of the frame.
+    pub fn widened(self, by: f64) -> Frustum {
         let slack = above(f64::from(self.slack) + by);
-        Beam { slack, from: self.apex.map(|r| [(r - slack).next_down(), (r + slack).next_up()]), ..self }
+        Frustum { slack, from: self.apex.map(|r| [(r - slack).next_down(), (r + slack).next_up()]), ..self }
     }
 
-    /// Depths at which the beam may be at or below plane `p` of `axis`, and at or above it, both within `[lo, hi]`.
+    /// The depth beyond which nothing can be nearer than `t`.
+    #[inline(always)]
+    pub fn limit(&self, t: f64) -> f32 {
+        (t * self.depth_per_t * 1.000_000_2) as f32
+    }
+
+    /// Depths at which the frustum may be at or below plane `p` of `axis`, and at or above it, both within `[lo, hi]`.
     #[inline(always)]
     pub fn cut(&self, axis: usize, p: f32, [lo, hi]: [f32; 2]) -> [[f32; 2]; 2] {
         let under = (p - self.from[axis][0]) * self.inverse[axis][0];
@@ -107,37 +121,47 @@ impl Beam {
         [lower, upper]
     }
 
-    /// Whether the beam's rays reach the lower side of planes across `axis` first.
+    /// Whether the rays reach the lower side of planes across `axis` first.
     #[inline(always)]
-    pub fn ascends(&self, axis: usize) -> bool {
+    pub fn is_ascending(&self, axis: usize) -> bool {
         self.slope[axis][0] + self.slope[axis][1] >= 0.0
     }
 
-    /// The depths at which the beam may be within a box.
-    pub fn within(&self, lo: &[f32; 3], hi: &[f32; 3]) -> [f32; 2] {
+    /// The depths at which the frustum may be within a box.
+    pub fn depths_within(&self, lo: &[f32; 3], hi: &[f32; 3]) -> [f32; 2] {
         (0..3).fold([0.0, f32::INFINITY], |range, a| {
             let [range, _] = self.cut(a, hi[a], range);
             self.cut(a, lo[a], range)[1]
         })
     }
 
-    /// Triangles of a block that a ray of the beam might hit at depths within `[lo, hi]`, as a mask of lanes.
+    /// Primitives of a block that a ray of the frustum might hit at depths within `range`, as a mask of lanes.
     #[inline(always)]
-    pub fn triangles(&self, block: &Block, [lo, hi]: [f32; 2]) -> u32 {
+    pub fn candidates(&self, block: &Block, range: [f32; 2]) -> u32 {
+        if block.holds_cubes() {
+            self.boxes(&block.corner[0], &block.corner[1], range[1]).0
+        } else {
+            self.triangles(block, range)
+        }
+    }
+
+    /// Triangles of a block that a ray of the frustum might hit at depths within `[lo, hi]`, as a mask of lanes.
+    #[inline(always)]
+    fn triangles(&self, block: &Block, [lo, hi]: [f32; 2]) -> u32 {
         let [k, i, j] = self.axes;
         let c = &block.corner;
         let (r, sg, slack) = (self.apex, self.forward, self.slack);
         let [[i0, i1], [j0, j1]] = [self.slope[i], self.slope[j]];
-        let (hi, lo) = (hi * LOOSE + 4.0 * slack, lo * (2.0 - LOOSE) - 4.0 * slack);
+        let (hi, lo) = (hi * DEPTH_MARGIN + 4.0 * slack, lo * (2.0 - DEPTH_MARGIN) - 4.0 * slack);
         let mut mask = 0;
-        for l in 0..LANES {
+        for l in 0..BLOCK_SIZE {
             let s = [0, 1, 2].map(|v| (c[v][k][l] - r[k]) * sg);
             let near = min3(s);
             let far = max3(s);
             let inverse = s.map(|s| 1.0 / s);
             let x = [0, 1, 2].map(|v| (c[v][i][l] - r[i]) * inverse[v]);
             let y = [0, 1, 2].map(|v| (c[v][j][l] - r[j]) * inverse[v]);
-            // Corners err by the slack sideways and in depth; slopes beyond ±2 are outside the beam anyway.
+            // Corners err by the slack sideways and in depth; slopes beyond ±2 are outside the frustum anyway.
             let pad = 4.0 * slack / near + 1e-6;
             let overlaps =
                 (min3(x) - pad <= i1) & (max3(x) + pad >= i0) & (min3(y) - pad <= j1) & (max3(y) + pad >= j0);
@@ -148,18 +172,18 @@ impl Beam {
         mask
     }
 
-    /// Boxes that a ray of the beam might be in at depths up to `hi`: a mask of lanes and the depths of entry.
+    /// Boxes that a ray of the frustum might be in at depths up to `hi`: a mask of lanes and the depths of entry.
     #[inline(always)]
     pub fn boxes(
         &self,
-        lower: &[[f32; LANES]; 3],
-        upper: &[[f32; LANES]; 3],
+        lower: &[[f32; BLOCK_SIZE]; 3],
+        upper: &[[f32; BLOCK_SIZE]; 3],
         hi: f32,
-    ) -> (u32, [f32; LANES]) {
-        let (mut enter, mut leave) = ([0.0f32; LANES], [hi; LANES]);
+    ) -> (u32, [f32; BLOCK_SIZE]) {
+        let (mut enter, mut leave) = ([0.0f32; BLOCK_SIZE], [hi; BLOCK_SIZE]);
         for a in 0..3 {
             let ([f0, f1], [v0, v1]) = (self.from[a], self.inverse[a]);
-            for l in 0..LANES {
+            for l in 0..BLOCK_SIZE {
                 let (under, over) = ((upper[a][l] - f0) * v0, (lower[a][l] - f1) * v1);
                 if v0 > 0.0 {
                     leave[l] = leave[l].min(under)
@@ -169,7 +193,7 @@ impl Beam {
                 if v1 > 0.0 { enter[l] = enter[l].max(over) } else { leave[l] = leave[l].min(over) }
             }
         }
-        let mask = (0..LANES).fold(0, |m, l| m | u32::from(enter[l] <= leave[l] * LOOSE) << l);
+        let mask = (0..BLOCK_SIZE).fold(0, |m, l| m | u32::from(enter[l] <= leave[l] * DEPTH_MARGIN) << l);
         (mask, enter)
     }
 }

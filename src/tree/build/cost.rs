@@ -3,7 +3,7 @@
 use crate::tree::options::{BuildOptions, Statistics};
 use std::sync::{Mutex, PoisonError};
 
-/// Sums over the nodes of a tree or of a part of it.
+/// Sums over the nodes of a tree or of a part of it. Areas are surfaces, in any unit and by any rule that the builder keeps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sums {
     area_interior: f64,
@@ -18,8 +18,8 @@ pub(crate) struct Sums {
 }
 
 impl Sums {
-    /// A part that is not there.
-    pub const NOTHING: Sums = Sums {
+    /// No nodes.
+    pub const ZERO: Sums = Sums {
         area_interior: 0.0,
         area_leaves: 0.0,
         area_primitives: 0.0,
@@ -41,26 +41,36 @@ impl Sums {
             max_depth: depth,
             max_leaf: count,
             min_leaf: count,
-            ..Sums::NOTHING
+            ..Sums::ZERO
         }
     }
 
-    /// An interior node over two parts.
-    pub fn interior(area: f64, left: Sums, right: Sums) -> Sums {
+    /// An interior node alone.
+    pub fn interior(area: f64) -> Sums {
+        Sums { area_interior: area, interior: 1, ..Sums::ZERO }
+    }
+
+    /// Adds the sums of another part.
+    pub fn plus(self, part: Sums) -> Sums {
         Sums {
-            area_interior: area + left.area_interior + right.area_interior,
-            area_leaves: left.area_leaves + right.area_leaves,
-            area_primitives: left.area_primitives + right.area_primitives,
-            interior: 1 + left.interior + right.interior,
-            leaves: left.leaves + right.leaves,
-            references: left.references + right.references,
-            max_depth: left.max_depth.max(right.max_depth),
-            max_leaf: left.max_leaf.max(right.max_leaf),
-            min_leaf: left.min_leaf.min(right.min_leaf),
+            area_interior: self.area_interior + part.area_interior,
+            area_leaves: self.area_leaves + part.area_leaves,
+            area_primitives: self.area_primitives + part.area_primitives,
+            interior: self.interior + part.interior,
+            leaves: self.leaves + part.leaves,
+            references: self.references + part.references,
+            max_depth: self.max_depth.max(part.max_depth),
+            max_leaf: self.max_leaf.max(part.max_leaf),
+            min_leaf: self.min_leaf.min(part.min_leaf),
         }
     }
 
-    /// The statistics of a whole tree whose root has the area `root` in the unit of the sums and `square_metres`.
+    /// References to primitives in all leaves.
+    pub fn references(&self) -> usize {
+        self.references
+    }
+
+    /// The statistics of a whole tree whose root has the area `root` in the unit of the sums, `square_metres` in m².
     pub fn statistics(
         &self,
         options: &BuildOptions,
@@ -80,7 +90,7 @@ impl Sums {
             max_leaf: self.max_leaf,
             min_leaf: if self.leaves > 0 { self.min_leaf } else { 0 },
             root_area: square_metres,
-            // A root without area is met by no ray worth counting; its cost is that of a leaf.
+            // Rays that meet a root without area have probability zero; its cost is that of a leaf.
             cost: if root > 0.0 {
                 sum / root
             } else {
@@ -91,7 +101,7 @@ impl Sums {
     }
 }
 
-/// A split under judgement.
+/// A split to accept or to reject.
 pub(crate) struct Proposal {
     /// Area of the node.
     pub area: f64,
@@ -101,19 +111,19 @@ pub(crate) struct Proposal {
     pub counts: [usize; 3],
 }
 
-/// Judges splits, for any number of threads at once.
-pub(crate) enum Ledger {
+/// Accepts splits by what they do to the cost of the tree; any number of threads may ask at once.
+pub(crate) enum CostAccount {
     /// By each node alone.
     Local,
-    /// By the cost of the tree so far. Choosing a split and parting the primitives happen outside the lock (the paper's
-    /// Algorithm 1).
-    Global(Mutex<Ilot>),
+    /// By the cost of the whole tree so far. Choosing a split and partitioning the primitives happen outside the lock (the
+    /// paper's Algorithm 1).
+    Global(Mutex<RunningCost>),
 }
 
-/// The paper's cache: running sums over interior nodes, leaves and primitives ("objects"), and their total, while every
+/// The paper's ILOT cache: running sums over interior nodes, leaves and primitives ("objects"), and their total, while every
 /// unfinished node counts as a leaf (spec §1.12).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Ilot {
+pub(crate) struct RunningCost {
     interior: f64,
     leaves: f64,
     primitives: f64,
@@ -121,10 +131,10 @@ pub(crate) struct Ilot {
     root: f64,
 }
 
-impl Ilot {
+impl RunningCost {
     /// The root is a leaf (eq 9).
-    fn of_root(options: &BuildOptions, root: f64, count: usize) -> Ilot {
-        Ilot {
+    fn of_root(options: &BuildOptions, root: f64, count: usize) -> RunningCost {
+        RunningCost {
             interior: 0.0,
             leaves: options.cost_leaf * root,
             primitives: options.cost_primitive * root * count as f64,
@@ -133,52 +143,52 @@ impl Ilot {
         }
     }
 
-    /// The sums with the node of the proposal as an interior one (eqs 10–12). What the node cost as a leaf goes before what
-    /// its sides cost comes: where a split gains next to nothing, the rounding of this order decides, and the published
-    /// trees have it.
-    fn with(&self, options: &BuildOptions, split: &Proposal, [n, nl, nr]: [f64; 3]) -> Ilot {
+    /// The sums with the node of the proposal as an interior one (eqs 10–12). What the node cost as a leaf is subtracted
+    /// before what its sides cost is added: where a split gains next to nothing, the rounding of this order decides, and the
+    /// published trees have it.
+    fn with(&self, options: &BuildOptions, split: &Proposal, [n, nl, nr]: [f64; 3]) -> RunningCost {
         let (ci, cl, co) = (options.cost_interior, options.cost_leaf, options.cost_primitive);
         let (left, right) = (split.chances[0] * split.area, split.chances[1] * split.area);
         let interior = self.interior + ci * split.area;
         let leaves = self.leaves - cl * split.area + cl * (left + right);
         let primitives = self.primitives - co * split.area * n + co * (left * nl + right * nr);
         let total = (interior + leaves + primitives) / self.root;
-        Ilot { interior, leaves, primitives, total, root: self.root }
+        RunningCost { interior, leaves, primitives, total, root: self.root }
     }
 }
 
-impl Ledger {
-    /// The cache of a tree whose root has this area and so many primitives.
-    pub fn global(options: &BuildOptions, root: f64, count: usize) -> Ledger {
-        Ledger::Global(Mutex::new(Ilot::of_root(options, root, count)))
+impl CostAccount {
+    /// The account of a tree whose root has this area and so many primitives.
+    pub fn global(options: &BuildOptions, root: f64, count: usize) -> CostAccount {
+        CostAccount::Global(Mutex::new(RunningCost::of_root(options, root, count)))
     }
 
-    /// Whether the split makes the tree cheaper; if so it is booked.
-    pub fn accepts(&self, options: &BuildOptions, split: &Proposal) -> bool {
+    /// Whether the split makes the tree cheaper; if so, the cost of the tree becomes that with the split.
+    pub fn try_split(&self, options: &BuildOptions, split: &Proposal) -> bool {
         let counts = split.counts.map(|c| c.next_multiple_of(options.grain.max(1)) as f64);
         match self {
-            Ledger::Local => {
+            CostAccount::Local => {
                 let [n, nl, nr] = counts;
                 let (ci, co) = (options.cost_interior, options.cost_primitive);
                 ci + co * (split.chances[0] * nl + split.chances[1] * nr) < co * n
             }
-            Ledger::Global(ilot) => {
-                let mut ilot = ilot.lock().unwrap_or_else(PoisonError::into_inner);
-                let speculated = ilot.with(options, split, counts);
-                let accepted = speculated.total < ilot.total;
+            CostAccount::Global(cost) => {
+                let mut cost = cost.lock().unwrap_or_else(PoisonError::into_inner);
+                let with_split = cost.with(options, split, counts);
+                let accepted = with_split.total < cost.total;
                 if accepted {
-                    *ilot = speculated;
+                    *cost = with_split;
                 }
                 accepted
             }
         }
     }
 
-    /// The booked cost of the tree, when it is finished; `None` where nothing is booked.
+    /// The cost of the finished tree as accounted; `None` where each node is judged alone.
     pub fn total(&self) -> Option<f64> {
         match self {
-            Ledger::Local => None,
-            Ledger::Global(ilot) => Some(ilot.lock().unwrap_or_else(PoisonError::into_inner).total),
+            CostAccount::Local => None,
+            CostAccount::Global(cost) => Some(cost.lock().unwrap_or_else(PoisonError::into_inner).total),
         }
     }
 }
