@@ -106,7 +106,7 @@ impl Tracer for Own<'_> {
 
 impl<'a> Contender<'a> {
     fn new(name: impl Into<String>, tracer: impl Tracer + 'a) -> Contender<'a> {
-        Lane { name: name.into(), tracer: Box::new(tracer), seconds: Vec::new() }
+        Contender { name: name.into(), tracer: Box::new(tracer), seconds: Vec::new() }
     }
 
     fn run_round(&mut self, batches: usize) {

@@ -39,7 +39,7 @@ impl Block {
         block
     }
 
-    /// The block of boxes, which stand in it as cubes do: `bounds` tells the lower and upper corner of each.
+    /// The block of boxes, stored like cubes: `bounds` tells the lower and upper corner of each.
     pub fn of_boxes(ids: &[u32], bounds: impl Fn(u32) -> ([f32; 3], [f32; 3])) -> Block {
         let mut block = Block::EMPTY;
         block.corner[0] = [[f32::INFINITY; BLOCK_SIZE]; 3];

@@ -1,4 +1,4 @@
-//! Primitives in one frame, and what a hit is.
+//! Primitives, and the hit of a ray.
 
 use crate::geom::{Aabb, DVec3};
 use crate::store::Store;

@@ -1,4 +1,4 @@
-//! The published test mesh and rays (spec §1.16): costs, sizes and hits of every builder.
+//! The published test mesh and rays (spec tree-and-schedule §1.16): costs, sizes and hits of every builder.
 
 use super::options::{Accounting, Axes, Statistics};
 use super::*;

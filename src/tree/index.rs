@@ -32,7 +32,7 @@ pub struct Tree {
 pub(super) struct InstanceTree {
     pub instances: Arc<Instances>,
     pub models: Vec<Tree>,
-    /// Over the boxes of the instances, which stand in its blocks as cubes.
+    /// The tree over the boxes of the instances, which its blocks hold as cubes.
     pub top: Tree,
 }
 
@@ -70,8 +70,8 @@ impl Tree {
         }
     }
 
-    /// Adds instances, whose trees are built here. `instances` must continue the numbers of the geometry that this tree was
-    /// built over.
+    /// Adds instances and builds their trees. The primitive numbers of `instances` must continue those of the geometry that
+    /// this tree was built over.
     pub fn with_instances(self, instances: &Arc<Instances>, options: &BuildOptions) -> Tree {
         let instances = match rayon::ThreadPoolBuilder::new().num_threads(options.jobs).build() {
             Ok(pool) if options.jobs > 0 => pool.install(|| InstanceTree::build(instances, options)),

@@ -1,7 +1,7 @@
-//! The verdict: whether one ray hits one primitive, and where. Everything else in this room is a filter in front of it.
+//! The exact test: whether one ray hits one primitive, and where. Everything else in this module is a filter in front of it.
 //!
-//! A verdict is a function of the ray and the primitive alone, in double precision without fused operations, so every
-//! tree, group and instruction set reports the same bits.
+//! The result is a function of the ray and the primitive alone, in double precision without fused operations, so every
+//! tree, packet and instruction set reports the same bits.
 //!
 //! * **Inside** is decided in the plane across the ray's dominant axis `k` (Woop, Benthin and Wald 2013): each vertex,
 //!   taken relative to the ray's origin, becomes the point `(p_i·d_k − p_k·d_i, p_j·d_k − p_k·d_j)`, and the ray is inside
@@ -78,7 +78,7 @@ pub fn triangle(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Optio
     (t > 0.0 && t.is_finite() && nearest.is_finite()).then_some(t)
 }
 
-/// The side of something that is no number.
+/// The side of a NaN.
 const UNDEFINED: i8 = i8::MAX;
 
 /// The sign of `a·b − c·d`, exactly (but for underflow).
@@ -202,7 +202,7 @@ mod tests {
             prop_assert!(hit);
         }
 
-        /// Corner order changes neither the verdict nor, beyond rounding, the distance.
+        /// Corner order changes neither whether a ray hits nor, beyond rounding, the distance.
         #[test]
         fn corner_order_does_not_matter(p in prop::array::uniform9(-10.0..10.0f64), d in prop::array::uniform3(-1.0..1.0f64)) {
             let [a, b, c] = [v(p[0], p[1], p[2]), v(p[3], p[4], p[5]), v(p[6], p[7], p[8])];

@@ -1,48 +1,48 @@
-//! What a tree is built with, and what came out.
+//! Settings of a build, and statistics of its result.
 
 /// How a tree chooses its splits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Builder {
-    /// Kd-tree by the object median, axes in turn (spec §1.8, "simple").
+    /// Kd-tree by the object median, axes in turn (spec tree-and-schedule §1.8, "simple").
     Median,
-    /// Kd-tree by the surface area heuristic between the medians, axes in turn (spec §1.10).
+    /// Kd-tree by the surface area heuristic between the medians, axes in turn (spec tree-and-schedule §1.10).
     Sah,
-    /// As [`Builder::Sah`] on the best of the three axes.
+    /// [`Builder::Sah`] on the best of the three axes.
     AxisSah,
-    /// Kd-tree by the surface area heuristic over min/max histograms, axes in turn (spec §1.11).
+    /// Kd-tree by the surface area heuristic over min/max histograms, axes in turn (spec tree-and-schedule §1.11).
     Fsah,
     /// Hierarchy of bounding boxes with sixteen children per node: the fastest and smallest.
     #[default]
     Bvh,
 }
 
-/// How a split's gain is judged (spec §1.12).
+/// How a split's gain is judged (spec tree-and-schedule §1.12).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Accounting {
     /// By the node alone; independent of the order of the build.
     Local,
-    /// By the running cost of the whole tree, the paper's ILOT cache, which several threads book in under a lock (its
-    /// Algorithm 1). In exact arithmetic the verdicts are those of [`Accounting::Local`]: the sides of a split have the
-    /// area of the node together, so its effect on the whole is its effect on the node. Rounding differs, and decides when
-    /// a build without depth cap ends; with several threads it depends on their order.
+    /// By the running cost of the whole tree, the paper's ILOT cache, which several threads update under a lock (its
+    /// Algorithm 1). In exact arithmetic this accepts the splits that [`Accounting::Local`] accepts: the sides of a split have
+    /// the area of the node together, so its effect on the whole is its effect on the node. Rounding differs, and decides
+    /// when a build without depth cap ends; with several threads it depends on their order.
     Global,
 }
 
 /// Which axes a node's split is searched on. [`Builder::AxisSah`] always searches all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
-    /// The axis of the turn, depth mod 3.
+    /// Axis number depth mod 3.
     Turn,
-    /// The axis of the turn, then the others when it has no split worth making: flat scenes need it.
+    /// Axis number depth mod 3, then the others if it has no split that is accepted: flat scenes need this.
     TurnThenNext,
-    /// All, for the split of least loss.
+    /// The axis with the split of least loss.
     Best,
 }
 
-/// How the chance of a ray to meet a side of a split is taken.
+/// How the probability that a ray meets a side of a split is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Areas {
-    /// Proportional to its length along the split axis (spec §1.4).
+    /// Proportional to its length along the split axis (spec tree-and-schedule §1.4).
     Proportional,
     /// By the surface of its box.
     Surface,
@@ -71,15 +71,15 @@ pub struct BuildOptions {
     pub max_depth: Option<u32>,
     /// Which axes are searched.
     pub axes: Axes,
-    /// What the sides of a split cost.
+    /// How the probability that a ray meets a side of a split is estimated.
     pub areas: Areas,
     /// How a split's gain is judged.
     pub accounting: Accounting,
     /// Threads for the build, each on nodes of its own; 0 is as many as the machine has, with 1 nodes are built one after
-    /// the other (spec §2.1).
+    /// the other (spec tree-and-schedule §2.1).
     pub jobs: usize,
     /// Threads that work together on the nodes of the upper ⌊log2⌋ levels of a kd-tree, where there are fewer nodes than
-    /// threads; 0 is as many as the machine has, with 1 none is helped (spec §2.3).
+    /// threads; 0 is as many as the machine has, with 1 each node has one (spec tree-and-schedule §2.3).
     pub geometry_jobs: usize,
     /// Smallest number of primitives that is handed to another thread.
     pub delegate: usize,
@@ -109,7 +109,7 @@ impl Default for BuildOptions {
 
 impl BuildOptions {
     /// The default settings of a builder. [`Builder::Median`] and [`Builder::Sah`] take the axes in turn, which is what
-    /// tells the latter from [`Builder::AxisSah`].
+    /// distinguishes the latter from [`Builder::AxisSah`].
     pub fn of(builder: Builder) -> BuildOptions {
         let axes = match builder {
             Builder::Median | Builder::Sah => Axes::TurnThenNext,
@@ -118,7 +118,7 @@ impl BuildOptions {
         BuildOptions { builder, axes, ..BuildOptions::default() }
     }
 
-    /// The reference's costs and rules (spec §1.2): unit costs, τ_p = 5, axes in turn without a second try, the running
+    /// The reference's costs and rules (spec tree-and-schedule §1.2): unit costs, τ_p = 5, axes in turn without a second try, the running
     /// cost of the whole tree as the judge and no depth cap beyond the 64 levels that it never reaches.
     pub fn strict(builder: Builder) -> BuildOptions {
         BuildOptions {
@@ -137,10 +137,10 @@ impl BuildOptions {
     }
 }
 
-/// What a build yielded (spec §1.16).
+/// Size, depth and cost of a tree (spec tree-and-schedule §1.16).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// Primitives that can be hit; those with a coordinate that is no number cannot.
+    /// Primitives that can be hit; not those with a coordinate that is NaN or infinite.
     pub primitives: usize,
     /// References to primitives in all leaves.
     pub references: usize,
@@ -156,8 +156,8 @@ pub struct Statistics {
     pub min_leaf: usize,
     /// Surface area of the root's box, m².
     pub root_area: f64,
-    /// Expected cost of a ray, C_T of spec §1.9, with proportional areas.
+    /// Expected cost of a ray, C_T of spec tree-and-schedule §1.9, with proportional areas.
     pub cost: f64,
-    /// The same as booked by [`Accounting::Global`], for which the empty side of a split costs as much as a leaf.
+    /// The cost as accounted by [`Accounting::Global`], for which the empty side of a split costs as much as a leaf.
     pub booked_cost: Option<f64>,
 }

@@ -1,4 +1,4 @@
-//! What a tree costs: the running sums of spec §1.12 and the statistics of §1.16.
+//! What a tree costs: the running sums of spec tree-and-schedule §1.12 and the statistics of spec tree-and-schedule §1.16.
 
 use crate::tree::options::{BuildOptions, Statistics};
 use std::sync::{Mutex, PoisonError};
@@ -121,7 +121,7 @@ pub(crate) enum CostAccount {
 }
 
 /// The paper's ILOT cache: running sums over interior nodes, leaves and primitives ("objects"), and their total, while every
-/// unfinished node counts as a leaf (spec §1.12).
+/// unfinished node counts as a leaf (spec tree-and-schedule §1.12).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RunningCost {
     interior: f64,

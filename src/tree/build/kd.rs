@@ -1,4 +1,4 @@
-//! The recursion that all kd builders share (spec §1.3), on one or several threads.
+//! The recursion that all kd builders share (spec tree-and-schedule §1.3), on one or several threads.
 
 use super::cost::{CostAccount, Proposal, Sums};
 use super::prim::Prim;
@@ -78,7 +78,7 @@ impl Position {
     }
 
     /// How many of `threads` belong to the node here. They are divided evenly among the nodes of a level, and the rest goes to
-    /// the right-most; below level ⌊log2 threads⌋ every node has one (spec §2.3).
+    /// the right-most; below level ⌊log2 threads⌋ every node has one (spec tree-and-schedule §2.3).
     fn share_of(self, threads: usize) -> usize {
         let (nodes, threads) = (1u128 << self.depth, threads as u128);
         let (each, rest) = (threads / nodes, threads % nodes);
@@ -212,7 +212,7 @@ mod tests {
     use super::*;
     use crate::geom::DVec3;
 
-    /// The thread numbers a_i to b_i of spec §2.3.
+    /// The thread numbers a_i to b_i of spec tree-and-schedule §2.3.
     #[test]
     fn upper_nodes_share_the_threads_as_published() {
         for threads in 1..=40usize {

@@ -14,7 +14,7 @@ use super::node::KdNode;
 use rayon::prelude::*;
 
 /// Nodes of at least this many primitives may be worked on by several threads together: the upper levels, where there are
-/// fewer nodes than threads (spec §2.3).
+/// fewer nodes than threads (spec tree-and-schedule §2.3).
 const MIN_TEAM_PRIMITIVES: usize = 1 << 16;
 
 /// Folds the primitives of a node, by all threads if they are many. `join` must be associative.

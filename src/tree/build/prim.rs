@@ -1,4 +1,4 @@
-//! What builders see of a primitive.
+//! Primitives as the builders see them: boxes.
 
 use crate::tree::Geometry;
 use crate::tree::frame::Frame;
@@ -13,7 +13,7 @@ pub(crate) struct Prim {
     pub hi: [f32; 3],
 }
 
-/// All primitives that a ray can hit: those whose coordinates are numbers.
+/// The primitives that `keep` approves and a ray can hit, which those with a NaN or infinite coordinate cannot be.
 pub(crate) fn collect(geometry: &Geometry, frame: &Frame, keep: impl Fn(u32) -> bool + Sync) -> Vec<Prim> {
     (0..geometry.len())
         .into_par_iter()

@@ -1,4 +1,4 @@
-//! Where to split a node: the four searches of spec §1.8 to §1.11.
+//! Where to split a node: the four searches of spec tree-and-schedule §1.8 to §1.11.
 
 use super::prim::Prim;
 use super::{fold_by, pieces};
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 /// Most bins of a histogram.
 const MAX_BINS: usize = 1024;
 
-/// A node's box and its area, the latter by the proportional rule of spec §1.4.
+/// A node's box and its area, the latter by the proportional rule of spec tree-and-schedule §1.4.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cell {
     pub lo: [f64; 3],
@@ -19,7 +19,7 @@ pub(crate) struct Cell {
 }
 
 impl Cell {
-    /// The root's cell, found by several `threads`.
+    /// The cell of the root, found by several `threads`.
     pub fn around(threads: usize, prims: &[Prim]) -> Cell {
         let union = |(a, b): ([f32; 3], [f32; 3]), (c, d): ([f32; 3], [f32; 3])| {
             ([0, 1, 2].map(|i| a[i].min(c[i])), [0, 1, 2].map(|i| b[i].max(d[i])))
@@ -56,7 +56,7 @@ pub(crate) struct Split {
     pub loss: f64,
 }
 
-/// What the searches look at.
+/// The scene and the settings that the searches use.
 pub(crate) struct Search<'a> {
     pub geometry: &'a Geometry,
     pub frame: Frame,
@@ -80,7 +80,7 @@ impl Search<'_> {
             .reduce(|best, s| if s.loss < best.loss { s } else { best })
     }
 
-    /// Expected number of tests after a split: each side's count, rounded up to the grain, by its chance to be met.
+    /// Expected number of tests after a split: each side's count, rounded up to the grain, times the probability that it is met.
     pub fn loss(&self, chances: [f64; 2], counts: [usize; 2]) -> f64 {
         let [l, r] = counts.map(|n| n.next_multiple_of(self.options.grain.max(1)) as f64);
         chances[0] * l + chances[1] * r
@@ -89,7 +89,7 @@ impl Search<'_> {
     fn median_split(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let p = self.object_median(threads, prims, axis);
         let r = share(cell, axis, p)?;
-        // Of three medians the one in the longest side is best.
+        // Of the medians on three axes the one on the longest side is best.
         Some(Split { axis, position: p, r, loss: cell.lo[axis] - cell.hi[axis] })
     }
 
@@ -115,7 +115,7 @@ impl Search<'_> {
         best
     }
 
-    /// The best boundary of min/max histograms (spec §1.11), bins clamped at both ends.
+    /// The best boundary of min/max histograms (spec tree-and-schedule §1.11), bins clamped at both ends.
     fn fsah_split(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let (a, b) = (cell.lo[axis], cell.hi[axis]);
         if b <= a {
@@ -146,7 +146,7 @@ impl Search<'_> {
         Some(Split { axis, position, r, loss })
     }
 
-    /// How likely a ray that meets the cell meets the lower and the upper side of a split.
+    /// Probabilities that a ray that meets the cell meets the lower and the upper side of a split.
     pub fn chances(&self, cell: &Cell, axis: usize, r: f64) -> [f64; 2] {
         match self.options.areas {
             Areas::Proportional => [r, 1.0 - r],
@@ -164,7 +164,7 @@ impl Search<'_> {
         }
     }
 
-    /// The centroid at place ⌊N/2⌋ in descending order.
+    /// The centroid at index ⌊N/2⌋ in descending order.
     fn object_median(&self, threads: usize, prims: &[Prim], axis: usize) -> f64 {
         let centroid = |p: &Prim| self.centroid(p.id, axis);
         let mut centroids: Vec<f64> = if threads < 2 {
@@ -172,8 +172,7 @@ impl Search<'_> {
         } else {
             prims.par_iter().with_min_len(prims.len().div_ceil(threads)).map(centroid).collect()
         };
-        let place = prims.len() / 2;
-        *centroids.select_nth_unstable_by(place, |x, y| y.total_cmp(x)).1
+        *centroids.select_nth_unstable_by(prims.len() / 2, |x, y| y.total_cmp(x)).1
     }
 
     fn centroid(&self, id: u32, axis: usize) -> f64 {
@@ -235,7 +234,7 @@ fn share(cell: &Cell, axis: usize, p: f64) -> Option<f64> {
     (b > a).then(|| (p - a) / (b - a))
 }
 
-/// How many primitives go to the lower and to the upper side (spec §1.5).
+/// How many primitives go to the lower and to the upper side (spec tree-and-schedule §1.5).
 pub(crate) fn count(threads: usize, prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
     let add = |n: &mut [usize; 2], o: &Prim| {
         n[0] += usize::from(f64::from(o.lo[axis]) <= p);

@@ -62,7 +62,7 @@ pub(super) struct CandidateLists {
     pub batch_count: usize,
     /// The edges of sixteen pairs each.
     sides: [Sides; SIDES_LEN],
-    /// Indices in `pairs` of those of which surely all rays are inside.
+    /// Indices in `pairs` of the pairs of which surely all rays are inside.
     covered: [u32; PAIRS_LEN],
     covered_count: usize,
     /// Indices in `pairs` of the others of which any ray may be inside.
@@ -77,7 +77,7 @@ pub(super) struct CandidateLists {
     pub open: [u32; CANDIDATES_LEN],
 }
 
-/// Sixteen pairs: their block, and a mask of those that are meant.
+/// Sixteen pairs: their block, and a mask of the entries in use.
 #[derive(Clone, Copy)]
 pub(super) struct Batch {
     pub block: u32,

@@ -52,8 +52,8 @@ impl Tree {
     /// First hits of all rays of many pulses. Ray `r` of pulse `p` has its hit at `p · rays.stride() + r`; what stands between
     /// the rows means nothing. `hits` is resized and overwritten.
     ///
-    /// Runs of neighbouring pulses are traced together, by the widest instructions that the machine has. The hits are
-    /// those of [`Tree::nearest_where`] for each ray, bit for bit.
+    /// Runs of neighbouring pulses are traced together, by the widest instructions that the machine has. Bit for bit, the
+    /// hits are what [`Tree::nearest_where`] finds for each ray.
     pub fn trace_group(
         &self,
         geometry: &Geometry,

@@ -105,8 +105,8 @@ pub(crate) fn count_neighbours(rays: &RayGroup, first: usize) -> usize {
 }
 
 impl<S: Simd> PacketFrustum<S> {
-    /// The frustums of some pulses, at most sixteen; lanes without a pulse repeat the first. Writes the deviations of the
-    /// rays, and where those of merged pulses start. `None` when the rays do not all run along one axis, or start out of
+    /// The frustums of some pulses, at most sixteen; lanes without a pulse repeat the first. Writes the deviations of their
+    /// rays, and where the rays of merged pulses start. `None` when the rays do not all run along one axis, or start out of
     /// reach. `error` is by how much rays and primitives may be off, in units of the tree's frame.
     #[inline(always)]
     pub fn around(
