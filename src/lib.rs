@@ -50,6 +50,8 @@
 //! * coordinates are `f64` in the scene frame, which is the world frame minus the scene's centre;
 //! * only data goes to stdout.
 
+#![deny(unsafe_code)]
+
 mod cli;
 mod columns;
 mod damage;

@@ -1,4 +1,11 @@
 //! The builders of trees.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `prim` | primitives as the builders see them: boxes |
+//! | `split`, `cost` | where to split a node of a kd-tree; whether that makes the tree cheaper |
+//! | `kd` | the recursion of the kd builders |
+//! | `wide` | the bounding volume hierarchy |
 
 mod cost;
 mod kd;
