@@ -22,7 +22,7 @@ fn echoes(by: f64, options: PhysicsOptions) -> Vec<(f64, u32)> {
         timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
     }];
     let plan = MotionPlan::new(&scene, 1000.0).unwrap();
-    let tree = Tree::build_of(&scene.geometry, &BuildOptions::default(), |i| scene.is_still(i));
+    let tree = Tree::build_where(&scene.geometry, &BuildOptions::default(), |i| scene.is_still(i));
     let physics = Physics::new(&scene, &tree, &survey, options).unwrap();
     let pulses: Vec<_> = pulses(5).iter().map(|p| in_frame(&scene, p)).collect();
     let (mut state, mut changes) = (MotionState::start(&plan), Vec::new());
