@@ -2,17 +2,17 @@
 
 use std::ops::Range;
 
-/// How the columns of a line are told apart.
+/// What separates the columns of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Separator {
-    /// One character; blanks around it do not count.
+    /// One character; blanks around it are ignored.
     Char(char),
     /// Any run of blanks and tabs.
     Blanks,
 }
 
 impl Separator {
-    /// The separator that a survey or a user names.
+    /// The separator that a survey or a user chooses.
     pub fn named(c: char) -> Separator {
         if c == ' ' { Separator::Blanks } else { Separator::Char(c) }
     }
@@ -60,7 +60,7 @@ impl Separator {
         fields
     }
 
-    /// A word for messages.
+    /// The name in messages.
     pub fn name(self) -> String {
         match self {
             Separator::Blanks => "blanks".to_owned(),
@@ -122,7 +122,7 @@ impl Dimension {
 /// A heading whose name is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Heading<T> {
-    /// What the name stands for.
+    /// The column of that name.
     pub column: T,
     /// Factor to seconds, metres or radians where the heading states a unit.
     pub factor: Option<f64>,

@@ -1,16 +1,19 @@
 //! GPS time (spec kinematics §1.2).
 
-/// Nanoseconds of a GPS week.
+use jiff::{Timestamp, civil::DateTime, tz::TimeZone};
+
+/// Nanoseconds in a GPS week.
 pub(super) const WEEK_NS: f64 = 604_800e9;
+/// Seconds in a GPS week.
 const WEEK_S: i64 = 604_800;
-/// POSIX seconds of the GPS epoch as the reference has it, 9 s after the true one.
+/// POSIX seconds of the GPS epoch that the reference uses, 9 s after the true one.
 const GPS_EPOCH: i64 = 315_964_809;
 
 /// POSIX seconds of 1980-01-06 00:00:00 UTC, when GPS time began.
 const TRUE_GPS_EPOCH: i64 = 315_964_800;
-/// POSIX seconds of the first second after each leap second since the GPS epoch (IERS Bulletin C): GPS time is ahead of
-/// UTC by as many seconds as have passed. UTC will have no more of them before 2035 (CGPM 2022, resolution 4), and none has
-/// been announced since the last one.
+/// POSIX seconds of the first second after each leap second since the GPS epoch (IERS Bulletin C). GPS time is ahead of UTC by
+/// the number of leap seconds so far. None has been announced since the last one, and UTC will have none after 2035 at the
+/// latest (CGPM 2022, resolution 4).
 const LEAP_SECONDS: [i64; 18] = [
     362_793_600,   // 1981-07-01
     394_329_600,   // 1982-07-01
@@ -32,16 +35,16 @@ const LEAP_SECONDS: [i64; 18] = [
     1_483_228_800, // 2017-01-01
 ];
 
-/// The start of the GPS clock in ns of the week: of now when `text` is empty, of a UTC time `YYYY-MM-DD hh:mm:ss`, or of
-/// POSIX seconds, whose fraction is ignored (spec outputs §2.4). `leap_seconds`: from the true epoch and with the leap
-/// seconds of UTC, which POSIX time does not count (IS-GPS-200, §20.3.3.5.2.4); otherwise as the reference does.
+/// The GPS time of week in ns at which a run starts: now where `text` is empty, a UTC time `YYYY-MM-DD hh:mm:ss`, or POSIX
+/// seconds, whose fraction is ignored (spec outputs §2.4). With `leap_seconds` it counts from the true epoch and includes the
+/// leap seconds of UTC, which POSIX time does not count (IS-GPS-200, §20.3.3.5.2.4); otherwise it is the reference's.
 ///
 /// # Errors
 /// What was found and what was expected, in one sentence.
 pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, String> {
     let posix = posix_seconds(text)?;
     let since_epoch = if leap_seconds {
-        // A leap second itself, 23:59:60, has the number of the second after it, but precedes it.
+        // A leap second has the POSIX time of the second after it, but precedes it.
         let counted = posix - i64::from(text.trim().ends_with(":60"));
         let leaps = LEAP_SECONDS.partition_point(|&from| from <= counted) as i64;
         posix.saturating_sub(TRUE_GPS_EPOCH).saturating_add(leaps)
@@ -51,30 +54,23 @@ pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, String> {
     Ok(since_epoch.rem_euclid(WEEK_S) as f64 * 1e9)
 }
 
-/// Year and day of the year (from 1), in UTC, of the same texts as [`gps_start`] takes: the creation date of files, which
-/// must not depend on when a run is repeated.
+/// Year and day of the year (from 1), in UTC, of a time as [`gps_start`] parses it: the creation date of files, which must not
+/// depend on when a run is repeated. (0, 0) before 1970 and after 9999.
 ///
 /// # Errors
 /// As [`gps_start`].
 pub fn calendar_day(text: &str) -> Result<(u16, u16), String> {
-    let mut day = posix_seconds(text)?.div_euclid(86_400);
-    let mut year = 1970;
-    let days_in = |year: i64| if year % 4 == 0 && (year % 100 != 0 || year % 400 == 0) { 366 } else { 365 };
-    if !(0..=20_000_000).contains(&day) {
-        return Ok((0, 0));
-    }
-    while day >= days_in(year) {
-        day -= days_in(year);
-        year += 1;
-    }
-    Ok((u16::try_from(year).unwrap_or(0), day as u16 + 1))
+    let date = Timestamp::from_second(posix_seconds(text)?).map(|t| t.to_zoned(TimeZone::UTC).date());
+    Ok(match date {
+        Ok(date) if date.year() >= 1970 => (date.year() as u16, date.day_of_year() as u16),
+        _ => (0, 0),
+    })
 }
 
 fn posix_seconds(text: &str) -> Result<i64, String> {
     let text = text.trim();
     if text.is_empty() {
-        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-        return Ok(now.map_or(0, |d| d.as_secs() as i64));
+        return Ok(Timestamp::now().as_second());
     }
     if text.contains(':') {
         return utc_seconds(text)
@@ -88,33 +84,18 @@ fn posix_seconds(text: &str) -> Result<i64, String> {
         .map_err(|_| format!("expected POSIX seconds or a time like 2024-01-31 12:00:00, found `{text}`"))
 }
 
-/// POSIX seconds of `YYYY-MM-DD hh:mm:ss` in UTC.
+/// POSIX seconds of `YYYY-MM-DD hh:mm:ss` in UTC; a leap second, 23:59:60, has the number of the second after it.
 fn utc_seconds(text: &str) -> Option<i64> {
     let bytes = text.as_bytes();
-    let separators = [(4, b"-"), (7, b"-"), (10, b" "), (13, b":"), (16, b":")];
-    let t_for_blank = bytes.get(10) == Some(&b'T');
-    if bytes.len() != 19 || !separators.iter().all(|&(i, s)| bytes[i] == s[0] || (i == 10 && t_for_blank)) {
+    // jiff also parses other forms of ISO 8601, and reads second 60 as 59.
+    if bytes.len() != 19 || bytes[4] != b'-' || bytes[16] != b':' {
         return None;
     }
-    let field = |from: usize, to: usize| -> Option<i64> {
-        bytes[from..to].iter().try_fold(0, |n, b| b.is_ascii_digit().then(|| n * 10 + i64::from(b - b'0')))
-    };
-    let (year, month, day) = (field(0, 4)?, field(5, 7)?, field(8, 10)?);
-    let (hour, minute, second) = (field(11, 13)?, field(14, 16)?, field(17, 19)?);
-    let leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
-    let lengths = [31, if leap { 29 } else { 28 }, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
-    let days_in_month = *lengths.get(usize::try_from(month - 1).ok()?)?;
-    if !(1..=days_in_month).contains(&day) || hour > 23 || minute > 59 || second > 60 {
-        return None;
-    }
-    let before = year - 1;
-    let leap_days = |y: i64| y / 4 - y / 100 + y / 400;
-    let days_to_year = (year - 1970) * 365 + leap_days(before) - leap_days(1969);
-    let days_to_month: i64 = lengths[..month as usize - 1].iter().sum();
-    Some((days_to_year + days_to_month + day - 1) * 86_400 + hour * 3600 + minute * 60 + second)
+    let time: DateTime = text.parse().ok()?;
+    Some(time.to_zoned(TimeZone::UTC).ok()?.timestamp().as_second() + i64::from(text.ends_with(":60")))
 }
 
-/// `now − then` in ns across at most one turn of the week.
+/// `now − then` in ns, both times of week, at most one week apart.
 #[inline]
 pub(super) fn elapsed_ns(now: f64, then: f64) -> f64 {
     let elapsed = now - then;
@@ -142,7 +123,7 @@ mod tests {
         // The epoch, a Sunday, and the second before it.
         assert_eq!(gps_start("1980-01-06 00:00:00", true), Ok(0.0));
         assert_eq!(gps_start("1980-01-05 23:59:59", true), Ok(604_799e9));
-        // Over the leap second at the end of 2016, a Saturday: GPS time goes on second by second.
+        // Across the leap second at the end of 2016, a Saturday, GPS time advances by one second each.
         for (text, second) in [
             ("2016-12-31 23:59:59", 16.0),
             ("2016-12-31 23:59:60", 17.0),
@@ -188,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn the_week_turns_within_an_interval() {
+    fn intervals_span_the_end_of_the_week() {
         assert_eq!(elapsed_ns(5.0, 3.0), 2.0);
         assert_eq!(elapsed_ns(1e9, WEEK_NS - 1e9), 2e9);
     }

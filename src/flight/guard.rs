@@ -1,92 +1,86 @@
-//! Watches a leg that no greatest duration bounds: it must come nearer to its end.
+//! Detects legs without a maximum duration that do not get closer to their end.
 
 use crate::platform::{PlatformPlan, PlatformState};
 
-/// Watches the way to a waypoint.
+/// Watches the distance to a waypoint.
 #[derive(Clone, Debug)]
-pub(super) struct Watch {
-    /// The step clock's tick at which to look.
-    pub look_at: u64,
-    /// Ticks between two looks.
+pub(super) struct ProgressGuard {
+    /// The step clock's tick of the next check.
+    pub next_check: u64,
+    /// Ticks between two checks.
     interval: u64,
-    /// Nearest distance to the waypoint when last looked, and since, m.
-    before: f64,
+    /// Smallest distance to the waypoint before the last check, and until now, m.
+    last_nearest: f64,
     nearest: f64,
 }
 
-/// A waypoint nearer by less than this share of what the platform could have travelled is no progress.
-const PROGRESS: f64 = 1e-3;
-/// How far a manoeuvre may lead without bringing the platform nearer, m.
-const DETOUR: f64 = 1000.0;
-/// Bounds of the time that a detour may take, s.
+/// A gain of less than this fraction of the distance that the platform could have travelled is no progress.
+const MIN_PROGRESS: f64 = 1e-3;
+/// Length of a manoeuvre that does not bring the platform closer, m.
+const MAX_DETOUR: f64 = 1000.0;
+/// Bounds of the time allowed for a detour, s.
 const DETOUR_TIME: (f64, f64) = (60.0, 36_000.0);
 
-impl Watch {
-    /// Looks never.
-    pub fn off() -> Watch {
-        Watch { look_at: u64::MAX, interval: u64::MAX, before: f64::INFINITY, nearest: f64::INFINITY }
+impl ProgressGuard {
+    /// A guard that checks nothing.
+    pub fn disabled() -> ProgressGuard {
+        let (nearest, last_nearest) = (f64::INFINITY, f64::INFINITY);
+        ProgressGuard { next_check: u64::MAX, interval: u64::MAX, last_nearest, nearest }
     }
 
     /// Watches leg `leg` from tick `now` on.
-    pub fn of_leg(plan: &PlatformPlan, platform: &PlatformState, leg: usize, now: u64) -> Watch {
-        let Some(distance) = platform.distance_left() else { return Watch::off() };
-        let course = &plan.legs()[leg];
+    pub fn of_leg(plan: &PlatformPlan, platform: &PlatformState, leg: usize, now: u64) -> ProgressGuard {
+        let Some(distance) = platform.distance_left() else { return ProgressGuard::disabled() };
+        let course = &plan.legs[leg];
         let ticks = if plan.is_physical() {
             detour_seconds(plan, leg) * course.frequency
         } else {
-            // Straight flight takes this many steps but for rounding, and some to turn about.
+            // Straight flight takes this many steps but for rounding, and some to turn.
             distance / course.step_length * 1.001 + 1000.0
         };
         let interval = ticks as u64;
-        Watch { look_at: now.saturating_add(interval), interval, before: distance, nearest: distance }
+        let next_check = now.saturating_add(interval);
+        ProgressGuard { next_check, interval, last_nearest: distance, nearest: distance }
     }
 
-    /// Notes a physical platform's distance.
-    pub fn see(&mut self, distance: f64) {
-        // A distance that is no number counts as no progress.
+    /// Records the distance of a physical platform; NaN counts as no progress.
+    pub fn record(&mut self, distance: f64) {
         if distance < self.nearest {
             self.nearest = distance;
         }
     }
 
-    /// Whether the leg has come to nothing when looked at at tick `now`, `distance` m from the waypoint; sets the next look
-    /// if not. `waiting`: the leg goes on because the head still turns.
-    pub fn is_stuck(
-        &mut self,
-        plan: &PlatformPlan,
-        leg: usize,
-        now: u64,
-        distance: f64,
-        waiting: bool,
-    ) -> bool {
+    /// Checks progress at tick `now`, `distance` m from the waypoint, and schedules the next check; `false` if there is none.
+    /// `waiting`: the leg continues only because the head still turns.
+    pub fn check(&mut self, plan: &PlatformPlan, leg: usize, now: u64, distance: f64, waiting: bool) -> bool {
         if waiting {
             self.nearest = distance;
         } else {
             let reach = detour_seconds(plan, leg) * cruise_speed(plan, leg);
-            let gained = self.before - self.nearest;
-            let progress = if reach.is_finite() { gained > PROGRESS * reach } else { gained > 0.0 };
+            let gained = self.last_nearest - self.nearest;
+            let progress = if reach.is_finite() { gained > MIN_PROGRESS * reach } else { gained > 0.0 };
             if !(plan.is_physical() && progress) {
-                return true;
+                return false;
             }
         }
-        self.before = self.nearest;
-        self.look_at = now.saturating_add(self.interval.max(1));
-        false
+        self.last_nearest = self.nearest;
+        self.next_check = now.saturating_add(self.interval.max(1));
+        true
     }
 
-    /// The nearest distance so far, m.
+    /// The smallest distance so far, m.
     pub fn nearest(&self) -> f64 {
         self.nearest
     }
 }
 
 fn cruise_speed(plan: &PlatformPlan, leg: usize) -> f64 {
-    let speed = plan.legs()[leg].speed;
+    let speed = plan.legs[leg].speed;
     if speed > 0.0 { speed.min(plan.terminal_speed()) } else { plan.terminal_speed() }
 }
 
 fn detour_seconds(plan: &PlatformPlan, leg: usize) -> f64 {
-    (DETOUR / cruise_speed(plan, leg)).clamp(DETOUR_TIME.0, DETOUR_TIME.1)
+    (MAX_DETOUR / cruise_speed(plan, leg)).clamp(DETOUR_TIME.0, DETOUR_TIME.1)
 }
 
 #[cfg(test)]
@@ -101,7 +95,7 @@ mod tests {
         survey(PlatformKind::GroundVehicle { drag: 0.005 }, Mount::IDENTITY, straight(), legs)
     }
 
-    /// Flies on without looking at pulses until the end or an error.
+    /// Number of steps until the end, or the error.
     fn outcome(plan: &FlightPlan) -> Result<usize, String> {
         let (mut state, mut steps) = (FlightState::start(plan), 0);
         loop {
@@ -115,23 +109,17 @@ mod tests {
     }
 
     #[test]
-    fn a_vehicle_that_circles_its_waypoint_is_stopped() {
+    fn a_vehicle_that_circles_its_waypoint_is_stopped_unless_the_leg_has_a_maximum_duration() {
         // spec kinematics §11.4: leg 2 does not end
-        let s = drive(&[[0.0, 0.0, 0.0], [20.0, 3.0, 0.0], [20.0, 40.0, 0.0], [0.0, 50.0, 0.0]], |_| {});
+        let mut s = drive(&[[0.0, 0.0, 0.0], [20.0, 3.0, 0.0], [20.0, 40.0, 0.0], [0.0, 50.0, 0.0]], |_| {});
         let report = outcome(&plan_of(&s).unwrap().0).unwrap_err();
         assert!(report.contains("leg 2 never ends"), "{report}");
-    }
-
-    #[test]
-    fn a_greatest_duration_makes_the_guard_needless() {
-        let s = drive(&[[0.0, 0.0, 0.0], [20.0, 3.0, 0.0], [20.0, 40.0, 0.0], [0.0, 50.0, 0.0]], |l| {
-            l.scanner.max_duration = Some(60.0);
-        });
+        s.legs.iter_mut().for_each(|l| l.scanner.max_duration = Some(60.0));
         assert!(outcome(&plan_of(&s).unwrap().0).is_ok());
     }
 
     #[test]
-    fn a_long_way_is_no_circle() {
+    fn long_legs_are_flown_to_their_end() {
         let s = drive(&[[0.0, 0.0, 0.0], [0.0, 3000.0, 0.0], [0.0, 3001.0, 0.0]], |_| {});
         assert!(outcome(&plan_of(&s).unwrap().0).unwrap() > 100_000);
         let mut slow = drive(&[[0.0, 0.0, 0.0], [0.0, 100.0, 0.0]], |l| l.platform.speed = 0.1);
@@ -158,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_too_small_to_move_are_noticed() {
+    fn steps_too_small_to_move_are_detected() {
         let mut s = drive(&[[1e8, 0.0, 0.0], [1e8 + 1e-6, 0.0, 0.0]], |l| l.platform.speed = 1e-7);
         s.platform.kind = PlatformKind::LinearPath;
         let report = outcome(&plan_of(&s).unwrap().0).unwrap_err();

@@ -1,11 +1,23 @@
 //! The clock of a survey: legs, steps and pulses. Platform and scanner move here, one step per pulse period.
 //!
-//! A [`FlightPlan`] is made once from a survey. A [`FlightState`] is a snapshot of a run: the producer of chunks steps one
-//! and clones it from time to time, and workers replay the same steps from the clones. Both run the same arithmetic, so
+//! A [`FlightPlan`] is made once from a survey. A [`FlightState`] is a snapshot of a flight: the producer of chunks steps one
+//! and clones it from time to time, and workers replay the same steps from the clones. Both run the same arithmetic, so that
 //! the pulses do not depend on where the chunks were cut.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `plan`, `leg`, `settings` | the plan, its legs, checks of the survey |
+//! | `state` | steps: clocks, changes of legs, devices |
+//! | `clock` | GPS time |
+//! | `guard` | detects legs that never end |
+//! | `pulse`, `emission` | pulses and trajectory samples; how a pulse is composed |
+//! | `noise`, `navigation` | noise of the pose, errors of the reported pose |
+//! | `positions` | positions along a flight before it is flown |
 
 mod clock;
+mod emission;
 mod guard;
+mod leg;
 mod navigation;
 mod noise;
 mod plan;
@@ -13,17 +25,12 @@ mod positions;
 mod pulse;
 mod settings;
 mod state;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
 
 pub use clock::{calendar_day, gps_start};
 pub use plan::{FlightOptions, FlightPlan};
 pub use pulse::{FlightSink, PoseSample, Pulse};
 pub use state::{FlightState, Step};
-
-#[cfg(test)]
-mod corrected;
-#[cfg(test)]
-mod golden;
-#[cfg(test)]
-mod reported;
-#[cfg(test)]
-mod testing;

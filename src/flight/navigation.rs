@@ -1,7 +1,6 @@
 //! Errors of navigation: the pose that is reported, from the pose that was flown.
 //!
-//! The errors are functions of seed and time alone, so that any worker finds them at any time without walking there from the
-//! start.
+//! The errors are functions of seed and time alone, so that any worker computes them at any time.
 
 use crate::geom::{DVec3, Rotation};
 use crate::rng::{Purpose, Stream};
@@ -9,18 +8,18 @@ use crate::survey::NavigationErrors;
 use libm::{cosh, exp, tanh};
 
 /// Correlation times between two nodes of a process.
-const SPAN: f64 = 8.0;
-/// Past draws in a node. Older ones weigh less than exp(−3·8) < 1e-10.
-const TERMS: i64 = 3;
-/// Halvings of the interval between two nodes; below them the process is interpolated linearly. The smallest interval is
-/// 8/2¹⁵ of the correlation time, which lowers the variance in its middle by the 8192th part.
-const LEVELS: u32 = 15;
+const NODE_SPACING: f64 = 8.0;
+/// Draws that contribute to a node. Older ones weigh less than exp(−3·8) < 1e-10.
+const NODE_TERMS: i64 = 3;
+/// Bisections of the interval between two nodes, below which the process is interpolated linearly. The smallest interval is
+/// 8/2¹⁵ of the correlation time, which lowers the variance in its middle by 1/8192.
+const BISECTIONS: u32 = 15;
 
 /// A first-order Gauss–Markov (Ornstein–Uhlenbeck) process of unit variance: mean 0, covariance exp(−|Δt|/τ) (Gelb 1974,
 /// Applied Optimal Estimation, §3.8).
 ///
-/// Nodes that are `SPAN` correlation times apart are x(k) = w Σ aʲ n(k−j) with a = exp(−SPAN) and standard normal draws n,
-/// which is the process sampled there. Between two nodes it is found by halving: given its values x and y at either end
+/// Nodes that are `NODE_SPACING` correlation times apart are x(k) = w Σ aʲ n(k−j) with a = exp(−NODE_SPACING) and standard normal draws n,
+/// which is the process sampled there. Between two nodes it is found by bisection: given its values x and y at either end
 /// of an interval of length 2δ, the value in the middle is normal with mean (x + y)/(2 cosh(δ/τ)) and variance tanh(δ/τ).
 #[derive(Clone, Debug)]
 struct GaussMarkov {
@@ -28,13 +27,13 @@ struct GaussMarkov {
     /// Correlation time, s.
     correlation: f64,
     /// Weight of the mean and standard deviation of the middle, by level.
-    middles: [(f64, f64); LEVELS as usize],
+    middles: [(f64, f64); BISECTIONS as usize],
 }
 
 impl GaussMarkov {
     fn new(stream: Stream, correlation: f64) -> GaussMarkov {
         let middle = |level: usize| {
-            let half = SPAN / f64::from(2 << level);
+            let half = NODE_SPACING / f64::from(2 << level);
             (0.5 / cosh(half), tanh(half).sqrt())
         };
         GaussMarkov { stream, correlation, middles: std::array::from_fn(middle) }
@@ -42,7 +41,7 @@ impl GaussMarkov {
 
     /// The value of the process `axis` at `time` seconds.
     fn at(&self, axis: u32, time: f64) -> f64 {
-        let cells = time / (SPAN * self.correlation);
+        let cells = time / (NODE_SPACING * self.correlation);
         let cell = cells.floor();
         let (first, mut share) = (cell as i64, cells - cell);
         let (mut low, mut high) = (self.node(axis, first), self.node(axis, first + 1));
@@ -62,16 +61,16 @@ impl GaussMarkov {
     }
 
     fn node(&self, axis: u32, number: i64) -> f64 {
-        let a = exp(-SPAN);
-        let scale = ((1.0 - a * a) / (1.0 - a.powi(2 * TERMS as i32))).sqrt();
-        let sum: f64 = (0..TERMS)
+        let a = exp(-NODE_SPACING);
+        let scale = ((1.0 - a * a) / (1.0 - a.powi(2 * NODE_TERMS as i32))).sqrt();
+        let sum: f64 = (0..NODE_TERMS)
             .map(|j| a.powi(j as i32) * self.stream.normal(axis, number.wrapping_sub(j) as u64, 0))
             .sum();
         scale * sum
     }
 }
 
-/// The errors of a run.
+/// The errors of a flight.
 #[derive(Clone, Debug)]
 pub(super) struct Navigation {
     errors: NavigationErrors,
@@ -92,7 +91,7 @@ const BORESIGHT: u32 = 6;
 const LEVER_ARM: u32 = 9;
 
 impl Navigation {
-    /// The errors under `seed` of a platform whose frame lies at `arm` in the navigation system's body and is turned by
+    /// The errors under `seed` of a platform whose frame is at `arm` in the navigation system's body and rotated by
     /// `boresight` there.
     pub fn new(errors: NavigationErrors, seed: u64, arm: DVec3, boresight: [f64; 3]) -> Navigation {
         let stream = Stream::new(seed, Purpose::Navigation);

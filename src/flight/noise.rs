@@ -1,18 +1,18 @@
-//! Noise of the platform's pose (spec kinematics §7). Every source is a stream of its own: none repeats another.
+//! Noise of the platform's pose (spec kinematics §7). Every source has its own random stream.
 
 use crate::geom::{DVec3, Rotation};
 use crate::rng::{Purpose, Stream};
 use crate::survey::{Noise, NoiseKind, PlatformNoise};
 
-/// Sources of position noise along x, y, z and of attitude noise about the beam frame's x, y, z.
+/// Noise of the position along x, y, z and of the attitude about the x, y, z of its frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PoseNoise {
-    position: [Option<Source>; 3],
-    attitude: [Option<Source>; 3],
+    position: [Option<NoiseSource>; 3],
+    attitude: [Option<NoiseSource>; 3],
 }
 
 #[derive(Clone, Debug)]
-struct Source {
+struct NoiseSource {
     noise: Noise,
     stream: Stream,
 }
@@ -21,7 +21,7 @@ impl PoseNoise {
     pub fn new(noise: &PlatformNoise, seed: u64) -> PoseNoise {
         let sources = |noise: &[Option<Noise>; 3], purposes: [Purpose; 3]| {
             std::array::from_fn(|i| {
-                noise[i].clone().map(|noise| Source { noise, stream: Stream::new(seed, purposes[i]) })
+                noise[i].clone().map(|noise| NoiseSource { noise, stream: Stream::new(seed, purposes[i]) })
             })
         };
         PoseNoise {
@@ -30,13 +30,14 @@ impl PoseNoise {
         }
     }
 
-    /// Displacement of the pulse's origin, m, world axes. `pulse` counts a device's emitted pulses from 0.
-    pub fn offset(&self, device: u32, pulse: u64) -> DVec3 {
-        let along = |i: usize| self.position[i].as_ref().map_or(0.0, |s: &Source| s.value(device, pulse));
+    /// Offset of a pulse's origin, m, world axes. `pulse` counts the emitted pulses of a device from 0.
+    pub fn position_offset(&self, device: u32, pulse: u64) -> DVec3 {
+        let along =
+            |i: usize| self.position[i].as_ref().map_or(0.0, |s: &NoiseSource| s.value(device, pulse));
         DVec3::new(along(0), along(1), along(2))
     }
 
-    /// The disturbed attitude: about x, then y, then z of its own frame, which in the reference is that of the beam.
+    /// `attitude` with noise about x, then y, then z of its own frame, which in the reference is that of the beam.
     pub fn apply_noise(&self, attitude: Rotation, device: u32, pulse: u64) -> Rotation {
         let about: [fn(f64) -> Rotation; 3] = [Rotation::about_x, Rotation::about_y, Rotation::about_z];
         self.attitude.iter().zip(about).fold(attitude, |a, (source, about)| match source {
@@ -46,8 +47,8 @@ impl PoseNoise {
     }
 }
 
-impl Source {
-    /// One drawn value serves `lifespan` pulses in a row; lifespan 0 is one value for ever, which no limit clips.
+impl NoiseSource {
+    /// One drawn value applies to `lifespan` consecutive pulses; with lifespan 0 one unclipped value applies to all.
     fn value(&self, device: u32, pulse: u64) -> f64 {
         let number = pulse.checked_div(u64::from(self.noise.lifespan)).unwrap_or(u64::MAX);
         let drawn = match self.noise.kind {
@@ -95,7 +96,7 @@ mod tests {
     fn uniform_noise_fills_its_interval_evenly() {
         let noise = Noise { kind: NoiseKind::Uniform { min: -0.2, max: 0.6 }, clip: None, lifespan: 1 };
         let source = only_x(Some(noise));
-        let values: Vec<f64> = (0..8000).map(|i| source.offset(0, i).x).collect();
+        let values: Vec<f64> = (0..8000).map(|i| source.position_offset(0, i).x).collect();
         assert!(values.iter().all(|v| (-0.2..0.6).contains(v)));
         // Four standard deviations of a count of 1000 among 8000.
         for tenth in 0..8 {
@@ -128,7 +129,7 @@ mod tests {
 
     #[test]
     fn lifespan_repeats_and_clipping_saturates() {
-        let draw = |n: &PoseNoise, i: u64| n.offset(0, i).x;
+        let draw = |n: &PoseNoise, i: u64| n.position_offset(0, i).x;
         let three = only_x(normal(3, None));
         assert_eq!(draw(&three, 3), draw(&three, 5));
         assert_ne!(draw(&three, 2), draw(&three, 3));
@@ -148,9 +149,9 @@ mod tests {
             attitude: [None, None, None],
         };
         let n = PoseNoise::new(&noise, 42);
-        let correlation = (0..2000).map(|i| n.offset(0, i)).map(|o| o.x * o.y).sum::<f64>() / 2000.0;
+        let correlation = (0..2000).map(|i| n.position_offset(0, i)).map(|o| o.x * o.y).sum::<f64>() / 2000.0;
         assert!(correlation.abs() < 0.1, "{correlation}");
-        assert_ne!(n.offset(0, 5), n.offset(1, 5));
+        assert_ne!(n.position_offset(0, 5), n.position_offset(1, 5));
         assert_ne!(leg_offset(1, 0, 0.0, 0.1), leg_offset(1, 1, 0.0, 0.1));
     }
 }

@@ -1,48 +1,42 @@
-//! Where a planned flight leads, without flying it.
+//! Positions along a planned flight, without flying it.
 
 use super::FlightPlan;
 use crate::geom::DVec3;
-use crate::platform::TrajectoryTable;
 
-/// A place from which a leg measures.
+/// A position from which a leg measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannedPosition {
-    /// The survey's number of the leg.
+    /// Number of the leg in the survey.
     pub leg: u32,
-    /// The platform, m, scene frame.
+    /// Position of the platform, m, scene frame.
     pub position: DVec3,
 }
 
 impl FlightPlan {
-    /// Up to `per_leg` places along each active leg: a standing platform's own, those between two waypoints, those of a
-    /// recorded flight at even times. None for a stream, whose poses are not known yet. Vehicles and multicopters leave the
-    /// straight line between waypoints by little.
+    /// Up to `per_leg` positions along each active leg: that of a static platform, evenly spaced ones between two waypoints, those
+    /// of a recorded flight at even times. None for a stream, whose poses are not known yet. Vehicles and multicopters deviate
+    /// little from the straight line between waypoints.
     pub fn planned_positions(&self, per_leg: u32) -> Vec<PlannedPosition> {
-        let courses = self.platform.legs();
-        let mut places = Vec::new();
+        let courses = &self.platform.legs;
+        let mut positions = Vec::new();
         for (i, (leg, course)) in
             self.legs.iter().zip(courses).enumerate().filter(|(_, (l, _))| l.settings.active)
         {
-            let mut add = |position: DVec3| places.push(PlannedPosition { leg: leg.number, position });
-            let shares = (0..per_leg.max(2)).map(|k| f64::from(k) / f64::from(per_leg.max(2) - 1));
+            let mut add = |position: DVec3| positions.push(PlannedPosition { leg: leg.number, position });
+            let fractions = (0..per_leg.max(2)).map(|k| f64::from(k) / f64::from(per_leg.max(2) - 1));
             match (self.platform.table(), course.span, courses.get(i + 1)) {
                 _ if self.platform.is_stream() => {}
                 (Some(table), Some(span), _) => {
-                    shares.for_each(|s| add(table.position_at(span.start + s * (span.end - span.start))));
+                    fractions.for_each(|s| add(table.position_at(span.start + s * (span.end - span.start))));
                 }
-                (None, _, Some(next)) if self.platform.heads_for_waypoints() => {
-                    shares.for_each(|s| add(course.position.lerp(next.position, s)));
+                (None, _, Some(next)) if self.platform.has_waypoints() => {
+                    fractions.for_each(|s| add(course.position.lerp(next.position, s)));
                 }
                 (None, _, _) => add(course.position),
                 _ => {}
             }
         }
-        places
-    }
-
-    /// The recorded poses of an interpolated platform.
-    pub fn trajectory_table(&self) -> Option<&TrajectoryTable> {
-        self.platform.table()
+        positions
     }
 }
 
@@ -53,14 +47,14 @@ mod tests {
     use crate::survey::{Mount, PlatformKind};
 
     #[test]
-    fn places_lie_on_the_way_of_active_legs() {
+    fn positions_are_on_active_legs() {
         let mut legs = [[0.0, 0.0, 50.0], [100.0, 0.0, 60.0], [100.0, 50.0, 60.0]]
             .map(|p| leg(p, 30.0, |_| {}))
             .to_vec();
         legs[1].scanner.active = false;
         let flight = survey(PlatformKind::LinearPath, Mount::IDENTITY, straight(), legs.clone());
-        let places = plan_of(&flight).unwrap().0.planned_positions(3);
-        let of = |leg: u32| places.iter().filter(|p| p.leg == leg).map(|p| p.position).collect::<Vec<_>>();
+        let positions = plan_of(&flight).unwrap().0.planned_positions(3);
+        let of = |leg: u32| positions.iter().filter(|p| p.leg == leg).map(|p| p.position).collect::<Vec<_>>();
         assert_eq!(of(0), [[0.0, 0.0, 50.0], [50.0, 0.0, 55.0], [100.0, 0.0, 60.0]].map(DVec3::from));
         assert_eq!((of(1).len(), of(2)), (0, vec![DVec3::new(100.0, 50.0, 60.0)]));
     }

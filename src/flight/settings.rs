@@ -1,20 +1,20 @@
-//! What is checked of a survey before it is flown.
+//! Checks of a survey before it is flown.
 
-use super::plan::PlannedLeg;
+use super::leg::PlannedLeg;
 use crate::diag::Diagnostics;
 use crate::geom::degrees;
-use crate::platform::PlatformPlan;
-use crate::scanner::{DevicePlan, window};
+use crate::platform::{Motion, PlatformPlan};
+use crate::scanner::{DevicePlan, firing_window};
 use crate::survey::{Deflector, Leg, PlatformKind, Survey};
 
-/// More steps than these are no leg: a year at 30 MHz.
-const MOST_STEPS: f64 = 1e15;
-/// Longer warm-ups are mistakes: more than a quarter of an hour at 1 MHz.
-const MOST_WARMUP: f64 = 1e9;
-/// Farther coordinates (m) are not on this planet.
-const FARTHEST: f64 = 1e9;
+/// Limit of steps of a leg: a year at 30 MHz.
+const MAX_STEPS: f64 = 1e15;
+/// Limit of steps of a warm-up: a quarter of an hour at 1 MHz.
+const MAX_WARMUP_STEPS: f64 = 1e9;
+/// Limit of coordinates on Earth, m.
+const MAX_COORDINATE: f64 = 1e9;
 
-/// Checks the numbers that everything else relies on; `false` if the survey cannot be planned at all.
+/// Checks the numbers on which planning relies; `false` if the survey cannot be planned.
 pub(super) fn check_numbers(survey: &Survey, problems: &mut Diagnostics) -> bool {
     let before = problems.items().len();
     if survey.legs.is_empty() {
@@ -29,9 +29,9 @@ pub(super) fn check_numbers(survey: &Survey, problems: &mut Diagnostics) -> bool
     }
     for (name, value) in platform_numbers(survey) {
         if !value.is_finite() || (name == "drag" && value < 0.0) {
-            let least = if name == "drag" { " of at least 0" } else { "" };
+            let bound = if name == "drag" { " of at least 0" } else { "" };
             let id = &survey.platform.id;
-            let message = format!("platform `{id}`: {name} is {value}, expected a finite number{least}");
+            let message = format!("platform `{id}`: {name} is {value}, expected a finite number{bound}");
             problems.error(None, message);
         }
     }
@@ -72,7 +72,7 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
         problems.error(leg.place.clone(), message);
     }
     let p = leg.platform.position;
-    if !p.is_finite() || p.abs().max_element() > FARTHEST {
+    if !p.is_finite() || p.abs().max_element() > MAX_COORDINATE {
         let message = format!("leg {n}: no place on earth: x {} y {} z {}", p.x, p.y, p.z);
         problems.error(leg.place.clone(), message);
     }
@@ -94,18 +94,18 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
         problems
             .error(leg.place.clone(), format!("leg {n}: the {name} is {value}, expected a finite number"));
     }
-    if s.warmup * f64::from(s.pulse_freq) > MOST_WARMUP {
+    if s.warmup * f64::from(s.pulse_freq) > MAX_WARMUP_STEPS {
         let message = format!("leg {n}: a warm-up of {} s at {} Hz takes too long", s.warmup, s.pulse_freq);
         problems.error(leg.place.clone(), message).help("warm-ups take seconds at most");
     }
 }
 
-/// Warns of polygon mirrors that never fire in leg `leg`.
+/// Warns of polygon mirrors that never fire in a leg.
 pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &mut Diagnostics) {
     for (i, device) in devices.iter().enumerate().filter(|_| leg.settings.active) {
         let Deflector::Polygon { effective_max } = device.deflector else { continue };
         let angle = device.scan_angle(leg.settings.scan_angle);
-        let (lower, upper) = window(effective_max, angle, &leg.settings);
+        let (lower, upper) = firing_window(effective_max, angle, &leg.settings);
         if lower >= upper {
             let which = if devices.len() > 1 { format!(", channel {i}") } else { String::new() };
             let range = format!("{:.3}° to {:.3}°", degrees(lower), degrees(upper));
@@ -118,7 +118,8 @@ pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &
     }
 }
 
-/// Why leg `index` cannot end, as far as that is known before it is flown; `None` for legs with a greatest duration.
+/// Why leg `index` cannot end and what helps, as far as that is known before it is flown; `None` for legs with a maximum
+/// duration.
 pub(super) fn why_endless(
     index: usize,
     legs: &[PlannedLeg],
@@ -135,7 +136,7 @@ pub(super) fn why_endless(
             "give the leg a maxDuration_s or a headRotatePerSec_deg with start and stop",
         ));
     }
-    why_head_never_stops(leg, device).or_else(|| why_never_there(index, platform))
+    why_head_never_stops(leg, device).or_else(|| why_never_arrives(index, platform))
 }
 
 fn why_head_never_stops(leg: &PlannedLeg, device: &DevicePlan) -> Option<(String, &'static str)> {
@@ -146,8 +147,8 @@ fn why_head_never_stops(leg: &PlannedLeg, device: &DevicePlan) -> Option<(String
         return None;
     }
     let step = rate.abs() / f64::from(s.pulse_freq);
-    let farthest = s.head_start.abs().max(s.head_stop.abs());
-    if left / step < MOST_STEPS && step > farthest * f64::EPSILON {
+    let max_angle = s.head_start.abs().max(s.head_stop.abs());
+    if left / step < MAX_STEPS && step > max_angle * f64::EPSILON {
         return None;
     }
     let reason = format!(
@@ -164,21 +165,21 @@ fn why_head_never_stops(leg: &PlannedLeg, device: &DevicePlan) -> Option<(String
     Some((reason, help))
 }
 
-fn why_never_there(index: usize, platform: &PlatformPlan) -> Option<(String, &'static str)> {
-    let courses = platform.legs();
+fn why_never_arrives(index: usize, platform: &PlatformPlan) -> Option<(String, &'static str)> {
+    let courses = &platform.legs;
     let here = &courses[index];
     let next = courses.get(index + 1);
-    if platform.is_linear() {
+    if matches!(platform.motion, Motion::Linear) {
         // The last leg's target is reached when it starts; a single leg flies to the centre of the scene.
         let moves = next.is_some_and(|n| n.position != here.position) || courses.len() == 1;
         return (moves && here.speed <= 0.0)
             .then(|| (format!("its speed is {} m/s", here.speed), "set movePerSec_m above 0"));
     }
-    if platform.is_ground_vehicle() {
+    if matches!(platform.motion, Motion::GroundVehicle { .. }) {
         let cap = if here.speed > 0.0 { here.speed } else { f64::INFINITY };
-        let farthest_step = cap.min(platform.terminal_speed()) / here.frequency;
+        let max_step = cap.min(platform.terminal_speed()) / here.frequency;
         let climb = (next?.position.z - courses[0].position.z).abs();
-        return (climb >= farthest_step).then(|| {
+        return (climb >= max_step).then(|| {
             (
                 format!("a ground vehicle keeps its height and the next waypoint is {climb:.3} m off it"),
                 "give all legs the same height, or another platform",
@@ -200,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn legs_that_cannot_end_are_refused_beforehand() {
+    fn legs_that_cannot_end_are_refused() {
         let mut still = flight(|_| {});
         still.platform.kind = PlatformKind::Static;
         let report = refusal(&still);
@@ -223,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_numbers_are_refused_all_at_once() {
+    fn all_invalid_numbers_are_refused_at_once() {
         let report = refusal(&flight(|l| {
             l.scanner.pulse_freq = 0;
             l.scanner.head_rate = f64::NAN;
@@ -247,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn empty_windows_are_warned_of() {
+    fn empty_firing_windows_cause_warnings() {
         let with_window = |low: f64, high: f64| {
             let mut s = flight(|l| {
                 l.scanner.vertical_min = Some(radians(low));

@@ -1,16 +1,17 @@
-//! Surveys built by hand, and what flying them yields.
+//! Surveys for tests, and flights along them.
 
 use super::{FlightOptions, FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::geom::{DVec3, Rotation, radians};
+pub use crate::platform::testing::MULTICOPTER;
 use crate::scanner::testing::{device, settings};
 use crate::survey::*;
 
 /// The GPS start of "2024-01-01 00:00:00".
 pub const START_NS: f64 = 86_391e9;
 
-/// A survey with one device and no scene to speak of.
+/// A survey with one device and an empty scene.
 pub fn survey(kind: PlatformKind, mount: Mount, deflector: Deflector, legs: Vec<Leg>) -> Survey {
     let mut survey = Survey { legs, ..testkit::survey(vec![device(deflector)]) };
     (survey.platform.kind, survey.platform.mount) = (kind, mount);
@@ -21,7 +22,7 @@ pub fn survey(kind: PlatformKind, mount: Mount, deflector: Deflector, legs: Vec<
     survey
 }
 
-/// An active leg at `position`, 100 Hz, changed by `change`.
+/// An active leg at `position`, 100 Hz, modified by `change`.
 pub fn leg(position: [f64; 3], speed: f64, change: impl FnOnce(&mut Leg)) -> Leg {
     let mut leg = testkit::leg(0, settings(100));
     (leg.platform.position, leg.platform.speed) = (DVec3::from(position), speed);
@@ -40,38 +41,60 @@ pub fn mount(offset: [f64; 3]) -> Mount {
     Mount { offset: DVec3::from(offset), rotation: Rotation::IDENTITY }
 }
 
-/// A polygon mirror with ±50° to use.
+/// A polygon mirror with ±50° of usable angle.
 pub fn polygon() -> Deflector {
     Deflector::Polygon { effective_max: radians(50.0) }
 }
 
-/// No deflection at all: Risley prisms that are not there.
+/// No deflection: a Risley device without prisms.
 pub fn straight() -> Deflector {
     Deflector::Risley { prisms: Vec::new(), air: 1.0, incident: DVec3::Y }
 }
 
-/// The multicopter of the golden sequences.
-pub const MULTICOPTER: Multicopter = Multicopter {
-    drag: 0.01,
-    engine_max_force: 0.1,
-    speedup: 2.0,
-    slowdown: 2.0,
-    base_pitch: -5.0 * DEGREE,
-    pitch_speed: 85.94 * DEGREE,
-    roll_speed: 28.65 * DEGREE,
-    yaw_speed: 85.94 * DEGREE,
-    pitch_offset: 35.0 * DEGREE,
-    roll_offset: 25.0 * DEGREE,
-};
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
-
-/// The plan of `survey` with the start time of the examples.
-pub fn plan_of(survey: &Survey) -> Result<(FlightPlan, Diagnostics)> {
-    let options = FlightOptions { gps_start_ns: START_NS, ..FlightOptions::default() };
-    FlightPlan::new(survey, DVec3::ZERO, &|_, _| None, &options)
+/// A platform that follows recorded poses at 100, 101, 102 and 104 s: 10 m to the east per second, yaws 0, 10, 30 and 350
+/// degrees, the first one changed to `first_yaw`.
+pub fn recorded(first_yaw: f64, sync_gps_time: bool, legs: Vec<Leg>) -> (Survey, tempfile::TempDir) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("flight.txt");
+    let rows = [(100, 0, first_yaw), (101, 10, 10.0), (102, 20, 30.0), (104, 40, 350.0)];
+    let rows = rows.map(|(t, x, yaw)| format!("{t}, 0, 0, {yaw}, {x}, 0, 0\n")).concat();
+    std::fs::write(&path, format!("#TIME_COLUMN: 0\n{rows}")).unwrap();
+    let kind = PlatformKind::Interpolated(Interpolated {
+        rotation_spec: RotationSpec::Arinc705,
+        position_only: false,
+        degrees: true,
+        sync_gps_time,
+        grid: Grid::FirstFix,
+        files: vec![TrajectoryFile { path, columns: None, separator: None, slope_filter: 0.0 }],
+    });
+    (survey(kind, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs), dir)
 }
 
-/// The report of the errors with which `survey` is refused.
+/// A leg at 10 Hz along recorded poses from `start` to `end` s.
+pub fn recorded_leg(start: f64, end: f64, teleport: bool) -> Leg {
+    leg([0.0; 3], 70.0, |l| {
+        l.scanner.pulse_freq = 10;
+        l.scanner.trajectory_interval = 0.01;
+        l.platform.trajectory = Some(LegTrajectory { file: 0, start: Some(start), end: Some(end), teleport });
+    })
+}
+
+/// The options of the examples: as the reference, from [`START_NS`] on.
+pub fn options() -> FlightOptions {
+    FlightOptions { gps_start_ns: START_NS, ..FlightOptions::default() }
+}
+
+/// The plan of `survey` with the start time of the examples, and its warnings.
+pub fn plan_of(survey: &Survey) -> Result<(FlightPlan, Diagnostics)> {
+    FlightPlan::new(survey, DVec3::ZERO, &|_, _| None, &options())
+}
+
+/// The plan of an acceptable survey.
+pub fn plan_with(survey: &Survey, options: FlightOptions) -> FlightPlan {
+    FlightPlan::new(survey, DVec3::ZERO, &|_, _| None, &options).expect("the survey is accepted").0
+}
+
+/// The error for an unacceptable survey.
 pub fn refusal(survey: &Survey) -> String {
     match plan_of(survey) {
         Err(Error::Input(d) | Error::Limits(d)) => d.render(false),
@@ -80,7 +103,7 @@ pub fn refusal(survey: &Survey) -> String {
     }
 }
 
-/// Keeps everything.
+/// Keeps pulses and poses.
 #[derive(Default)]
 pub struct Keep {
     pub pulses: Vec<Pulse>,
@@ -96,7 +119,7 @@ impl FlightSink for Keep {
     }
 }
 
-/// Counts only.
+/// Counts pulses and poses.
 #[derive(Default)]
 pub struct Count {
     pub pulses: u64,
@@ -122,16 +145,20 @@ pub struct FlownLeg {
 
 /// Flies `survey` to its end.
 pub fn fly(survey: &Survey) -> Vec<FlownLeg> {
-    let (plan, _) = plan_of(survey).expect("the survey is accepted");
-    fly_plan(&plan, &mut FlightState::start(&plan)).expect("the flight ends")
+    fly_plan(&plan_with(survey, options()))
 }
 
-/// Flies on from `state` to the end.
-pub fn fly_plan(plan: &FlightPlan, state: &mut FlightState) -> Result<Vec<FlownLeg>> {
+/// Flies `plan` to its end.
+pub fn fly_plan(plan: &FlightPlan) -> Vec<FlownLeg> {
+    fly_on(plan, &mut FlightState::start(plan))
+}
+
+/// Flies from `state` to the end.
+pub fn fly_on(plan: &FlightPlan, state: &mut FlightState) -> Vec<FlownLeg> {
     let mut legs = vec![FlownLeg::default()];
     loop {
         let mut keep = Keep::default();
-        let step = state.step(plan, &mut keep)?;
+        let step = state.step(plan, &mut keep).expect("the flight ends");
         let leg = legs.last_mut().expect("there is a leg");
         leg.pulses.append(&mut keep.pulses);
         leg.poses.append(&mut keep.poses);
@@ -139,7 +166,7 @@ pub fn fly_plan(plan: &FlightPlan, state: &mut FlightState) -> Result<Vec<FlownL
             Step::Advanced => leg.steps += 1,
             Step::LegChanged => legs.push(FlownLeg::default()),
             Step::NeedsPoses => panic!("poses are missing"),
-            Step::Ended => return Ok(legs),
+            Step::Ended => return legs,
         }
     }
 }

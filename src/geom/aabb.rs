@@ -18,7 +18,7 @@ impl Default for Aabb {
 }
 
 impl Aabb {
-    /// The box that contains nothing and is the neutral element of [`Aabb::union`].
+    /// The empty box, the neutral element of [`Aabb::union`].
     pub const EMPTY: Aabb = Aabb { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
     /// The smallest box around `points`.
@@ -46,30 +46,31 @@ impl Aabb {
         self.max - self.min
     }
 
-    /// Whether the box contains no point at all.
+    /// Whether the box contains no point.
     pub fn is_empty(&self) -> bool {
         self.min.x > self.max.x || self.min.y > self.max.y || self.min.z > self.max.z
     }
 
-    /// The same box moved by `offset`.
+    /// This box moved by `offset`.
     pub fn translated(&self, offset: DVec3) -> Aabb {
         Aabb { min: self.min + offset, max: self.max + offset }
     }
 
-    /// Slab interval `[t_in, t_out]` of the line `origin + t·direction` within the box, in units of `direction`.
-    /// Axes are evaluated in the order x, y, z; `None` when the slabs are disjoint. Either end may be negative.
+    /// The interval `[t_in, t_out]` in which the line `origin + t·direction` is within the box, in units of `direction`, or
+    /// `None` if it misses the box. Either end may be negative.
     #[inline]
     pub fn slabs(&self, origin: DVec3, direction: DVec3) -> Option<(f64, f64)> {
         let (mut t_in, mut t_out) = (f64::NEG_INFINITY, f64::INFINITY);
         for axis in 0..3 {
-            let (near, far) = if direction[axis] < 0.0 {
+            // By the sign bit, because division by -0.0 swaps the infinities.
+            let (near, far) = if direction[axis].is_sign_negative() {
                 (self.max[axis], self.min[axis])
             } else {
                 (self.min[axis], self.max[axis])
             };
             let a = (near - origin[axis]) / direction[axis];
             let b = (far - origin[axis]) / direction[axis];
-            // NaN (a ray in a slab plane) leaves the interval as it is.
+            // 0/0, a line within the plane of a face, is NaN and leaves the interval as it is.
             if a > t_in {
                 t_in = a;
             }
@@ -96,9 +97,14 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_beside_the_box_has_no_interval() {
+    fn lines_parallel_to_faces_hit_or_miss_whatever_the_sign_of_zero() {
         let b = Aabb { min: DVec3::ZERO, max: DVec3::ONE };
-        assert!(b.slabs(DVec3::new(2.0, -1.0, 0.5), DVec3::Y).is_none());
+        for zero in [0.0, -0.0] {
+            let direction = DVec3::new(zero, 1.0, zero);
+            assert_eq!(b.slabs(DVec3::new(0.5, -1.0, 0.5), direction), Some((1.0, 2.0)));
+            assert_eq!(b.slabs(DVec3::new(2.0, -1.0, 0.5), direction), None);
+            assert_eq!(b.slabs(DVec3::new(-2.0, -1.0, 0.5), direction), None);
+        }
         assert!(Aabb::EMPTY.is_empty() && !b.is_empty());
     }
 }

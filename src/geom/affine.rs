@@ -1,9 +1,8 @@
-//! Maps of space onto itself that keep shapes: rotations, mirrors, shifts and what they compose to.
+//! Affine maps: rotations, reflections, translations and their compositions.
 
 use super::{DVec3, Rotation};
 
-/// `p ↦ A·p + shift`, with `A` stored by columns. Composition rounds, so a long product is a function of its factors and
-/// their order.
+/// `p ↦ A·p + shift`. Composition rounds, so that a product depends on the order of evaluation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
     /// Images of the unit vectors x, y and z, without the shift.
@@ -13,10 +12,10 @@ pub struct Affine {
 }
 
 impl Affine {
-    /// Leaves everything where it is.
+    /// The identity.
     pub const IDENTITY: Affine = Affine { columns: [DVec3::X, DVec3::Y, DVec3::Z], shift: DVec3::ZERO };
 
-    /// Moves everything by `by`, m.
+    /// Translation by `by`, m.
     pub fn translation(by: DVec3) -> Affine {
         Affine { shift: by, ..Affine::IDENTITY }
     }
@@ -26,7 +25,7 @@ impl Affine {
         Affine { columns: [DVec3::X, DVec3::Y, DVec3::Z].map(|e| r.apply(e)), shift: DVec3::ZERO }
     }
 
-    /// Mirror at the plane through the origin with unit normal `normal`.
+    /// Reflection at the plane through the origin with unit normal `normal`.
     pub fn reflection(normal: DVec3) -> Affine {
         let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(|e| e - normal * (2.0 * normal.dot(e)));
         Affine { columns, shift: DVec3::ZERO }
@@ -48,7 +47,7 @@ impl Affine {
         Affine { columns: first.columns.map(|c| self.apply_to_vector(c)), shift: self.apply(first.shift) }
     }
 
-    /// The same map about `centre` instead of the origin.
+    /// This map about `centre` instead of the origin.
     pub fn about(&self, centre: DVec3) -> Affine {
         Affine { shift: (self.shift + centre) - self.apply_to_vector(centre), ..*self }
     }

@@ -1,6 +1,6 @@
-//! Geometry in double precision that every room shares: rotations, boxes, angles.
+//! Geometry in double precision: rotations, boxes, angles, map projection.
 //!
-//! Transcendental functions are taken from [`libm`] so that results do not depend on the machine's C library.
+//! Transcendental functions come from [`libm`], so that results do not depend on the machine's C library.
 
 mod aabb;
 mod affine;

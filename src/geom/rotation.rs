@@ -6,8 +6,8 @@ use std::f64::consts::TAU;
 
 /// A rotation of vectors, right-handed, stored as a quaternion `w + u`.
 ///
-/// Products are not re-normalised: the simulated clockwork adds rotations in a fixed order and its last digits are part
-/// of the result (spec kinematics §0.2).
+/// Products are not re-normalised: simulated motion composes rotations in a fixed order, and their last digits are part of the
+/// result (spec kinematics §0.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotation {
     /// Scalar part, cos(θ/2).
@@ -93,7 +93,7 @@ impl Rotation {
         Rotation { w, u: a.cross(b) * (1.0 / (2.0 * w * lengths)) }
     }
 
-    /// Axis and angle, the angle within [0, π]; the axis of no rotation is +X.
+    /// Axis and angle, the angle within [0, π]; the axis of the identity is +X.
     pub fn axis_angle(&self) -> (DVec3, f64) {
         let length = self.u.length();
         if length == 0.0 {

@@ -17,10 +17,10 @@ const N: f64 = F / (2.0 - F);
 const SCALE: f64 = 0.9996;
 const FALSE_EASTING: f64 = 500_000.0;
 const FALSE_NORTHING: f64 = 10_000_000.0;
-/// Farthest from the central meridian that anything is projected, rad: beyond lies no use of UTM.
-const WIDEST: f64 = 30.0 * (PI / 180.0);
+/// Limit of the longitude from the central meridian, rad, far beyond the zone.
+const MAX_LONGITUDE: f64 = 30.0 * (PI / 180.0);
 
-/// Radius of the sphere whose meridians are as long as the ellipsoid's, m (Karney, eq. 14).
+/// Radius of the sphere whose meridians have the length of the ellipsoid's, m (Karney, eq. 14).
 const RECTIFYING: f64 = A / (1.0 + N) * (1.0 + N * N * (1.0 / 4.0 + N * N * (1.0 / 64.0 + N * N / 256.0)));
 
 /// One of the 60 zones, on one hemisphere: a rectangular grid in metres.
@@ -32,7 +32,7 @@ pub struct UtmZone {
     south: bool,
 }
 
-/// A place on the grid.
+/// A point on the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridPoint {
     /// m.
@@ -50,7 +50,8 @@ impl UtmZone {
         (1..=60).contains(&number).then_some(UtmZone { number, south })
     }
 
-    /// The zone of a place in radians, with the exceptions of Norway and Svalbard; `None` for what is no latitude.
+    /// The zone of a latitude and longitude in radians, with the exceptions of Norway and Svalbard; `None` for an invalid
+    /// latitude.
     pub fn of(latitude: f64, longitude: f64) -> Option<UtmZone> {
         if !(latitude.abs() <= FRAC_PI_2 && longitude.is_finite()) {
             return None;
@@ -67,7 +68,7 @@ impl UtmZone {
         UtmZone::new(number, lat < 0.0)
     }
 
-    /// Understands `32N`, `32 n`, `33S`, and `32` for the northern hemisphere.
+    /// Parses `32N`, `32 n`, `33S`, and `32` for the northern hemisphere.
     pub fn parse(text: &str) -> Option<UtmZone> {
         let text = text.trim();
         let digits = text.bytes().take_while(u8::is_ascii_digit).count();
@@ -99,11 +100,11 @@ impl UtmZone {
         (f64::from(self.number) * 6.0 - 183.0) * (PI / 180.0)
     }
 
-    /// The grid point of a latitude and longitude in radians; `None` for what is no latitude and for places more than 30°
-    /// from the central meridian.
+    /// The grid point of a latitude and longitude in radians; `None` for an invalid latitude and more than 30° from the central
+    /// meridian.
     pub fn project(self, latitude: f64, longitude: f64) -> Option<GridPoint> {
         let east = (longitude - self.meridian() + PI).rem_euclid(2.0 * PI) - PI;
-        if !(latitude.abs() <= FRAC_PI_2 && east.abs() <= WIDEST) {
+        if !(latitude.abs() <= FRAC_PI_2 && east.abs() <= MAX_LONGITUDE) {
             return None;
         }
         let tau = conformal_tangent(tan(latitude));
@@ -139,7 +140,7 @@ impl UtmZone {
             eta -= beta * cos(k * y) * sinh(k * x);
         }
         let goal = sin(xi) / (sinh(eta) * sinh(eta) + cos(xi) * cos(xi)).sqrt();
-        // Newton's method (Karney, eq. 19 to 21); three steps are enough, and more change nothing.
+        // Newton's method (Karney, eq. 19 to 21) converges in three steps; further ones change nothing.
         let mut tau = goal;
         for _ in 0..5 {
             let reached = conformal_tangent(tau);
@@ -212,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn known_places_are_met() {
+    fn known_points_are_projected() {
         // The edge of a zone on the equator, as in every table of UTM.
         assert!((at("31N", 0.0, 0.0).easting - 166_021.443_1).abs() < 1e-4);
         assert!((at("31N", 0.0, 6.0).easting - 833_978.556_9).abs() < 1e-4);
@@ -247,7 +248,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_way_back_leads_home(lat in -84.0f64..84.0, east in -6.0f64..6.0, number in 1u8..=60, south: bool) {
+        fn unprojection_inverts_projection(lat in -84.0f64..84.0, east in -6.0f64..6.0, number in 1u8..=60, south: bool) {
             let zone = UtmZone::new(number, south).unwrap();
             let (lat, lon) = (lat.to_radians(), zone.meridian() + east.to_radians());
             let p = zone.project(lat, lon).unwrap();
@@ -255,7 +256,7 @@ mod tests {
             prop_assert!((again - lat).abs() * A < 1e-6 && (lon_again - lon).abs() * A * cos(lat) < 1e-6);
         }
 
-        /// A step to the true north leads `convergence` to the left of the grid's north, and a step to the east is as long.
+        /// True north is `convergence` to the left of grid north, and the scale to the east is that to the north.
         #[test]
         fn the_projection_is_conformal(lat in -80.0f64..80.0, east in -5.0f64..5.0) {
             let zone = UtmZone::new(32, false).unwrap();

@@ -50,8 +50,6 @@ impl Aim {
     }
 
     fn add_beam(&mut self, target: &AimTarget, origin: DVec3, direction: DVec3) {
-        // A component of -0 would swap the entry and exit of its slab.
-        let direction = direction + DVec3::ZERO;
         self.sampled += 1;
         self.upwards += u64::from(direction.z > 0.0);
         self.origins = self.origins.with(origin);

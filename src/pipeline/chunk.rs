@@ -208,7 +208,7 @@ fn wait_for_poses(
 
 /// The done part of the whole flight.
 fn done(plan: &FlightPlan, state: &FlightState) -> f64 {
-    if plan.follows_stream() {
+    if plan.is_stream() {
         return f64::NAN;
     }
     (state.leg_index() as f64 + state.progress(plan)) / plan.leg_count() as f64

@@ -1,12 +1,20 @@
-//! Waypoints and headings that all movers share (spec kinematics §0.1, §2.1).
+//! Waypoints and headings, shared by all platforms (spec kinematics §0.1, §2.1).
 
-use super::LegEntry;
 use crate::geom::{DVec3, Rotation, unit};
 use crate::survey::RotationSpec;
 use libm::{acos, asin, atan2};
 use std::f64::consts::{PI, TAU};
 
-/// What a leg asks of its platform.
+/// How a leg is entered (spec kinematics §1.4).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LegEntry {
+    /// The first leg of a run: the platform is placed at it.
+    Initial,
+    /// A later leg: a moving platform continues from where it is.
+    Continuing,
+}
+
+/// A leg as its platform needs it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegCourse {
     /// Where the leg starts, m, scene frame.
@@ -25,11 +33,11 @@ pub struct LegCourse {
     pub slowdown: bool,
     /// Multicopter: yaw to adopt when stopping and turning, rad.
     pub yaw_at_departure: Option<f64>,
-    /// Interpolated platforms: the stretch of the table that is flown; `None` on added legs, which end at once.
+    /// Interpolated platforms: the part of the table that is flown; `None` on added legs, which end at once.
     pub span: Option<Span>,
 }
 
-/// A stretch of a trajectory table, in seconds after its first row.
+/// A part of a trajectory table, in seconds after its first row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
     /// Start.
@@ -38,22 +46,24 @@ pub struct Span {
     pub end: f64,
 }
 
-/// Where a moving platform is, how far it moves per step and where it goes.
+/// Position, velocity and waypoints of a moving platform.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Course {
+pub struct Course {
     /// m, scene frame.
     pub position: DVec3,
     /// m per step.
     pub velocity: DVec3,
+    /// Start of the leg, m.
     pub origin: DVec3,
+    /// End of the leg, m.
     pub target: DVec3,
-    /// The waypoint after the target.
+    /// The waypoint after the target, m.
     pub next: DVec3,
 }
 
 impl Course {
-    /// Takes position (of a run's first leg) and waypoints of leg `leg`; `true` if a target was assigned. The last leg
-    /// keeps the old waypoints.
+    /// Sets the waypoints of leg `leg`, and the position if it is the first of a run. The last leg keeps the waypoints of the
+    /// one before; returns whether a target was assigned.
     pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry) -> bool {
         if entry == LegEntry::Initial {
             self.position = legs[leg].position;
@@ -70,38 +80,37 @@ impl Course {
         self.target - self.position
     }
 
-    /// Less than one step away: `|D − p| / |v| < 1`.
+    /// Whether the target is less than one step away: `|D − p| / |v| < 1`.
     #[inline]
-    pub fn reached(&self) -> bool {
+    pub fn is_reached(&self) -> bool {
         let q = self.to_target();
         let v = self.velocity;
-        // Far beyond any rounding of the quotient below, and true for infinitely far too.
+        // Decides all but the last steps without a square root, far from any rounding of the quotient below.
         if q.dot(q) > 4.0 * v.dot(v) {
             return false;
         }
         q.length() / v.length() < 1.0
     }
 
-    /// What is left of the next step's time, as a share of it, once that step has come to the target; `None` if it does not
-    /// come that far.
+    /// The fraction of the next step that remains after it has reached the target; `None` if it does not get there.
     pub fn time_left_at_target(&self) -> Option<f64> {
-        let share = self.to_target().length() / self.velocity.length();
-        (share < 1.0).then_some(1.0 - share)
+        let needed = self.to_target().length() / self.velocity.length();
+        (needed < 1.0).then_some(1.0 - needed)
     }
 
-    /// Travelled share of the leg.
+    /// The travelled fraction of the leg.
     pub fn progress(&self, leg: &LegCourse) -> f64 {
-        share((self.position - leg.position).length(), (self.target - self.origin).length())
+        fraction((self.position - leg.position).length(), (self.target - self.origin).length())
     }
 
-    /// This course with all but the next waypoint taken from `start`.
+    /// `start` with the next waypoint of this course.
     pub fn restored(&self, start: &Course) -> Course {
         Course { next: self.next, ..start.clone() }
     }
 }
 
-/// `part / whole` within [0, 1]; 1 when there is no whole.
-pub(super) fn share(part: f64, whole: f64) -> f64 {
+/// `part / whole` within [0, 1]; 1 where `whole` is 0.
+pub(super) fn fraction(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 1.0 }
 }
 
@@ -124,27 +133,27 @@ pub(super) fn heading(d: DVec3) -> f64 {
     if angle < 0.0 { angle + TAU } else { angle }
 }
 
-/// Level attitude whose nose points along the horizontal part of `way`; `None` where that is nothing.
+/// The level attitude whose nose points along the horizontal part of `way`; `None` where `way` is vertical.
 pub(super) fn facing(way: DVec3) -> Option<Rotation> {
     horizontal_unit(way).map(|d| Rotation::about_z(-atan2(d.x, d.y)))
 }
 
-/// The align procedure (spec kinematics §2.3): turns `attitude` about z until its forward axis points along the horizontal
-/// part of `q`. Its turns are unsigned, so small clockwise errors grow. A vertical `q` leaves the attitude as it is.
+/// The reference's alignment (spec kinematics §2.3): turns `attitude` about z until its forward axis points along the
+/// horizontal part of `q`. Its turns are unsigned, so small clockwise errors grow. A vertical `q` changes nothing.
 pub(super) fn align(attitude: Rotation, q: DVec3) -> Rotation {
-    const ENOUGH: f64 = 0.025;
-    const MOST_TURNS: usize = 10_000;
+    const MAX_ERROR: f64 = 0.025;
+    const MAX_TURNS: usize = 10_000;
     let Some(goal) = horizontal_unit(q) else { return attitude };
     let error =
         |a: Rotation| horizontal_unit(a.forward()).map_or(0.0, |d| acos(goal.dot(d).clamp(-1.0, 1.0)));
     let first = error(attitude);
     let mut aligned = attitude.after(Rotation::about_z(first));
-    if first < ENOUGH {
+    if first < MAX_ERROR {
         return aligned;
     }
     let (mut left, mut turned) = (error(aligned), 0.0);
-    for _ in 0..MOST_TURNS {
-        if left <= ENOUGH {
+    for _ in 0..MAX_TURNS {
+        if left <= MAX_ERROR {
             break;
         }
         turned += left;
@@ -154,8 +163,8 @@ pub(super) fn align(attitude: Rotation, q: DVec3) -> Rotation {
     aligned
 }
 
-/// (roll, pitch, yaw) of `attitude`: the XYZ triple, or the ZYX triple with clockwise yaw for ARINC trajectories. Angles at
-/// gimbal lock are those with the least turn about the first axis.
+/// Roll, pitch and yaw of `attitude`: the XYZ triple, or the ZYX triple with clockwise yaw for ARINC trajectories. At gimbal
+/// lock the angle about the first axis is 0.
 pub(super) fn reported_angles(attitude: Rotation, recorded: Option<RotationSpec>) -> [f64; 3] {
     if recorded == Some(RotationSpec::Arinc705) {
         let [y, roll, pitch] = attitude.angles_zyx().unwrap_or_else(|| locked_zyx(attitude));
@@ -166,14 +175,14 @@ pub(super) fn reported_angles(attitude: Rotation, recorded: Option<RotationSpec>
     [roll, pitch, if yaw < 0.0 { yaw + TAU } else { yaw }]
 }
 
-/// `Ry(b)∘Rz(c)` nearest to an attitude whose y turn is ±90°.
+/// Angles of `Ry(b)∘Rz(c)` nearest to an attitude at gimbal lock, b ≈ ±90°.
 fn locked_xyz(attitude: Rotation) -> [f64; 3] {
     let b = asin(attitude.inverse().apply(DVec3::X).z.clamp(-1.0, 1.0));
     let rest = Rotation::about_y(-b).after(attitude);
     [0.0, b, 2.0 * atan2(rest.u.z, rest.w)]
 }
 
-/// `Ry(b)∘Rx(c)` nearest to an attitude whose y turn is ±90°.
+/// Angles of `Ry(b)∘Rx(c)` nearest to an attitude at gimbal lock, b ≈ ±90°.
 fn locked_zyx(attitude: Rotation) -> [f64; 3] {
     let b = -asin(attitude.inverse().apply(DVec3::Z).x.clamp(-1.0, 1.0));
     let rest = Rotation::about_y(-b).after(attitude);
@@ -192,15 +201,10 @@ mod tests {
     }
 
     #[test]
-    fn counter_clockwise_targets_are_hit_at_once_and_clockwise_ones_after_a_detour() {
-        assert!((yaw_after(1, -40.0) - 40.0).abs() < 1e-6);
-        assert!((yaw_after(1, 90.0) - 270.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn small_clockwise_errors_double_with_each_alignment() {
-        assert!((yaw_after(1, 0.3) - 0.3).abs() < 1e-6);
-        assert!((yaw_after(2, 0.3) - 0.9).abs() < 1e-6);
+    fn alignment_hits_counter_clockwise_targets_and_doubles_small_clockwise_errors() {
+        for (times, bearing, wanted) in [(1, -40.0, 40.0), (1, 90.0, 270.0), (1, 0.3, 0.3), (2, 0.3, 0.9)] {
+            assert!((yaw_after(times, bearing) - wanted).abs() < 1e-6, "{times} to {bearing}°");
+        }
         // 0.0125 rad ≤ error < 0.025 rad: the second call corrects it
         let second = yaw_after(2, 1.0);
         assert!((second - 359.0).abs() < 1.5, "{second}");
@@ -213,16 +217,14 @@ mod tests {
     }
 
     #[test]
-    fn a_platform_one_step_away_has_arrived() {
-        let mut c = Course { velocity: DVec3::new(0.3, 0.0, 0.0), ..Course::default() };
-        c.target = DVec3::new(0.29, 0.0, 0.0);
-        assert!(c.reached());
-        c.target = DVec3::new(0.3, 0.0, 0.0);
-        assert!(!c.reached());
-        c.velocity = DVec3::ZERO;
-        assert!(!c.reached());
-        c.target = DVec3::ZERO;
-        assert!(!c.reached(), "0/0 does not arrive");
+    fn targets_less_than_a_step_away_are_reached() {
+        for (velocity, target, reached) in
+            [(0.3, 0.29, true), (0.3, 0.3, false), (0.0, 0.3, false), (0.0, 0.0, false)]
+        {
+            let (velocity, target) = (DVec3::X * velocity, DVec3::X * target);
+            let course = Course { velocity, target, ..Course::default() };
+            assert_eq!(course.is_reached(), reached, "{target} at {velocity} per step");
+        }
     }
 
     #[test]

@@ -1,34 +1,27 @@
-//! A vehicle that steers towards its waypoints, backing up where they lie too far aside (spec kinematics §2.4).
+//! A vehicle that steers towards its waypoints and backs up where their bearing is too large (spec kinematics §2.4).
 
-use super::LegEntry;
-use super::course::{Course, LegCourse, align, facing, horizontal, horizontal_unit};
+use super::course::{Course, LegCourse, LegEntry, align, facing, horizontal, horizontal_unit};
 use super::physics::accelerated;
 use crate::geom::{DVec3, Rotation};
 use crate::survey::Kinematics;
 use std::f64::consts::PI;
 
-/// Force forwards.
+/// Engine force when driving forwards, and backwards.
 pub(super) const CRUISE_FORCE: f64 = 0.02;
 const REVERSE_FORCE: f64 = -0.01;
-const MOST_FORCE: f64 = 0.2;
+/// Limit of the engine force.
+const MAX_FORCE: f64 = 0.2;
 /// Change of force per step.
 const FORCE_RAMP: f64 = 1e-4;
-/// Targets farther aside need a turn in several moves.
+/// Targets at a larger angle to the nose need backing up, rad, and the cosine of it.
 const WIDE_ANGLE: f64 = PI / 5.0;
 const COS_WIDE_ANGLE: f64 = 0.809_016_994_374_947_5;
-/// Change of heading, rad per metre, forwards and backwards.
+/// Change of heading at full steering lock, rad per metre, forwards and backwards.
 const FULL_LOCK: f64 = 0.1;
 const REVERSE_LOCK: f64 = 0.25;
-/// Length of the move before backing up, and how near its end is near enough, m.
+/// Length of the move before backing up, and the distance from its end at which it is complete, m.
 const PULL_OUT: f64 = 1.0;
-const PULLED_OUT: f64 = 0.5;
-
-/// What never changes.
-#[derive(Clone, Debug)]
-pub(super) struct GroundVehiclePlan {
-    /// Per step.
-    pub drag: f64,
-}
+const PULL_OUT_TOLERANCE: f64 = 0.5;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Manoeuvre {
@@ -39,11 +32,11 @@ enum Manoeuvre {
 
 /// A moving vehicle.
 #[derive(Clone, Debug)]
-pub(super) struct GroundVehicle {
-    pub course: Course,
-    pub attitude: Rotation,
+pub struct GroundVehicle {
+    pub(super) course: Course,
+    pub(super) attitude: Rotation,
     force: f64,
-    wanted_force: f64,
+    target_force: f64,
     manoeuvre: Manoeuvre,
 }
 
@@ -53,14 +46,20 @@ impl Default for GroundVehicle {
             course: Course::default(),
             attitude: Rotation::IDENTITY,
             force: 0.0,
-            wanted_force: 0.0,
+            target_force: 0.0,
             manoeuvre: Manoeuvre::Drive,
         }
     }
 }
 
 impl GroundVehicle {
-    pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry, kinematics: &Kinematics) {
+    pub(super) fn start_leg(
+        &mut self,
+        legs: &[LegCourse],
+        leg: usize,
+        entry: LegEntry,
+        kinematics: &Kinematics,
+    ) {
         if self.course.start_leg(legs, leg, entry) {
             self.manoeuvre = Manoeuvre::Drive;
         }
@@ -74,25 +73,25 @@ impl GroundVehicle {
         }
     }
 
-    pub fn step(&mut self, plan: &GroundVehiclePlan, leg: &LegCourse) {
+    pub(super) fn step(&mut self, drag: f64, leg: &LegCourse) {
         self.course.position += self.course.velocity;
         let turn = self.steer();
         if turn != 0.0 {
             self.attitude = Rotation::about_z(turn).after(self.attitude);
         }
         self.force =
-            (self.force + sign(self.wanted_force - self.force) * FORCE_RAMP).clamp(-MOST_FORCE, MOST_FORCE);
+            (self.force + sign(self.target_force - self.force) * FORCE_RAMP).clamp(-MAX_FORCE, MAX_FORCE);
         let forward = horizontal_unit(self.attitude.forward()).unwrap_or(DVec3::ZERO);
-        self.course.velocity = accelerated(self.course.velocity, forward * self.force, plan.drag, leg);
+        self.course.velocity = accelerated(self.course.velocity, forward * self.force, drag, leg);
     }
 
-    /// The change of heading of this step, rad, counter-clockwise.
+    /// Continues the manoeuvre; returns the change of heading of this step, rad, counter-clockwise.
     fn steer(&mut self) -> f64 {
         let q = horizontal(self.course.to_target());
         let travel = self.course.velocity.length();
         match self.manoeuvre {
             Manoeuvre::Drive if q.length() > 0.0 => {
-                self.wanted_force = CRUISE_FORCE;
+                self.target_force = CRUISE_FORCE;
                 let bearing = self.bearing(q);
                 if bearing.wide {
                     self.manoeuvre =
@@ -103,7 +102,7 @@ impl GroundVehicle {
             }
             Manoeuvre::Drive => 0.0,
             Manoeuvre::PullOutTo(place) => {
-                if (self.course.position - place).length() < PULLED_OUT {
+                if (self.course.position - place).length() < PULL_OUT_TOLERANCE {
                     self.manoeuvre = Manoeuvre::BackUp;
                 }
                 0.0
@@ -114,20 +113,20 @@ impl GroundVehicle {
                     self.manoeuvre = Manoeuvre::Drive;
                     return 0.0;
                 }
-                self.wanted_force = REVERSE_FORCE;
+                self.target_force = REVERSE_FORCE;
                 bearing.side * REVERSE_LOCK * travel
             }
         }
     }
 
-    /// On which side of the nose `q` lies: axis and angle of the rotation that takes `q` to the nose.
+    /// On which side of the nose `q` is: axis and angle of the rotation that takes `q` to the nose.
     fn bearing(&self, q: DVec3) -> Bearing {
         let nose = horizontal_unit(self.attitude.forward()).unwrap_or(DVec3::ZERO);
         let lengths = (q.dot(q) * nose.dot(nose)).sqrt();
         if lengths == 0.0 {
             return Bearing { side: -1.0, wide: false };
         }
-        // The cosine decides unless it is so near to the limit that only the angle itself can.
+        // The cosine decides, except so close to the limit that its rounding could matter.
         let margin = q.dot(nose) / lengths - COS_WIDE_ANGLE;
         let wide = if margin.abs() > 1e-9 {
             margin < 0.0
@@ -139,9 +138,9 @@ impl GroundVehicle {
 }
 
 struct Bearing {
-    /// +1: on the left, −1: straight ahead or on the right.
+    /// +1: to the left, −1: straight ahead or to the right.
     side: f64,
-    /// Too far aside for one turn.
+    /// Farther aside than [`WIDE_ANGLE`].
     wide: bool,
 }
 
@@ -159,18 +158,17 @@ fn sign(x: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::platform::course::reported_angles;
-    use crate::platform::multicopter::tests::course;
+    use crate::platform::testing::{course, entry};
 
     #[test]
     fn speed_ramps_up_and_reaches_the_cap() {
         // spec kinematics §2.8 example 3
         let legs = [course([0.0, 0.0, 0.0], 3.0), course([0.0, 1000.0, 0.0], 3.0)];
-        let plan = GroundVehiclePlan { drag: 0.005 };
         let mut car = GroundVehicle::default();
-        car.start_leg(&legs, 0, LegEntry::Initial, &Kinematics::HELIOS);
+        car.start_leg(&legs, 0, entry(0), &Kinematics::HELIOS);
         let speeds: Vec<f64> = (0..400)
             .map(|_| {
-                car.step(&plan, &legs[0]);
+                car.step(0.005, &legs[0]);
                 car.course.velocity.length() * 100.0
             })
             .collect();
@@ -185,7 +183,6 @@ mod tests {
         // spec kinematics §11.4
         let legs =
             [[0.0, 0.0], [20.0, 3.0], [20.0, 40.0], [0.0, 50.0]].map(|[x, y]| course([x, y, 0.0], 3.0));
-        let plan = GroundVehiclePlan { drag: 0.005 };
         let golden: [&[(usize, f64, f64, f64)]; 2] = [
             &[
                 (0, 0.0, 0.0, 278.5308),
@@ -204,12 +201,11 @@ mod tests {
         ];
         let mut car = GroundVehicle::default();
         for (leg, rows) in golden.iter().enumerate() {
-            let entry = if leg == 0 { LegEntry::Initial } else { LegEntry::Continuing };
-            car.start_leg(&legs, leg, entry, &Kinematics::HELIOS);
+            car.start_leg(&legs, leg, entry(leg), &Kinematics::HELIOS);
             let last = rows.last().unwrap().0;
             for step in 0..=last {
-                assert!(!car.course.reached(), "leg {leg} ends before step {step}");
-                car.step(&plan, &legs[leg]);
+                assert!(!car.course.is_reached(), "leg {leg} ends before step {step}");
+                car.step(0.005, &legs[leg]);
                 if let Some(row) = rows.iter().find(|r| r.0 == step) {
                     let yaw = reported_angles(car.attitude, None)[2].to_degrees();
                     let p = car.course.position;
@@ -218,7 +214,7 @@ mod tests {
                     assert!((yaw - row.3).abs() < 1e-4, "leg {leg} step {step}: yaw {yaw}");
                 }
             }
-            assert!(car.course.reached(), "leg {leg} does not end after step {last}");
+            assert!(car.course.is_reached(), "leg {leg} does not end after step {last}");
         }
     }
 }

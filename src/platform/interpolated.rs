@@ -1,11 +1,11 @@
 //! A platform that follows a table of recorded poses (spec kinematics §2.6).
 
-use super::course::{Span, share};
+use super::course::{Span, fraction};
 use super::table::{PoseValues, TrajectoryTable};
 use crate::geom::{DVec3, Rotation};
 use crate::survey::RotationSpec;
 
-/// Where in its table a platform is. Values are carried along by addition and snap to the rows they pass.
+/// Position in a table of poses. Values advance by addition and are set to those of each row that is passed.
 #[derive(Clone, Debug)]
 pub struct InterpolatedState {
     /// Seconds after the first row.
@@ -14,25 +14,18 @@ pub struct InterpolatedState {
     row: usize,
     /// The step clock at the last step, s.
     last_clock: f64,
-    /// The step clock when the leg started and the leg's duration, s.
+    /// The step clock at the leg's start, and the leg's duration, s.
     leg_start: f64,
     leg_duration: f64,
-    /// The leg may end this much too early, s.
+    /// How much too early the leg may end, s.
     slack: f64,
 }
 
 impl InterpolatedState {
     pub(super) fn new(table: &TrajectoryTable) -> InterpolatedState {
         let values = table.rows().first().map_or([0.0; 6], |r| r.values);
-        InterpolatedState {
-            time: 0.0,
-            values,
-            row: 0,
-            last_clock: 0.0,
-            leg_start: 0.0,
-            leg_duration: 0.0,
-            slack: 0.0,
-        }
+        let (time, last_clock, leg_start, leg_duration, slack) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        InterpolatedState { time, values, row: 0, last_clock, leg_start, leg_duration, slack }
     }
 
     /// Moves to the start of `span`; added legs have none and end at once.
@@ -41,19 +34,16 @@ impl InterpolatedState {
         self.leg_duration = span.map_or(0.0, |s| s.end - s.start);
         let Some(span) = span else { return };
         if span.start < self.time {
-            *self = InterpolatedState {
-                last_clock: self.last_clock,
-                leg_start: self.leg_start,
-                leg_duration: self.leg_duration,
-                ..InterpolatedState::new(table)
-            };
+            let InterpolatedState { last_clock, leg_start, leg_duration, .. } = *self;
+            *self =
+                InterpolatedState { last_clock, leg_start, leg_duration, ..InterpolatedState::new(table) };
         }
         self.advance(table, span.start - self.time);
     }
 
-    /// Lets the first step of the leg stand at its start, and the leg end as soon as it has lasted for its duration but for
-    /// the rounding `slack`, s. In the reference the time that changing legs took counts, too (spec kinematics §2.6).
-    pub(super) fn begin_at(&mut self, clock: f64, slack: f64) {
+    /// Puts the first step of the leg at its start, and ends the leg after its duration less `slack` s for rounding. The
+    /// reference also counts the time that the change of legs took (spec kinematics §2.6).
+    pub(super) fn start_on_time(&mut self, clock: f64, slack: f64) {
         (self.last_clock, self.slack) = (clock, slack);
     }
 
@@ -86,12 +76,12 @@ impl InterpolatedState {
         self.time += elapsed;
     }
 
-    pub(super) fn reached(&self, clock: f64) -> bool {
+    pub(super) fn is_over(&self, clock: f64) -> bool {
         clock + self.slack >= self.leg_start + self.leg_duration
     }
 
     pub(super) fn progress(&self, clock: f64) -> f64 {
-        share(clock - self.leg_start, self.leg_duration)
+        fraction(clock - self.leg_start, self.leg_duration)
     }
 
     pub(super) fn position(&self) -> DVec3 {
@@ -121,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_snap_to_the_rows_they_pass_and_go_on_beyond_the_last() {
+    fn values_are_reset_at_rows_and_extrapolated_beyond_the_last() {
         let rows = [(0.0, 0.0), (1.0, 10.0), (2.0, 20.0), (4.0, 40.0)];
         let table =
             TrajectoryTable::new(rows.map(|(t, x)| (t, [0.0, 0.0, 0.0, x, 0.0, 0.0])).to_vec()).unwrap();

@@ -1,15 +1,14 @@
 //! Straight flight from waypoint to waypoint (spec kinematics §2.3).
 
-use super::LegEntry;
-use super::course::{Course, LegCourse, align, facing};
+use super::course::{Course, LegCourse, LegEntry, align, facing};
 use crate::geom::{DVec3, Rotation, unit};
 use crate::survey::Kinematics;
 
 /// A platform on a straight path.
 #[derive(Clone, Debug)]
-pub(super) struct LinearPath {
-    pub course: Course,
-    pub attitude: Rotation,
+pub struct LinearPath {
+    pub(super) course: Course,
+    pub(super) attitude: Rotation,
 }
 
 impl Default for LinearPath {
@@ -19,8 +18,14 @@ impl Default for LinearPath {
 }
 
 impl LinearPath {
-    /// Aligns with the leg's target; a run's first leg aligns once more.
-    pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry, kinematics: &Kinematics) {
+    /// Aligns with the leg's target; the reference aligns twice in the first leg of a run.
+    pub(super) fn start_leg(
+        &mut self,
+        legs: &[LegCourse],
+        leg: usize,
+        entry: LegEntry,
+        kinematics: &Kinematics,
+    ) {
         let corner = self.course.target;
         let left = self.course.time_left_at_target().filter(|_| entry == LegEntry::Continuing);
         let assigned = self.course.start_leg(legs, leg, entry);
@@ -29,7 +34,7 @@ impl LinearPath {
             && assigned
             && let (Some(left), Some(before)) = (left, leg.checked_sub(1))
         {
-            // The rest of the step's time is flown along the new leg, but not beyond it.
+            // The rest of the step is flown along the new leg, at most to its end.
             way = self.course.target - corner;
             let beyond = (left * legs[leg].speed / legs[before].frequency).min(way.length());
             let ahead = if beyond > 0.0 { unit(way) * beyond } else { DVec3::ZERO };
@@ -50,7 +55,7 @@ impl LinearPath {
     }
 
     #[inline]
-    pub fn step(&mut self, leg: &LegCourse) {
+    pub(super) fn step(&mut self, leg: &LegCourse) {
         let c = &mut self.course;
         c.position += c.velocity;
         let q = c.to_target();

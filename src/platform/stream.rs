@@ -1,49 +1,51 @@
-//! A platform that follows poses as they arrive. Only a window of them is kept.
+//! A platform that follows poses as they arrive and keeps a window of them.
 
-use super::poses::Pose;
+use super::poses::fix::Pose;
 use crate::geom::{DVec3, Rotation};
 use std::sync::Arc;
 
 /// Whether the next step's pose is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Readiness {
-    /// It is.
+    /// The step can be taken.
     Ready,
     /// Poses must arrive first.
     NeedsPoses,
-    /// The next step lies after the last pose.
+    /// The next step is after the last pose.
     Ended,
 }
 
-/// How a stream is flown along.
+/// How a stream of poses is followed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct StreamPlan {
+pub struct StreamPlan {
     /// Steps per second.
     pub frequency: u32,
-    /// No step is taken between poses that are more seconds apart.
+    /// Longest interval between two poses in which steps are taken, s.
     pub max_gap: f64,
 }
 
-/// Nanoseconds of a GPS week.
-const WEEK: f64 = 604_800e9;
+/// Nanoseconds in a GPS week.
+const WEEK_NS: f64 = 604_800e9;
 
-/// Where in its stream a platform is. Steps are numbered from the first pose; their times come from the number alone.
+/// Position in a stream of poses. Steps are numbered from the first pose, and the time of a step is a function of its number
+/// alone.
 #[derive(Clone, Debug)]
 pub struct StreamState {
-    /// The poses about the current step, and those that have arrived after them.
+    /// The poses around the current step and all later ones that have arrived.
     window: Arc<[Knot]>,
-    /// The pose that ends the current stretch, in `window`.
+    /// Index in `window` of the pose that ends the current segment.
     segment: usize,
     /// Time of the first pose in the stream's own scale, s.
     first_time: f64,
-    /// The next step, unless it lies in a gap.
+    /// The next step, unless it falls in a gap.
     next: StepNumber,
     /// The current step's time, s after the first pose.
     elapsed: f64,
+    /// No pose will follow.
     complete: bool,
 }
 
-/// Number of a step: whole seconds after the first pose and steps beyond them.
+/// Number of a step: whole seconds after the first pose, and steps within the second.
 #[derive(Clone, Copy, Debug, Default)]
 struct StepNumber {
     seconds: u64,
@@ -82,7 +84,7 @@ struct Knot {
     /// Seconds after the first pose.
     elapsed: f64,
     position: DVec3,
-    /// On the same side of the quaternions' sphere as the pose before.
+    /// The sign of the quaternion that is nearer to the one before.
     attitude: Rotation,
     /// Angle from the quaternion before, rad.
     turn: f64,
@@ -102,7 +104,7 @@ impl Default for StreamState {
 }
 
 impl StreamState {
-    /// Takes in poses (world coordinates minus `shift`). Poses that do not ascend in time are left out.
+    /// Appends poses, whose positions `shift` takes to the scene frame. Poses that are not later than the last one are dropped.
     pub fn feed(&mut self, poses: Vec<Pose>, shift: DVec3) {
         let keep = self.segment.saturating_sub(1);
         let mut window = Vec::with_capacity(self.window.len() - keep + poses.len());
@@ -120,7 +122,7 @@ impl StreamState {
         self.window = window.into();
     }
 
-    /// No pose will follow.
+    /// Marks the stream as complete.
     pub fn end(&mut self) {
         self.complete = true;
     }
@@ -143,16 +145,16 @@ impl StreamState {
     /// Time of the next step, ns of the GPS week.
     #[inline]
     pub(super) fn next_time_ns(&self, plan: &StreamPlan) -> f64 {
-        let first =
-            if self.first_time < WEEK * 1e-9 { self.first_time } else { self.first_time % (WEEK * 1e-9) };
+        let week = WEEK_NS * 1e-9;
+        let first = if self.first_time < week { self.first_time } else { self.first_time % week };
         let next = self.next_number(plan);
         let since = next.seconds as f64 * 1e9 + f64::from(next.steps) * 1e9 / f64::from(plan.frequency);
         let time = first * 1e9 + since;
-        if time > WEEK { time % WEEK } else { time }
+        if time > WEEK_NS { time % WEEK_NS } else { time }
     }
 
-    /// The number of the next step: the one that is due, or the first one after the gap in which it would lie. A pure
-    /// function of the poses about it, so that it does not matter when they arrive.
+    /// The number of the next step: the due one, or the first one after the gap in which that falls. A function of the poses
+    /// around it alone, independent of when they arrive.
     #[inline]
     fn next_number(&self, plan: &StreamPlan) -> StepNumber {
         if plan.max_gap == f64::INFINITY { self.next } else { self.next_beyond_gaps(plan) }
@@ -182,8 +184,8 @@ impl StreamState {
         self.next = self.next.after(plan);
     }
 
-    /// The poses before and after the current step and the share of the way between them.
-    fn stretch(&self) -> Option<(&Knot, &Knot, f64)> {
+    /// The poses before and after the current step, and the fraction of the time between them.
+    fn bracket(&self) -> Option<(&Knot, &Knot, f64)> {
         let b = self.window.get(self.segment)?;
         let a = self.segment.checked_sub(1).map_or(b, |i| &self.window[i]);
         let span = b.elapsed - a.elapsed;
@@ -191,11 +193,11 @@ impl StreamState {
     }
 
     pub(super) fn position(&self) -> DVec3 {
-        self.stretch().map_or(DVec3::ZERO, |(a, b, u)| a.position + (b.position - a.position) * u)
+        self.bracket().map_or(DVec3::ZERO, |(a, b, u)| a.position + (b.position - a.position) * u)
     }
 
     pub(super) fn attitude(&self) -> Rotation {
-        self.stretch().map_or(Rotation::IDENTITY, |(a, b, u)| between(a.attitude, b.attitude, b.turn, u))
+        self.bracket().map_or(Rotation::IDENTITY, |(a, b, u)| slerp(a.attitude, b.attitude, b.turn, u))
     }
 }
 
@@ -215,9 +217,8 @@ impl Knot {
     }
 }
 
-/// The attitude a share `u` of the shortest way from `a` to `b`, `turn` being the angle between the quaternions (Shoemake
-/// 1985, spherical linear interpolation).
-fn between(a: Rotation, b: Rotation, turn: f64, u: f64) -> Rotation {
+/// Spherical linear interpolation from `a` to `b` at `u` (Shoemake 1985); `turn` is the angle between the quaternions.
+fn slerp(a: Rotation, b: Rotation, turn: f64, u: f64) -> Rotation {
     let (p, q) = if turn < 1e-6 {
         (1.0 - u, u)
     } else {
@@ -264,60 +265,48 @@ mod tests {
         assert_eq!(s.readiness(&at(4)), Readiness::Ended);
     }
 
+    /// Times (ns), positions and attitudes of all steps when the poses arrive in blocks of `cut`.
+    fn fly(poses: &[Pose], plan: &StreamPlan, cut: usize) -> Vec<(f64, DVec3, Rotation)> {
+        let (mut s, mut blocks, mut steps) = (StreamState::default(), poses.chunks(cut), Vec::new());
+        loop {
+            match s.readiness(plan) {
+                Readiness::Ready => {
+                    let time = s.next_time_ns(plan);
+                    s.step(plan);
+                    assert!(s.window.len() <= cut + 2);
+                    steps.push((time, s.position(), s.attitude()));
+                }
+                Readiness::NeedsPoses => match blocks.next() {
+                    Some(block) => s.feed(block.to_vec(), DVec3::ZERO),
+                    None => s.end(),
+                },
+                Readiness::Ended => return steps,
+            }
+        }
+    }
+
     #[test]
-    fn the_cut_into_blocks_changes_no_bit() {
+    fn steps_do_not_depend_on_the_blocks_in_which_poses_arrive() {
         let poses: Vec<Pose> =
             (0..40).map(|i| pose(f64::from(i) * 0.37, f64::from(i * i) * 0.1, f64::from(i) * 77.7)).collect();
-        let fly = |cut: usize| {
-            let (mut s, mut blocks, mut seen) = (StreamState::default(), poses.chunks(cut), Vec::new());
-            loop {
-                match s.readiness(&at(7)) {
-                    Readiness::Ready => {
-                        let time = s.next_time_ns(&at(7));
-                        s.step(&at(7));
-                        assert!(s.window.len() <= cut + 2);
-                        seen.push((time, s.position(), s.attitude()));
-                    }
-                    Readiness::NeedsPoses => match blocks.next() {
-                        Some(block) => s.feed(block.to_vec(), DVec3::ONE),
-                        None => s.end(),
-                    },
-                    Readiness::Ended => return seen,
-                }
-            }
-        };
-        let whole = fly(40);
-        assert_eq!(whole.len(), 102);
+        let all = fly(&poses, &at(7), 40);
+        assert_eq!(all.len(), 102);
         for cut in [1, 2, 3, 7, 39] {
-            assert_eq!(fly(cut), whole, "blocks of {cut}");
+            assert_eq!(fly(&poses, &at(7), cut), all, "blocks of {cut}");
         }
     }
 
     #[test]
     fn no_step_is_taken_in_gaps() {
-        let poses: Vec<Pose> =
-            [0.0, 0.3, 5.1, 5.5, 9.0, 9.2].map(|time| pose(10.0 + time, time * 10.0, 0.0)).to_vec();
+        let poses = [0.0, 0.3, 5.1, 5.5, 9.0, 9.2].map(|time| pose(10.0 + time, time * 10.0, 0.0));
         let plan = StreamPlan { frequency: 10, max_gap: 2.0 };
-        let fly = |cut: usize| {
-            let (mut s, mut blocks, mut seen) = (StreamState::default(), poses.chunks(cut), Vec::new());
-            loop {
-                match s.readiness(&plan) {
-                    Readiness::Ready => {
-                        let time = s.next_time_ns(&plan) / 1e9 - 10.0;
-                        s.step(&plan);
-                        assert!((s.position().x - time * 10.0).abs() < 1e-6, "{time}");
-                        seen.push((time * 10.0).round() as i32);
-                    }
-                    Readiness::NeedsPoses => match blocks.next() {
-                        Some(block) => s.feed(block.to_vec(), DVec3::ZERO),
-                        None => s.end(),
-                    },
-                    Readiness::Ended => return seen,
-                }
-            }
-        };
         for cut in 1..=6 {
-            assert_eq!(fly(cut), [0, 1, 2, 3, 51, 52, 53, 54, 55, 90, 91, 92], "blocks of {cut}");
+            let steps = fly(&poses, &plan, cut).into_iter().map(|(time, position, _)| {
+                let tenths = (time / 1e9 - 10.0) * 10.0;
+                assert!((position.x - tenths).abs() < 1e-6, "{tenths}");
+                tenths.round() as i32
+            });
+            assert!(steps.eq([0, 1, 2, 3, 51, 52, 53, 54, 55, 90, 91, 92]), "blocks of {cut}");
         }
     }
 

@@ -24,14 +24,14 @@ pub(super) struct TableRow {
 }
 
 impl TrajectoryTable {
-    /// The table of `rows` (time in the files' own scale, values), which need not be sorted. Rows of one time keep their
-    /// order and make a jump. `None` if there is no row.
+    /// The table of `rows` (time in the files' own scale, values) in any order. Rows of equal time keep their order and make a
+    /// jump. `None` if there is no row.
     pub fn new(mut rows: Vec<(f64, PoseValues)>) -> Option<TrajectoryTable> {
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-        TrajectoryTable::of_sorted(rows)
+        TrajectoryTable::from_sorted(rows)
     }
 
-    fn of_sorted(rows: Vec<(f64, PoseValues)>) -> Option<TrajectoryTable> {
+    fn from_sorted(rows: Vec<(f64, PoseValues)>) -> Option<TrajectoryTable> {
         let first_time = rows.first()?.0;
         let mut table: Vec<TableRow> = rows
             .iter()
@@ -48,24 +48,24 @@ impl TrajectoryTable {
         Some(TrajectoryTable { first_time, rows: table })
     }
 
-    /// The same poses with every angle within half a turn of the one before it, so that nothing turns the longer way.
+    /// This table with every angle within half a turn of the one before it, so that no rotation takes the longer way.
     pub fn unwrapped(self) -> TrajectoryTable {
-        self.changed(|rows| {
+        self.map_rows(|rows| {
             for i in 1..rows.len() {
                 let before = rows[i - 1].1;
-                near(&mut rows[i].1, &before);
+                unwrap_angles(&mut rows[i].1, &before);
             }
         })
     }
 
-    /// The same places with headings along the way from the row before to the row after, level, for tables that hold
-    /// places only. `sense`: 1 where yaw is a heading, −1 where it turns counter-clockwise.
+    /// This table with yaws along the way from the row before to the row after, for tables of positions only. `sense` is 1
+    /// where yaw is a heading, −1 where it is counter-clockwise.
     pub fn heading_along(self, sense: f64) -> TrajectoryTable {
-        self.changed(|rows| {
-            let places: Vec<[f64; 2]> = rows.iter().map(|r| [r.1[3], r.1[4]]).collect();
+        self.map_rows(|rows| {
+            let positions: Vec<[f64; 2]> = rows.iter().map(|r| [r.1[3], r.1[4]]).collect();
             let mut heading = None;
             for i in 0..rows.len() {
-                let (a, b) = (places[i.saturating_sub(1)], places[(i + 1).min(places.len() - 1)]);
+                let (a, b) = (positions[i.saturating_sub(1)], positions[(i + 1).min(positions.len() - 1)]);
                 let (east, north) = (b[0] - a[0], b[1] - a[1]);
                 if east != 0.0 || north != 0.0 {
                     heading = Some(libm::atan2(east, north));
@@ -75,15 +75,15 @@ impl TrajectoryTable {
         })
     }
 
-    fn changed(self, change: impl FnOnce(&mut [(f64, PoseValues)])) -> TrajectoryTable {
+    fn map_rows(self, change: impl FnOnce(&mut [(f64, PoseValues)])) -> TrajectoryTable {
         let first = self.first_time;
         let mut rows: Vec<(f64, PoseValues)> = self.rows.iter().map(|r| (r.time, r.values)).collect();
         change(&mut rows);
-        let table = TrajectoryTable::of_sorted(rows);
+        let table = TrajectoryTable::from_sorted(rows);
         table.map_or(self, |table| TrajectoryTable { first_time: first, ..table })
     }
 
-    /// Moves every position by `-shift`.
+    /// This table with every position moved by `-shift`.
     pub fn shifted(mut self, shift: DVec3) -> TrajectoryTable {
         for row in &mut self.rows {
             row.values[3] -= shift.x;
@@ -103,7 +103,7 @@ impl TrajectoryTable {
         self.rows.last().map_or(0.0, |r| r.time)
     }
 
-    /// The position at `time` seconds after the first row; beyond the ends the nearest slope goes on.
+    /// The position at `time` seconds after the first row; beyond the ends it is extrapolated.
     pub fn position_at(&self, time: f64) -> DVec3 {
         let after = self.rows.partition_point(|r| r.time <= time);
         let row = &self.rows[after.saturating_sub(1).min(self.rows.len().saturating_sub(2))];
@@ -124,15 +124,16 @@ impl TrajectoryTable {
     }
 }
 
-/// Moves the angles of `values` by whole turns as near to those of `before` as they can be.
-pub(super) fn near(values: &mut PoseValues, before: &PoseValues) {
+/// Changes the angles of `values` by whole turns to be nearest to those of `before`.
+pub(super) fn unwrap_angles(values: &mut PoseValues, before: &PoseValues) {
     for (angle, before) in values[..3].iter_mut().zip(before) {
         *angle += ((before - *angle) / TAU).round() * TAU;
     }
 }
 
-/// Thins `rows`, already sorted by time, where the slopes hardly change (spec kinematics §2.6, slope filter): a running sum
-/// of the changes of slope must exceed `threshold` in one column for a row to stay. First, last and jump rows stay.
+/// The slope filter (spec kinematics §2.6): drops rows where slopes hardly change. A row stays if the sum of the changes of
+/// slope since the last kept row exceeds `threshold` in any column; the first, the last and rows of jumps stay. `rows` are
+/// sorted by time.
 pub(super) fn filter_slopes(rows: &[(f64, PoseValues)], threshold: f64) -> Vec<(f64, PoseValues)> {
     let slope = |i: usize| -> Option<PoseValues> {
         let (a, b) = (&rows[i], &rows[i + 1]);
@@ -170,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slope_filter_keeps_the_bends() {
+    fn the_slope_filter_keeps_bends() {
         // spec kinematics §2.8 example 6
         let rows: Vec<_> =
             [0.0, 1.0, 2.1, 3.0, 6.0, 9.0].iter().enumerate().map(|(t, &x)| row(t as f64, x)).collect();
@@ -201,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn places_alone_have_the_headings_of_their_way() {
+    fn positions_alone_get_headings_along_their_way() {
         let place = |t: f64, x: f64, y: f64| (t, [0.0, 0.0, 0.0, x, y, 0.0]);
         let rows =
             vec![place(5.0, 0.0, 0.0), place(6.0, 0.0, 0.0), place(7.0, 3.0, 0.0), place(8.0, 3.0, -3.0)];

@@ -3,8 +3,10 @@
 use super::course::reported_angles;
 use super::interpolated::composed;
 use super::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is_header};
-use super::poses::{Fix, FixPlace, Frame, Pose, Problem, read_binary};
-use super::table::{PoseValues, TrajectoryTable, filter_slopes, near};
+use super::poses::decoder::read_binary;
+use super::poses::fix::{Fix, FixPlace, Pose, RecordError};
+use super::poses::georeference::Georeference;
+use super::table::{PoseValues, TrajectoryTable, filter_slopes, unwrap_angles};
 use crate::columns::Separator;
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
@@ -25,11 +27,11 @@ pub fn read_trajectories(
 ) -> Result<Option<TrajectoryTable>> {
     let mut table = Vec::new();
     let mut usable = true;
-    let mut frame = Frame::of_grid(settings.grid);
+    let mut georeference = Georeference::of_grid(settings.grid);
     for (i, file) in settings.files.iter().enumerate() {
         let bytes = std::fs::read(&file.path).map_err(|e| Error::io("read", &file.path, e))?;
         let threshold = if i == 0 { file.slope_filter } else { 0.0 };
-        match read_file(file, &bytes, settings, &mut frame, threshold, problems) {
+        match read_file(file, &bytes, settings, &mut georeference, threshold, problems) {
             Some(rows) => table.extend(rows),
             None => usable = false,
         }
@@ -46,11 +48,11 @@ fn read_file(
     file: &TrajectoryFile,
     bytes: &[u8],
     settings: &Interpolated,
-    frame: &mut Frame,
+    georeference: &mut Georeference,
     threshold: f64,
     problems: &mut Diagnostics,
 ) -> Option<Vec<(f64, PoseValues)>> {
-    if let Some(read) = read_binary(&file.path, bytes, frame) {
+    if let Some(read) = read_binary(&file.path, bytes, georeference) {
         let poses = read.map_err(|found| problems.extend(found)).ok()?;
         check_count(&file.path, poses.len(), problems)?;
         return Some(thin(pose_rows(&poses, settings), threshold));
@@ -63,9 +65,12 @@ fn read_file(
     if !layout.geographic {
         return Some(rows.collect());
     }
-    match rows.map(|(time, values)| project(time, values, settings, frame)).collect::<Result<Vec<_>, _>>() {
+    match rows
+        .map(|(time, values)| project(time, values, settings, georeference))
+        .collect::<Result<Vec<_>, _>>()
+    {
         Ok(poses) => Some(pose_rows(&poses, settings)),
-        Err(Problem { message, help, .. }) => {
+        Err(RecordError { message, help, .. }) => {
             problems.error(None, format!("{}: {message}", file.path.display())).help(help);
             None
         }
@@ -84,11 +89,11 @@ fn project(
     time: f64,
     [roll, pitch, yaw, longitude, latitude, height]: PoseValues,
     settings: &Interpolated,
-    frame: &mut Frame,
-) -> Result<Pose, Problem> {
+    georeference: &mut Georeference,
+) -> Result<Pose, RecordError> {
     let attitude = composed(settings.rotation_spec, roll, pitch, yaw);
     let place = FixPlace::Geographic([latitude, longitude, height]);
-    frame.pose(&Fix { time, place, attitude, unitless_angles: None })
+    georeference.pose(&Fix { time, place, attitude, unitless_angles: None })
 }
 
 /// Poses as rows of the table: angles as the survey composes them, each within half a turn of the one before.
@@ -102,7 +107,7 @@ fn pose_rows(poses: &[Pose], settings: &Interpolated) -> Vec<(f64, PoseValues)> 
         let p = pose.position;
         let mut values = [roll, pitch, yaw, p.x, p.y, p.z];
         if let Some((_, before)) = rows.last() {
-            near(&mut values, before);
+            unwrap_angles(&mut values, before);
         }
         rows.push((pose.time, values));
     }

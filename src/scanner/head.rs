@@ -1,23 +1,24 @@
 //! The rotating head (spec kinematics §5).
 
-use super::DevicePlan;
+use super::plan::DevicePlan;
 use crate::geom::Rotation;
 use crate::survey::ScannerSettings;
 use std::f64::consts::{PI, TAU};
 
-/// The head's angle and where it turns.
+/// Angle and motion of the head.
 #[derive(Clone, Debug, Default)]
 pub struct HeadState {
     /// Accumulated exact angle, rad.
     angle: f64,
-    /// The deflection angle that the head's error depends on, once the head was set.
+    /// The deflection of which the head's error is a function, once the head has moved.
     error_at: Option<f64>,
     /// rad/s, limited by the device.
     rate: f64,
     /// rad per step.
     step: f64,
+    /// The angle at which the leg ends, rad.
     stop: f64,
-    /// The rotations with and without error of a head that stands still during the leg.
+    /// The rotations with and without error of a head that does not turn during the leg.
     still: Option<[Rotation; 2]>,
 }
 
@@ -58,7 +59,7 @@ impl HeadState {
 
     /// Whether the stop angle is reached.
     #[inline]
-    pub fn completed(&self) -> bool {
+    pub fn is_completed(&self) -> bool {
         if self.rate < 0.0 { self.angle <= self.stop } else { self.angle >= self.stop }
     }
 
@@ -66,7 +67,7 @@ impl HeadState {
     pub fn angle_with_error(&self, plan: &DevicePlan) -> f64 {
         match (&plan.errors.head, self.error_at) {
             (Some((error, distance)), Some(at)) => {
-                self.angle + error.eval(kept_off_multiples_of_pi(at, *distance))
+                self.angle + error.eval(avoid_multiples_of_pi(at, *distance))
             }
             _ => self.angle,
         }
@@ -75,7 +76,7 @@ impl HeadState {
     /// The head's rotation with its error.
     pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
         match &self.still {
-            Some([disturbed, _]) => *disturbed,
+            Some([with_error, _]) => *with_error,
             None => Rotation::about(plan.head_axis, self.angle_with_error(plan) % TAU),
         }
     }
@@ -88,15 +89,15 @@ impl HeadState {
         }
     }
 
-    /// The share of the leg's turn that is done, from 0 to 1; `None` when the head does not turn.
+    /// The completed fraction of the leg's turn; `None` when the head does not turn.
     pub fn progress(&self, start: f64) -> Option<f64> {
-        let whole = self.stop - start;
-        (self.rate != 0.0 && whole != 0.0).then(|| ((self.angle - start) / whole).clamp(0.0, 1.0))
+        let total = self.stop - start;
+        (self.rate != 0.0 && total != 0.0).then(|| ((self.angle - start) / total).clamp(0.0, 1.0))
     }
 }
 
-/// `angle` moved out of the intervals of half width `distance` around 0, ±π and ±2π, each to its own side.
-fn kept_off_multiples_of_pi(angle: f64, distance: f64) -> f64 {
+/// `angle` moved out of the intervals of half width `distance` around 0, ±π and ±2π, to the nearer end.
+fn avoid_multiples_of_pi(angle: f64, distance: f64) -> f64 {
     for (centre, side_at_centre) in [(0.0, 1.0), (-PI, 1.0), (PI, 1.0), (-TAU, 1.0), (TAU, -1.0)] {
         let off = angle - centre;
         if off.abs() < distance {
@@ -126,7 +127,7 @@ mod tests {
     fn steps_to_completion(frequency: u32, rate: f64, start: f64, stop: f64) -> (usize, f64) {
         let (plan, mut head) = head(&device(Deflector::Conic), frequency, rate, start, stop);
         let mut steps = 0;
-        while !head.completed() {
+        while !head.is_completed() {
             head.step(&plan, 0.0);
             steps += 1;
         }
@@ -155,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_stay_off_multiples_of_pi() {
+    fn errors_avoid_multiples_of_pi() {
         let z = 0.1;
         for (angle, wanted) in [
             (0.0, z),
@@ -167,7 +168,7 @@ mod tests {
             (TAU, TAU - z),
             (-TAU, -TAU + z),
         ] {
-            assert!((kept_off_multiples_of_pi(angle, z) - wanted).abs() < 1e-15, "{angle}");
+            assert!((avoid_multiples_of_pi(angle, z) - wanted).abs() < 1e-15, "{angle}");
         }
     }
 

@@ -5,19 +5,19 @@ use crate::survey::Prism;
 use libm::{acos, asin, cos, sin, sincos};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Prisms with what of them never changes.
+/// A train of prisms with its constants.
 #[derive(Clone, Debug)]
-pub(super) struct Train {
+pub(super) struct PrismTrain {
     prisms: Vec<Wedge>,
     incident: DVec3,
-    /// Whether the beam could be totally reflected at some time.
-    pub may_fail: bool,
+    /// Whether total reflection is possible at some time.
+    pub may_reflect_totally: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Wedge {
     rotor_freq: f64,
-    /// The inclined face is met first.
+    /// The beam enters through the inclined face.
     inclined_first: bool,
     sine: f64,
     cosine: f64,
@@ -26,8 +26,8 @@ struct Wedge {
     out_of: f64,
 }
 
-impl Train {
-    pub fn new(prisms: &[Prism], air: f64, incident: DVec3) -> Train {
+impl PrismTrain {
+    pub fn new(prisms: &[Prism], air: f64, incident: DVec3) -> PrismTrain {
         let wedge = |p: &Prism| Wedge {
             rotor_freq: p.rotor_freq,
             inclined_first: p.angle > 0.0,
@@ -36,21 +36,21 @@ impl Train {
             into: air / p.index,
             out_of: p.index / air,
         };
-        Train {
+        PrismTrain {
             prisms: prisms.iter().map(wedge).collect(),
             incident,
-            may_fail: may_fail(prisms, air, incident),
+            may_reflect_totally: may_reflect_totally(prisms, air, incident),
         }
     }
 
-    /// The direction of the beam behind all prisms at `time` seconds; `None` where it is totally reflected within one.
-    pub fn refracted(&self, time: f64) -> Option<DVec3> {
-        self.prisms.iter().try_fold(self.incident, |beam, wedge| wedge.refracted(beam, time))
+    /// The direction of the beam behind all prisms at `time` seconds; `None` if a prism reflects it totally.
+    pub fn refract(&self, time: f64) -> Option<DVec3> {
+        self.prisms.iter().try_fold(self.incident, |beam, wedge| wedge.refract(beam, time))
     }
 }
 
 impl Wedge {
-    fn refracted(&self, beam: DVec3, time: f64) -> Option<DVec3> {
+    fn refract(&self, beam: DVec3, time: f64) -> Option<DVec3> {
         let (s, c) = sincos(TAU * self.rotor_freq * time);
         let flat = DVec3::new(0.0, -1.0, 0.0);
         let inclined = DVec3::new(s * self.sine, -self.cosine, c * self.sine);
@@ -59,21 +59,21 @@ impl Wedge {
         } else {
             (flat, DVec3::new(-inclined.x, inclined.y, -inclined.z))
         };
-        bent(beam, first, self.into).and_then(|b| bent(b, second, self.out_of))
+        refract_at_face(beam, first, self.into).and_then(|b| refract_at_face(b, second, self.out_of))
     }
 }
 
 /// Snell's law for the unit vector `b` at a face with normal `n` towards the beam; `eta` is the ratio of the indices.
-fn bent(b: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
+fn refract_at_face(b: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
     let k = -b.dot(n);
     let r2 = eta * eta * (1.0 - k * k);
     (r2 <= 1.0).then(|| unit(b * eta + n * (eta * k - (1.0 - r2).sqrt())))
 }
 
-/// Whether the beam could be totally reflected at some time. The bound on its tilt is safe, not tight: refraction at a face
-/// maps the axis to a known direction and stretches distances on the sphere around it by at most the largest slope of Snell's
-/// law within reach.
-fn may_fail(prisms: &[Prism], air: f64, incident: DVec3) -> bool {
+/// Whether total reflection is possible at some time. The bound on the beam's tilt is conservative: refraction at a face maps
+/// the axis to a known direction and scales distances on the sphere around it by at most the largest slope of Snell's law
+/// within reach.
+fn may_reflect_totally(prisms: &[Prism], air: f64, incident: DVec3) -> bool {
     let mut tilt = acos(incident.y.clamp(-1.0, 1.0));
     for prism in prisms {
         let wedge = prism.angle.abs();
@@ -91,7 +91,7 @@ fn may_fail(prisms: &[Prism], air: f64, incident: DVec3) -> bool {
 /// The largest tilt from the axis behind a face whose normal is tilted by `face`, or `None` if total reflection is possible.
 fn tilt_behind(tilt: f64, face: f64, eta: f64) -> Option<f64> {
     let steepest = tilt + face;
-    // A little below the limits, so that rounding cannot matter.
+    // A margin for rounding.
     if !(steepest < FRAC_PI_2 - 1e-6 && eta * sin(steepest) < 1.0 - 1e-9) {
         return None;
     }
@@ -120,24 +120,24 @@ mod tests {
             [0.022353, 0.998748, -0.044756],
         ];
         for (i, wanted) in wanted.into_iter().enumerate() {
-            let found = Train::new(&prisms, 1.0, DVec3::Y).refracted((i + 1) as f64 * 0.01).unwrap();
+            let found = PrismTrain::new(&prisms, 1.0, DVec3::Y).refract((i + 1) as f64 * 0.01).unwrap();
             assert!((found - DVec3::from(wanted)).length() < 2e-6, "{found}");
         }
-        assert!(!may_fail(&prisms, 1.0, DVec3::Y));
-        let steep = Train::new(&[prism(1.0, -45.0, 1.5)], 1.0, DVec3::Y);
-        assert!(steep.may_fail && steep.refracted(0.0).is_none());
+        assert!(!may_reflect_totally(&prisms, 1.0, DVec3::Y));
+        let steep = PrismTrain::new(&[prism(1.0, -45.0, 1.5)], 1.0, DVec3::Y);
+        assert!(steep.may_reflect_totally && steep.refract(0.0).is_none());
     }
 
     proptest! {
         #[test]
-        fn a_beam_that_cannot_fail_never_does(
+        fn beams_without_total_reflection_always_leave(
             shapes in prop::collection::vec((-50.0..50.0f64, -60.0..60.0f64, 1.0..1.9f64), 1..4),
             time in 0.0..100.0f64,
         ) {
             let prisms: Vec<Prism> = shapes.into_iter().map(|(f, a, n)| prism(f, a, n)).collect();
-            let train = Train::new(&prisms, 1.0, DVec3::Y);
-            if !train.may_fail {
-                let beam = train.refracted(time);
+            let train = PrismTrain::new(&prisms, 1.0, DVec3::Y);
+            if !train.may_reflect_totally {
+                let beam = train.refract(time);
                 prop_assert!(beam.is_some_and(|b| (b.length() - 1.0).abs() < 1e-12));
             }
         }

@@ -1,157 +1,158 @@
-//! Trajectories of fixed records.
+//! Trajectories of records of fixed size.
 //!
-//! SBET (Applanix, smoothed best estimate of trajectory): nothing but records of 17 little-endian doubles: time, latitude,
+//! SBET (Applanix, smoothed best estimate of trajectory): records of 17 little-endian doubles: time, latitude,
 //! longitude (rad), ellipsoidal height (m), three velocities, roll, pitch, platform heading, wander angle (rad), three
 //! accelerations, three angular rates. The platform heading is that in the wander frame, so the true heading is the
 //! platform heading minus the wander angle.
 //!
 //! TerraScan (.trj): a header that begins with `TSCANTRJ`, version, its own size, the number of records and their size
-//! (32-bit, little-endian), then records of doubles: time, x, y, z (m), heading, roll, pitch (degrees), and marks of quality
+//! (32-bit, little-endian), then records of doubles: time, x, y, z (m), heading, roll, pitch (degrees), and quality flags
 //! (TerraScan User Guide, Trajectory file formats). The heading counts clockwise from the grid's north.
 
-use super::fix::{Fix, FixPlace, Mark, Problem};
-use super::source::Next;
+use super::fix::{Decoded, Fix, FixPlace, RecordError, RecordPlace};
 use crate::geom::{Rotation, radians};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Bytes of an SBET record.
-const SBET: usize = 136;
-/// Bytes of a TerraScan header that say something here.
-const HEADER: usize = 24;
-/// Sizes of TerraScan's header and records that are believed.
-const HEADER_SIZES: std::ops::RangeInclusive<usize> = HEADER..=1 << 16;
+const SBET_BYTES: usize = 136;
+/// Bytes of a TerraScan header that are read.
+const HEADER_BYTES: usize = 24;
+/// Plausible sizes of TerraScan's header and records.
+const HEADER_SIZES: std::ops::RangeInclusive<usize> = HEADER_BYTES..=1 << 16;
 const RECORD_SIZES: std::ops::RangeInclusive<usize> = 56..=4096;
 
-/// Reads the records of one of the layouts.
+/// Decodes the records of one of the formats.
 #[derive(Debug)]
-pub struct Records {
-    layout: Layout,
-    /// Records so far.
+pub struct RecordDecoder {
+    format: RecordFormat,
+    /// RecordDecoder so far.
     read: u64,
     /// Bytes so far.
     byte: u64,
-    /// TerraScan: what the header says.
+    /// The header of TerraScan.
     header: Option<Header>,
-    /// Bytes of the header that are still to be passed over.
+    /// Bytes of the header that are still to be skipped.
     skip: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Layout {
+enum RecordFormat {
     Sbet,
     TerraScan,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Header {
+    /// Bytes of a record.
     record: usize,
-    /// Number of records; 0 where the writer did not know.
+    /// Number of records; 0 where the writer did not know it.
     count: u64,
 }
 
-impl Records {
-    pub fn sbet() -> Records {
-        Records { layout: Layout::Sbet, read: 0, byte: 0, header: None, skip: 0 }
+impl RecordDecoder {
+    pub fn sbet() -> RecordDecoder {
+        RecordDecoder { format: RecordFormat::Sbet, read: 0, byte: 0, header: None, skip: 0 }
     }
 
-    pub fn terrascan() -> Records {
-        Records { layout: Layout::TerraScan, ..Records::sbet() }
+    pub fn terrascan() -> RecordDecoder {
+        RecordDecoder { format: RecordFormat::TerraScan, ..RecordDecoder::sbet() }
     }
 
-    /// A word for messages.
+    /// The format's name in messages.
     pub fn name(&self) -> &'static str {
-        match self.layout {
-            Layout::Sbet => "SBET",
-            Layout::TerraScan => "TerraScan",
+        match self.format {
+            RecordFormat::Sbet => "SBET",
+            RecordFormat::TerraScan => "TerraScan",
         }
     }
 
-    pub fn next(&mut self, bytes: &[u8], ended: bool) -> Next<'static> {
+    pub fn next(&mut self, bytes: &[u8], ended: bool) -> Decoded<'static> {
         if self.skip > 0 {
             return match bytes.len().min(self.skip) {
-                0 if ended => self.wrong(Problem::new("the header is cut")),
-                0 => Next::More,
+                0 if ended => self.invalid(RecordError::new("the header is cut")),
+                0 => Decoded::Incomplete,
                 some => {
                     self.skip -= some;
-                    self.pass(some)
+                    self.skip(some)
                 }
             };
         }
-        let size = match (self.layout, self.header) {
-            (Layout::Sbet, _) => SBET,
-            (Layout::TerraScan, Some(header)) => header.record,
-            (Layout::TerraScan, None) => return self.take_header(bytes, ended),
+        let size = match (self.format, self.header) {
+            (RecordFormat::Sbet, _) => SBET_BYTES,
+            (RecordFormat::TerraScan, Some(header)) => header.record,
+            (RecordFormat::TerraScan, None) => return self.read_header(bytes, ended),
         };
         if let Some(header) = self.header.filter(|h| h.count > 0) {
             if self.read == header.count {
-                // What follows the last record is none of them.
-                return if bytes.is_empty() { Next::More } else { self.pass(bytes.len()) };
+                // Anything after the last record is ignored.
+                return if bytes.is_empty() { Decoded::Incomplete } else { self.skip(bytes.len()) };
             }
             if bytes.is_empty() && ended {
                 let message = format!("the header tells of {} records, and here the file ends", header.count);
-                return self.wrong(Problem::new(message));
+                return self.invalid(RecordError::new(message));
             }
         }
         if bytes.len() < size {
             if !ended || bytes.is_empty() {
-                return Next::More;
+                return Decoded::Incomplete;
             }
-            return self.wrong(Problem::new(format!("cut: {} bytes, expected {size}", bytes.len())));
+            return self.invalid(RecordError::new(format!("cut: {} bytes, expected {size}", bytes.len())));
         }
-        let fix = match self.layout {
-            Layout::Sbet => sbet_fix(bytes),
-            Layout::TerraScan => terrascan_fix(bytes),
+        let fix = match self.format {
+            RecordFormat::Sbet => sbet_fix(bytes),
+            RecordFormat::TerraScan => terrascan_fix(bytes),
         };
         match fix {
-            Err(problem) => self.wrong(problem),
+            Err(error) => self.invalid(error),
             Ok(fix) => {
-                let mark = self.mark();
+                let place = self.place();
                 self.read += 1;
                 self.byte += size as u64;
-                Next::Fix(size, fix, mark)
+                Decoded::Fix(size, fix, place)
             }
         }
     }
 
-    fn take_header(&mut self, bytes: &[u8], ended: bool) -> Next<'static> {
-        if bytes.len() < HEADER {
+    fn read_header(&mut self, bytes: &[u8], ended: bool) -> Decoded<'static> {
+        if bytes.len() < HEADER_BYTES {
             return match ended && !bytes.is_empty() {
-                true => self.wrong(Problem::new("the header is cut")),
-                false => Next::More,
+                true => self.invalid(RecordError::new("the header is cut")),
+                false => Decoded::Incomplete,
             };
         }
         let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
         let (header, count, record) = (word(12) as usize, u64::from(word(16)), word(20) as usize);
         if !bytes.starts_with(b"TSCANTRJ") {
-            return self
-                .wrong(Problem::new("this does not begin with `TSCANTRJ` as TerraScan trajectories do"));
+            return self.invalid(RecordError::new(
+                "this does not begin with `TSCANTRJ` as TerraScan trajectories do",
+            ));
         }
         if !(HEADER_SIZES.contains(&header) && RECORD_SIZES.contains(&record)) {
             let message = format!(
                 "the header tells of {header} bytes of header and {record} bytes per record, expected about 1376 and 64"
             );
-            return self.wrong(Problem::new(message));
+            return self.invalid(RecordError::new(message));
         }
         self.header = Some(Header { record, count });
-        self.skip = header - HEADER;
-        self.pass(HEADER)
+        self.skip = header - HEADER_BYTES;
+        self.skip(HEADER_BYTES)
     }
 
-    fn pass(&mut self, bytes: usize) -> Next<'static> {
+    fn skip(&mut self, bytes: usize) -> Decoded<'static> {
         self.byte += bytes as u64;
-        Next::Passed(bytes)
+        Decoded::Skipped(bytes)
     }
 
-    fn mark(&self) -> Mark<'static> {
-        Mark::Record { number: self.read + 1, byte: self.byte }
+    fn place(&self) -> RecordPlace<'static> {
+        RecordPlace::Record { number: self.read + 1, byte: self.byte }
     }
 
-    fn wrong(&self, problem: Problem) -> Next<'static> {
-        Next::Wrong(self.mark(), problem)
+    fn invalid(&self, error: RecordError) -> Decoded<'static> {
+        Decoded::Invalid(self.place(), error)
     }
 }
 
-/// The doubles of a record; it must be long enough.
+/// The first `N` doubles of a record.
 fn doubles<const N: usize>(bytes: &[u8]) -> [f64; N] {
     std::array::from_fn(|i| {
         let mut eight = [0; 8];
@@ -160,17 +161,17 @@ fn doubles<const N: usize>(bytes: &[u8]) -> [f64; N] {
     })
 }
 
-/// All numbers that are used must be such.
-fn finite(values: &[(&str, f64)]) -> Result<(), Problem> {
+/// Checks that the values are numbers.
+fn check_finite(values: &[(&str, f64)]) -> Result<(), RecordError> {
     match values.iter().find(|(_, value)| !value.is_finite()) {
-        Some((name, value)) => Err(Problem::new(format!("{name} is {value}, expected a number"))),
+        Some((name, value)) => Err(RecordError::new(format!("{name} is {value}, expected a number"))),
         None => Ok(()),
     }
 }
 
-fn sbet_fix(bytes: &[u8]) -> Result<Fix, Problem> {
+fn sbet_fix(bytes: &[u8]) -> Result<Fix, RecordError> {
     let [time, latitude, longitude, height, _, _, _, roll, pitch, heading, wander] = doubles(bytes);
-    finite(&[
+    check_finite(&[
         ("time", time),
         ("latitude", latitude),
         ("longitude", longitude),
@@ -189,9 +190,9 @@ fn sbet_fix(bytes: &[u8]) -> Result<Fix, Problem> {
     })
 }
 
-fn terrascan_fix(bytes: &[u8]) -> Result<Fix, Problem> {
+fn terrascan_fix(bytes: &[u8]) -> Result<Fix, RecordError> {
     let [time, x, y, z, heading, roll, pitch] = doubles(bytes);
-    finite(&[
+    check_finite(&[
         ("time", time),
         ("x", x),
         ("y", y),
@@ -204,13 +205,13 @@ fn terrascan_fix(bytes: &[u8]) -> Result<Fix, Problem> {
     Ok(Fix { time, place: FixPlace::Local([x, y, z]), attitude, unitless_angles: None })
 }
 
-/// Whether the bytes could be the first record of an SBET.
+/// Whether the bytes are plausible as the first record of an SBET.
 pub fn looks_like_sbet(bytes: &[u8]) -> bool {
-    if bytes.len() < SBET {
+    if bytes.len() < SBET_BYTES {
         return false;
     }
     let [time, latitude, longitude, height, vx, vy, vz, roll, pitch, heading, wander] = doubles(bytes);
-    // Zeros make sense everywhere and say nothing.
+    // Zeros are plausible anywhere and prove nothing.
     (1e-3..1e10).contains(&time)
         && latitude.abs() <= FRAC_PI_2
         && longitude.abs() <= TAU
@@ -219,7 +220,7 @@ pub fn looks_like_sbet(bytes: &[u8]) -> bool {
         && [roll, pitch, heading, wander].iter().all(|a| a.abs() <= 2.0 * TAU)
 }
 
-/// Records for tests.
+/// RecordDecoder for tests.
 #[cfg(test)]
 pub mod testing {
     /// Rows of time, latitude, longitude (rad), height, roll, pitch, heading (rad).
@@ -250,18 +251,18 @@ pub mod testing {
 mod tests {
     use super::*;
 
-    fn read_all(mut records: Records, bytes: &[u8]) -> (Vec<Fix>, Option<String>) {
+    fn read_all(mut records: RecordDecoder, bytes: &[u8]) -> (Vec<Fix>, Option<String>) {
         let (mut fixes, mut at) = (Vec::new(), 0);
         loop {
             match records.next(&bytes[at..], true) {
-                Next::More => return (fixes, None),
-                Next::Passed(n) => at += n,
-                Next::Fix(n, fix, _) => {
+                Decoded::Incomplete => return (fixes, None),
+                Decoded::Skipped(n) => at += n,
+                Decoded::Fix(n, fix, _) => {
                     at += n;
                     fixes.push(fix);
                 }
-                Next::Wrong(mark, problem) => {
-                    let found = mark.error(std::path::Path::new("f"), problem);
+                Decoded::Invalid(place, error) => {
+                    let found = place.error(std::path::Path::new("f"), error);
                     return (fixes, Some(found.render(false)));
                 }
             }
@@ -269,41 +270,43 @@ mod tests {
     }
 
     #[test]
-    fn the_wander_angle_is_taken_from_the_platform_heading() {
+    fn the_wander_angle_is_subtracted_from_the_platform_heading() {
         let rows = [[10.0, 0.8, 0.1, 300.0, 0.0, 0.0, FRAC_PI_2], [11.0, 0.9, 0.2, 301.0, 0.0, 0.0, 0.0]];
-        let (fixes, wrong) = read_all(Records::sbet(), &testing::sbet(&rows));
-        assert_eq!((fixes.len(), wrong, fixes[0].time), (2, None, 10.0));
+        let (fixes, error) = read_all(RecordDecoder::sbet(), &testing::sbet(&rows));
+        assert_eq!((fixes.len(), error, fixes[0].time), (2, None, 10.0));
         assert_eq!(fixes[1].place, FixPlace::Geographic([0.9, 0.2, 301.0]));
         assert!((fixes[0].attitude.forward() - crate::geom::DVec3::X).length() < 1e-12, "not to the east");
     }
 
     #[test]
-    fn terrascan_headers_tell_sizes() {
+    fn terrascan_headers_state_sizes() {
         let bytes = testing::terrascan(&[[5.0, 1.0, 2.0, 3.0, 90.0, 0.0, 0.0]; 3]);
-        let (fixes, wrong) = read_all(Records::terrascan(), &bytes);
-        assert_eq!((fixes.len(), wrong), (3, None));
+        let (fixes, error) = read_all(RecordDecoder::terrascan(), &bytes);
+        assert_eq!((fixes.len(), error), (3, None));
         assert_eq!(fixes[2].place, FixPlace::Local([1.0, 2.0, 3.0]));
         assert!((fixes[2].attitude.forward() - crate::geom::DVec3::X).length() < 1e-12);
-        // A writer that does not know the number of records leaves 0; what follows the last record does not count.
+        // A writer that does not know the number of records leaves 0; anything after the last record is ignored.
         let mut unknown = bytes.clone();
         unknown[16] = 0;
-        assert_eq!(read_all(Records::terrascan(), &unknown).0.len(), 3);
+        assert_eq!(read_all(RecordDecoder::terrascan(), &unknown).0.len(), 3);
         let mut longer = bytes.clone();
         longer.extend([1; 30]);
-        assert_eq!(read_all(Records::terrascan(), &longer).0.len(), 3);
+        assert_eq!(read_all(RecordDecoder::terrascan(), &longer).0.len(), 3);
     }
 
     #[test]
-    fn cut_and_wrong_records_are_named() {
+    fn truncated_and_invalid_records_are_located() {
         let sbet = testing::sbet(&[[10.0, 0.8, 0.1, 300.0, 0.0, 0.0, 0.0]; 3]);
-        let (fixes, wrong) = read_all(Records::sbet(), &sbet[..SBET * 2 + 7]);
+        let (fixes, error) = read_all(RecordDecoder::sbet(), &sbet[..SBET_BYTES * 2 + 7]);
         assert!(
-            fixes.len() == 2 && wrong.unwrap().contains("record 3 (byte 272): cut: 7 bytes, expected 136")
+            fixes.len() == 2 && error.unwrap().contains("record 3 (byte 272): cut: 7 bytes, expected 136")
         );
         let nan = testing::sbet(&[[10.0, f64::NAN, 0.1, 300.0, 0.0, 0.0, 0.0]]);
-        assert!(read_all(Records::sbet(), &nan).1.unwrap().contains("record 1 (byte 0): latitude is NaN"));
+        assert!(
+            read_all(RecordDecoder::sbet(), &nan).1.unwrap().contains("record 1 (byte 0): latitude is NaN")
+        );
         let trj = testing::terrascan(&[[5.0, 1.0, 2.0, 3.0, 90.0, 0.0, 0.0]; 3]);
-        let of = |bytes: &[u8]| read_all(Records::terrascan(), bytes).1.unwrap();
+        let of = |bytes: &[u8]| read_all(RecordDecoder::terrascan(), bytes).1.unwrap();
         assert!(of(&trj[..1376 + 128]).contains("record 3 (byte 1504): the header tells of 3 records"));
         assert!(of(&trj[..1376 + 100]).contains("record 2 (byte 1440): cut: 36 bytes, expected 64"));
         assert!(
@@ -318,10 +321,10 @@ mod tests {
     proptest::proptest! {
         #[test]
         fn any_bytes_are_read_or_refused(bytes in proptest::collection::vec(0u8.., 0..600)) {
-            let _ = read_all(Records::sbet(), &bytes);
-            let _ = read_all(Records::terrascan(), &bytes);
+            let _ = read_all(RecordDecoder::sbet(), &bytes);
+            let _ = read_all(RecordDecoder::terrascan(), &bytes);
             let headed = [&testing::terrascan(&[])[..], &bytes].concat();
-            let _ = read_all(Records::terrascan(), &headed);
+            let _ = read_all(RecordDecoder::terrascan(), &headed);
         }
     }
 }

@@ -1,12 +1,23 @@
-//! One record of a trajectory as it stands there.
+//! Records of a trajectory: fixes in the recorder's frame, poses in the world, and errors with their places.
 
 use crate::diag::{Diagnostics, Place};
-use crate::geom::Rotation;
+use crate::geom::{DVec3, Rotation};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 
-/// A record, with units resolved but in its own frame.
+/// One pose of a trajectory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Seconds in the trajectory's own scale.
+    pub time: f64,
+    /// World coordinates, m.
+    pub position: DVec3,
+    /// Attitude of the platform.
+    pub attitude: Rotation,
+}
+
+/// A record with its units resolved, in the recorder's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
     /// Seconds in the trajectory's own scale.
@@ -14,7 +25,7 @@ pub struct Fix {
     pub place: FixPlace,
     /// Attitude over the local horizon; on [`FixPlace::Geographic`] headings count from true north.
     pub attitude: Rotation,
-    /// Roll, pitch and yaw as they stand in text that names no unit for them.
+    /// Roll, pitch and yaw as written, in text that states no unit for them.
     pub unitless_angles: Option<[f64; 3]>,
 }
 
@@ -27,69 +38,86 @@ pub enum FixPlace {
     Geographic([f64; 3]),
 }
 
-/// Where a fix stands in its trajectory.
+/// What the next bytes of a trajectory are. Counts are bytes.
+#[derive(Debug)]
+pub enum Decoded<'t> {
+    /// The beginning of a record: more bytes are needed.
+    Incomplete,
+    /// Bytes without a fix.
+    Skipped(usize),
+    /// A fix.
+    Fix(usize, Fix, RecordPlace<'t>),
+    /// An invalid record.
+    Invalid(RecordPlace<'t>, RecordError),
+}
+
+/// The place of a record in its trajectory.
 #[derive(Clone, Debug)]
-pub enum Mark<'t> {
+pub enum RecordPlace<'t> {
+    /// A line, numbered from 1, and where its time is.
     Line { number: usize, text: Cow<'t, str>, time: Range<usize> },
+    /// A record, numbered from 1, and its first byte.
     Record { number: u64, byte: u64 },
 }
 
-/// What is wrong with a fix.
+/// What is wrong with a record.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Problem {
+pub struct RecordError {
     pub message: String,
-    /// Bytes of the line to be marked; all of them where nothing is said.
+    /// Bytes of the line to be marked; `None` marks the whole line.
     pub at: Option<Range<usize>>,
     pub help: &'static str,
 }
 
-impl Problem {
-    pub fn new(message: impl Into<String>) -> Problem {
-        Problem { message: message.into(), at: None, help: "" }
+impl RecordError {
+    pub fn new(message: impl Into<String>) -> RecordError {
+        RecordError { message: message.into(), at: None, help: "" }
     }
 
-    pub fn help(self, help: &'static str) -> Problem {
-        Problem { help, ..self }
+    pub fn help(self, help: &'static str) -> RecordError {
+        RecordError { help, ..self }
     }
 }
 
-impl Mark<'_> {
-    /// Where the time stands, if that is known.
+impl RecordPlace<'_> {
+    /// Where the time is, if that is known.
     pub fn time(&self) -> Option<Range<usize>> {
         match self {
-            Mark::Line { time, .. } => Some(time.clone()),
-            Mark::Record { .. } => None,
+            RecordPlace::Line { time, .. } => Some(time.clone()),
+            RecordPlace::Record { .. } => None,
         }
     }
 
-    /// The problem at this place of `path` as an error.
-    pub fn error(&self, path: &Path, problem: Problem) -> Diagnostics {
+    /// The error at this place of `path`.
+    pub fn error(&self, path: &Path, error: RecordError) -> Diagnostics {
         let mut found = Diagnostics::default();
-        let error = found.error(Some(self.place(path, problem.at.clone())), self.told(problem.message));
-        if !problem.help.is_empty() {
-            error.help(problem.help);
+        let reported = found.error(Some(self.place(path, error.at)), self.message(error.message));
+        if !error.help.is_empty() {
+            reported.help(error.help);
         }
         found
     }
 
-    /// The problem at this place of `path` as a warning.
-    pub fn warn(&self, path: &Path, problem: Problem, warnings: &mut Diagnostics) {
-        warnings.warn(Some(self.place(path, problem.at)), self.told(problem.message));
+    /// The error at this place of `path` as a warning.
+    pub fn warning(&self, path: &Path, error: RecordError) -> Diagnostics {
+        let mut found = Diagnostics::default();
+        found.warn(Some(self.place(path, error.at)), self.message(error.message));
+        found
     }
 
     fn place(&self, path: &Path, at: Option<Range<usize>>) -> Place {
         match self {
-            Mark::Line { number, text, .. } => {
+            RecordPlace::Line { number, text, .. } => {
                 Place::in_line(path, *number, text, at.unwrap_or(0..text.len()))
             }
-            Mark::Record { .. } => Place::in_line(path, 0, "", 0..0),
+            RecordPlace::Record { .. } => Place::in_line(path, 0, "", 0..0),
         }
     }
 
-    fn told(&self, message: String) -> String {
+    fn message(&self, message: String) -> String {
         match self {
-            Mark::Line { .. } => message,
-            Mark::Record { number, byte } => format!("record {number} (byte {byte}): {message}"),
+            RecordPlace::Line { .. } => message,
+            RecordPlace::Record { number, byte } => format!("record {number} (byte {byte}): {message}"),
         }
     }
 }

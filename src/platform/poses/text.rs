@@ -1,26 +1,25 @@
-//! Trajectories of lines: a header names columns in any order, otherwise they are time, x, y, z, roll, pitch, yaw. Blank
-//! lines and lines that begin with `#` are passed over, but for the `#HEADER:` and `#TIME_COLUMN:` of HELIOS++'s files;
-//! lines as HELIOS++ writes them are known by their numbers of decimals.
+//! Trajectories in text: a header names columns in any order, otherwise they are time, x, y, z, roll, pitch, yaw. Blank lines
+//! and lines that begin with `#` are skipped, except the directives `#HEADER:` and `#TIME_COLUMN:` of HELIOS++'s files. Lines
+//! that HELIOS++ wrote are detected by their numbers of decimals.
 
-use super::super::interpolated::composed;
-use super::super::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is_header};
-use super::fix::{Fix, FixPlace, Mark, Problem};
-use super::source::Next;
+use super::fix::{Decoded, Fix, FixPlace, RecordError, RecordPlace};
 use crate::columns::Separator;
 use crate::geom::Rotation;
+use crate::platform::interpolated::composed;
+use crate::platform::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is_header};
 use crate::survey::{AngleConvention, PoseFormat, PoseStream, RotationSpec};
 use std::borrow::Cow;
 use std::f64::consts::FRAC_PI_2;
 
-/// Longer lines are no poses.
-const LONGEST_LINE: usize = 1 << 16;
+/// Longer lines are an error.
+const MAX_LINE_BYTES: usize = 1 << 16;
 /// Decimals of the columns of HELIOS++'s trajectory files: x, y, z, t, roll, pitch, yaw.
 const HELIOS_DECIMALS: [usize; 7] = [4, 4, 4, 9, 4, 4, 4];
 
-/// Reads lines of numbers.
+/// Decodes lines of numbers.
 #[derive(Debug)]
-pub struct Lines {
-    /// What the angles mean once the layout is known.
+pub struct TextDecoder {
+    /// The convention of the angles, once the layout is known.
     rotation: AngleConvention,
     settings: PoseStream,
     line: usize,
@@ -29,10 +28,10 @@ pub struct Lines {
     helios: bool,
 }
 
-impl Lines {
-    pub fn new(settings: PoseStream) -> Lines {
+impl TextDecoder {
+    pub fn new(settings: PoseStream) -> TextDecoder {
         let helios = settings.format == Some(PoseFormat::Helios);
-        Lines {
+        TextDecoder {
             rotation: AngleConvention::Heading,
             settings,
             line: 0,
@@ -42,22 +41,22 @@ impl Lines {
         }
     }
 
-    /// A word for messages.
+    /// The format's name in messages.
     pub fn name(&self) -> &'static str {
         if self.helios { "HELIOS++ text" } else { "text" }
     }
 
-    pub fn next<'t>(&mut self, bytes: &'t [u8], ended: bool) -> Next<'t> {
+    pub fn next<'t>(&mut self, bytes: &'t [u8], ended: bool) -> Decoded<'t> {
         let (line, taken) = match memchr::memchr(b'\n', bytes) {
             Some(end) => (&bytes[..end], end + 1),
-            None if bytes.len() > LONGEST_LINE => {
+            None if bytes.len() > MAX_LINE_BYTES => {
                 let start = String::from_utf8_lossy(&bytes[..40]).into_owned();
-                let mark = Mark::Line { number: self.line + 1, text: Cow::Owned(start), time: 0..0 };
-                let message = format!("a line of more than {LONGEST_LINE} bytes, expected a pose");
-                return Next::Wrong(mark, Problem { at: Some(0..0), ..Problem::new(message) });
+                let place = RecordPlace::Line { number: self.line + 1, text: Cow::Owned(start), time: 0..0 };
+                let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pose");
+                return Decoded::Invalid(place, RecordError { at: Some(0..0), ..RecordError::new(message) });
             }
             None if ended && !bytes.is_empty() => (bytes, bytes.len()),
-            None => return Next::More,
+            None => return Decoded::Incomplete,
         };
         self.line += 1;
         let mut text = String::from_utf8_lossy(line);
@@ -66,39 +65,43 @@ impl Lines {
             text = Cow::Owned(bare.to_owned());
         }
         match self.take(&text) {
-            Ok(None) => Next::Passed(taken),
-            Ok(Some((fix, time))) => Next::Fix(taken, fix, Mark::Line { number: self.line, text, time }),
-            Err(problem) => Next::Wrong(Mark::Line { number: self.line, text, time: 0..0 }, problem),
+            Ok(None) => Decoded::Skipped(taken),
+            Ok(Some((fix, time))) => {
+                Decoded::Fix(taken, fix, RecordPlace::Line { number: self.line, text, time })
+            }
+            Err(problem) => {
+                Decoded::Invalid(RecordPlace::Line { number: self.line, text, time: 0..0 }, problem)
+            }
         }
     }
 
-    fn take(&mut self, line: &str) -> Result<Option<(Fix, std::ops::Range<usize>)>, Problem> {
+    fn take(&mut self, line: &str) -> Result<Option<(Fix, std::ops::Range<usize>)>, RecordError> {
         let content = line.trim_start();
         if content.is_empty() {
             return Ok(None);
         }
         if content.starts_with('#') {
-            let is_directive = self.directives.parse(content).map_err(Problem::new)?;
+            let is_directive = self.directives.parse(content).map_err(RecordError::new)?;
             self.helios |= is_directive && self.settings.format.is_none();
             return Ok(None);
         }
         if self.reading.is_none() {
             let separator = self.settings.separator.map_or_else(|| Separator::guess(line), Separator::named);
-            let named = is_header(line, separator);
-            let layout = self.choose_layout(line, separator, named).map_err(|message| {
-                Problem::new(message).help("name the columns in a first line: time,x,y,z,roll,pitch,yaw")
+            let header = is_header(line, separator);
+            let layout = self.choose_layout(line, separator, header).map_err(|message| {
+                RecordError::new(message).help("name the columns in a first line: time,x,y,z,roll,pitch,yaw")
             })?;
             self.reading = Some((layout, separator));
-            let usual = if self.helios { AngleConvention::Helios } else { AngleConvention::Heading };
-            self.rotation = self.settings.rotation.unwrap_or(usual);
-            if named || self.settings.columns.is_some() && holds_no_number(line, separator) {
+            let default = if self.helios { AngleConvention::Helios } else { AngleConvention::Heading };
+            self.rotation = self.settings.rotation.unwrap_or(default);
+            if header || self.settings.columns.is_some() && has_no_number(line, separator) {
                 return Ok(None);
             }
         }
         let Some((layout, separator)) = &self.reading else { return Ok(None) };
         let (values, time) = layout
             .read(line, *separator)
-            .map_err(|e| Problem { at: Some(e.at), ..Problem::new(e.message) })?;
+            .map_err(|e| RecordError { at: Some(e.at), ..RecordError::new(e.message) })?;
         Ok(Some((self.fix(layout, values), time)))
     }
 
@@ -157,7 +160,7 @@ fn attitude(convention: AngleConvention, roll: f64, pitch: f64, yaw: f64) -> Rot
     }
 }
 
-fn holds_no_number(line: &str, separator: Separator) -> bool {
+fn has_no_number(line: &str, separator: Separator) -> bool {
     separator.split(line).into_iter().all(|field| line[field].parse::<f64>().is_err())
 }
 
@@ -175,35 +178,35 @@ mod tests {
     use crate::geom::{DVec3, radians};
 
     fn first(settings: PoseStream, text: &str) -> Fix {
-        let (mut lines, mut at) = (Lines::new(settings), 0);
+        let (mut lines, mut at) = (TextDecoder::new(settings), 0);
         loop {
             match lines.next(&text.as_bytes()[at..], true) {
-                Next::Passed(n) => at += n,
-                Next::Fix(_, fix, _) => return fix,
+                Decoded::Skipped(n) => at += n,
+                Decoded::Fix(_, fix, _) => return fix,
                 other => panic!("{other:?}"),
             }
         }
     }
 
-    fn usual() -> PoseStream {
+    fn defaults() -> PoseStream {
         PoseStream::at("-")
     }
 
     #[test]
     fn what_the_reference_writes_is_known_by_its_decimals() {
         let line = "-30.0000 -50.0000 100.0000 86391.000000000 0.0000 0.0000 90.0000\n";
-        let fix = first(usual(), line);
+        let fix = first(defaults(), line);
         assert_eq!((fix.time, fix.place), (86391.0, FixPlace::Local([-30.0, -50.0, 100.0])));
-        let text = PoseStream { format: Some(PoseFormat::Text), ..usual() };
+        let text = PoseStream { format: Some(PoseFormat::Text), ..defaults() };
         assert_eq!(first(text, line).time, -30.0, "asked to be plain text");
-        let told = PoseStream { format: Some(PoseFormat::Helios), ..usual() };
-        assert_eq!(first(told, "1 2 3 4 5 6 7").time, 4.0);
+        let helios = PoseStream { format: Some(PoseFormat::Helios), ..defaults() };
+        assert_eq!(first(helios, "1 2 3 4 5 6 7").time, 4.0);
     }
 
     #[test]
     fn angles_mean_what_they_are_said_to_mean() {
         let forward = |rotation| {
-            first(PoseStream { rotation: Some(rotation), ..usual() }, "1 0 0 0 0 0 30").attitude.forward()
+            first(PoseStream { rotation: Some(rotation), ..defaults() }, "1 0 0 0 0 0 30").attitude.forward()
         };
         let (sin, cos) = (0.5, 3f64.sqrt() / 2.0);
         for (convention, expected) in [
@@ -214,7 +217,10 @@ mod tests {
             assert!((forward(convention) - expected).length() < 1e-12, "{convention:?}");
         }
         let nose = |rotation| {
-            first(PoseStream { rotation: Some(rotation), ..usual() }, "1 0 0 0 0 30 0").attitude.forward().z
+            first(PoseStream { rotation: Some(rotation), ..defaults() }, "1 0 0 0 0 30 0")
+                .attitude
+                .forward()
+                .z
         };
         assert!((nose(AngleConvention::Yaw) - 0.5).abs() < 1e-12);
         assert!((nose(AngleConvention::Ros) + 0.5).abs() < 1e-12);
@@ -231,7 +237,7 @@ mod tests {
             .after(Rotation::about_x(roll))
             // From right, forward, up to forward, left, up.
             .after(Rotation::about_z(-FRAC_PI_2));
-        let of = |rotation, text: &str| first(PoseStream { rotation, ..usual() }, text).attitude;
+        let of = |rotation, text: &str| first(PoseStream { rotation, ..defaults() }, text).attitude;
         let helios = |text: &str| {
             format!("#TIME_COLUMN: 0\n#HEADER: \"t\",\"x\",\"y\",\"z\",\"roll\",\"pitch\",\"yaw\"\n{text}")
         };
@@ -254,7 +260,7 @@ mod tests {
     fn columns_are_chosen_by_name_or_number() {
         let columns = |list: &[&str]| PoseStream {
             columns: Some(list.iter().map(|c| (*c).to_owned()).collect()),
-            ..usual()
+            ..defaults()
         };
         let numbered = ["time=2", "x=5", "y=4", "z=3", "roll=6", "pitch=7", "yaw[rad]=1"];
         let fix = first(columns(&numbered), "some,words,that,name,all,the,rest\n0.5,9,3,2,1,0,0\n");
@@ -266,14 +272,14 @@ mod tests {
 
     #[test]
     fn latitude_and_longitude_are_columns_too() {
-        let fix = first(usual(), "time,lat,lon,height,roll,pitch,heading\n1,49,8.5,300,0,0,0\n");
+        let fix = first(defaults(), "time,lat,lon,height,roll,pitch,heading\n1,49,8.5,300,0,0,0\n");
         assert_eq!(fix.place, FixPlace::Geographic([radians(49.0), radians(8.5), 300.0]));
         let fix = first(
-            usual(),
+            defaults(),
             "time,longitude[rad],latitude[rad],height,roll,pitch,heading\n1,0.1,0.8,300,0,0,0\n",
         );
         assert_eq!(fix.place, FixPlace::Geographic([0.8, 0.1, 300.0]));
-        let fix = first(usual(), "time,lat,lon,height,roll,pitch,heading,x,y\n1,49,8.5,300,0,0,0,5,6\n");
+        let fix = first(defaults(), "time,lat,lon,height,roll,pitch,heading,x,y\n1,49,8.5,300,0,0,0,5,6\n");
         assert_eq!(
             fix.place,
             FixPlace::Local([5.0, 6.0, 300.0]),

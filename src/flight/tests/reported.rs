@@ -1,7 +1,7 @@
-//! Flights whose navigation errs: what is flown stays, what is reported moves.
+//! Flights with errors of navigation: true poses stay, reported ones change.
 
-use super::testing::*;
-use super::{FlightOptions, FlightPlan, FlightState};
+use crate::flight::testing::*;
+use crate::flight::{FlightOptions, Pulse};
 use crate::geom::{DVec3, Rotation, radians};
 use crate::survey::*;
 
@@ -17,12 +17,11 @@ fn fly_with(errors: &[(&str, &[f64])]) -> Vec<FlownLeg> {
     errors.iter().for_each(|(key, numbers)| navigation.set(key, numbers).unwrap());
     let kinematics = Kinematics::CORRECTED;
     let options = FlightOptions { kinematics, navigation, seed: 7, ..FlightOptions::default() };
-    let (plan, _) = FlightPlan::new(&flight(), DVec3::ZERO, &|_, _| None, &options).unwrap();
-    fly_plan(&plan, &mut FlightState::start(&plan)).unwrap()
+    fly_plan(&plan_with(&flight(), options))
 }
 
 #[test]
-fn the_flight_itself_knows_nothing_of_its_errors() {
+fn true_poses_do_not_depend_on_errors() {
     let (true_flight, erring) = (
         fly_with(&[]),
         fly_with(&[("position_m", &[0.1]), ("attitude_deg", &[0.1]), ("lever_arm_m", &[1.0])]),
@@ -39,11 +38,11 @@ fn the_flight_itself_knows_nothing_of_its_errors() {
 }
 
 #[test]
-fn errors_move_points_as_geometry_says() {
+fn errors_move_points_as_computed() {
     // 1 mrad of roll to the right, 500 m above: what is below is reported 0.5 m to the left.
     let roll = libm::atan(1e-3).to_degrees();
     let pulse = fly_with(&[("boresight_deg", &[roll, 0.0, 0.0])])[0].pulses[0];
-    let point = |p: &super::Pulse| p.origin + p.origin_error + p.reported_attitude.forward() * 500.0;
+    let point = |p: &Pulse| p.origin + p.origin_error + p.reported_attitude.forward() * 500.0;
     let below = pulse.origin + pulse.exact_attitude.forward() * 500.0;
     assert!(
         (point(&pulse) - below - DVec3::new(-0.5, 0.0, 0.0)).length() < 1e-3,

@@ -1,11 +1,10 @@
 //! The worked examples and golden sequences of spec kinematics.
 
-use super::testing::*;
-use super::{FlightState, Step};
+use crate::flight::testing::*;
+use crate::flight::{FlightOptions, FlightState, Step};
 use crate::geom::{DVec3, Rotation, degrees, radians};
 use crate::survey::Formula;
 use crate::survey::*;
-use std::io::Write;
 
 fn close(found: DVec3, wanted: [f64; 3], tolerance: f64) {
     assert!((found - DVec3::from(wanted)).abs().max_element() <= tolerance, "{found} is not {wanted:?}");
@@ -136,7 +135,7 @@ fn last_leg_ping_pong() {
 }
 
 #[test]
-fn greatest_duration() {
+fn maximum_duration() {
     // §1.8 example 1
     let timed = |active: bool, duration: f64| {
         move |l: &mut Leg| {
@@ -169,8 +168,7 @@ fn the_gps_clock_is_a_running_sum() {
             l.scanner.pulse_freq = 300_000;
         })]);
         s.scanner.devices[0].deflector = Deflector::Fibres { count: 1 };
-        let options = super::FlightOptions { gps_start_ns: start, ..Default::default() };
-        let (plan, _) = super::FlightPlan::new(&s, DVec3::ZERO, &|_, _| None, &options).unwrap();
+        let plan = plan_with(&s, FlightOptions { gps_start_ns: start, ..Default::default() });
         let mut state = FlightState::start(&plan);
         let mut count = Count::default();
         for _ in 0..steps {
@@ -238,12 +236,12 @@ fn inactive_legs_freeze_the_deflector_and_restart_device_0() {
     let angles = |device: u32| -> Vec<f64> {
         flown[2].pulses.iter().filter(|p| p.device == device).map(|p| degrees(p.scan_angle)).collect()
     };
-    assert!((angles(0)[0] + 20.0).abs() < 1e-9, "device 0 begins a new period");
+    assert!((angles(0)[0] + 20.0).abs() < 1e-9, "device 0 starts a new period");
     let last_before = degrees(flown[0].pulses.last().unwrap().scan_angle);
     let first_after = angles(1)[0];
     assert!(
         first_after > last_before && first_after < -19.0,
-        "device 1 goes on: {last_before} {first_after}"
+        "device 1 continues: {last_before} {first_after}"
     );
 }
 
@@ -268,22 +266,20 @@ fn mounting_chain() {
 }
 
 #[test]
-fn offsets_are_added_in_world_axes_unless_they_shall_turn() {
+fn offsets_are_in_world_axes_unless_they_turn_with_the_mount() {
     let legs = vec![leg([0.0; 3], 30.0, |_| {}), leg([100.0, 0.0, 0.0], 30.0, |_| {})];
     let mut s =
         survey(PlatformKind::LinearPath, mount([0.0, 1.0, 0.5]), Deflector::Fibres { count: 1 }, legs);
     s.scanner.devices[0].beam_origin.offset = DVec3::new(0.0, 0.25, 0.0);
     for (rotate, wanted) in [(false, [0.0, 1.25, 0.5]), (true, [1.25, 0.0, 0.5])] {
         let kinematics = Kinematics { mount_offsets_turn: rotate, ..Kinematics::HELIOS };
-        let options = super::FlightOptions { kinematics, ..Default::default() };
-        let (plan, _) = super::FlightPlan::new(&s, DVec3::ZERO, &|_, _| None, &options).unwrap();
-        let flown = fly_plan(&plan, &mut FlightState::start(&plan)).unwrap();
+        let flown = fly_plan(&plan_with(&s, FlightOptions { kinematics, ..Default::default() }));
         close(flown[0].pulses[0].origin, wanted, 1e-7);
     }
 }
 
 #[test]
-fn mechanical_errors_part_the_traced_from_the_exact_beam() {
+fn mechanical_errors_separate_the_traced_from_the_exact_beam() {
     let scan = |l: &mut Leg| {
         lines(l);
         turn_head(l, 36.0, 9.0);
@@ -344,41 +340,18 @@ fn trajectory_samples() {
     assert!(p.roll == 0.0 && p.roll.is_sign_negative() && p.yaw == 0.0 && p.yaw.is_sign_negative());
 }
 
-fn table_survey(legs: Vec<Leg>, sync: bool) -> (Survey, tempfile::TempDir) {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("flight.txt");
-    let mut file = std::fs::File::create(&path).unwrap();
-    writeln!(file, "#TIME_COLUMN: 0").unwrap();
-    for (t, x, yaw) in [(100, 0, 0), (101, 10, 10), (102, 20, 30), (104, 40, 350)] {
-        writeln!(file, "{t}, 0, 0, {yaw}, {x}, 0, 0").unwrap();
-    }
-    let kind = PlatformKind::Interpolated(Interpolated {
-        rotation_spec: RotationSpec::Arinc705,
-        position_only: false,
-        degrees: true,
-        sync_gps_time: sync,
-        grid: crate::survey::Grid::FirstFix,
-        files: vec![TrajectoryFile { path, columns: None, separator: None, slope_filter: 0.0 }],
-    });
-    (survey(kind, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs), dir)
-}
-
-fn stretch(start: f64, end: f64, teleport: bool) -> Leg {
-    leg([0.0; 3], 70.0, |l| {
-        l.scanner.pulse_freq = 10;
-        l.scanner.trajectory_interval = 0.01;
-        l.platform.trajectory = Some(LegTrajectory { file: 0, start: Some(start), end: Some(end), teleport });
-    })
-}
-
 #[test]
 fn interpolated_trajectory() {
     // §2.8 example 5
-    let legs = vec![stretch(100.5, 101.5, false), stretch(103.0, 104.0, false), stretch(100.0, 101.0, true)];
-    let (s, _dir) = table_survey(legs, true);
+    let legs = vec![
+        recorded_leg(100.5, 101.5, false),
+        recorded_leg(103.0, 104.0, false),
+        recorded_leg(100.0, 101.0, true),
+    ];
+    let (s, _dir) = recorded(0.0, true, legs);
     let (plan, _) = plan_of(&s).unwrap();
     assert_eq!(plan.leg_count(), 7);
-    let numbers: Vec<u32> = (0..7).map(|i| plan.leg_number(i).unwrap()).collect();
+    let numbers: Vec<u32> = plan.legs.iter().map(|l| l.number).collect();
     assert_eq!(numbers, [0, 0, 1, 1, 2, 2, 2]);
     let flown = fly(&s);
     let xs = |leg: usize| -> Vec<f64> { flown[leg].pulses.iter().map(|p| p.origin.x).collect() };
@@ -399,15 +372,15 @@ fn interpolated_trajectory() {
 
 #[test]
 fn a_first_leg_with_teleport_starts_one_step_late() {
-    let (s, _dir) = table_survey(vec![stretch(100.5, 101.5, true)], false);
+    let (s, _dir) = recorded(0.0, false, vec![recorded_leg(100.5, 101.5, true)]);
     let flown = fly(&s);
     assert!((flown[1].pulses[0].origin.x - 6.0).abs() < 1e-9);
     assert_eq!(flown[1].pulses[0].time_ns, START_NS);
 }
 
 #[test]
-fn a_stretch_beyond_the_table_prolongs_it_with_a_warning() {
-    let (s, _dir) = table_survey(vec![stretch(103.0, 106.0, false)], false);
+fn a_leg_beyond_the_table_is_extrapolated_with_a_warning() {
+    let (s, _dir) = recorded(0.0, false, vec![recorded_leg(103.0, 106.0, false)]);
     let (_, warnings) = plan_of(&s).unwrap();
     assert!(warnings.render(false).contains("its ends are prolonged"));
     let last = fly(&s)[0].pulses.last().unwrap().origin.x;

@@ -1,17 +1,14 @@
 //! The corrected kinematics against closed formulas: clock, legs, headings, offsets, noise.
 
-use super::testing::*;
-use super::{FlightOptions, FlightPlan, FlightState};
+use crate::flight::FlightOptions;
+use crate::flight::testing::*;
 use crate::geom::{DVec3, Rotation, degrees, radians};
 use crate::survey::*;
-use std::io::Write as _;
 
 /// Flies `survey` from GPS second 1000 of the week on.
 fn fly_as(survey: &Survey, kinematics: Kinematics) -> Vec<FlownLeg> {
     let options = FlightOptions { gps_start_ns: 1000e9, kinematics, ..FlightOptions::default() };
-    let (plan, _) =
-        FlightPlan::new(survey, DVec3::ZERO, &|_, _| None, &options).expect("the survey is accepted");
-    fly_plan(&plan, &mut FlightState::start(&plan)).expect("the flight ends")
+    fly_plan(&plan_with(survey, options))
 }
 
 fn corrected(survey: &Survey) -> Vec<FlownLeg> {
@@ -34,7 +31,7 @@ fn azimuth(beam: Rotation) -> f64 {
 }
 
 #[test]
-fn every_stamp_is_a_multiple_of_the_period() {
+fn every_time_is_a_multiple_of_the_period() {
     let still = |frequency| {
         leg([0.0; 3], 0.0, |l| {
             l.scanner.pulse_freq = frequency;
@@ -43,7 +40,7 @@ fn every_stamp_is_a_multiple_of_the_period() {
     };
     let s = survey(PlatformKind::Static, Mount::IDENTITY, straight(), vec![still(300_000), still(7000)]);
     let flown = corrected(&s);
-    // A leg of 0.25 s has 0.25 f pulses, the first one and later ones; the second goes on where the first ended.
+    // Every leg of 0.25 s has 0.25 f pulses; the second begins where the first ended.
     assert_eq!((flown[0].pulses.len(), flown[1].pulses.len()), (75_000, 1750));
     for (leg, start, frequency) in [(0, 1000e9, 300_000), (1, 1000.25e9, 7000)] {
         for (k, pulse) in flown[leg].pulses.iter().enumerate() {
@@ -51,13 +48,13 @@ fn every_stamp_is_a_multiple_of_the_period() {
             assert!((pulse.time_ns - wanted).abs() < 3e-4, "pulse {k}: {}", pulse.time_ns);
         }
     }
-    // The reference has one pulse more in the later leg, and stamps it at the first leg's rate.
+    // The reference has one more pulse in the later leg, and counts time at the first leg's rate.
     let helios = fly_as(&s, Kinematics::HELIOS);
     assert_eq!(helios[1].pulses.len(), 75_001);
 }
 
 #[test]
-fn the_exact_clock_turns_with_the_week() {
+fn the_exact_clock_wraps_at_the_end_of_the_week() {
     let l = leg([0.0; 3], 0.0, |l| l.scanner.max_duration = Some(2.0));
     let s = survey(PlatformKind::Static, Mount::IDENTITY, straight(), vec![l]);
     let options = FlightOptions {
@@ -65,8 +62,7 @@ fn the_exact_clock_turns_with_the_week() {
         kinematics: Kinematics::CORRECTED,
         ..FlightOptions::default()
     };
-    let (plan, _) = FlightPlan::new(&s, DVec3::ZERO, &|_, _| None, &options).unwrap();
-    let flown = fly_plan(&plan, &mut FlightState::start(&plan)).unwrap();
+    let flown = fly_plan(&plan_with(&s, options));
     assert_eq!(flown[0].pulses.len(), 200);
     assert!((flown[0].pulses[199].time_ns - 0.99e9).abs() < 1e-3);
 }
@@ -86,17 +82,17 @@ fn beams_point_along_the_leg() {
 
 #[test]
 fn corners_are_sharp_and_take_no_time() {
-    // 30 m/s at 100 Hz: 0.3 m a step. The corner at 10.1 m lies a third of a step beyond... 33 steps (9.9 m): 2/3 of step 34.
+    // 30 m/s at 100 Hz: 0.3 m a step. The corner at 10.1 m is reached after 33 steps (9.9 m) and 2/3 of another.
     let flown = corrected(&path(&[[0.0; 3], [10.1, 0.0, 0.0], [10.1, -5.0, 0.0]], 100));
-    let places: Vec<DVec3> = flown.iter().flat_map(|l| &l.pulses).map(|p| p.origin).collect();
-    for (k, place) in places.iter().enumerate() {
+    let origins: Vec<DVec3> = flown.iter().flat_map(|l| &l.pulses).map(|p| p.origin).collect();
+    for (k, place) in origins.iter().enumerate() {
         let way = 0.3 * k as f64;
         let wanted = if way < 10.1 { DVec3::new(way, 0.0, 0.0) } else { DVec3::new(10.1, 10.1 - way, 0.0) };
         assert!((*place - wanted).length() < 1e-9, "{k}: {place} is not {wanted}");
     }
-    assert!(places.len() == 51 && flown[0].pulses.len() == 34, "{}", places.len());
+    assert!(origins.len() == 51 && flown[0].pulses.len() == 34, "{}", origins.len());
     let south = flown[1].pulses[0].attitude;
-    assert!((azimuth(south) - 180.0).abs() < 1e-9, "the new heading comes with the new leg");
+    assert!((azimuth(south) - 180.0).abs() < 1e-9, "the heading changes with the leg");
 }
 
 #[test]
@@ -113,31 +109,10 @@ fn a_leg_has_its_own_speed_in_metres_per_second() {
 }
 
 #[test]
-fn recorded_legs_begin_when_they_should_and_turn_the_shorter_way() {
-    let dir = tempfile::tempdir().unwrap();
-    let file = dir.path().join("flight.txt");
-    let mut text = std::fs::File::create(&file).unwrap();
-    writeln!(text, "#TIME_COLUMN: 0").unwrap();
-    for (t, x, yaw) in [(100, 0, 350), (101, 10, 10), (102, 20, 30), (104, 40, 350)] {
-        writeln!(text, "{t}, 0, 0, {yaw}, {x}, 0, 0").unwrap();
-    }
-    let kind = PlatformKind::Interpolated(Interpolated {
-        rotation_spec: RotationSpec::Arinc705,
-        position_only: false,
-        degrees: true,
-        sync_gps_time: true,
-        grid: Grid::FirstFix,
-        files: vec![TrajectoryFile { path: file, columns: None, separator: None, slope_filter: 0.0 }],
-    });
-    let stretch = |start: f64, end: f64, teleport: bool| {
-        leg([0.0; 3], 70.0, |l| {
-            l.scanner.pulse_freq = 10;
-            l.platform.trajectory =
-                Some(LegTrajectory { file: 0, start: Some(start), end: Some(end), teleport });
-        })
-    };
-    let legs = vec![stretch(100.5, 101.5, false), stretch(103.0, 104.0, false), stretch(100.0, 101.0, true)];
-    let s = survey(kind, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs);
+fn recorded_legs_start_on_time_and_turn_the_shorter_way() {
+    let legs = [(100.5, 101.5, false), (103.0, 104.0, false), (100.0, 101.0, true)];
+    let (s, _dir) =
+        recorded(350.0, true, legs.map(|(start, end, teleport)| recorded_leg(start, end, teleport)).to_vec());
     let flown = corrected(&s);
     let active: Vec<&FlownLeg> = flown.iter().filter(|l| !l.pulses.is_empty()).collect();
     assert_eq!(active.len(), 3);
@@ -165,7 +140,7 @@ fn copter(legs: Vec<Leg>, kinematics: Kinematics) -> Vec<FlownLeg> {
 }
 
 #[test]
-fn a_tilted_multicopter_carries_its_scanner_with_it() {
+fn a_tilted_multicopter_tilts_its_scanner() {
     let legs = || {
         [[0.0, 0.0, 50.0], [40.0, 10.0, 52.0], [20.0, 50.0, 48.0]]
             .map(|p| leg(p, 8.0, |l| l.scanner.trajectory_interval = 0.01))
@@ -187,7 +162,7 @@ fn a_tilted_multicopter_carries_its_scanner_with_it() {
 }
 
 #[test]
-fn attitude_noise_turns_what_the_platform_carries() {
+fn attitude_noise_turns_platform_and_mount() {
     // A constant 0.1 rad about the platform's y: the platform rolls to the right. A scanner that looks down sees it as
     // a swing of the beam to the left; in the reference the beam turns about itself.
     let mut s = path(&[[0.0; 3], [0.0, 30.0, 0.0]], 100);
@@ -204,7 +179,7 @@ fn attitude_noise_turns_what_the_platform_carries() {
 }
 
 #[test]
-fn warming_up_turns_the_optics_only() {
+fn warm_up_moves_the_optics_only() {
     let scan = |l: &mut Leg| {
         turn_head(l, 36.0, 9.0);
         l.scanner.warmup = 0.1;
@@ -216,7 +191,7 @@ fn warming_up_turns_the_optics_only() {
 }
 
 #[test]
-fn all_channels_begin_anew_after_a_rest() {
+fn all_channels_restart_after_an_inactive_leg() {
     let scan = |active: bool| {
         move |l: &mut Leg| {
             l.scanner.active = active;

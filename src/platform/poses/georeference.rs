@@ -1,23 +1,22 @@
-//! From a fix in the frame of its recorder to the pose of the scanner's platform in the world.
+//! Direct georeferencing: a fix in the recorder's frame to the pose of the scanner's platform in the world.
 
-use super::Pose;
-use super::fix::{Fix, FixPlace, Problem};
+use super::fix::{Fix, FixPlace, Pose, RecordError};
 use crate::geom::{DVec3, Rotation, UtmZone};
 use crate::survey::{Grid, PoseStream};
 
-/// Projects, moves and turns fixes.
+/// Projection, height offset, lever arm and boresight.
 #[derive(Debug)]
-pub struct Frame {
+pub struct Georeference {
     grid: Grid,
     height_offset: f64,
     lever_arm: DVec3,
     boresight: Option<Rotation>,
 }
 
-impl Frame {
-    pub fn new(settings: &PoseStream) -> Frame {
+impl Georeference {
+    pub fn new(settings: &PoseStream) -> Georeference {
         let [roll, pitch, heading] = settings.boresight;
-        Frame {
+        Georeference {
             grid: settings.grid,
             height_offset: settings.height_offset,
             lever_arm: settings.lever_arm,
@@ -25,17 +24,17 @@ impl Frame {
         }
     }
 
-    /// A frame that only projects.
-    pub fn of_grid(grid: Grid) -> Frame {
-        Frame { grid, height_offset: 0.0, lever_arm: DVec3::ZERO, boresight: None }
+    /// Projection only.
+    pub fn of_grid(grid: Grid) -> Georeference {
+        Georeference { grid, height_offset: 0.0, lever_arm: DVec3::ZERO, boresight: None }
     }
 
-    /// What is added to all heights, m.
+    /// The offset added to all heights, m.
     pub fn height_offset(&self) -> f64 {
         self.height_offset
     }
 
-    /// The zone of what has been projected.
+    /// The UTM zone, once that is known.
     pub fn zone(&self) -> Option<UtmZone> {
         match self.grid {
             Grid::Utm(zone) => Some(zone),
@@ -44,7 +43,7 @@ impl Frame {
     }
 
     /// The pose of the scanner's platform.
-    pub fn pose(&mut self, fix: &Fix) -> Result<Pose, Problem> {
+    pub fn pose(&mut self, fix: &Fix) -> Result<Pose, RecordError> {
         let (mut position, mut attitude) = match fix.place {
             FixPlace::Local(place) => (DVec3::from(place), fix.attitude),
             FixPlace::Geographic(place) => self.project(place, fix.attitude)?,
@@ -61,27 +60,27 @@ impl Frame {
         Ok(Pose { time: fix.time, position, attitude })
     }
 
-    /// Position on the grid, and the attitude whose headings count from the grid's north.
+    /// The position on the grid, and the attitude relative to the grid's north.
     fn project(
         &mut self,
         [latitude, longitude, height]: [f64; 3],
         attitude: Rotation,
-    ) -> Result<(DVec3, Rotation), Problem> {
+    ) -> Result<(DVec3, Rotation), RecordError> {
         let (lat, lon) = (latitude.to_degrees(), longitude.to_degrees());
         let zone = match self.grid {
             Grid::Utm(zone) => zone,
             Grid::Foreign => {
-                return Err(Problem::new(
+                return Err(RecordError::new(
                     "latitude and longitude cannot be projected: the scene's coordinate reference system is no UTM zone",
                 )
                 .help("project the trajectory first, or name a zone with --utm-zone"));
             }
             Grid::FirstFix => UtmZone::of(latitude, longitude)
-                .ok_or_else(|| Problem::new(format!("{lat}° is no latitude")).help(UNIT))?,
+                .ok_or_else(|| RecordError::new(format!("{lat}° is no latitude")).help(UNIT))?,
         };
         let point = zone.project(latitude, longitude).ok_or_else(|| {
             let message = format!("latitude {lat}°, longitude {lon}° do not lie in UTM zone {zone}");
-            Problem::new(message).help(UNIT)
+            RecordError::new(message).help(UNIT)
         })?;
         self.grid = Grid::Utm(zone);
         let position = DVec3::new(point.easting, point.northing, height);
@@ -107,29 +106,29 @@ mod tests {
 
     #[test]
     fn lever_arm_and_boresight_turn_with_the_platform() {
-        let mut frame = Frame::new(&PoseStream {
+        let mut georeference = Georeference::new(&PoseStream {
             lever_arm: DVec3::new(1.0, 2.0, -0.5),
             boresight: [0.0, radians(-10.0), radians(5.0)],
             height_offset: 100.0,
             ..PoseStream::at("-")
         });
         // To the east: right is south, forward is east.
-        let pose = frame.pose(&fix(FixPlace::Local([10.0, 20.0, 30.0]), 90.0)).unwrap();
+        let pose = georeference.pose(&fix(FixPlace::Local([10.0, 20.0, 30.0]), 90.0)).unwrap();
         assert!((pose.position - DVec3::new(12.0, 19.0, 129.5)).length() < 1e-12, "{}", pose.position);
         let expected = Rotation::of_heading(0.0, radians(-10.0), radians(95.0));
         assert!((pose.attitude.forward() - expected.forward()).length() < 1e-12);
     }
 
     #[test]
-    fn a_point_is_georeferenced_as_in_the_textbooks() {
+    fn a_point_is_georeferenced_as_by_hand() {
         // r_world = r_nav + R (l + B r_scanner), computed by hand in docs/trajectories.md.
         let [quarter, eighth] = [90.0, 30.0].map(radians);
-        let mut frame = Frame::new(&PoseStream {
+        let mut georeference = Georeference::new(&PoseStream {
             lever_arm: DVec3::new(0.4, 1.0, -0.2),
             boresight: [eighth, 0.0, 0.0],
             ..PoseStream::at("-")
         });
-        let pose = frame
+        let pose = georeference
             .pose(&Fix {
                 time: 0.0,
                 place: FixPlace::Local([1000.0, 2000.0, 500.0]),
@@ -145,29 +144,36 @@ mod tests {
 
     #[test]
     fn headings_count_from_the_north_of_the_grid() {
-        let mut frame = Frame::of_grid(Grid::FirstFix);
+        let mut georeference = Georeference::of_grid(Grid::FirstFix);
         let place = |lat: f64, lon: f64| FixPlace::Geographic([radians(lat), radians(lon), 0.0]);
         let (a, b) = (
-            frame.pose(&fix(place(49.0, 11.0), 0.0)).unwrap(),
-            frame.pose(&fix(place(49.001, 11.0), 0.0)).unwrap(),
+            georeference.pose(&fix(place(49.0, 11.0), 0.0)).unwrap(),
+            georeference.pose(&fix(place(49.001, 11.0), 0.0)).unwrap(),
         );
         let way = (b.position - a.position).normalize();
         assert!((a.attitude.forward() - way).length() < 1e-5, "{} {way}", a.attitude.forward());
         assert!(way.x < -0.02, "true north leads to the left of grid north");
-        assert_eq!(frame.zone().unwrap().to_string(), "32N");
+        assert_eq!(georeference.zone().unwrap().to_string(), "32N");
         // The zone stays, also across its border.
-        assert!(frame.pose(&fix(place(49.0, 12.1), 0.0)).unwrap().position.x > 700_000.0);
+        assert!(georeference.pose(&fix(place(49.0, 12.1), 0.0)).unwrap().position.x > 700_000.0);
     }
 
     #[test]
-    fn what_is_no_place_is_refused() {
-        let mut frame = Frame::of_grid(Grid::FirstFix);
-        let of = |frame: &mut Frame, lat: f64| frame.pose(&fix(FixPlace::Geographic([lat, 0.1, 0.0]), 0.0));
-        assert!(of(&mut frame, 49.0).unwrap_err().message.contains("is no latitude"));
-        assert!(of(&mut Frame::of_grid(Grid::Foreign), 0.8).unwrap_err().message.contains("no UTM zone"));
+    fn invalid_places_are_refused() {
+        let mut georeference = Georeference::of_grid(Grid::FirstFix);
+        let of = |georeference: &mut Georeference, lat: f64| {
+            georeference.pose(&fix(FixPlace::Geographic([lat, 0.1, 0.0]), 0.0))
+        };
+        assert!(of(&mut georeference, 49.0).unwrap_err().message.contains("is no latitude"));
+        assert!(
+            of(&mut Georeference::of_grid(Grid::Foreign), 0.8).unwrap_err().message.contains("no UTM zone")
+        );
         let zone = Grid::Utm(UtmZone::parse("50N").unwrap());
         assert!(
-            of(&mut Frame::of_grid(zone), 0.8).unwrap_err().message.contains("do not lie in UTM zone 50N")
+            of(&mut Georeference::of_grid(zone), 0.8)
+                .unwrap_err()
+                .message
+                .contains("do not lie in UTM zone 50N")
         );
     }
 }

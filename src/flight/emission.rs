@@ -1,0 +1,72 @@
+//! Origin and attitude of an emitted pulse (spec kinematics §3, §7.2).
+
+use super::plan::FlightPlan;
+use super::pulse::Pulse;
+use crate::geom::{DVec3, Rotation};
+use crate::platform::PlatformState;
+use crate::scanner::DeviceState;
+
+impl FlightPlan {
+    /// The pulse that device `index` emits, `since_start` seconds after the start of the flight.
+    pub(super) fn pulse(
+        &self,
+        platform: &PlatformState,
+        index: usize,
+        state: &DeviceState,
+        time_ns: f64,
+        since_start: f64,
+    ) -> Pulse {
+        let plan = &self.devices[index];
+        let (device, emitted) = (index as u32, state.pulses - 1);
+        let platform_noise = self.kinematics.attitude_noise_of_platform;
+        let with_noise = |attitude: Rotation| self.noise.apply_noise(attitude, device, emitted);
+        let noisy_platform = |pointing| if platform_noise { with_noise(pointing) } else { pointing };
+        let exact_deflection = state.deflector.exact_rotation(plan);
+        let deflection =
+            if state.deflector.has_error() { state.deflector.rotation(plan) } else { exact_deflection };
+        // Attitudes of the beam with and without mechanical errors and noise, by the platform's attitude.
+        let beam = |pointing: Rotation| {
+            let carrier = noisy_platform(pointing).after(self.mount.rotation);
+            let clean = carrier.after(state.emitter(plan)).after(deflection);
+            let attitude = if platform_noise { clean } else { with_noise(clean) };
+            let exact = if plan.errors.any() {
+                pointing.after(self.mount.rotation).after(state.exact_emitter(plan)).after(exact_deflection)
+            } else {
+                attitude
+            };
+            (attitude, exact)
+        };
+        let origin_at = |position: DVec3, pointing: Rotation| {
+            let (mount, emitter) = (self.mount.offset, plan.beam_origin.offset);
+            if self.kinematics.mount_offsets_turn {
+                let pointing = noisy_platform(pointing);
+                let head = pointing.after(self.mount.rotation).after(state.head.rotation(plan));
+                position + pointing.apply(mount) + head.apply(emitter)
+            } else {
+                position + mount + emitter
+            }
+        };
+        let (position, pointing) = (platform.position(), platform.mount_attitude(&self.platform));
+        let origin = origin_at(position, pointing);
+        let (attitude, exact_attitude) = beam(pointing);
+        let (origin_error, reported_attitude) = match &self.navigation {
+            Some(navigation) => {
+                let (position, pointing) = navigation.reported(position, pointing, since_start);
+                (origin_at(position, pointing) - origin, beam(pointing).1)
+            }
+            None => (DVec3::ZERO, exact_attitude),
+        };
+        Pulse {
+            origin: origin + self.noise.position_offset(device, emitted),
+            attitude,
+            exact_attitude,
+            reported_attitude,
+            origin_error,
+            time_ns,
+            number: state.pulses,
+            device,
+            scan_angle: state.deflector.scan_angle(&exact_deflection),
+            range_error: plan.errors.range.as_ref().map_or(0.0, |e| e.eval(state.deflector.exact_angle())),
+        }
+    }
+}

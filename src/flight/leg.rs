@@ -1,0 +1,173 @@
+//! The legs of a flight: settings, places, and the legs that a recorded trajectory adds.
+
+use super::noise::leg_offset;
+use crate::diag::{Diagnostics, Place};
+use crate::geom::DVec3;
+use crate::platform::{LegCourse, Span, TrajectoryTable};
+use crate::survey::{Interpolated, Leg, LegTrajectory, ScannerSettings, Survey};
+
+/// One leg of a flight.
+#[derive(Clone, Debug)]
+pub(super) struct PlannedLeg {
+    /// Number of the leg in the survey.
+    pub number: u32,
+    pub place: Option<Place>,
+    pub settings: ScannerSettings,
+    /// Nothing moves, so that only the maximum duration ends the leg.
+    pub still: bool,
+    /// Maximum duration, s; 0 = none.
+    pub max_duration: f64,
+    /// Steps per second of the step clock and the period of the GPS clock, ns: always those of the first leg, unless
+    /// [`Kinematics::leg_pulse_rate`](crate::survey::Kinematics::leg_pulse_rate) is on.
+    pub frequency: f64,
+    pub increment_ns: f64,
+    /// GPS time at which the leg starts, ns of the week, where its trajectory determines it.
+    pub start_ns: Option<f64>,
+    /// Interval of trajectory samples, ns; 0 = none.
+    pub sample_interval_ns: f64,
+    /// Steps of the optics before the first pulse.
+    pub warmup: u64,
+}
+
+impl PlannedLeg {
+    pub fn new(leg: &Leg, settings: ScannerSettings) -> PlannedLeg {
+        PlannedLeg {
+            number: leg.number,
+            place: leg.place.clone(),
+            still: false,
+            max_duration: settings.max_duration.filter(|d| *d > 0.0).unwrap_or(0.0),
+            frequency: f64::from(settings.pulse_freq),
+            increment_ns: 0.0,
+            start_ns: None,
+            sample_interval_ns: settings.trajectory_interval * 1e9,
+            warmup: (settings.warmup.max(0.0) * f64::from(settings.pulse_freq)).round() as u64,
+            settings,
+        }
+    }
+}
+
+/// The courses of the legs in the scene frame: shifted, put on the ground, displaced at random where a seed is
+/// given, in this order.
+pub(super) fn courses(
+    survey: &Survey,
+    shift: DVec3,
+    ground: &dyn Fn(f64, f64) -> Option<f64>,
+    noise_seed: Option<u64>,
+    problems: &mut Diagnostics,
+) -> Vec<LegCourse> {
+    let course = |leg: &Leg| {
+        let p = &leg.platform;
+        let mut position = p.position - shift;
+        if p.on_ground {
+            position.z = ground(position.x, position.y).unwrap_or_else(|| {
+                let message = format!(
+                    "leg {}: no ground at x {} y {}; the leg is put at the height of the scene's centre, z {}",
+                    leg.number, p.position.x, p.position.y, shift.z
+                );
+                problems.warn(leg.place.clone(), message);
+                0.0
+            });
+        }
+        if let (Some((mean, stdev)), Some(seed)) = (survey.leg_offset, noise_seed) {
+            position += leg_offset(seed, leg.number, mean, stdev);
+        }
+        let frequency = f64::from(leg.scanner.pulse_freq);
+        LegCourse {
+            position,
+            frequency,
+            speed: p.speed,
+            step_length: p.speed / frequency,
+            stop_and_turn: p.stop_and_turn && !p.smooth_turn,
+            smooth_turn: p.smooth_turn,
+            slowdown: p.slowdown,
+            yaw_at_departure: p.yaw_at_departure,
+            span: None,
+        }
+    };
+    survey.legs.iter().map(course).collect()
+}
+
+/// One leg of an interpolated platform.
+pub(super) struct TrajectoryLeg {
+    pub leg: PlannedLeg,
+    pub course: LegCourse,
+}
+
+/// The legs of the survey, and the inactive ones that teleports and stops add (spec kinematics §2.6).
+pub(super) fn trajectory_legs(
+    survey: &Survey,
+    courses: &[LegCourse],
+    table: &TrajectoryTable,
+) -> Vec<TrajectoryLeg> {
+    let mut legs = Vec::with_capacity(survey.legs.len() * 3);
+    for (leg, course) in survey.legs.iter().zip(courses) {
+        let trajectory = leg.platform.trajectory.as_ref();
+        let span = span(trajectory, table);
+        let inactive = ScannerSettings {
+            active: false,
+            head_rate: 0.0,
+            head_start: 0.0,
+            head_stop: 0.0,
+            max_duration: None,
+            warmup: 0.0,
+            ..leg.scanner.clone()
+        };
+        let mut add = |settings: ScannerSettings, time: f64, span: Option<Span>| {
+            let course = LegCourse { position: table.position_at(time), span, ..*course };
+            legs.push(TrajectoryLeg { leg: PlannedLeg::new(leg, settings), course });
+        };
+        if trajectory.is_some_and(|t| t.teleport) {
+            add(inactive.clone(), span.start, None);
+        }
+        add(leg.scanner.clone(), span.start, Some(span));
+        add(inactive, span.end, None);
+    }
+    legs
+}
+
+/// The flown part of the table; without start or end it begins at the first or ends at the last row.
+fn span(trajectory: Option<&LegTrajectory>, table: &TrajectoryTable) -> Span {
+    let first = table.first_time();
+    Span {
+        start: trajectory.and_then(|t| t.start).map_or(0.0, |t| t - first),
+        end: trajectory.and_then(|t| t.end).map_or(table.duration(), |t| t - first),
+    }
+}
+
+/// Checks the flown parts of the table.
+pub(super) fn check_spans(
+    survey: &Survey,
+    settings: &Interpolated,
+    table: &TrajectoryTable,
+    problems: &mut Diagnostics,
+) {
+    for leg in &survey.legs {
+        let span = span(leg.platform.trajectory.as_ref(), table);
+        let world = |t: f64| t + table.first_time();
+        let (start, end) = (world(span.start), world(span.end));
+        if !(span.start.is_finite() && span.end.is_finite()) {
+            let message = format!("leg {}: from {start} s to {end} s is no stretch of time", leg.number);
+            problems.error(leg.place.clone(), message);
+        } else if span.end <= span.start {
+            let message = format!("leg {}: ends at {end} s, not after its start at {start} s", leg.number);
+            problems.warn(leg.place.clone(), message);
+        } else if span.start < 0.0 || span.end > table.duration() {
+            let message = format!(
+                "leg {}: {start} s to {end} s leaves the trajectory ({} s to {} s); its ends are prolonged",
+                leg.number,
+                world(0.0),
+                world(table.duration())
+            );
+            problems.warn(leg.place.clone(), message);
+        }
+        let open = leg.platform.trajectory.as_ref().is_none_or(|t| t.start.is_none() || t.end.is_none());
+        if settings.files.len() > 1 && open {
+            let message = format!(
+                "leg {}: without tStart and tEnd it flies from {start} s to {end} s of all {} files together",
+                leg.number,
+                settings.files.len()
+            );
+            problems.warn(leg.place.clone(), message);
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! Whole flights.
+
+mod corrected;
+mod golden;
+mod replay;
+mod reported;

@@ -1,0 +1,302 @@
+//! Reads a trajectory from a file, a named pipe or standard input: bytes as they arrive to poses in blocks.
+
+use super::arrow::TextInput;
+use super::decoder::PoseDecoder;
+use super::fix::{Decoded, Fix, FixPlace, Pose, RecordError, RecordPlace};
+use super::georeference::Georeference;
+use super::sequence::{Checked, SequenceChecks};
+use crate::diag::{Diagnostics, Notice};
+use crate::error::{Error, Result};
+use crate::input::{InputStream, ReadEvent, is_stdin};
+use crate::platform::layout::PoseLayout;
+use crate::survey::{Grid, PoseStream};
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Result of waiting for poses.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PollResult {
+    /// Poses arrived.
+    Poses(Vec<Pose>),
+    /// None arrived before the timeout.
+    TimedOut,
+    /// The stream is over.
+    End,
+}
+
+/// What an observer of a trajectory is called with.
+#[derive(Clone, Copy, Debug)]
+pub enum PoseEvent {
+    /// The next pose, and its angles as written in text that states no unit for them.
+    Pose(Pose, Option<[f64; 3]>),
+    /// No more poses will follow.
+    End,
+}
+
+/// Why no more poses can be read. Unlike [`Error`] it can be returned repeatedly.
+enum Failure {
+    Input(Box<Diagnostics>),
+    Io(std::io::ErrorKind, String),
+}
+
+/// Limit of poses in a block.
+const MAX_BLOCK_POSES: usize = 1024;
+
+/// Reads a trajectory in any format. Times must ascend.
+pub struct PoseReader {
+    input: InputStream,
+    path: PathBuf,
+    text: TextInput,
+    decoder: PoseDecoder,
+    georeference: Georeference,
+    checks: SequenceChecks,
+    /// Whether the UTM zone is that of the first pose.
+    zone_is_detected: bool,
+    /// Bytes of an incomplete record.
+    rest: Vec<u8>,
+    bytes: u64,
+    poses: u64,
+    /// Poses that have not been returned yet.
+    pending: VecDeque<Pose>,
+    failure: Option<Failure>,
+    ended: bool,
+    strict: bool,
+    notify: Box<dyn FnMut(Notice) + Send>,
+    observe: Box<dyn FnMut(PoseEvent) -> Diagnostics + Send>,
+    max_latency: Duration,
+}
+
+impl std::fmt::Debug for PoseReader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut debug = f.debug_struct("PoseReader");
+        debug.field("path", &self.path).field("poses", &self.poses).finish_non_exhaustive()
+    }
+}
+
+impl PoseReader {
+    /// Opens the file, named pipe or (`-`) standard input of `settings`.
+    ///
+    /// # Errors
+    /// The file cannot be opened, or the chosen columns are invalid.
+    pub fn open(settings: &PoseStream) -> Result<PoseReader> {
+        if let Some(Err(message)) = settings.columns.as_deref().map(PoseLayout::chosen) {
+            return Err(Error::input(format!("columns of the trajectory: {message}")));
+        }
+        let input = InputStream::open(&settings.path).map_err(|e| Error::open(&settings.path, e))?;
+        Ok(PoseReader::new(input, settings))
+    }
+
+    /// Reads `input`; `settings.path` is its name in messages.
+    pub fn new(input: InputStream, settings: &PoseStream) -> PoseReader {
+        let stdin = is_stdin(&settings.path);
+        PoseReader {
+            input,
+            path: if stdin { PathBuf::from("<stdin>") } else { settings.path.clone() },
+            text: TextInput::default(),
+            decoder: PoseDecoder::new(settings),
+            georeference: Georeference::new(settings),
+            checks: SequenceChecks::new(settings.max_gap),
+            zone_is_detected: settings.grid == Grid::FirstFix,
+            rest: Vec::new(),
+            bytes: 0,
+            poses: 0,
+            pending: VecDeque::new(),
+            failure: None,
+            ended: false,
+            strict: false,
+            notify: Box::new(|_| ()),
+            observe: Box::new(|_| Diagnostics::default()),
+            max_latency: Duration::ZERO,
+        }
+    }
+
+    /// This reader with a limit of the time that pulses may wait for further poses.
+    pub fn with_max_latency(self, max_latency: Duration) -> PoseReader {
+        PoseReader { max_latency, ..self }
+    }
+
+    /// This reader with `notify` called with every warning and note. With `strict` a warning is an error.
+    pub fn on_notice(self, strict: bool, notify: impl FnMut(Notice) + Send + 'static) -> PoseReader {
+        PoseReader { strict, notify: Box::new(notify), ..self }
+    }
+
+    /// This reader with `observe` called with every pose; what that returns is reported.
+    pub fn on_pose(self, observe: impl FnMut(PoseEvent) -> Diagnostics + Send + 'static) -> PoseReader {
+        PoseReader { observe: Box::new(observe), ..self }
+    }
+
+    /// Limit of the time that pulses may wait for further poses.
+    pub fn max_latency(&self) -> Duration {
+        self.max_latency
+    }
+
+    /// Waits up to `timeout` for poses and returns those that have arrived, at most 1024.
+    ///
+    /// # Errors
+    /// An invalid line or record, or a time that does not ascend, with its number; a trajectory that cannot be read or is
+    /// empty. Poses before the error are returned first. Every later call returns the error again.
+    pub fn poll(&mut self, timeout: Duration) -> Result<PollResult> {
+        let until = Instant::now() + timeout;
+        while self.pending.is_empty() && self.failure.is_none() && !self.ended {
+            if !self.receive(until.saturating_duration_since(Instant::now())) {
+                return Ok(PollResult::TimedOut);
+            }
+        }
+        if !self.pending.is_empty() {
+            let count = self.pending.len().min(MAX_BLOCK_POSES);
+            return Ok(PollResult::Poses(self.pending.drain(..count).collect()));
+        }
+        self.ended = true;
+        match &self.failure {
+            Some(Failure::Input(problems)) => Err(Error::Input(problems.clone())),
+            Some(Failure::Io(kind, text)) => {
+                Err(Error::io("read", &self.path, std::io::Error::new(*kind, text.clone())))
+            }
+            None => Ok(PollResult::End),
+        }
+    }
+
+    /// Processes the bytes of one read; `false` if none arrived before the timeout.
+    fn receive(&mut self, timeout: Duration) -> bool {
+        let mut bytes = std::mem::take(&mut self.rest);
+        match self.input.next(Some(timeout)) {
+            ReadEvent::Bytes(read) => {
+                self.bytes += read.len() as u64;
+                let converted = self.text.push(&read, &mut bytes, &mut self.path);
+                self.keep_failure(converted);
+            }
+            ReadEvent::Timeout => {
+                self.rest = bytes;
+                return false;
+            }
+            ReadEvent::End => {
+                self.ended = true;
+                let complete = self.text.check_end();
+                self.keep_failure(complete);
+            }
+            ReadEvent::Error(e) => self.failure = Some(Failure::Io(e.kind(), e.to_string())),
+        }
+        if self.text.is_unknown() && !self.ended {
+            self.rest = bytes;
+            return true;
+        }
+        let mut start = 0;
+        while self.failure.is_none() {
+            match self.decoder.next(&bytes[start..], self.ended) {
+                Decoded::Incomplete => break,
+                Decoded::Skipped(count) => start += count,
+                Decoded::Fix(count, fix, place) => {
+                    start += count;
+                    if let Err(error) = self.accept(&fix, &place) {
+                        self.fail(&place, error);
+                    }
+                }
+                Decoded::Invalid(place, error) => self.fail(&place, error),
+            }
+        }
+        bytes.drain(..start);
+        self.rest = bytes;
+        if self.ended && self.failure.is_none() {
+            self.finish();
+        }
+        true
+    }
+
+    fn keep_failure(&mut self, result: Result<()>) {
+        if let Err(Error::Input(problems)) = result {
+            self.failure = Some(Failure::Input(problems));
+        }
+    }
+
+    /// Checks a fix and appends its pose.
+    fn accept(&mut self, fix: &Fix, place: &RecordPlace) -> Result<(), RecordError> {
+        let Checked { is_repeated, warning } = self.checks.check(fix).map_err(|error| {
+            let at = error.at.clone().or(place.time());
+            RecordError { at, ..error }
+        })?;
+        if let Some(warning) = warning {
+            self.warn(place, warning);
+        }
+        if is_repeated || self.failure.is_some() {
+            return Ok(());
+        }
+        let pose = self.georeference.pose(fix)?;
+        if self.poses == 0 {
+            self.describe_first(&pose, matches!(fix.place, FixPlace::Geographic(_)));
+        }
+        if let Some(note) = self.checks.compare_heading(&pose) {
+            (self.notify)(Notice::Note(format!("{}: {note}", self.path.display())));
+        }
+        self.report(PoseEvent::Pose(pose, fix.unitless_angles));
+        self.poses += 1;
+        self.pending.push_back(pose);
+        Ok(())
+    }
+
+    /// Notes how the first pose was understood.
+    fn describe_first(&mut self, pose: &Pose, geographic: bool) {
+        let (path, p) = (self.path.display(), pose.position);
+        if let Some(zone) = self.georeference.zone().filter(|_| self.zone_is_detected) {
+            (self.notify)(Notice::Note(format!(
+                "{path}: poses are projected to UTM zone {zone}, that of the first one; --utm-zone names another"
+            )));
+        }
+        if geographic && self.georeference.height_offset() == 0.0 {
+            (self.notify)(Notice::Note(format!(
+                "{path}: heights are taken as they are, the first is {:.1} m; where they count from the ellipsoid and the \
+                 scene's from a geoid, --height-offset brings them together",
+                p.z
+            )));
+        }
+        let heading = libm::atan2(pose.attitude.forward().x, pose.attitude.forward().y).to_degrees();
+        (self.notify)(Notice::Detail(format!(
+            "{path}: {}; first pose at time {}, x {:.3}, y {:.3}, z {:.3}, heading {:.2}°",
+            self.decoder.name(),
+            pose.time,
+            p.x,
+            p.y,
+            p.z,
+            heading.rem_euclid(360.0)
+        )));
+    }
+
+    /// Calls the observer and reports what it finds.
+    fn report(&mut self, event: PoseEvent) {
+        let found = (self.observe)(event);
+        if found.is_empty() {
+            return;
+        }
+        match found.finish(self.strict) {
+            Ok(warnings) => (self.notify)(Notice::Warnings(warnings)),
+            failed => self.keep_failure(failed.map(drop)),
+        }
+    }
+
+    /// Reports the end of the trajectory.
+    fn finish(&mut self) {
+        self.report(PoseEvent::End);
+        if self.poses > 0 {
+            let (poses, path) = (self.poses, self.path.display());
+            return (self.notify)(Notice::Detail(format!("{path}: {poses} poses")));
+        }
+        let file = RecordPlace::Line { number: 0, text: "".into(), time: 0..0 };
+        if self.bytes == 0 {
+            self.fail(&file, RecordError::new("the trajectory is empty, expected poses"));
+        } else {
+            self.warn(&file, RecordError::new("the trajectory holds 0 poses: nothing is flown"));
+        }
+    }
+
+    fn warn(&mut self, place: &RecordPlace, error: RecordError) {
+        if self.strict {
+            self.fail(place, error);
+        } else {
+            (self.notify)(Notice::Warnings(place.warning(&self.path, error)));
+        }
+    }
+
+    fn fail(&mut self, place: &RecordPlace, error: RecordError) {
+        self.failure = Some(Failure::Input(Box::new(place.error(&self.path, error))));
+    }
+}

@@ -1,0 +1,104 @@
+//! Checks of consecutive fixes: ascending times, gaps, headings that contradict the course.
+
+use super::fix::{Fix, Pose, RecordError};
+use crate::geom::DVec3;
+
+/// A gap is an interval longer than this, s, …
+const MIN_GAP: f64 = 1.0;
+/// … and than this multiple of the interval before it.
+const MIN_GAP_INTERVALS: f64 = 10.0;
+/// Limit of warnings.
+const MAX_WARNINGS: usize = 20;
+/// Distance after which headings are compared with the course, m.
+const COMPARED_DISTANCE: f64 = 20.0;
+/// Cosine of the largest angle between heading and course that is not worth a note: 60°.
+const MIN_COURSE_COSINE: f64 = 0.5;
+
+/// Compares each fix with those before it.
+#[derive(Debug)]
+pub struct SequenceChecks {
+    max_gap: f64,
+    last: Option<Fix>,
+    /// The last interval, s.
+    interval: f64,
+    warnings: usize,
+    /// The first position.
+    start: Option<DVec3>,
+    heading_is_compared: bool,
+}
+
+/// Result of checking a fix.
+#[derive(Debug, Default)]
+pub struct Checked {
+    /// The fix equals the one before and is skipped.
+    pub is_repeated: bool,
+    pub warning: Option<RecordError>,
+}
+
+impl SequenceChecks {
+    pub fn new(max_gap: f64) -> SequenceChecks {
+        SequenceChecks {
+            max_gap,
+            last: None,
+            interval: 0.0,
+            warnings: 0,
+            start: None,
+            heading_is_compared: false,
+        }
+    }
+
+    /// Compares a fix with the one before.
+    ///
+    /// # Errors
+    /// Its time is not later.
+    pub fn check(&mut self, fix: &Fix) -> Result<Checked, RecordError> {
+        let Some(last) = self.last.replace(*fix) else { return Ok(Checked::default()) };
+        if *fix == last {
+            let warning = self.limited(|| RecordError::new("the same pose again, passed over"));
+            return Ok(Checked { is_repeated: true, warning });
+        }
+        if fix.time <= last.time {
+            let what = if fix.time == last.time { "repeats with another pose" } else { "goes back" };
+            let message = format!("time {} {what}; the pose before it has {}", fix.time, last.time);
+            return Err(RecordError::new(message).help("the times of a trajectory must ascend"));
+        }
+        let interval = fix.time - last.time;
+        let before = std::mem::replace(&mut self.interval, interval);
+        let is_skipped = interval > self.max_gap;
+        let is_gap =
+            is_skipped || interval > MIN_GAP && before > 0.0 && interval > MIN_GAP_INTERVALS * before;
+        let what = if is_skipped { "nothing is fired" } else { "the platform is flown straight" };
+        let warning =
+            || RecordError::new(format!("no pose for {interval} s before this one: {what} in between"));
+        Ok(Checked { is_repeated: false, warning: if is_gap { self.limited(warning) } else { None } })
+    }
+
+    fn limited(&mut self, warning: impl FnOnce() -> RecordError) -> Option<RecordError> {
+        self.warnings += 1;
+        (self.warnings <= MAX_WARNINGS).then(warning)
+    }
+
+    /// Compares heading and course once there is a course; a note if they contradict each other.
+    pub fn compare_heading(&mut self, pose: &Pose) -> Option<String> {
+        if self.heading_is_compared {
+            return None;
+        }
+        let start = *self.start.get_or_insert(pose.position);
+        let way = (pose.position - start) * DVec3::new(1.0, 1.0, 0.0);
+        let heading = pose.attitude.forward() * DVec3::new(1.0, 1.0, 0.0);
+        if way.length() < COMPARED_DISTANCE || heading.length() < 0.1 {
+            return None;
+        }
+        self.heading_is_compared = true;
+        if way.dot(heading) >= MIN_COURSE_COSINE * way.length() * heading.length() {
+            return None;
+        }
+        let bearing = |v: DVec3| libm::atan2(v.x, v.y).to_degrees().rem_euclid(360.0);
+        Some(format!(
+            "the platform moves towards {:.0}° but heads for {:.0}°, clockwise from north; if that is not meant, \
+             --trajectory-rotation and --trajectory-angles tell what its angles are",
+            bearing(way),
+            bearing(heading)
+        ))
+    }
+}

@@ -1,0 +1,197 @@
+//! Where a platform is and how it moves: one type for all kinds of platforms.
+
+use super::course::{Course, LegEntry, reported_angles};
+use super::ground_vehicle::GroundVehicle;
+use super::interpolated::InterpolatedState;
+use super::linear::LinearPath;
+use super::multicopter::MulticopterState;
+use super::plan::{Motion, PlatformPlan};
+use super::stream::{Readiness, StreamState};
+use crate::geom::{DVec3, Rotation};
+
+/// State of a platform; small and cheap to clone.
+#[derive(Clone, Debug)]
+pub enum PlatformState {
+    /// The position of the leg.
+    Static(DVec3),
+    /// On a straight path.
+    Linear(LinearPath),
+    /// A vehicle.
+    GroundVehicle(GroundVehicle),
+    /// A multicopter.
+    Multicopter(MulticopterState),
+    /// Along a table of poses.
+    Interpolated(InterpolatedState),
+    /// Along a stream of poses.
+    Stream(StreamState),
+}
+
+impl PlatformState {
+    /// The platform of `plan` before any leg.
+    pub fn at_rest(plan: &PlatformPlan) -> PlatformState {
+        match &plan.motion {
+            Motion::Static => PlatformState::Static(DVec3::ZERO),
+            Motion::Linear => PlatformState::Linear(LinearPath::default()),
+            Motion::GroundVehicle { .. } => PlatformState::GroundVehicle(GroundVehicle::default()),
+            Motion::Multicopter(_) => PlatformState::Multicopter(MulticopterState::default()),
+            Motion::Interpolated(table) => PlatformState::Interpolated(InterpolatedState::new(table)),
+            Motion::Stream(_) => PlatformState::Stream(StreamState::default()),
+        }
+    }
+
+    /// Enters leg `leg` at `clock` seconds of the step clock (spec kinematics §1.4, steps 4 to 8).
+    pub fn start_leg(&mut self, plan: &PlatformPlan, leg: usize, entry: LegEntry, clock: f64) {
+        let (legs, kinematics) = (&plan.legs, &plan.kinematics);
+        match (self, &plan.motion) {
+            (PlatformState::Static(p), _) => *p = legs[leg].position,
+            (PlatformState::Linear(s), _) => s.start_leg(legs, leg, entry, kinematics),
+            (PlatformState::GroundVehicle(s), _) => s.start_leg(legs, leg, entry, kinematics),
+            (PlatformState::Multicopter(s), Motion::Multicopter(m)) => {
+                s.start_leg(&m[leg], legs, leg, entry, kinematics);
+            }
+            (PlatformState::Interpolated(s), Motion::Interpolated(table)) => {
+                s.start_leg(table, legs[leg].span, clock);
+                if kinematics.legs_on_time {
+                    s.start_on_time(clock, 1e-3 / legs[leg].frequency);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether the next step can be taken; always, unless the platform follows a stream.
+    #[inline]
+    pub fn readiness(&self, plan: &PlatformPlan) -> Readiness {
+        match (self, &plan.motion) {
+            (PlatformState::Stream(s), Motion::Stream(plan)) => s.readiness(plan),
+            _ => Readiness::Ready,
+        }
+    }
+
+    /// The next step's time in ns of the GPS week, for platforms that follow a stream.
+    #[inline]
+    pub fn next_time_ns(&self, plan: &PlatformPlan) -> Option<f64> {
+        match (self, &plan.motion) {
+            (PlatformState::Stream(s), Motion::Stream(plan)) => Some(s.next_time_ns(plan)),
+            _ => None,
+        }
+    }
+
+    /// Takes one step of leg `leg`; the step clock is at `clock` seconds.
+    #[inline]
+    pub fn step(&mut self, plan: &PlatformPlan, leg: usize, clock: f64) {
+        match (self, &plan.motion) {
+            (PlatformState::Linear(s), _) => s.step(&plan.legs[leg]),
+            (PlatformState::GroundVehicle(s), Motion::GroundVehicle { drag }) => {
+                s.step(*drag, &plan.legs[leg])
+            }
+            (PlatformState::Multicopter(s), Motion::Multicopter(m)) => s.step(&m[leg], &plan.legs[leg]),
+            (PlatformState::Interpolated(s), Motion::Interpolated(table)) => s.step(table, clock),
+            (PlatformState::Stream(s), Motion::Stream(plan)) => s.step(plan),
+            _ => {}
+        }
+    }
+
+    /// Checks whether the end of the leg is reached (spec kinematics §1.5). Each check counts down a multicopter's smooth turn.
+    #[inline]
+    pub fn check_arrival(&mut self, plan: &PlatformPlan, leg: usize, clock: f64) -> bool {
+        match self {
+            PlatformState::Static(_) => true,
+            PlatformState::Linear(s) => s.course.is_reached(),
+            PlatformState::GroundVehicle(s) => s.course.is_reached(),
+            PlatformState::Multicopter(s) => s.check_arrival(&plan.legs[leg]),
+            PlatformState::Interpolated(s) => s.is_over(clock),
+            PlatformState::Stream(_) => false,
+        }
+    }
+
+    /// Position, m, scene frame.
+    #[inline]
+    pub fn position(&self) -> DVec3 {
+        match self {
+            PlatformState::Static(p) => *p,
+            PlatformState::Linear(s) => s.course.position,
+            PlatformState::GroundVehicle(s) => s.course.position,
+            PlatformState::Multicopter(s) => s.course.position,
+            PlatformState::Interpolated(s) => s.position(),
+            PlatformState::Stream(s) => s.position(),
+        }
+    }
+
+    /// The attitude that carries the mount (spec kinematics §2.1: `P` at the last refresh of the mount).
+    pub fn mount_attitude(&self, plan: &PlatformPlan) -> Rotation {
+        match self {
+            PlatformState::Static(_) => Rotation::IDENTITY,
+            PlatformState::Linear(s) => s.attitude,
+            PlatformState::GroundVehicle(s) => s.attitude,
+            PlatformState::Multicopter(s) if plan.kinematics.multicopter_tilt => s.tilted(),
+            PlatformState::Multicopter(s) if plan.kinematics.heading_along_leg => s.level(),
+            PlatformState::Multicopter(s) => s.mount_pointing,
+            PlatformState::Interpolated(s) => s.attitude(plan.rotation_spec),
+            PlatformState::Stream(s) => s.attitude(),
+        }
+    }
+
+    /// The attitude that trajectories report: the mount's, except for the reference's multicopter, whose tilt is reported but
+    /// never reaches the beam.
+    pub fn reported_attitude(&self, plan: &PlatformPlan) -> Rotation {
+        match self {
+            PlatformState::Multicopter(s) if !plan.kinematics.multicopter_tilt => s.attitude(),
+            _ => self.mount_attitude(plan),
+        }
+    }
+
+    /// `attitude` as roll, pitch and yaw in rad in the convention of the platform's trajectories, yaw within [0, 2π] (spec
+    /// kinematics §9).
+    pub fn angles(&self, plan: &PlatformPlan, attitude: Rotation) -> [f64; 3] {
+        let recorded = matches!(self, PlatformState::Interpolated(_) | PlatformState::Stream(_));
+        reported_angles(attitude, recorded.then_some(plan.rotation_spec))
+    }
+
+    /// The completed fraction of leg `leg` (spec outputs §10.3); `None` for static platforms and for streams, whose
+    /// length is unknown.
+    pub fn progress(&self, plan: &PlatformPlan, leg: usize, clock: f64) -> Option<f64> {
+        match self {
+            PlatformState::Interpolated(s) => Some(s.progress(clock)),
+            _ => self.course().map(|course| course.progress(&plan.legs[leg])),
+        }
+    }
+
+    /// The distance to the next waypoint, m, for platforms that have waypoints.
+    pub fn distance_left(&self) -> Option<f64> {
+        self.course().map(|c| c.to_target().length())
+    }
+
+    /// The stream of poses, for platforms that follow one.
+    pub fn stream_mut(&mut self) -> Option<&mut StreamState> {
+        match self {
+            PlatformState::Stream(s) => Some(s),
+            _ => None,
+        }
+    }
+
+    /// Restores position, attitude, origin, target and velocity from `start`, the state at the beginning of the run. A
+    /// multicopter's turn and the waypoint after the target stay (spec kinematics §1.6, repetitions).
+    pub fn restore(&mut self, start: &PlatformState) {
+        match (self, start) {
+            (PlatformState::Multicopter(s), PlatformState::Multicopter(start)) => s.restore(start),
+            (PlatformState::Linear(s), PlatformState::Linear(start)) => {
+                *s = LinearPath { course: s.course.restored(&start.course), ..start.clone() };
+            }
+            (PlatformState::GroundVehicle(s), PlatformState::GroundVehicle(start)) => {
+                s.course = s.course.restored(&start.course);
+                s.attitude = start.attitude;
+            }
+            (s, start) => *s = start.clone(),
+        }
+    }
+
+    fn course(&self) -> Option<&Course> {
+        match self {
+            PlatformState::Linear(s) => Some(&s.course),
+            PlatformState::GroundVehicle(s) => Some(&s.course),
+            PlatformState::Multicopter(s) => Some(&s.course),
+            _ => None,
+        }
+    }
+}

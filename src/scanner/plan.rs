@@ -1,0 +1,67 @@
+//! The constants of a device.
+
+use super::risley::PrismTrain;
+use crate::geom::{DVec3, unit};
+use crate::survey::{Deflector, Device, Kinematics, MechanicalErrors, Mount};
+
+/// The constants of one device.
+#[derive(Clone, Debug)]
+pub struct DevicePlan {
+    /// Beam deflector.
+    pub deflector: Deflector,
+    /// Mechanical scan angle limit (half angle), rad.
+    pub scan_angle_max: f64,
+    /// Highest scan frequency, Hz.
+    pub scan_freq_max: f64,
+    /// Axis of the head, unit vector.
+    pub head_axis: DVec3,
+    /// Largest speed of the head, rad/s.
+    pub head_max_rate: f64,
+    /// The emitter's pose on the head.
+    pub beam_origin: Mount,
+    /// Calibration errors.
+    pub errors: MechanicalErrors,
+    /// Differences from the reference.
+    pub kinematics: Kinematics,
+    /// Risley prisms.
+    pub(super) prisms: Option<PrismTrain>,
+}
+
+impl DevicePlan {
+    /// The plan of `device`.
+    pub fn new(device: &Device, kinematics: Kinematics) -> DevicePlan {
+        let axis = device.head.axis;
+        let prisms = match &device.deflector {
+            Deflector::Risley { prisms, air, incident } => Some(PrismTrain::new(prisms, *air, *incident)),
+            _ => None,
+        };
+        DevicePlan {
+            deflector: device.deflector.clone(),
+            scan_angle_max: device.scan_angle_max,
+            scan_freq_max: device.scan_freq.1,
+            head_axis: if axis.length() > 0.1 && axis.is_finite() { unit(axis) } else { DVec3::Z },
+            head_max_rate: device.head.max_rate,
+            beam_origin: device.beam_origin,
+            errors: device.errors.clone(),
+            kinematics,
+            prisms,
+        }
+    }
+
+    /// `wanted` within the device's limits of the head's speed, rad/s.
+    pub fn head_rate(&self, wanted: f64) -> f64 {
+        let limit = self.head_max_rate.abs();
+        if limit.is_nan() { 0.0 } else { wanted.clamp(-limit, limit) }
+    }
+
+    /// The half angle, rad, that a leg uses on this device if it asks for `wanted` (spec kinematics §4.1). The reference does
+    /// not limit oscillating mirrors.
+    pub fn scan_angle(&self, wanted: f64) -> f64 {
+        let limits = self.kinematics.oscillation_at_leg_frequency && self.scan_angle_max > 0.0;
+        if matches!(self.deflector, Deflector::Oscillating { .. }) && !limits {
+            return wanted;
+        }
+        let limited = if wanted < 0.0 { 0.0 } else { wanted.min(self.scan_angle_max) };
+        if limited == 0.0 { self.scan_angle_max } else { limited }
+    }
+}
