@@ -2,7 +2,8 @@
 
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3};
-use crate::scene::{Pack, Scene};
+use crate::scene::model::Scene;
+use crate::scene::pack::Pack;
 use crate::survey::{Loader, PartRecipe, SceneRecipe, Swap};
 use std::borrow::Cow;
 

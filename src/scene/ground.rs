@@ -1,6 +1,6 @@
-//! `onGround` of parts (spec input-formats §3.4): a part is moved up or down onto the plane through the ground below it.
+//! `onGround` of parts (spec input-formats §3.4): moves a part up or down onto a plane fitted to the ground below it.
 
-use super::assembly::{Assembly, Extent};
+use super::builder::{Extent, SceneBuilder, bounds_of_points};
 use super::{instances, plane};
 use crate::diag::Place;
 use crate::geom::{Aabb, DVec3};
@@ -8,7 +8,7 @@ use crate::tree::{Cube, Geometry};
 use rayon::prelude::*;
 
 /// A part that is loaded and transformed.
-pub(super) struct PlacedPart {
+pub(super) struct LoadedPart {
     /// Reported id.
     pub id: String,
     /// Its primitives.
@@ -19,7 +19,7 @@ pub(super) struct PlacedPart {
     pub place: Option<Place>,
 }
 
-/// What a part is made of.
+/// The primitives of a part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Body {
     /// Primitives of its own.
@@ -28,11 +28,11 @@ pub(super) enum Body {
     Instance(usize),
 }
 
-/// Grounds all parts that ask for it, in their order.
-pub(super) fn settle(scene: &mut Assembly, parts: &[PlacedPart]) {
+/// Drops all parts that ask for it to the ground, in their order.
+pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
     for part in parts.iter().filter(|p| p.on_ground != 0) {
         let corners = corners(scene, &part.body);
-        let Some(lowest) = least(corners.iter().copied(), |p| p.z) else { continue };
+        let Some(lowest) = min_by_value(corners.iter().copied(), |p| p.z) else { continue };
         let Some(ground) = parts.iter().find(|g| is_ground(scene, &g.body) && covers(scene, &g.body, lowest))
         else {
             let message = format!("part \"{}\" stays where it is: no ground part lies below it", part.id);
@@ -52,8 +52,8 @@ pub(super) fn settle(scene: &mut Assembly, parts: &[PlacedPart]) {
         let (o, v) = (plane.centre, plane.normal);
         let height = |q: DVec3| q.z - (v.dot(o) - v.x * q.x - v.y * q.y) / v.z;
         let anchor = match part.on_ground {
-            -1 => least(corners.iter().copied(), height),
-            k if k > 1 => least(sampled(&corners, k).copied(), height),
+            -1 => min_by_value(corners.iter().copied(), height),
+            k if k > 1 => min_by_value(sampled(&corners, k).copied(), height),
             _ => Some(lowest),
         };
         if let Some(q) = anchor {
@@ -62,31 +62,32 @@ pub(super) fn settle(scene: &mut Assembly, parts: &[PlacedPart]) {
     }
 }
 
-/// Among the first min(k, n) corners every ⌊n / min(k, n)⌋-th.
+/// Every ⌊n / min(k, n)⌋-th of the first min(k, n) of n corners, as the reference's approximate search looks at them.
 fn sampled(corners: &[DVec3], k: i64) -> impl Iterator<Item = &DVec3> {
     let first = usize::try_from(k).unwrap_or(usize::MAX).min(corners.len());
     corners[..first].iter().step_by(corners.len().checked_div(first).unwrap_or(1).max(1))
 }
 
 /// The first point with the smallest `value`.
-fn least(points: impl Iterator<Item = DVec3>, value: impl Fn(DVec3) -> f64) -> Option<DVec3> {
+fn min_by_value(points: impl Iterator<Item = DVec3>, value: impl Fn(DVec3) -> f64) -> Option<DVec3> {
     points.map(|p| (value(p), p)).reduce(|best, p| if p.0 < best.0 { p } else { best }).map(|(_, p)| p)
 }
 
 /// The corners of all triangles, one after the other, and the lower corner of each cube.
-fn corners(scene: &Assembly, body: &Body) -> Vec<DVec3> {
+fn corners(scene: &SceneBuilder, body: &Body) -> Vec<DVec3> {
     points(scene, body, |c| c.centre - DVec3::splat(c.half))
 }
 
-/// The points that the ground's plane is fitted to. The centre of a cube stands for it, lest its height tilt the plane.
-fn corners_of_ground(scene: &Assembly, body: &Body) -> Vec<DVec3> {
+/// The points to which the plane of the ground is fitted. Cubes count with their centres, so that the heights of their
+/// corners do not tilt the plane.
+fn corners_of_ground(scene: &SceneBuilder, body: &Body) -> Vec<DVec3> {
     points(scene, body, |c| c.centre)
 }
 
-fn points(scene: &Assembly, body: &Body, of_cube: impl Fn(&Cube) -> DVec3) -> Vec<DVec3> {
+fn points(scene: &SceneBuilder, body: &Body, of_cube: impl Fn(&Cube) -> DVec3) -> Vec<DVec3> {
     let geometry = &scene.geometry;
     match body {
-        Body::Instance(i) => scene.stock.corners(*i).collect(),
+        Body::Instance(i) => scene.meshes.corners(*i).collect(),
         Body::Stored(extent) => {
             let triangles = extent.triangles.clone().flat_map(|i| geometry.triangle(i));
             triangles.chain(geometry.cubes[extent.cubes.clone()].iter().map(of_cube)).collect()
@@ -94,9 +95,9 @@ fn points(scene: &Assembly, body: &Body, of_cube: impl Fn(&Cube) -> DVec3) -> Ve
     }
 }
 
-fn is_ground(scene: &Assembly, body: &Body) -> bool {
+fn is_ground(scene: &SceneBuilder, body: &Body) -> bool {
     let material = match body {
-        Body::Instance(i) => scene.stock.materials[scene.stock.places[*i].0 as usize].first().copied(),
+        Body::Instance(i) => scene.meshes.materials[scene.meshes.placements[*i].0 as usize].first().copied(),
         Body::Stored(extent) => {
             let first = match extent.triangles.is_empty() {
                 false => scene.triangle_surfaces.get(extent.triangles.start),
@@ -108,20 +109,20 @@ fn is_ground(scene: &Assembly, body: &Body) -> bool {
     material.is_some_and(|m| scene.library.materials[m as usize].is_ground)
 }
 
-fn covers(scene: &Assembly, body: &Body, p: DVec3) -> bool {
+fn covers(scene: &SceneBuilder, body: &Body, p: DVec3) -> bool {
     let b = bounds_of(scene, body);
     (b.min.x..=b.max.x).contains(&p.x) && (b.min.y..=b.max.y).contains(&p.y)
 }
 
-/// The box around the primitives of a part.
-pub(super) fn bounds_of(scene: &Assembly, body: &Body) -> Aabb {
+/// The bounding box of a part.
+pub(super) fn bounds_of(scene: &SceneBuilder, body: &Body) -> Aabb {
     match body {
         Body::Stored(extent) => bounds(&scene.geometry, extent),
-        Body::Instance(i) => instances::bounds(&scene.stock, *i),
+        Body::Instance(i) => instances::bounds(&scene.meshes, *i),
     }
 }
 
-/// The box around the primitives of an extent, all of whose vertices are used.
+/// The bounding box of an extent all of whose vertices are used.
 pub(super) fn bounds(geometry: &Geometry, extent: &Extent) -> Aabb {
     let vertices = bounds_of_points(&geometry.vertices[extent.vertices.clone()], |v| v);
     let cubes = geometry.cubes[extent.cubes.clone()]
@@ -131,14 +132,10 @@ pub(super) fn bounds(geometry: &Geometry, extent: &Extent) -> Aabb {
     vertices.union(cubes)
 }
 
-/// The box around the images of points.
-pub(super) fn bounds_of_points(points: &[DVec3], image: impl Fn(DVec3) -> DVec3 + Sync) -> Aabb {
-    points.par_iter().fold(|| Aabb::EMPTY, |b, &v| b.with(image(v))).reduce(|| Aabb::EMPTY, Aabb::union)
-}
-
-fn raise(scene: &mut Assembly, body: &Body, by: f64) {
+/// Moves a part vertically.
+fn raise(scene: &mut SceneBuilder, body: &Body, by: f64) {
     match body {
-        Body::Instance(i) => scene.stock.places[*i].2.raise = by,
+        Body::Instance(i) => scene.meshes.placements[*i].2.raise = by,
         Body::Stored(extent) => {
             let geometry = &mut scene.geometry;
             geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| v.z += by);

@@ -3,9 +3,9 @@
 //! G is the mean projection of a unit of leaf area, |cos| averaged over the leaf normals (Ross 1981): over all directions it
 //! averages 1/2, whatever the leaf angles. The reference's tables hold 2πG, which averages π.
 
-use super::MaterialRules;
 use super::material::SPHERICAL_MEAN_COSINE;
 use super::number::float;
+use super::rules::MaterialRules;
 use super::text::{Lines, Problems, Source, is_empty_line, shown};
 use crate::diag::Diagnostics;
 use crate::geom::DVec3;
@@ -183,12 +183,12 @@ impl LadTable {
         if rules.leaf_table_scale || rules.leaf_table_mirror {
             reading.report(source, rules, diagnostics);
         }
-        let ruled = MaterialRules {
+        let relevant = MaterialRules {
             leaf_table_scale: reading.is_g,
             leaf_table_mirror: true,
             ..MaterialRules::default()
         };
-        Some((table, ruled))
+        Some((table, relevant))
     }
 }
 

@@ -1,10 +1,11 @@
 //! From material definitions to the scene's materials (spec pulse-physics §3.2, input-formats §3.5 and §5).
 
-use super::doubts::{Doubt, Doubts};
+use super::material::{Material, Reflection};
 use super::mtl::{self, Definition};
+use super::reflectance_issues::{ReflectanceIssue, ReflectanceIssues};
+use super::rules::MaterialRules;
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{Material, MaterialRules, Reflection};
 use crate::diag::{Diagnostics, Place};
 use crate::rng::{Purpose, Stream};
 use crate::survey::MaterialChoice;
@@ -24,10 +25,10 @@ const MOST_VARIANTS: u32 = 10_000;
 pub(super) struct Library {
     spectra: Spectra,
     rules: MaterialRules,
-    /// Rules that would make a difference to some material.
-    pub ruled: MaterialRules,
-    /// Materials with a reflectance that is missing or no fraction.
-    pub doubts: Doubts,
+    /// Rules that make a difference to some material.
+    pub relevant_rules: MaterialRules,
+    /// Reflectances that are missing or no fractions.
+    pub issues: ReflectanceIssues,
     seed: u64,
     files: Vec<MtlFile>,
     file_of: HashMap<PathBuf, Option<usize>>,
@@ -66,8 +67,8 @@ impl Library {
         Library {
             spectra,
             rules,
-            ruled: MaterialRules::default(),
-            doubts: Doubts::default(),
+            relevant_rules: MaterialRules::default(),
+            issues: ReflectanceIssues::default(),
             seed,
             files: Vec::new(),
             file_of: HashMap::new(),
@@ -117,8 +118,8 @@ impl Library {
 
     fn undefined(&mut self, name: &str) -> u32 {
         let (materials, rules) = (&mut self.materials, self.rules);
-        self.ruled.reflectance_fraction = true;
-        self.ruled.lambert_default = true;
+        self.relevant_rules.reflectance_fraction = true;
+        self.relevant_rules.lambert_default = true;
         *self.index_of.entry(Key::Named(name.to_owned())).or_insert_with(|| {
             materials.push(Material::unnamed(name, rules));
             materials.len() as u32 - 1
@@ -172,13 +173,13 @@ impl Library {
                 diagnostics.warn(place(), message).help(self.spectra.described());
             }
         } else if let (None, Some(place)) = (d.reflectance, place()) {
-            self.doubts.add(Doubt::Missing, &d.name, place);
+            self.issues.add(ReflectanceIssue::Missing, &d.name, place);
         }
         let is_fraction = self.rules.reflectance_fraction;
         let reflectance = match d.reflectance {
             Some(per_cent) if is_fraction && per_cent > MAX_FRACTION => {
                 if let Some(place) = place() {
-                    self.doubts.add(Doubt::PerCent, &d.name, place);
+                    self.issues.add(ReflectanceIssue::PerCent, &d.name, place);
                 }
                 per_cent / 100.0
             }
@@ -187,7 +188,7 @@ impl Library {
             None => from_spectrum.unwrap_or(50.0),
         };
         if let (true, Some(place)) = (!(0.0..=1.0).contains(&reflectance), place()) {
-            self.doubts.add(Doubt::NoFraction, &d.name, place);
+            self.issues.add(ReflectanceIssue::NoFraction, &d.name, place);
         }
         if is_specular_only(d) {
             let message =
@@ -195,7 +196,7 @@ impl Library {
             diagnostics.warn(place(), message);
         }
         let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
-        self.ruled = self.ruled.or(MaterialRules {
+        self.relevant_rules = self.relevant_rules.or(MaterialRules {
             specular_shares: has_kd && has_ks,
             reflectance_fraction: d.reflectance.is_none_or(|r| r > 1.0),
             specular_lobe: has_ks && d.roughness == 0.0,
@@ -223,7 +224,7 @@ impl Library {
     ) -> Option<Vec<u32>> {
         let Some(path) = &choice.file else {
             if let Some(place) = place {
-                self.doubts.add(Doubt::Missing, DEFAULT, place.clone());
+                self.issues.add(ReflectanceIssue::Missing, DEFAULT, place.clone());
             }
             return Some(vec![self.undefined(DEFAULT)]);
         };
@@ -415,7 +416,7 @@ mod tests {
         assert_eq!(f.material(&mut library, "mirror").reflectance, 0.5);
         assert_eq!(f.material(&mut library, "nowhere").reflectance, 0.5);
         let mut told = Diagnostics::default();
-        library.doubts.report(&mut told);
+        library.issues.report(&mut told);
         let [above, missing] = told.items() else { panic!("{}", told.render(false)) };
         assert!(above.message.contains("\"matte\"") && missing.message.contains("\"plain\", \"mirror\""));
         let place = missing.place.as_ref().unwrap();

@@ -1,63 +1,31 @@
-//! From a scene's description to the frozen scene (spec input-formats §3.6): load all parts, place each, settle those that
-//! stand on the ground, move the whole to its centre.
+//! From the description of a scene to the finished scene (spec input-formats §3.6): loads all parts, transforms each, drops
+//! to the ground those that ask for it, and moves the origin to the centre of the whole.
 
-use super::assembly::{Assembly, Extent, MAX_COORDINATE, PartSource};
-use super::epoch::{self, SceneFrame};
-use super::ground::{self, Body, PlacedPart};
-use super::instances::{self, Sharing};
+use super::builder::{Extent, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
+use super::epoch::{SceneFrame, keeps_frame, part_in_epoch};
+use super::ground::{self, Body, LoadedPart};
+use super::lad::LadTable;
 use super::library::{Library, Names};
+use super::model::{MovingPart, Part, Scene};
+use super::pack::Pack;
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{LadTable, MaterialRules, MovingPart, Pack, Part, Scene, geotiff, obj, place, vox, xyz};
+use super::{geotiff, instances, obj, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, UpAxis, VoxelMode};
+use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, Transform, UpAxis, VoxelMode};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Settings of [`load`].
-#[derive(Clone, Debug)]
-pub struct LoadOptions {
-    /// Wavelength of the first device, nm; spectra are evaluated there.
-    pub wavelength_nm: f64,
-    /// Seed of random materials and random voxel shifts.
-    pub seed: u64,
-    /// Where materials and leaf angle tables are not read as the reference does.
-    pub rules: MaterialRules,
-    /// As the reference does, leave out OBJ faces with more than four vertices (trap 51).
-    pub drop_polygons: bool,
-    /// Most bytes that the scene may need, without the tree over it.
-    pub max_memory: Option<u64>,
-    /// Threads; 0 means all.
-    pub jobs: usize,
-    /// When parts share meshes.
-    pub sharing: Sharing,
-}
-
-impl Default for LoadOptions {
-    /// 1064 nm, seed 0, the reference's materials, all polygons, no limit, all threads.
-    fn default() -> LoadOptions {
-        LoadOptions {
-            wavelength_nm: 1064.0,
-            seed: 0,
-            rules: MaterialRules::default(),
-            drop_polygons: false,
-            max_memory: None,
-            jobs: 0,
-            sharing: Sharing::Auto,
-        }
-    }
-}
-
-/// Loads, places, shifts and freezes a scene. The warnings come with it; all problems of all files are collected before
-/// an error ends the run. The result does not depend on the number of threads. Moving parts stand where they do at first.
+/// Loads a scene in its first epoch, with the warnings about it. All problems of all files are collected before an error is
+/// returned. The result does not depend on the number of threads. Moving parts are in their initial pose.
 pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
     load_epoch(recipe, options, 0, None)
 }
 
-/// Like [`load`], of the given epoch, counted from 0. Later epochs share the frame of the `first`. Parts have the
-/// same numbers in all epochs: a swapped part keeps its number, and its one id, also while it is absent.
+/// Loads a scene in the given epoch, counted from 0. Later epochs share the frame of the `first`. Parts have the same
+/// numbers in all epochs: a swapped part keeps its number and its one id, also while it is absent.
 pub fn load_epoch(
     recipe: &SceneRecipe,
     options: &LoadOptions,
@@ -71,10 +39,10 @@ pub fn load_epoch(
         .num_threads(options.jobs)
         .build()
         .map_err(|e| Error::Internal(format!("cannot start the threads that load the scene: {e}")))?;
-    pool.install(|| load_state(recipe, options, epoch, first))
+    pool.install(|| load_sources(recipe, options, epoch, first))
 }
 
-fn load_state(
+fn load_sources(
     recipe: &SceneRecipe,
     options: &LoadOptions,
     epoch: u32,
@@ -82,17 +50,17 @@ fn load_state(
 ) -> Result<(Scene, Diagnostics)> {
     let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
     let library = Library::new(spectra, options.rules, options.seed);
-    let mut scene = Assembly::new(options, library);
-    scene.stock.plan(recipe, epoch, options.sharing);
-    let mut placed = Vec::new();
+    let meshes = instances::plan_sharing(recipe, epoch, options.sharing);
+    let mut scene = SceneBuilder::new(options, library, meshes);
+    let mut loaded = Vec::new();
     let mut ids = Ids::default();
     for part in &recipe.parts {
-        match epoch::part_in_epoch(part, epoch) {
-            Some(part) => load_part(&mut scene, &part, &mut ids, &mut placed)?,
-            None => scene.parts.push(Part { id: ids.one_of(part), lad: None }),
+        match part_in_epoch(part, epoch) {
+            Some(part) => load_part(&mut scene, &part, &mut ids, &mut loaded)?,
+            None => scene.parts.push(Part { id: ids.single(part), lad: None }),
         }
     }
-    if placed.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
+    if loaded.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
         scene
             .diagnostics
             .error(None, format!("scene \"{}\" of {} is empty", recipe.id, recipe.path.display()));
@@ -100,30 +68,30 @@ fn load_state(
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
     if options.rules.reflectance_fraction {
-        scene.library.doubts.report(&mut scene.diagnostics);
+        scene.library.issues.report(&mut scene.diagnostics);
     }
-    ground::settle(&mut scene, &placed);
-    let (scene, warnings) = freeze(scene, first, epoch::keeps_frame(recipe))?;
+    ground::drop_to_ground(&mut scene, &loaded);
+    let (scene, warnings) = freeze(scene, first, keeps_frame(recipe))?;
     Ok((Scene { dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
 }
 
-/// Hands out ids: a part without one is numbered, and each of its files is a part of its own.
+/// Assigns ids: a part without one is numbered, and each of its files is a part of its own.
 #[derive(Default)]
 struct Ids {
     additional: u64,
 }
 
 impl Ids {
-    /// The id of a part that is one whatever its files are.
-    fn one_of(&self, part: &PartRecipe) -> String {
+    /// The id of a part that is a single one whatever the number of its files.
+    fn single(&self, part: &PartRecipe) -> String {
         let numbered = || (u64::from(part.number) + self.additional).to_string();
         part.id.clone().filter(|id| !id.is_empty()).unwrap_or_else(numbered)
     }
 
     /// The ids of the parts that a recipe makes, each with its files.
-    fn of<'a>(&mut self, part: &PartRecipe, files: &'a [PathBuf]) -> Vec<(String, &'a [PathBuf])> {
+    fn with_files<'a>(&mut self, part: &PartRecipe, files: &'a [PathBuf]) -> Vec<(String, &'a [PathBuf])> {
         if !part.swaps.is_empty() || part.id.as_ref().is_some_and(|id| !id.is_empty()) {
-            return vec![(self.one_of(part), files)];
+            return vec![(self.single(part), files)];
         }
         let first = u64::from(part.number) + self.additional;
         self.additional += files.len().saturating_sub(1) as u64;
@@ -132,21 +100,24 @@ impl Ids {
 }
 
 fn load_part(
-    scene: &mut Assembly,
+    scene: &mut SceneBuilder,
     part: &PartRecipe,
     ids: &mut Ids,
-    placed: &mut Vec<PlacedPart>,
+    loaded: &mut Vec<LoadedPart>,
 ) -> Result<()> {
     let files = files_of(&part.loader);
     if files.is_empty() {
         scene
             .diagnostics
-            .warn(part.place.clone(), format!("part {} names no file and is left out", described(part)));
+            .warn(part.place.clone(), format!("part {} names no file and is left out", describe(part)));
     }
     let lad = leaf_angles(scene, part);
     let mut names = Names::default();
-    for (id, files) in ids.of(part, files) {
-        let body = match instances::place(scene, part)? {
+    for (id, files) in ids.with_files(part, files) {
+        let instance = instances::add_instance(scene, part, |scene, part, files| {
+            load_files(scene, part, files, &mut Names::default())
+        })?;
+        let body = match instance {
             Some(instance) => instance.map(Body::Instance),
             None => {
                 let start = scene.end();
@@ -176,16 +147,16 @@ fn load_part(
             });
         }
         scene.parts.push(Part { id: id.clone(), lad: lad.clone() });
-        placed.push(PlacedPart { id, body, on_ground: part.transform.on_ground, place: part.place.clone() });
+        loaded.push(LoadedPart { id, body, on_ground: part.transform.on_ground, place: part.place.clone() });
     }
     Ok(())
 }
 
-fn leaf_angles(scene: &mut Assembly, part: &PartRecipe) -> Option<Arc<LadTable>> {
+fn leaf_angles(scene: &mut SceneBuilder, part: &PartRecipe) -> Option<Arc<LadTable>> {
     let Loader::DetailedVoxels(loader) = &part.loader else { return None };
     let path = loader.lad_table.as_ref()?;
     if !part.motions.is_empty() {
-        let message = format!("part {} moves, so its leaf angle table is not used", described(part));
+        let message = format!("part {} moves, so its leaf angle table is not used", describe(part));
         scene.diagnostics.warn(part.place.clone(), message);
         return None;
     }
@@ -193,8 +164,8 @@ fn leaf_angles(scene: &mut Assembly, part: &PartRecipe) -> Option<Arc<LadTable>>
         Ok(source) => {
             scene.sources.push(path.clone());
             let rules = scene.options.rules;
-            let (table, ruled) = LadTable::read(&source, rules, &mut scene.diagnostics)?;
-            scene.leaf_tables = scene.leaf_tables.or(ruled);
+            let (table, relevant) = LadTable::read(&source, rules, &mut scene.diagnostics)?;
+            scene.leaf_table_rules = scene.leaf_table_rules.or(relevant);
             Some(Arc::new(table))
         }
         Err(e) => {
@@ -206,8 +177,8 @@ fn leaf_angles(scene: &mut Assembly, part: &PartRecipe) -> Option<Arc<LadTable>>
 }
 
 /// Loads and transforms the files of one part.
-pub(super) fn load_files(
-    scene: &mut Assembly,
+fn load_files(
+    scene: &mut SceneBuilder,
     part: &PartRecipe,
     files: &[PathBuf],
     names: &mut Names,
@@ -238,7 +209,7 @@ pub(super) fn load_files(
         }
     }
     let extent = scene.since(&start);
-    place::transform(scene, &part.loader, &part.transform, &extent);
+    apply_transform(scene, &part.loader, &part.transform, &extent);
     if let Loader::DetailedVoxels(loader) = &part.loader
         && let VoxelMode::Scaled(exponent) = loader.mode
     {
@@ -247,18 +218,36 @@ pub(super) fn load_files(
     Ok(())
 }
 
-fn choose(scene: &mut Assembly, part: &PartSource, choice: &MaterialChoice) -> Option<Vec<u32>> {
+/// Applies a part's transform (spec input-formats §3.3), without dropping it to the ground. Triangles and point clouds take all
+/// of it; cubes stay upright, and those of vegetation are scaled in place.
+fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transform, extent: &Extent) {
+    if (Transform { on_ground: 0, ..*transform }) == Transform::IDENTITY {
+        return;
+    }
+    scene.geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| *v = transform.apply(*v));
+    let of_centres = match loader {
+        Loader::DetailedVoxels(_) => Transform { scale: 1.0, ..*transform },
+        Loader::Obj { .. } | Loader::GeoTiff { .. } | Loader::Xyz(_) => *transform,
+    };
+    scene.geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|cube| {
+        cube.centre = of_centres.apply(cube.centre);
+        cube.half *= transform.scale.abs();
+    });
+    scene.voxels[extent.cubes.clone()].par_iter_mut().for_each(|v| v.rotate(&transform.rotation));
+}
+
+fn choose(scene: &mut SceneBuilder, part: &PartSource, choice: &MaterialChoice) -> Option<Vec<u32>> {
     scene.library.chosen(choice, part.index, part.place, &mut scene.diagnostics)
 }
 
 /// Opens a file of a part; `None` after an error about its name.
-fn open(scene: &mut Assembly, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
+fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
     match Source::open(file) {
         Ok(source) => {
             scene.sources.push(file.to_path_buf());
             Ok(Some(source))
         }
-        Err(e) if is_about_the_name(&e) => {
+        Err(e) if is_wrong_name(&e) => {
             scene.diagnostics.error(part.place.clone(), format!("cannot read {}: {e}", file.display()));
             Ok(None)
         }
@@ -266,7 +255,8 @@ fn open(scene: &mut Assembly, part: &PartRecipe, file: &Path) -> Result<Option<S
     }
 }
 
-fn is_about_the_name(e: &std::io::Error) -> bool {
+/// Whether an error is about the file's name and thus a mistake in the scene's description.
+fn is_wrong_name(e: &std::io::Error) -> bool {
     use std::io::ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
     matches!(e.kind(), NotFound | PermissionDenied | IsADirectory | NotADirectory | InvalidInput)
 }
@@ -280,82 +270,63 @@ fn files_of(loader: &Loader) -> &[PathBuf] {
     }
 }
 
-fn described(part: &PartRecipe) -> String {
+fn describe(part: &PartRecipe) -> String {
     part.id.as_ref().map_or_else(|| format!("number {}", part.number), |id| format!("\"{id}\""))
 }
 
-fn check_coordinates(scene: &mut Assembly, id: &str, body: &Body, place: Option<&Place>) {
-    if matches!(body, Body::Instance(i) if instances::is_near(&scene.stock, *i)) {
+fn check_coordinates(scene: &mut SceneBuilder, id: &str, body: &Body, place: Option<&Place>) {
+    if matches!(body, Body::Instance(i) if instances::is_near(&scene.meshes, *i)) {
         return;
     }
     let bounds = ground::bounds_of(scene, body);
-    let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-    if farthest.is_nan() || farthest > MAX_COORDINATE {
+    let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
+    if reach.is_nan() || reach > MAX_COORDINATE {
         let message = format!(
-            "part \"{id}\" reaches {farthest:e} m after its transforms; at most {:e} m can be computed",
-            MAX_COORDINATE
+            "part \"{id}\" reaches {reach:e} m after its transforms; at most {MAX_COORDINATE:e} m can be computed"
         );
         scene.diagnostics.error(place.cloned(), message);
     }
 }
 
-fn freeze(scene: Assembly, first: Option<SceneFrame>, keep_frame: bool) -> Result<(Scene, Diagnostics)> {
-    let Assembly {
-        mut geometry,
-        mut voxels,
-        triangle_surfaces,
-        cube_surfaces,
-        surfaces,
-        parts,
-        moving_parts,
-        library,
-        stock,
-        diagnostics,
-        mut sources,
-        leaf_tables,
-        ..
-    } = scene;
-    let mut instance_set = instances::freeze(stock, geometry.len())?;
+/// Moves the origin to the centre of the scene, or to that of the first epoch, and takes the scene out of its builder.
+fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> Result<(Scene, Diagnostics)> {
+    let SceneBuilder { mut geometry, mut voxels, library, mut sources, .. } = scene;
+    let mut instances = instances::freeze(scene.meshes, geometry.len())?;
     let all =
         Extent { vertices: 0..geometry.vertices.len(), triangles: 0..0, cubes: 0..geometry.cubes.len() };
     let own = ground::bounds(&geometry, &all);
-    let world = instance_set.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
+    let world = instances.as_ref().map_or(own, |set| set.instances.exact_bounds(own));
     let shift = first.map_or_else(|| world.centre(), |first| first.shift);
     geometry.vertices.par_iter_mut().for_each(|v| *v -= shift);
     geometry.cubes.par_iter_mut().for_each(|c| c.centre -= shift);
-    if let Some(instances) = instance_set.as_mut().and_then(|p| Arc::get_mut(&mut p.instances)) {
+    if let Some(instances) = instances.as_mut().and_then(|set| Arc::get_mut(&mut set.instances)) {
         instances.shift = shift;
     }
     geometry.vertices.to_mut().shrink_to_fit();
     geometry.triangles.to_mut().shrink_to_fit();
     geometry.cubes.to_mut().shrink_to_fit();
     voxels.shrink_to_fit();
-    let mut surface_ids = triangle_surfaces;
-    surface_ids.extend(cube_surfaces);
+    let mut surface_ids = scene.triangle_surfaces;
+    surface_ids.extend(scene.cube_surfaces);
     let own = ground::bounds(&geometry, &all);
-    let found = instance_set.as_ref().map_or(own, |p| p.instances.exact_bounds(own));
-    let bounds = first.map_or(found, |first| first.bounds(found, keep_frame));
-    let ruled = library.ruled.or(leaf_tables);
+    let found = instances.as_ref().map_or(own, |set| set.instances.exact_bounds(own));
     sources.extend(library.files());
     sources.sort();
     sources.dedup();
-    let materials = library.materials;
-    let surface_ids = surface_ids.into();
-    let voxels = voxels.into();
-    let scene = Scene {
+    let frozen = Scene {
         shift,
-        bounds,
+        bounds: first.map_or(found, |first| first.bounds(found, keep_frame)),
         geometry,
-        surface_ids,
-        surfaces,
-        parts,
-        materials,
-        voxels,
-        moving_parts,
-        instances: instance_set,
-        ruled,
+        surface_ids: surface_ids.into(),
+        surfaces: scene.surfaces,
+        parts: scene.parts,
+        relevant_rules: library.relevant_rules.or(scene.leaf_table_rules),
+        materials: library.materials,
+        voxels: voxels.into(),
+        moving_parts: scene.moving_parts,
+        instances,
         sources,
         ..Scene::default()
     };
-    Ok((scene, diagnostics))
+    Ok((frozen, scene.diagnostics))
 }

@@ -1,31 +1,44 @@
-//! What is scanned: parts with geometry and materials in one frozen frame.
+//! What is scanned: parts with geometry and materials in one frame.
 //!
 //! ```text
-//! SceneRecipe ─ load ─► loaders: obj │ geotiff │ xyz │ vox ─► assembly ─ place ─ ground ─ shift ─► Scene
+//! SceneRecipe ─ load ─► loaders: obj │ geotiff │ xyz │ vox ─► builder ─ transform ─ ground ─ shift ─► Scene
 //!                          └ mtl, spectra ─► library (materials at the scanner's wavelength)
 //! ```
 //!
-//! A scene never changes. What moves is told by a plan and a state beside it (`motion`), and swapped parts give every epoch
-//! a scene of its own (`epoch`):
+//! A scene never changes once it is loaded. Moving parts have a plan and a state beside it, and scenes with swapped parts are
+//! loaded anew for every epoch:
 //!
 //! ```text
-//! SceneRecipe, Scene ─► MotionPlan, MotionState ─► DynamicScene: moving parts where rays see them
+//! SceneRecipe, Scene ─► MotionPlan, MotionState ─► DynamicScene: moving parts in the poses that rays see
 //! SceneRecipe ─ load_epoch(0, 1, …) ─► a Scene per epoch
 //! ```
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `load`, `builder` | load a scene; what the loaders append to |
+//! | `obj`, `geotiff`, `xyz`, `vox` | loaders: meshes, rasters, point clouds, vegetation voxels |
+//! | `text`, `number` | files of text: lines, problems with their places, numbers |
+//! | `library`, `mtl`, `spectra`, `reflectance_issues`, `rules` | material definitions, how they are resolved, and what is wrong with them |
+//! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
+//! | `instances`, `instance_set` | parts that share a mesh |
+//! | `model`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and what it consists of |
+//! | `motion` | moving parts |
+//! | `epoch` | swapped parts |
+//! | `pack` | packed scenes |
+//! | `inventory` | counts what a scene holds |
 
-mod assembly;
-mod doubts;
+mod builder;
+mod epoch;
 #[cfg(test)]
 mod fixture;
 mod geotiff;
 mod ground;
+mod instance_set;
 mod instances;
 mod inventory;
 mod lad;
 mod library;
 mod load;
-
-mod epoch;
 mod material;
 mod model;
 mod motion;
@@ -33,11 +46,11 @@ mod mtl;
 mod number;
 mod obj;
 mod pack;
-mod place;
 mod plane;
+mod reflectance_issues;
 mod rules;
 mod spectra;
-mod surface_ids;
+mod surfaces;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -45,16 +58,17 @@ mod vox;
 mod voxel;
 mod xyz;
 
+pub use builder::{LoadOptions, Sharing};
 pub use epoch::{SceneFrame, count_epochs};
 pub use geotiff::raster_needs;
-pub use instances::{InstanceSet, Sharing};
+pub use instance_set::InstanceSet;
 pub use inventory::Inventory;
 pub use lad::LadTable;
-pub use load::{LoadOptions, load, load_epoch};
+pub use load::{load, load_epoch};
 pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
-pub use model::{MovingPart, Part, ReadyTree, Scene, Surface};
+pub use model::{MovingPart, PackedTree, Part, Scene};
 pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate};
 pub use pack::{Pack, pack};
 pub use rules::MaterialRules;
-pub use surface_ids::SurfaceIds;
+pub use surfaces::{Surface, SurfaceIds};
 pub use voxel::{Voxel, VoxelKind};

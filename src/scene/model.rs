@@ -1,6 +1,11 @@
 //! The frozen scene that workers share.
 
-use super::{InstanceSet, LadTable, Material, MaterialRules, SurfaceIds, Voxel};
+use super::instance_set::InstanceSet;
+use super::lad::LadTable;
+use super::material::Material;
+use super::rules::MaterialRules;
+use super::surfaces::{Surface, SurfaceIds};
+use super::voxel::Voxel;
 use crate::geom::{Aabb, DVec3};
 use crate::store::Store;
 use crate::survey::{MotionSequence, MotionTiming};
@@ -38,20 +43,20 @@ pub struct Scene {
     pub dyn_step: u32,
     /// The same in seconds; overrides all steps.
     pub dyn_time_step: Option<f64>,
-    /// Rules that would make a difference to its materials or leaf angle tables.
-    pub ruled: MaterialRules,
+    /// Rules that make a difference to its materials or leaf angle tables.
+    pub relevant_rules: MaterialRules,
     /// Files that it was loaded from, as far as they are not named by its description.
     pub sources: Vec<PathBuf>,
-    /// The tree that a packed scene comes with.
-    pub ready: Option<Arc<ReadyTree>>,
+    /// The tree of a packed scene.
+    pub packed_tree: Option<Arc<PackedTree>>,
 }
 
-/// A tree that need not be built.
+/// A tree that was built before.
 #[derive(Debug)]
-pub struct ReadyTree {
-    /// What it was built with.
+pub struct PackedTree {
+    /// The builder that built it.
     pub builder: Builder,
-    /// The tree over all that stands still.
+    /// The tree over all primitives that do not move.
     pub tree: Tree,
 }
 
@@ -72,15 +77,6 @@ pub struct MovingPart {
     pub timing: MotionTiming,
 }
 
-/// What a primitive belongs to and is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Surface {
-    /// Index in [`Scene::parts`].
-    pub part: u32,
-    /// Index in [`Scene::materials`].
-    pub material: u32,
-}
-
 /// A part of the scene: what an echo's object id names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Part {
@@ -99,7 +95,7 @@ impl Scene {
         // The other settings are those of kd-trees.
         let is_usual = options.builder == Builder::Bvh
             || *options == BuildOptions { jobs: options.jobs, delegate: options.delegate, ..usual };
-        if let Some(ready) = self.ready.as_ref().filter(|r| is_usual && r.builder == options.builder) {
+        if let Some(ready) = self.packed_tree.as_ref().filter(|r| is_usual && r.builder == options.builder) {
             return ready.tree.clone();
         }
         let tree = Tree::build_where(&self.geometry, options, |i| self.is_still(i));
@@ -116,7 +112,7 @@ impl Scene {
             Tree::estimate_build_memory(models, builder)
                 + Tree::estimate_build_memory(p.instances.all.len() as u64, Builder::Bvh)
         });
-        match &self.ready {
+        match &self.packed_tree {
             Some(_) => 0,
             None => Tree::estimate_build_memory(self.geometry.len() as u64, builder).saturating_add(set),
         }

@@ -1,6 +1,6 @@
 //! AMAPVox vegetation voxels (spec input-formats §4.5).
 
-use super::assembly::{Assembly, MAX_COORDINATE, PartSource};
+use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder};
 use super::number::float;
 use super::text::{Line, Lines, Problems, Source, Words, cut_into_pieces, is_empty_line, shown};
 use super::voxel::{Voxel, VoxelKind};
@@ -44,7 +44,7 @@ pub(super) struct Densities {
 /// Appends the voxels of a file, still without the part's transform and scaling. Returns what scaling needs; `None` after
 /// an error.
 pub(super) fn load(
-    scene: &mut Assembly,
+    scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
     loader: &VoxelLoader,
@@ -73,7 +73,7 @@ pub(super) fn load(
         }
         scene.check_memory(0, source.path())?;
     }
-    scene.check_numbers()?;
+    scene.check_counts()?;
     check_last_row(source, body, &mut problems);
     if rows == 0 {
         let end = source.bytes().len();
@@ -81,7 +81,7 @@ pub(super) fn load(
     }
     let is_sound = problems.report(source, &mut scene.diagnostics);
     let cubes = first..scene.geometry.cubes.len();
-    scene.spread_materials(part.index, materials, cubes.len());
+    scene.assign_materials_in_turn(part.index, materials, cubes.len());
     let largest = header.max_density.unwrap_or_else(|| largest_density(&scene.voxels[cubes.clone()]));
     Ok(is_sound.then_some(Densities { cubes, largest }))
 }
@@ -265,7 +265,7 @@ fn read_row(line: &Line) -> std::result::Result<Row, (Range<usize>, String)> {
 /// `scaled` voxels after the part's transform: the edge times (PAD/PAD_max)^exponent, and with `random_shift` a random
 /// place within the original cube. A voxel without density (NaN) has no size and is removed.
 pub(super) fn scale_by_density(
-    scene: &mut Assembly,
+    scene: &mut SceneBuilder,
     files: &[Densities],
     exponent: f64,
     random_shift: Option<u32>,
@@ -288,7 +288,7 @@ pub(super) fn scale_by_density(
             cube.half = half;
         });
     }
-    scene.remove_cubes(first, |cube| cube.half.is_finite());
+    scene.retain_cubes(first, |cube| cube.half.is_finite());
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Where the pixels of a raster lie (OGC GeoTIFF 1.1, §7.1 and annex B.6; GDAL's no-data tag).
 
 use crate::geom::DVec3;
-use crate::scene::assembly::MAX_COORDINATE;
+use crate::scene::builder::MAX_COORDINATE;
 use std::io::{Read, Seek};
 use std::path::Path;
 use tiff::decoder::Decoder;

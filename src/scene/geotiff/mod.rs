@@ -4,7 +4,7 @@ mod georeference;
 #[cfg(test)]
 mod tests;
 
-use super::assembly::{Assembly, MAX_COORDINATE, MAX_ELEMENTS, PartSource, as_size, memory_of};
+use super::builder::{MAX_COORDINATE, MAX_ELEMENTS, PartSource, SceneBuilder, format_bytes, memory_of};
 use super::text::Source;
 use crate::error::Result;
 use crate::geom::DVec3;
@@ -75,7 +75,12 @@ struct Raster {
 }
 
 /// Appends a raster's triangles with one material. Problems of the file are errors of the part.
-pub(super) fn load(scene: &mut Assembly, part: &PartSource, source: &Source, material: u32) -> Result<()> {
+pub(super) fn load(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    source: &Source,
+    material: u32,
+) -> Result<()> {
     let mut warnings = Vec::new();
     let raster = match describe(source, &mut warnings) {
         Ok(raster) => raster,
@@ -99,7 +104,7 @@ pub(super) fn load(scene: &mut Assembly, part: &PartSource, source: &Source, mat
     scene.finish_mesh(&start)
 }
 
-fn refuse(scene: &mut Assembly, part: &PartSource, source: &Source, problem: &str) -> Result<()> {
+fn refuse(scene: &mut SceneBuilder, part: &PartSource, source: &Source, problem: &str) -> Result<()> {
     let message = format!("cannot read the raster {}: {problem}", source.path().display());
     scene.diagnostics.error(part.place.cloned(), message).help(
         "strips or tiles of any number type, not compressed or with Deflate or LZW, are read; \
@@ -134,7 +139,7 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
     let bytes = u64::from(width).saturating_mul(u64::from(height)).saturating_mul(per_pixel);
     let held = source.bytes().len() as u64;
     if bytes > held.saturating_mul(BEST_COMPRESSION) {
-        let (stated, held) = (as_size(bytes), as_size(held));
+        let (stated, held) = (format_bytes(bytes), format_bytes(held));
         return Err(format!("its {width} x {height} pixels ({stated}) cannot be in a file of {held}"));
     }
     let bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
@@ -193,7 +198,7 @@ fn readable(e: TiffError) -> String {
 }
 
 /// Appends one vertex per pixel, row by row; its height is NaN where there are no data.
-fn append_vertices(scene: &mut Assembly, source: &Source, raster: &Raster) -> Result<(), String> {
+fn append_vertices(scene: &mut SceneBuilder, source: &Source, raster: &Raster) -> Result<(), String> {
     let first = scene.geometry.vertices.len();
     let vertices = scene.geometry.vertices.to_mut();
     vertices.try_reserve_exact(raster.pixels()).map_err(|e| e.to_string())?;
@@ -265,7 +270,7 @@ fn heights(decoder: &mut BlockDecoder, raster: &Raster, block: usize) -> Result<
 
 /// Appends the triangles between four pixels each; those with a missing corner are left out. Vertices are numbered from
 /// the raster's first.
-fn append_triangles(scene: &mut Assembly, raster: &Raster, first_vertex: usize) {
+fn append_triangles(scene: &mut SceneBuilder, raster: &Raster, first_vertex: usize) {
     let columns = raster.columns;
     // Growing by doubling would take more than is told beforehand; where there is not so much room, it may still do.
     let _ = scene.geometry.triangles.to_mut().try_reserve_exact(raster.triangles());

@@ -142,7 +142,7 @@ fn extract_part(scene: &Scene, moving: &MovingPart) -> Scene {
     };
     let count = g.triangles.len();
     let cubes = count + moving.cubes.start..count + moving.cubes.end;
-    let numbers = scene.surface_ids.among(moving.triangles.clone()).chain(scene.surface_ids.among(cubes));
+    let numbers = scene.surface_ids.range(moving.triangles.clone()).chain(scene.surface_ids.range(cubes));
     let (mut surfaces, mut materials, mut known) = (Vec::new(), Vec::new(), HashMap::new());
     let surface_ids = numbers
         .map(|number| {

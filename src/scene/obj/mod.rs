@@ -5,10 +5,10 @@ mod slice;
 #[cfg(test)]
 mod tests;
 
-use super::assembly::{Assembly, PartSource};
-use super::doubts::Doubt;
+use super::builder::{PartSource, SceneBuilder};
 use super::library::{DEFAULT, Names};
 use super::mtl::name_of;
+use super::reflectance_issues::ReflectanceIssue;
 use super::text::{Problems, Source, cut_into_pieces};
 use crate::error::Result;
 use crate::geom::DVec3;
@@ -27,7 +27,7 @@ const PIECES_PER_THREAD: usize = 4;
 
 /// Appends the triangles of an OBJ file to the scene. `names` holds the materials that the part's files know.
 pub(super) fn load(
-    scene: &mut Assembly,
+    scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
     reading: Reading,
@@ -60,7 +60,7 @@ pub(super) fn load(
 
 /// Whether what was read can be all of a mesh. Vertices come first in nearly all files, so one that was cut short in
 /// its first half has no face.
-fn check_whole(scene: &mut Assembly, source: &Source, mesh: &Mesh) {
+fn check_whole(scene: &mut SceneBuilder, source: &Source, mesh: &Mesh) {
     let vertices = scene.geometry.vertices.len() - mesh.first_vertex;
     let has_elements = scene.geometry.triangles.len() > mesh.first_triangle || mesh.elements > 0;
     let message = match (has_elements || mesh.polygons > 0, vertices) {
@@ -92,7 +92,7 @@ struct Piece {
     bytes: Range<usize>,
 }
 
-fn read_pieces(scene: &mut Assembly, source: &Source, reading: Reading) -> Result<(Mesh, Problems)> {
+fn read_pieces(scene: &mut SceneBuilder, source: &Source, reading: Reading) -> Result<(Mesh, Problems)> {
     let bytes = source.bytes();
     let mut mesh = Mesh {
         first_vertex: scene.geometry.vertices.len(),
@@ -117,7 +117,7 @@ fn read_pieces(scene: &mut Assembly, source: &Source, reading: Reading) -> Resul
 }
 
 fn append(
-    scene: &mut Assembly,
+    scene: &mut SceneBuilder,
     mesh: &mut Mesh,
     problems: &mut Problems,
     mut slice: Slice,
@@ -149,7 +149,7 @@ fn append(
 /// Gives every triangle the material that is in force where its face stands. Materials are looked up at the faces, so a
 /// library must be named before them.
 fn assign_materials(
-    scene: &mut Assembly,
+    scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
     mesh: &Mesh,
@@ -167,7 +167,7 @@ fn assign_materials(
             if current.0 == DEFAULT && reported.insert(current.0.clone()) {
                 let place = current.1.map(|s| source.place(s.line, s.at.clone()));
                 let place = place.unwrap_or_else(|| source.place(0, 0..0));
-                scene.library.doubts.add(Doubt::Missing, DEFAULT, place);
+                scene.library.issues.add(ReflectanceIssue::Missing, DEFAULT, place);
             }
             if !known && reported.insert(current.0.clone()) {
                 let place = current.1.map(|s| source.place(s.line, s.at.clone()));
@@ -189,7 +189,13 @@ fn assign_materials(
 
 /// Reads a material library that stands beside the OBJ file. The words after `mtllib` are one file name; where no such
 /// file exists each word is tried, and `\` as a folder separator.
-fn add_library(scene: &mut Assembly, source: &Source, names: &mut Names, operand: &[u8], switch: &Switch) {
+fn add_library(
+    scene: &mut SceneBuilder,
+    source: &Source,
+    names: &mut Names,
+    operand: &[u8],
+    switch: &Switch,
+) {
     let folder = source.path().parent().map_or_else(PathBuf::new, PathBuf::from);
     let whole = name_of(operand);
     let mut candidates = vec![vec![whole.clone()], vec![whole.replace('\\', "/")]];
@@ -237,7 +243,7 @@ fn fault(triangle: [u32; 3], vertices: &[DVec3]) -> Option<Fault> {
 }
 
 /// Removes triangles that cannot be hit, and says which.
-fn leave_out_faults(scene: &mut Assembly, source: &Source, reading: Reading, mesh: &Mesh) -> Problems {
+fn leave_out_faults(scene: &mut SceneBuilder, source: &Source, reading: Reading, mesh: &Mesh) -> Problems {
     let mut problems = Problems::default();
     let (vertices, first) = (&scene.geometry.vertices[mesh.first_vertex..], mesh.first_triangle);
     let triangles = &scene.geometry.triangles[first..];

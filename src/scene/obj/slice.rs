@@ -1,7 +1,7 @@
 //! One piece of an OBJ file, read independently of all others (spec input-formats §4.1).
 
 use crate::geom::DVec3;
-use crate::scene::assembly::MAX_COORDINATE;
+use crate::scene::builder::MAX_COORDINATE;
 use crate::scene::number::{float_at, is_blank, skip_blanks};
 use crate::scene::text::{Line, Lines, Problems, Words, is_empty_line, shown};
 use std::ops::Range;

@@ -1,10 +1,9 @@
-//! Scenes as arrays and words of a file.
+//! Scenes as arrays and encoded values of a file.
 
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3};
-use crate::scene::ReadyTree;
 use crate::scene::{
-    InstanceSet, LadTable, Material, MovingPart, Part, Reflection, Scene, Surface, SurfaceIds,
+    InstanceSet, LadTable, Material, MovingPart, PackedTree, Part, Reflection, Scene, Surface, SurfaceIds,
 };
 use crate::store::{ArrayFile, ArrayFileWriter, ByteReader, ByteWriter, UnexpectedEnd};
 use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming};
@@ -12,7 +11,7 @@ use crate::tree::{Builder, Geometry, Instances, Tree};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The words of all epochs.
+/// The encoded values of all epochs.
 pub(super) struct Contents(Vec<Vec<u8>>);
 
 type Read<T> = std::result::Result<T, UnexpectedEnd>;
@@ -24,7 +23,7 @@ impl Contents {
             let epochs = r.u64()?;
             (0..epochs).map(|_| r.blob().map(<[u8]>::to_vec)).collect::<Read<Vec<_>>>()
         };
-        all().map(Contents).map_err(cut)
+        all().map(Contents).map_err(truncated)
     }
 
     pub fn epochs(&self) -> u32 {
@@ -37,12 +36,12 @@ impl Contents {
         epoch: u32,
         builder: Builder,
     ) -> std::result::Result<Scene, String> {
-        let words = self.0.get(epoch as usize).ok_or("it holds no epoch")?;
-        read_scene(file, epoch, builder, &mut ByteReader(words))
+        let values = self.0.get(epoch as usize).ok_or("it holds no epoch")?;
+        read_scene(file, epoch, builder, &mut ByteReader(values))
     }
 }
 
-fn cut(UnexpectedEnd: UnexpectedEnd) -> String {
+fn truncated(_: UnexpectedEnd) -> String {
     "its contents end too early".to_owned()
 }
 
@@ -52,7 +51,7 @@ pub(super) fn write(
     tree: &Tree,
     epoch: u32,
     out: &mut ArrayFileWriter,
-    words: &mut ByteWriter,
+    values: &mut ByteWriter,
 ) -> Result<()> {
     let mut w = ByteWriter::default();
     let name = |what: &str| format!("play {epoch} {what}");
@@ -83,7 +82,7 @@ pub(super) fn write(
         }
         tree.pack_instances(out, &mut w)?;
     }
-    words.blob(w.bytes());
+    values.blob(w.bytes());
     Ok(())
 }
 
@@ -107,7 +106,7 @@ fn read_scene(
             ..Scene::default()
         })
     };
-    let mut scene = head(r).map_err(cut)?;
+    let mut scene = head(r).map_err(truncated)?;
     scene.geometry = Geometry::unpack(&name("own"), file)?;
     scene.voxels = file.array(&name("voxels"))?;
     scene.surface_ids = SurfaceIds::unpack(&name("surfaces"), file)?;
@@ -116,9 +115,9 @@ fn read_scene(
         return Err("its arrays do not belong together".to_owned());
     }
     let mut tree = Tree::unpack(&name("tree"), file, r)?;
-    if r.flag().map_err(cut)? {
+    if r.flag().map_err(truncated)? {
         let instances = Arc::new(Instances::unpack(file, r)?);
-        let parts = r.list(ByteReader::u32).map_err(cut)?;
+        let parts = r.list(ByteReader::u32).map_err(truncated)?;
         let materials = (0..instances.models.len()).map(|i| file.array(&format!("materials {i}")));
         let materials = materials.collect::<std::result::Result<Vec<_>, _>>()?;
         if parts.len() != instances.all.len() {
@@ -127,7 +126,7 @@ fn read_scene(
         tree = tree.unpack_instances(&instances, file, r)?;
         scene.instances = Some(InstanceSet { instances, materials, parts });
     }
-    scene.ready = Some(Arc::new(ReadyTree { builder, tree }));
+    scene.packed_tree = Some(Arc::new(PackedTree { builder, tree }));
     Ok(scene)
 }
 

@@ -11,21 +11,21 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Choices that a packed scene was made with.
+/// Settings that a packed scene was made with, as far as they can make a difference to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
-    /// Where spectra were evaluated, nm.
+    /// Wavelength of the spectra, nm.
     pub wavelength_nm: f64,
-    /// Whether any were.
+    /// Whether the scene has spectra.
     pub has_spectra: bool,
     /// Seed of random materials and places.
     pub seed: u64,
-    /// Whether there are any.
+    /// Whether the scene has random materials or places.
     pub is_random: bool,
     /// As of [`LoadOptions`].
     pub rules: MaterialRules,
-    /// Those that would make a difference.
-    pub ruled: MaterialRules,
+    /// The rules that make a difference to the scene.
+    pub relevant_rules: MaterialRules,
     /// As of [`LoadOptions`].
     pub drop_polygons: bool,
 }
@@ -33,14 +33,14 @@ pub struct Conditions {
 /// A file as it was when the scene was packed.
 #[derive(Clone, Debug, PartialEq)]
 struct Source {
-    /// As seen from the folder of the pack where it stands below it.
+    /// Relative to the folder of the pack if it lies below it.
     path: PathBuf,
     length: u64,
     modified_ns: u64,
     sum: u64,
 }
 
-/// See the module.
+/// Settings and files that a pack was made from.
 pub(super) struct Origin {
     pub conditions: Conditions,
     pub builder: Builder,
@@ -64,22 +64,22 @@ impl Origin {
             seed: options.seed,
             is_random: loaders.into_iter().any(is_random),
             rules: options.rules,
-            ruled: MaterialRules::default(),
+            relevant_rules: MaterialRules::default(),
             drop_polygons: options.drop_polygons,
         };
         Origin { conditions, builder, files, sources: Vec::new() }
     }
 
-    /// Takes note of the files that an epoch was loaded from, and of what its materials depend on.
+    /// Adds the files that an epoch was loaded from, and the settings that its materials depend on.
     pub fn add(&mut self, scene: &Scene) {
         let files = &scene.sources;
-        self.conditions.ruled = self.conditions.ruled.or(scene.ruled);
+        self.conditions.relevant_rules = self.conditions.relevant_rules.or(scene.relevant_rules);
         let is_spectrum = |f: &PathBuf| f.parent().is_some_and(|p| p.ends_with("spectra"));
         self.conditions.has_spectra |= files.iter().any(is_spectrum);
         self.files.extend(files.iter().cloned());
     }
 
-    /// Reads all files once more for their sums.
+    /// Reads all files once more for their checksums and encodes everything.
     pub fn finish(self, pack: &Path) -> Result<ByteWriter> {
         let folder = std::fs::canonicalize(folder_of(pack)).unwrap_or_default();
         let mut sources = Vec::new();
@@ -98,7 +98,7 @@ impl Origin {
         w.f64(c.wavelength_nm);
         w.u64(c.seed);
         [c.has_spectra, c.is_random, c.drop_polygons].into_iter().for_each(|b| w.flag(b));
-        c.rules.to_array().into_iter().chain(c.ruled.to_array()).for_each(|b| w.flag(b));
+        c.rules.to_array().into_iter().chain(c.relevant_rules.to_array()).for_each(|b| w.flag(b));
         w.u64(BUILDERS.iter().position(|b| *b == self.builder).unwrap_or(0) as u64);
         w.list(&sources, |w, s| {
             w.text(&s.path.to_string_lossy());
@@ -117,11 +117,18 @@ impl Origin {
                 for rule in &mut all {
                     *rule = r.flag()?;
                 }
-                Ok(MaterialRules::of_array(all))
+                Ok(MaterialRules::from_array(all))
             };
-            let (rules, ruled) = (rules()?, rules()?);
-            let conditions =
-                Conditions { wavelength_nm, has_spectra, seed, is_random, rules, ruled, drop_polygons };
+            let (rules, relevant_rules) = (rules()?, rules()?);
+            let conditions = Conditions {
+                wavelength_nm,
+                has_spectra,
+                seed,
+                is_random,
+                rules,
+                relevant_rules,
+                drop_polygons,
+            };
             let builder = *BUILDERS.get(r.size()?).ok_or(UnexpectedEnd)?;
             let sources = r.list(|r| {
                 let path = PathBuf::from(r.text()?);
@@ -132,7 +139,7 @@ impl Origin {
         all().map_err(|UnexpectedEnd| "its origin cannot be read".to_owned())
     }
 
-    /// Whether the files are as they were. One that is not there cannot be newer: packs may travel alone.
+    /// Checks that the files have not changed. A missing file counts as unchanged: packs may be moved without their sources.
     pub fn check_files(&self, pack: &Path) -> std::result::Result<(), String> {
         let changed = |s: &&Source| {
             let path = folder_of(pack).join(&s.path);
@@ -148,7 +155,7 @@ impl Origin {
 }
 
 impl Conditions {
-    /// Whether a scene made with these options would be the same.
+    /// Checks that a scene loaded with these options would be the same.
     pub fn check(&self, options: &LoadOptions) -> std::result::Result<(), String> {
         let again = |what: String| Err(format!("{what}; pack the scene again for that"));
         if self.has_spectra && self.wavelength_nm != options.wavelength_nm {
@@ -161,7 +168,7 @@ impl Conditions {
                 "its random materials or places are those of seed {packed}, not of {asked}"
             ));
         }
-        if self.rules.and(self.ruled) != options.rules.and(self.ruled) {
+        if self.rules.and(self.relevant_rules) != options.rules.and(self.relevant_rules) {
             return again(
                 "its materials or leaf angle tables were read for other physics (--physics)".to_owned(),
             );

@@ -3,10 +3,10 @@
 use super::*;
 use crate::geom::DVec3;
 use crate::scene::fixture::Fixture;
-use crate::scene::{MotionPlan, Sharing};
+use crate::scene::{LoadOptions, MotionPlan, Scene, SceneFrame, Sharing, load_epoch};
 use crate::survey::{Loader, Motion, MotionKind, MotionSequence, Swap, VoxelLoader, VoxelMode};
 use crate::survey::{MaterialChoice, SceneRecipe};
-use crate::tree::Builder;
+use crate::tree::{BuildOptions, Builder};
 
 const MESH: &str = "mtllib m.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\n";
 const VOXELS: &str = "VOXEL SPACE\n#min_corner: 5 5 5\n#max_corner: 6 6 6\n#split: 2 2 2\n#res:0.5 #max_pad:4.0\ni j k\n\

@@ -7,7 +7,7 @@ mod cells;
 mod tests;
 mod text;
 
-use super::assembly::{Assembly, MAX_COORDINATE, PartSource};
+use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder};
 use super::text::{Problems, Source, cut_into_pieces, shown};
 use super::voxel::Voxel;
 use crate::diag::Diagnostics;
@@ -29,7 +29,7 @@ const PLANE_POINTS: u32 = 3;
 
 /// Appends one cube per occupied cell of a file's grid, in the order of z, y, x.
 pub(super) fn load(
-    scene: &mut Assembly,
+    scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
     loader: &XyzLoader,
@@ -244,7 +244,7 @@ struct Sorter<'a> {
 }
 
 impl Sorter<'_> {
-    fn sort_text(&mut self, scene: &Assembly, source: &Source, pieces: &[Range<usize>]) -> Result<()> {
+    fn sort_text(&mut self, scene: &SceneBuilder, source: &Source, pieces: &[Range<usize>]) -> Result<()> {
         for wave in pieces.chunks(4 * rayon::current_num_threads()) {
             let read: Vec<_> = wave
                 .par_iter()
@@ -262,7 +262,7 @@ impl Sorter<'_> {
         Ok(())
     }
 
-    fn sort(&mut self, scene: &Assembly, source: &Source, batches: &[Vec<PointRow>]) -> Result<()> {
+    fn sort(&mut self, scene: &SceneBuilder, source: &Source, batches: &[Vec<PointRow>]) -> Result<()> {
         let sorted: Vec<_> = batches
             .par_iter()
             .map(|batch| {
@@ -280,7 +280,12 @@ impl Sorter<'_> {
         }
     }
 
-    fn add(&mut self, scene: &Assembly, source: &Source, sorted: &[[Vec<PointRow>; SHARDS]]) -> Result<()> {
+    fn add(
+        &mut self,
+        scene: &SceneBuilder,
+        source: &Source,
+        sorted: &[[Vec<PointRow>; SHARDS]],
+    ) -> Result<()> {
         let (grid, rule) = (self.grid, self.settings.rule);
         self.shards.par_iter_mut().enumerate().for_each(|(shard, cells)| {
             sorted.iter().flat_map(|batch| &batch[shard]).for_each(|p| cells.add(grid, p, rule));
@@ -307,7 +312,7 @@ impl Settings {
 type Filled = (u128, Cube, Voxel, u8);
 
 fn append_cubes(
-    scene: &mut Assembly,
+    scene: &mut SceneBuilder,
     part: &PartSource,
     settings: &Settings,
     grid: &Grid,
@@ -330,7 +335,7 @@ fn append_cubes(
     scene.geometry.cubes.extend(cells.iter().map(|c| c.1));
     scene.voxels.extend(cells.iter().map(|c| c.2));
     if settings.has_material || cells.iter().all(|c| c.3 == 0) {
-        scene.spread_materials(part.index, materials, cells.len());
+        scene.assign_materials_in_turn(part.index, materials, cells.len());
     } else {
         for ((.., class), material) in cells.iter().zip(materials.iter().cycle()) {
             let material = scene.library.of_class(*material, *class);
@@ -338,5 +343,5 @@ fn append_cubes(
             scene.cube_surfaces.push(surface);
         }
     }
-    scene.check_numbers()
+    scene.check_counts()
 }

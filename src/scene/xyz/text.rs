@@ -2,7 +2,7 @@
 
 use crate::points::text::{Separators, is_heading, is_skipped};
 use crate::points::{Attribute, Columns, PointRow};
-use crate::scene::assembly::MAX_COORDINATE;
+use crate::scene::builder::MAX_COORDINATE;
 use crate::scene::text::{Lines, Problems, shown};
 use crate::survey::XyzLoader;
 use std::ops::Range;

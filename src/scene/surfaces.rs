@@ -1,17 +1,26 @@
-//! Which surface each primitive is of.
+//! Surfaces, and which one each primitive has.
 
 use crate::error::Result;
 use crate::store::{ArrayFile, ArrayFileWriter, Store};
 use crate::tree::prefetch;
 use std::ops::Range;
 
-/// For each primitive the number of its surface: two bytes while there are no more surfaces than that can tell apart, four
-/// otherwise. Scenes have few surfaces and many primitives.
+/// What a primitive belongs to and is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Surface {
+    /// Index in [`Scene::parts`](super::Scene::parts).
+    pub part: u32,
+    /// Index in [`Scene::materials`](super::Scene::materials).
+    pub material: u32,
+}
+
+/// For each primitive the number of its surface: two bytes each as long as all numbers fit, four otherwise. Scenes have few
+/// surfaces and many primitives.
 #[derive(Clone, Debug)]
 pub enum SurfaceIds {
     /// Numbers below 65 536.
     Narrow(Store<u16>),
-    /// Any others.
+    /// Numbers of any size.
     Wide(Store<u32>),
 }
 
@@ -40,20 +49,20 @@ impl SurfaceIds {
 
     /// The surfaces of all primitives.
     pub fn iter(&self) -> impl Iterator<Item = u32> {
-        self.among(0..self.len())
+        self.range(0..self.len())
     }
 
-    /// The surfaces of some primitives, as far as there are any.
-    pub fn among(&self, primitives: Range<usize>) -> impl Iterator<Item = u32> {
+    /// The surfaces of a range of primitives, as far as there are any.
+    pub fn range(&self, primitives: Range<usize>) -> impl Iterator<Item = u32> {
         primitives.map_while(|i| self.get(i))
     }
 
-    /// One primitive more.
+    /// Appends the surface of one more primitive.
     pub fn push(&mut self, surface: u32) {
         self.extend([surface]);
     }
 
-    /// Some primitives more.
+    /// Appends the surfaces of further primitives.
     pub fn extend(&mut self, surfaces: impl IntoIterator<Item = u32>) {
         for surface in surfaces {
             match (&mut *self, u16::try_from(surface)) {
@@ -68,7 +77,7 @@ impl SurfaceIds {
         }
     }
 
-    /// Asks for the number of primitive `i` ahead of its use.
+    /// Prefetches the number of primitive `i` into the cache.
     #[inline(always)]
     pub fn prefetch(&self, i: usize) {
         match self {
@@ -93,7 +102,7 @@ impl SurfaceIds {
         }
     }
 
-    /// The numbers as [`SurfaceIds::pack`] wrote them. An error says what does not fit.
+    /// Maps the numbers that [`SurfaceIds::pack`] wrote. The error tells why they cannot be used.
     pub fn unpack(name: &str, file: &ArrayFile) -> std::result::Result<SurfaceIds, String> {
         match file.array(name) {
             Ok(numbers) => Ok(SurfaceIds::Narrow(numbers)),
@@ -144,7 +153,7 @@ mod tests {
         of.push(65_536);
         assert!(matches!(of, SurfaceIds::Wide(_)), "{of:?}");
         assert_eq!(of.iter().collect::<Vec<_>>(), [3, 65_535, 0, 65_536]);
-        assert_eq!(of.among(1..9).collect::<Vec<_>>(), [65_535, 0, 65_536]);
+        assert_eq!(of.range(1..9).collect::<Vec<_>>(), [65_535, 0, 65_536]);
         assert_eq!(of, SurfaceIds::from(vec![3, 65_535, 0, 65_536]));
         assert_ne!(of, SurfaceIds::from(vec![3, 65_535, 0]));
     }

@@ -1,28 +1,110 @@
-//! A scene while it is being loaded: what the loaders append to.
+//! A scene that is being loaded: what the loaders append to.
 
-use super::instances::Stock;
 use super::library::Library;
-use super::load::LoadOptions;
+use super::model::{MovingPart, Part};
+use super::rules::MaterialRules;
+use super::surfaces::Surface;
 use super::voxel::Voxel;
-use super::{MaterialRules, MovingPart, Part, Surface};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use crate::geom::DVec3;
-use crate::tree::{Cube, Geometry};
+use crate::geom::{Aabb, DVec3};
+use crate::tree::{Cube, Geometry, Model, Placement};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::mem::size_of;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// Largest coordinate that is taken for a position, m. Beyond it double precision no longer resolves millimetres.
+/// Largest coordinate of a primitive, m. Beyond it double precision does not resolve millimetres.
 pub(super) const MAX_COORDINATE: f64 = 1e12;
 
-/// Most vertices and most primitives of a scene: their numbers have 32 bits and the last one means "none".
+/// Largest number of vertices, and of primitives, of a scene: their numbers have 32 bits and the last one means "none".
 pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
 
+/// Settings of [`load`](super::load()).
+#[derive(Clone, Debug)]
+pub struct LoadOptions {
+    /// Wavelength of the first device, nm; spectra are evaluated there.
+    pub wavelength_nm: f64,
+    /// Seed of random materials and random voxel shifts.
+    pub seed: u64,
+    /// Where the reading of materials and leaf angle tables departs from the reference's.
+    pub rules: MaterialRules,
+    /// Leave out OBJ faces with more than four vertices, as the reference does (spec input-formats §10, trap 51).
+    pub drop_polygons: bool,
+    /// Largest memory of the scene without the tree over it, bytes.
+    pub max_memory: Option<u64>,
+    /// Threads; 0 means all.
+    pub jobs: usize,
+    /// When parts share meshes.
+    pub sharing: Sharing,
+}
+
+impl Default for LoadOptions {
+    /// 1064 nm, seed 0, the reference's materials, all polygons, no limit, all threads.
+    fn default() -> LoadOptions {
+        LoadOptions {
+            wavelength_nm: 1064.0,
+            seed: 0,
+            rules: MaterialRules::default(),
+            drop_polygons: false,
+            max_memory: None,
+            jobs: 0,
+            sharing: Sharing::Auto,
+        }
+    }
+}
+
+/// When parts share the mesh of a file that several of them name. The points of a survey do not depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sharing {
+    /// When it saves much memory: rays traverse stored triangles faster than instances.
+    #[default]
+    Auto,
+    /// Whenever a mesh can be shared, even by a single part.
+    Always,
+    /// Never: every part is stored.
+    Never,
+}
+
+/// An OBJ file and whether its y axis points up.
+pub(super) type MeshFile = (PathBuf, bool);
+
+/// Meshes that several parts share, as far as they are loaded.
+#[derive(Default)]
+pub(super) struct SharedMeshes {
+    /// Files that are shared, with the number of the model once it is read.
+    pub files: HashMap<MeshFile, Option<u32>>,
+    /// Meshes in their own frames.
+    pub models: Vec<Arc<Model>>,
+    /// Materials of their triangles.
+    pub materials: Vec<Vec<u32>>,
+    /// Instances: model, number of triangles stored before it, placement.
+    pub placements: Vec<(u32, u32, Placement)>,
+    /// The part that each instance is.
+    pub parts: Vec<u32>,
+}
+
+impl SharedMeshes {
+    /// Bytes held.
+    fn memory(&self) -> u64 {
+        self.models.iter().map(|m| m.memory() as u64).sum::<u64>()
+            + self.materials.iter().map(|m| 4 * m.len() as u64).sum::<u64>()
+            + (self.placements.len() * size_of::<(u32, u32, Placement)>()) as u64
+    }
+
+    /// The corners of all triangles of an instance, one after the other, in the world's frame.
+    pub fn corners(&self, instance: usize) -> impl Iterator<Item = DVec3> {
+        let (model, _, placement) = self.placements[instance];
+        let geometry = &self.models[model as usize].geometry;
+        (0..geometry.triangles.len())
+            .flat_map(move |i| geometry.triangle(i).map(|p| placement.place(p, DVec3::ZERO)))
+    }
+}
+
 /// Geometry and materials as far as they are loaded.
-pub(super) struct Assembly<'a> {
+pub(super) struct SceneBuilder<'a> {
     /// Settings of the run.
     pub options: &'a LoadOptions,
     /// Primitives, world frame.
@@ -37,16 +119,16 @@ pub(super) struct Assembly<'a> {
     pub surfaces: Vec<Surface>,
     /// Parts that hold at least one primitive.
     pub parts: Vec<Part>,
-    /// Those of them that move.
+    /// The parts that move.
     pub moving_parts: Vec<MovingPart>,
     /// Materials.
     pub library: Library,
-    /// Meshes that are shared by parts.
-    pub stock: Stock,
+    /// Meshes that parts share.
+    pub meshes: SharedMeshes,
     /// Geometry files and tables that were opened.
     pub sources: Vec<PathBuf>,
-    /// Rules that would make a difference to some leaf angle table.
-    pub leaf_tables: MaterialRules,
+    /// Rules that make a difference to some leaf angle table.
+    pub leaf_table_rules: MaterialRules,
     /// Problems met so far.
     pub diagnostics: Diagnostics,
     surface_numbers: HashMap<Surface, u32>,
@@ -72,16 +154,16 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// Whether the part holds nothing.
+    /// Whether the part has no primitive.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty() && self.cubes.is_empty()
     }
 }
 
-impl<'a> Assembly<'a> {
-    /// Nothing yet.
-    pub fn new(options: &'a LoadOptions, library: Library) -> Assembly<'a> {
-        Assembly {
+impl<'a> SceneBuilder<'a> {
+    /// An empty scene.
+    pub fn new(options: &'a LoadOptions, library: Library, meshes: SharedMeshes) -> SceneBuilder<'a> {
+        SceneBuilder {
             options,
             geometry: Geometry::default(),
             voxels: Vec::new(),
@@ -91,9 +173,9 @@ impl<'a> Assembly<'a> {
             parts: Vec::new(),
             moving_parts: Vec::new(),
             library,
-            stock: Stock::default(),
+            meshes,
             sources: Vec::new(),
-            leaf_tables: MaterialRules::default(),
+            leaf_table_rules: MaterialRules::default(),
             diagnostics: Diagnostics::default(),
             surface_numbers: HashMap::new(),
         }
@@ -108,14 +190,14 @@ impl<'a> Assembly<'a> {
         })
     }
 
-    /// Everything from here to the end of what is loaded, once more is loaded.
+    /// The empty extent behind everything loaded so far, for [`SceneBuilder::since`].
     pub fn end(&self) -> Extent {
-        let (v, t, c) =
-            (self.geometry.vertices.len(), self.geometry.triangles.len(), self.geometry.cubes.len());
+        let Geometry { vertices, triangles, cubes } = &self.geometry;
+        let (v, t, c) = (vertices.len(), triangles.len(), cubes.len());
         Extent { vertices: v..v, triangles: t..t, cubes: c..c }
     }
 
-    /// What was appended since `start` was the end.
+    /// Everything appended since `start` was the end.
     pub fn since(&self, start: &Extent) -> Extent {
         let end = self.end();
         Extent {
@@ -126,13 +208,13 @@ impl<'a> Assembly<'a> {
     }
 
     /// Gives the `count` cubes just appended their materials in turn.
-    pub fn spread_materials(&mut self, part: u32, materials: &[u32], count: usize) {
+    pub fn assign_materials_in_turn(&mut self, part: u32, materials: &[u32], count: usize) {
         let surfaces: Vec<u32> = materials.iter().map(|&m| self.surface(part, m)).collect();
         self.cube_surfaces.extend(surfaces.iter().cycle().take(count));
     }
 
     /// Removes the cubes from number `first` on that `keep` rejects.
-    pub fn remove_cubes(&mut self, first: usize, keep: impl Fn(&Cube) -> bool) {
+    pub fn retain_cubes(&mut self, first: usize, keep: impl Fn(&Cube) -> bool) {
         let mut kept = first;
         for i in first..self.geometry.cubes.len() {
             if keep(&self.geometry.cubes[i]) {
@@ -147,15 +229,15 @@ impl<'a> Assembly<'a> {
         self.cube_surfaces.truncate(kept);
     }
 
-    /// Completes triangles that were appended after `start` and number their vertices from there: vertices that none of
-    /// them uses are removed, and the rest is numbered within the scene.
+    /// Completes triangles that were appended after `start` with vertex numbers counted from there: removes vertices that
+    /// none of them uses and numbers the others within the scene.
     pub fn finish_mesh(&mut self, start: &Extent) -> Result<()> {
         let (first, vertices) = (start.vertices.start, self.geometry.vertices.to_mut());
         let triangles = &mut self.geometry.triangles[start.triangles.start..];
         let mut used = vec![false; vertices.len() - first];
         triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
         if used.iter().all(|&u| u) {
-            self.check_numbers()?;
+            self.check_counts()?;
             self.geometry.triangles[start.triangles.start..]
                 .par_iter_mut()
                 .for_each(|t| *t = t.map(|v| v + first as u32));
@@ -172,18 +254,16 @@ impl<'a> Assembly<'a> {
         }
         vertices.truncate(kept);
         triangles.par_iter_mut().for_each(|t| *t = t.map(|v| number[v as usize]));
-        self.check_numbers()
+        self.check_counts()
     }
 
-    /// Whether vertices and primitives can be numbered.
-    pub fn check_numbers(&self) -> Result<()> {
-        if self.geometry.vertices.len() > MAX_ELEMENTS || self.geometry.len() > MAX_ELEMENTS {
-            let message = format!(
-                "the scene has {} vertices and {} primitives; at most {MAX_ELEMENTS} of each can be numbered",
-                self.geometry.vertices.len(),
-                self.geometry.len()
-            );
-            return Err(Error::input(message));
+    /// Refuses more vertices or primitives than can be numbered.
+    pub fn check_counts(&self) -> Result<()> {
+        let (vertices, primitives) = (self.geometry.vertices.len(), self.geometry.len());
+        if vertices.max(primitives) > MAX_ELEMENTS {
+            return Err(Error::input(format!(
+                "the scene has {vertices} vertices and {primitives} primitives; at most {MAX_ELEMENTS} of each can be numbered"
+            )));
         }
         Ok(())
     }
@@ -191,25 +271,22 @@ impl<'a> Assembly<'a> {
     /// Refuses when what is loaded and `more` bytes for `file` exceed the limit.
     pub fn check_memory(&self, more: u64, file: &Path) -> Result<()> {
         let Some(limit) = self.options.max_memory else { return Ok(()) };
-        let need = self.memory() + more;
+        let Geometry { vertices, triangles, cubes } = &self.geometry;
+        let stored = memory_of(vertices.len(), triangles.len(), cubes.len());
+        let need = stored.saturating_add(self.meshes.memory()) + more;
         if need <= limit {
             return Ok(());
         }
         Err(Error::input(format!(
             "the scene needs at least {} with {}, without the tree over it; the limit is {}",
-            as_size(need),
+            format_bytes(need),
             file.display(),
-            as_size(limit)
+            format_bytes(limit)
         )))
-    }
-
-    fn memory(&self) -> u64 {
-        memory_of(self.geometry.vertices.len(), self.geometry.triangles.len(), self.geometry.cubes.len())
-            .saturating_add(self.stock.memory())
     }
 }
 
-/// Bytes that a frozen scene holds for so many vertices, triangles and cubes: 24 per vertex, 16 per triangle, 60 per cube.
+/// Bytes of a frozen scene with so many vertices, triangles and cubes: 24 per vertex, 16 per triangle, 60 per cube.
 pub(super) fn memory_of(vertices: usize, triangles: usize, cubes: usize) -> u64 {
     let per_triangle = size_of::<[u32; 3]>() + size_of::<u32>();
     let per_cube = size_of::<Cube>() + size_of::<Voxel>() + size_of::<u32>();
@@ -219,8 +296,8 @@ pub(super) fn memory_of(vertices: usize, triangles: usize, cubes: usize) -> u64 
         .saturating_add(bytes(cubes, per_cube))
 }
 
-/// A number of bytes for people.
-pub(super) fn as_size(bytes: u64) -> String {
+/// A number of bytes with a decimal prefix.
+pub(super) fn format_bytes(bytes: u64) -> String {
     const UNITS: [&str; 5] = ["B", "kB", "MB", "GB", "TB"];
     let mut value = bytes as f64;
     let mut unit = 0;
@@ -231,15 +308,18 @@ pub(super) fn as_size(bytes: u64) -> String {
     if unit == 0 { format!("{bytes} B") } else { format!("{value:.1} {}", UNITS[unit]) }
 }
 
+/// The bounding box of the images of points.
+pub(super) fn bounds_of_points(points: &[DVec3], image: impl Fn(DVec3) -> DVec3 + Sync) -> Aabb {
+    points.par_iter().fold(|| Aabb::EMPTY, |b, &v| b.with(image(v))).reduce(|| Aabb::EMPTY, Aabb::union)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn memory_is_stated_per_primitive_and_readably() {
-        assert_eq!(memory_of(1, 0, 0), 24);
-        assert_eq!(memory_of(0, 1, 0), 16);
-        assert_eq!(memory_of(0, 0, 1), 60);
-        assert_eq!((as_size(999), as_size(5_600_000_000)), ("999 B".to_owned(), "5.6 GB".to_owned()));
+        assert_eq!([memory_of(1, 0, 0), memory_of(0, 1, 0), memory_of(0, 0, 1)], [24, 16, 60]);
+        assert_eq!([format_bytes(999), format_bytes(5_600_000_000)], ["999 B", "5.6 GB"]);
     }
 }

@@ -1,0 +1,76 @@
+//! Opens packed scenes.
+
+use super::contents::Contents;
+use super::origin::{Conditions, Origin};
+use crate::error::Result;
+use crate::scene::builder::{LoadOptions, format_bytes};
+use crate::scene::model::Scene;
+use crate::store::ArrayFile;
+use std::path::Path;
+
+/// An open packed scene.
+pub struct Pack {
+    file: ArrayFile,
+    origin: Origin,
+    contents: Contents,
+}
+
+impl Pack {
+    /// Opens a packed scene.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] with the reason when the file is no packed scene of this version and machine, damaged, or
+    /// older than the files that it was made from.
+    pub fn open(path: &Path) -> Result<Pack> {
+        let file = ArrayFile::open(path)?;
+        let section = |name: &str| file.checked(name).map_err(|reason| file.refuse(&reason));
+        let origin = Origin::read(&section("origin")?).map_err(|reason| file.refuse(&reason))?;
+        origin.check_files(path).map_err(|reason| file.refuse(&reason))?;
+        let contents = Contents::read(&section("scene")?).map_err(|reason| file.refuse(&reason))?;
+        Ok(Pack { file, origin, contents })
+    }
+
+    /// Number of epochs.
+    pub fn epochs(&self) -> u32 {
+        self.contents.epochs()
+    }
+
+    /// The settings that it was packed with.
+    pub fn conditions(&self) -> &Conditions {
+        &self.origin.conditions
+    }
+
+    /// The scene of an epoch, with its tree.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] when the scene was packed under other conditions that matter to it.
+    pub fn scene(&self, options: &LoadOptions, epoch: u32) -> Result<Scene> {
+        self.origin.conditions.check(options).map_err(|reason| self.file.refuse(&reason))?;
+        if let Some(limit) = options.max_memory.filter(|limit| self.file.length() > *limit) {
+            let (has, limit) = (format_bytes(self.file.length()), format_bytes(limit));
+            return Err(self.file.refuse(&format!("it has {has}; the limit is {limit}")));
+        }
+        let epoch = epoch.min(self.epochs().saturating_sub(1));
+        self.contents
+            .scene(&self.file, epoch, self.origin.builder)
+            .map_err(|reason| self.file.refuse(&reason))
+    }
+
+    /// Reads the whole file and compares all checksums and all numbers of vertices.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] that tells what is damaged.
+    pub fn verify(&self) -> Result<()> {
+        self.file.verify()?;
+        for epoch in 0..self.epochs() {
+            let scene = self.contents.scene(&self.file, epoch, self.origin.builder);
+            let scene = scene.map_err(|reason| self.file.refuse(&reason))?;
+            let models = scene.instances.iter().flat_map(|p| &p.instances.models);
+            let sound = scene.geometry.is_sound() && models.into_iter().all(|m| m.geometry.is_sound());
+            if !sound {
+                return Err(self.file.refuse("a triangle names a vertex that is not there"));
+            }
+        }
+        Ok(())
+    }
+}

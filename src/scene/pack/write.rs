@@ -1,0 +1,62 @@
+//! Packs scenes.
+
+use super::contents;
+use super::origin::Origin;
+use crate::diag::Diagnostics;
+use crate::error::{Error, Result};
+use crate::scene::builder::LoadOptions;
+use crate::scene::epoch::{SceneFrame, count_epochs};
+use crate::scene::load::load_epoch;
+use crate::store::{ArrayFileWriter, ByteWriter};
+use crate::survey::SceneRecipe;
+use crate::tree::BuildOptions;
+use std::path::Path;
+
+/// Largest number of epochs of a packed scene, each of which is stored whole.
+const MAX_EPOCHS: u32 = 64;
+
+/// What [`pack`] wrote.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Packed {
+    /// Length of the file.
+    pub bytes: u64,
+    /// Primitives of the first epoch.
+    pub primitives: usize,
+    /// Number of epochs.
+    pub epochs: u32,
+}
+
+/// Loads a scene from its sources and packs it with its tree as `path`.
+///
+/// # Errors
+/// As [`load_epoch`]; a scene of more than 64 epochs, and one that is packed already, are refused.
+pub fn pack(
+    recipe: &SceneRecipe,
+    options: &LoadOptions,
+    tree: &BuildOptions,
+    path: &Path,
+) -> Result<(Packed, Diagnostics)> {
+    let epochs = count_epochs(recipe)?;
+    if recipe.packed.is_some() {
+        return Err(Error::input(format!("{} is packed already", recipe.path.display())));
+    }
+    if epochs > MAX_EPOCHS {
+        let message = format!("the scene has {epochs} epochs; at most {MAX_EPOCHS} can be packed");
+        return Err(Error::input(message));
+    }
+    let (mut out, mut values) = (ArrayFileWriter::create(path)?, ByteWriter::default());
+    let mut origin = Origin::of(recipe, options, tree.builder);
+    let (mut warnings, mut first, mut primitives) = (Diagnostics::default(), None, 0);
+    values.u64(u64::from(epochs));
+    for epoch in 0..epochs {
+        let (scene, found) = load_epoch(recipe, options, epoch, first)?;
+        warnings.extend(found);
+        first = first.or(Some(SceneFrame::of(&scene)));
+        primitives = primitives.max(scene.primitives());
+        origin.add(&scene);
+        contents::write(&scene, &scene.tree(tree), epoch, &mut out, &mut values)?;
+    }
+    out.array("scene", values.bytes())?;
+    out.array("origin", origin.finish(path)?.bytes())?;
+    Ok((Packed { bytes: out.finish()?, primitives, epochs }, warnings))
+}
