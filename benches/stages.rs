@@ -199,7 +199,7 @@ fn forest() -> Result<PathBuf> {
     if !survey.exists() {
         let options = SceneOptions::new(Kind::Forest, 1_000_000);
         let options = SceneOptions { overwrite: true, ..options };
-        write_scene(&options, &folder, |_| ())?;
+        write_scene(&options, &folder)?;
     }
     Ok(survey)
 }

@@ -91,10 +91,7 @@ pub use survey::{Formula, ReadOptions, parse_seed, read_pipeline, read_survey};
 #[doc(hidden)]
 pub mod internals {
     pub use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
-    pub use crate::generate::{
-        FlightOptions as GeneratedFlight, GridPlace, Kind, SceneOptions, write_flight, write_sbet,
-        write_scene,
-    };
+    pub use crate::generate::{Kind, SceneOptions, write_scene};
     pub use crate::geom::{DVec3, Rotation, UtmZone};
     pub use crate::output::{NoOffload, OutputContext, OutputPlan};
     pub use crate::preview::{read_packet, read_points};

@@ -2,12 +2,13 @@
 //!
 //! After an intended change of the generator, `UPDATE_FIXTURES=1 cargo test --test fixtures` writes them anew.
 
+#[path = "common/flight.rs"]
+mod flight;
+
+use flight::{FlightOptions, GridPlace, NAMES, flight_sbet, flight_text};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use vlscan::internals::UtmZone;
-use vlscan::internals::{
-    GeneratedFlight, GridPlace, Kind, SceneOptions, write_flight, write_sbet, write_scene,
-};
+use vlscan::internals::{Kind, SceneOptions, UtmZone, write_scene};
 
 fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures")
@@ -44,10 +45,10 @@ fn scenes_are_what_the_generator_writes() {
     for kind in Kind::ALL {
         let kept = fixtures().join(kind.name());
         if updating() {
-            write_scene(&options(kind), &kept, |_| ()).unwrap();
+            write_scene(&options(kind), &kept).unwrap();
         }
         let folder = tempfile::tempdir().unwrap();
-        write_scene(&options(kind), folder.path(), |_| ()).unwrap();
+        write_scene(&options(kind), folder.path()).unwrap();
         let (kept, made) = (files_of(&kept), files_of(folder.path()));
         let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
         assert_eq!(names(&kept), names(&made), "{kind:?}");
@@ -57,30 +58,35 @@ fn scenes_are_what_the_generator_writes() {
     }
 }
 
-#[test]
-fn the_flight_is_what_the_generator_writes() {
-    let kept = fixtures().join("flight.csv");
+/// Compares a fixture with what is generated, or writes it anew.
+fn check(name: &str, generated: Vec<u8>) {
+    let kept = fixtures().join(name);
     if updating() {
-        write_flight(&GeneratedFlight::default(), &kept).unwrap();
+        std::fs::write(&kept, &generated).unwrap();
     }
-    let folder = tempfile::tempdir().unwrap();
-    let made = write_flight(&GeneratedFlight::default(), &folder.path().join("flight.csv")).unwrap();
-    assert!(std::fs::read(kept).unwrap() == std::fs::read(made).unwrap(), "fixtures/flight.csv differs");
+    assert!(std::fs::read(kept).unwrap() == generated, "fixtures/{name} differs");
 }
 
 #[test]
-fn the_geographic_flight_is_what_the_generator_writes() {
-    let options = GeneratedFlight { rate_hz: 50.0, duration_s: 10.0, ..GeneratedFlight::default() };
+fn the_flights_are_what_the_generator_writes() {
+    check("flight.csv", flight_text(&FlightOptions::default()));
+    let options = FlightOptions { rate_hz: 50.0, duration_s: 10.0, ..FlightOptions::default() };
     let zone = UtmZone::parse("32N").unwrap();
     let place = GridPlace { zone, origin_m: [476_000.0, 5_429_000.0], height_m: 48.0 };
-    let kept = fixtures().join("airborne/flight.out");
-    if updating() {
-        write_sbet(&options, &place, &kept).unwrap();
+    check("airborne/flight.out", flight_sbet(&options, &place));
+}
+
+#[test]
+fn a_flight_has_its_poses_in_order_and_no_jumps() {
+    let text = String::from_utf8(flight_text(&FlightOptions::default())).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(lines.next().unwrap(), NAMES);
+    let rows: Vec<Vec<f64>> = lines.map(|l| l.split(',').map(|f| f.parse().unwrap()).collect()).collect();
+    assert_eq!(rows.len(), 4001);
+    for pair in rows.windows(2) {
+        let step = |i: usize| pair[1][i] - pair[0][i];
+        assert!((step(0) - 0.005).abs() < 1e-9);
+        assert!((1..4).all(|i| step(i).abs() < 0.2), "{pair:?}");
+        assert!((4..7).all(|i| step(i).abs() < 1.0), "{pair:?}");
     }
-    let folder = tempfile::tempdir().unwrap();
-    let made = write_sbet(&options, &place, &folder.path().join("flight.out")).unwrap();
-    assert!(
-        std::fs::read(kept).unwrap() == std::fs::read(made).unwrap(),
-        "fixtures/airborne/flight.out differs"
-    );
 }

@@ -36,7 +36,7 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         voxels: count(&args.voxels, "--voxels", "40k")?,
         overwrite: args.force,
     };
-    let made = write_scene(&options, &args.out, |_| {})?;
+    let made = write_scene(&options, &args.out)?;
     console.say(format!(
         "{} triangles{} in {}; scan them ({} pulses) with: vlscan run {}",
         amount(made.triangles as f64),

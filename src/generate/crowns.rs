@@ -1,7 +1,7 @@
 //! Foliage as opaque cells of a grid (an AMAPVox file), as voxelised laser scans of trees have it.
 
-use super::chance::{Dice, Topic};
 use super::obj::NewFile;
+use super::random::{Random, Topic};
 use super::tree::Tree;
 use crate::error::{Error, Result};
 use crate::geom::{Aabb, DVec3};
@@ -38,13 +38,13 @@ pub(super) fn write(trees: &[Tree], seed: u64, wanted: u64, folder: &Path) -> Re
     for tree in trees {
         let share = (wanted as f64 * tree.leaf_area() / area).round() as usize;
         let (centre, radii) = tree.crown();
-        let mut dice = Dice::new(seed, Topic::Crown, tree.number());
+        let mut random = Random::new(seed, Topic::Crown, tree.number());
         let mut taken = HashSet::new();
         for _ in 0..20 * share {
             if taken.len() == share {
                 break;
             }
-            let p = DVec3::new(dice.unit(), dice.unit(), dice.unit()) * 2.0 - DVec3::ONE;
+            let p = DVec3::new(random.unit(), random.unit(), random.unit()) * 2.0 - DVec3::ONE;
             if p.length_squared() <= 1.0 {
                 let cell = ((centre + p * radii) / CELL).to_array().map(|c| c.floor() as i64);
                 if taken.insert(cell) {

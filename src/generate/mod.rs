@@ -1,28 +1,33 @@
-//! Procedural scenes of a chosen size, with the surveys that scan them.
+//! Generates scenes of a chosen size, with the surveys that scan them.
 //!
 //! A forest, hills or a room is written as OBJ and MTL files with `scene.xml`, `scanners.xml`, `platforms.xml` and
-//! `survey.xml`, ready to run. The same options give the same bytes on every machine: all chance comes from
-//! [`crate::rng`], all transcendental functions from `libm`, and numbers are written with four decimals.
+//! `survey.xml`, ready to run. The same options give the same bytes on every machine: all random numbers come from
+//! [`crate::rng`], all transcendental functions from `libm`, and coordinates are written with four decimals.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `forest`, `tree`, `crowns` | forests: ground and undergrowth, trees, foliage as voxels |
+//! | `terrain`, `room` | hills with houses and boulders; a furnished room |
+//! | `survey` | the XML files |
+//! | `solid`, `obj` | meshes of shapes; writes OBJ files |
+//! | `random` | random numbers and noise |
 
-mod chance;
 mod crowns;
-mod flight;
 mod forest;
 mod obj;
+mod random;
 mod room;
 mod solid;
 mod survey;
 mod terrain;
 mod tree;
 
-pub use flight::{FlightOptions, GridPlace, write_flight, write_sbet};
-
 use crate::error::{Error, Result};
 use crate::geom::Aabb;
 use obj::{Mesh, NewFile};
 use std::path::{Path, PathBuf};
 
-/// What is made.
+/// Kinds of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Rolling ground with spruces, beeches, birches and undergrowth; scanned from an aeroplane 300 m above it.
@@ -46,7 +51,7 @@ impl Kind {
         }
     }
 
-    fn fewest_triangles(self) -> u64 {
+    fn min_triangles(self) -> u64 {
         match self {
             Kind::Forest => 500,
             Kind::Terrain => 500,
@@ -62,10 +67,10 @@ impl Kind {
     }
 }
 
-/// What [`write_scene`] shall make.
+/// What [`write_scene`] generates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneOptions {
-    /// What is made.
+    /// Kind of the scene.
     pub kind: Kind,
     /// Triangles of the scene; met to within 1 %, mostly to within a few.
     pub triangles: u64,
@@ -105,7 +110,7 @@ impl SceneOptions {
     }
 }
 
-/// What [`write_scene`] has made.
+/// What [`write_scene`] has written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeneratedScene {
     /// The survey to run.
@@ -122,66 +127,74 @@ pub struct GeneratedScene {
     pub pulses: u64,
 }
 
-/// Writes a scene and its survey into `folder`, which is created if need be. `progress` is called with the share done,
-/// 0 to 1. Fails with [`Error::Input`] for sizes that cannot be made and for files that exist already (unless
-/// [`SceneOptions::overwrite`]), and with [`Error::Io`] when the machine fails; files appear under their names only when
-/// they are complete.
-pub fn write_scene(
-    options: &SceneOptions,
-    folder: &Path,
-    mut progress: impl FnMut(f64),
-) -> Result<GeneratedScene> {
+/// Writes a scene and its survey into `folder`, which is created if need be. Files appear under their names only when they
+/// are complete.
+///
+/// # Errors
+/// [`Error::Input`] for sizes that are not possible and for files that exist already (unless
+/// [`SceneOptions::overwrite`]); [`Error::Io`] when the machine fails.
+pub fn write_scene(options: &SceneOptions, folder: &Path) -> Result<GeneratedScene> {
     let extent = check(options)?;
     if !options.overwrite {
         refuse_existing(folder)?;
     }
     std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))?;
-    let (materials_file, materials) = match options.kind {
-        Kind::Forest => (forest::MATERIALS_FILE, forest::MATERIALS),
-        Kind::Terrain => (terrain::MATERIALS_FILE, terrain::MATERIALS),
-        Kind::Room => (room::MATERIALS_FILE, room::MATERIALS),
-    };
-    let materials = write_text(folder, materials_file, materials)?;
-    let mut assembly = match options.kind {
-        Kind::Forest => forest::write(options, extent, folder, &mut progress)?,
-        Kind::Terrain => terrain::write(options, extent, folder, &mut progress)?,
-        Kind::Room => room::write(options, extent, folder, &mut progress)?,
-    };
-    let ground = assembly.ground_height;
-    let texts = survey::survey_texts(options.kind, extent, ground, options.pulses);
-    assembly.files.push(materials);
-    assembly.files.push(write_text(folder, "scene.xml", &survey::scene_text(options.kind, &assembly.parts))?);
-    assembly.files.push(write_text(folder, "scanners.xml", &texts.scanners)?);
-    assembly.files.push(write_text(folder, "platforms.xml", &texts.platforms)?);
+    let (material_file, materials, write): (_, _, fn(&SceneOptions, f64, &Path) -> Result<SceneFiles>) =
+        match options.kind {
+            Kind::Forest => (forest::MATERIAL_FILE, forest::MATERIALS, forest::write),
+            Kind::Terrain => (terrain::MATERIAL_FILE, terrain::MATERIALS, terrain::write),
+            Kind::Room => (room::MATERIAL_FILE, room::MATERIALS, room::write),
+        };
+    let materials = write_text(folder, material_file, &materials.text())?;
+    let mut scene = write(options, extent, folder)?;
+    let texts = survey::survey_texts(options.kind, extent, scene.ground_height, options.pulses);
+    scene.files.push(materials);
+    scene.files.push(write_text(folder, "scene.xml", &survey::scene_text(options.kind, &scene.parts))?);
+    scene.files.push(write_text(folder, "scanners.xml", &texts.scanners)?);
+    scene.files.push(write_text(folder, "platforms.xml", &texts.platforms)?);
     let survey = write_text(folder, "survey.xml", &texts.survey)?;
-    assembly.files.push(survey.clone());
-    Ok(GeneratedScene {
-        survey,
-        files: assembly.files,
-        triangles: assembly.triangles,
-        voxels: assembly.voxels,
-        bounds: assembly.bounds,
-        pulses: texts.pulses,
-    })
+    scene.files.push(survey.clone());
+    let SceneFiles { files, triangles, voxels, bounds, .. } = scene;
+    Ok(GeneratedScene { survey, files, triangles, voxels, bounds, pulses: texts.pulses })
 }
 
-/// The extent to make, m, when the options can be met.
+/// The materials of a scene as an MTL file has them.
+struct Materials {
+    comment: &'static str,
+    /// Name, colour, reflectance in per cent, class, whether it is ground.
+    all: &'static [(&'static str, &'static str, u8, u8, bool)],
+}
+
+impl Materials {
+    fn text(&self) -> String {
+        let material = |&(name, colour, reflectance, class, is_ground): &_| {
+            format!(
+                "newmtl {name}\nKd {colour}\nhelios_reflectance {reflectance}\nhelios_classification {class}\n\
+                 helios_isGround {is_ground}\n"
+            )
+        };
+        let all: Vec<String> = self.all.iter().map(material).collect();
+        format!("# {}\n{}", self.comment, all.join("\n"))
+    }
+}
+
+/// The extent of the scene, m, after checking that the options are possible.
 fn check(options: &SceneOptions) -> Result<f64> {
     let (kind, triangles) = (options.kind.name(), options.triangles);
-    let fewest = options.kind.fewest_triangles();
-    if triangles < fewest {
-        return Err(Error::input(format!("a {kind} of {triangles} triangles: it takes at least {fewest}")));
+    let min = options.kind.min_triangles();
+    if triangles < min {
+        return Err(Error::input(format!("a {kind} of {triangles} triangles: it takes at least {min}")));
     }
     if let Some((models, copies)) = options.instances {
         let possible = options.kind == Kind::Forest
             && (1..=10_000).contains(&models)
             && (1..=10_000_000).contains(&copies);
         let share = if possible { triangles / (models * copies) } else { 0 };
-        if share < forest::SMALLEST_MODEL || models * copies > 100_000_000 {
+        if share < forest::MIN_MODEL_TRIANGLES || models * copies > 100_000_000 {
             return Err(Error::input(format!(
                 "a {kind} of {triangles} triangles in {models} models of {copies} copies: only a forest has models, at most \
                  10000, and every tree takes at least {} triangles",
-                forest::SMALLEST_MODEL
+                forest::MIN_MODEL_TRIANGLES
             )));
         }
     }
@@ -207,9 +220,9 @@ fn check(options: &SceneOptions) -> Result<f64> {
         Kind::Terrain => terrain::default_extent(triangles),
         Kind::Room => room::DEFAULT_EXTENT,
     });
-    let (least, most) = options.kind.extents();
-    if !(least..=most).contains(&extent) {
-        return Err(Error::input(format!("an extent of {extent} m: a {kind} can have {least} to {most} m")));
+    let (min, max) = options.kind.extents();
+    if !(min..=max).contains(&extent) {
+        return Err(Error::input(format!("an extent of {extent} m: a {kind} can have {min} to {max} m")));
     }
     if options.pulses == Some(0) {
         return Err(Error::input("a survey of 0 pulses: at least 1 is needed"));
@@ -240,8 +253,8 @@ struct Part {
     name: &'static str,
 }
 
-/// The meshes written so far.
-struct Assembly {
+/// The files of a scene written so far.
+struct SceneFiles {
     files: Vec<PathBuf>,
     parts: Vec<Part>,
     triangles: u64,
@@ -250,20 +263,14 @@ struct Assembly {
     ground_height: f64,
 }
 
-impl Default for Assembly {
-    fn default() -> Assembly {
-        Assembly {
-            files: Vec::new(),
-            parts: Vec::new(),
-            triangles: 0,
-            voxels: 0,
-            bounds: Aabb::EMPTY,
-            ground_height: 0.0,
-        }
+impl Default for SceneFiles {
+    fn default() -> SceneFiles {
+        let (files, parts) = (Vec::new(), Vec::new());
+        SceneFiles { files, parts, triangles: 0, voxels: 0, bounds: Aabb::EMPTY, ground_height: 0.0 }
     }
 }
 
-impl Assembly {
+impl SceneFiles {
     /// Adds a mesh that was written as `name.obj`. The first is the ground.
     fn add(&mut self, name: &'static str, mesh: Mesh) {
         self.add_part(Part { file: format!("{name}.obj"), name }, mesh);
@@ -294,7 +301,7 @@ mod tests {
 
     fn made(options: &SceneOptions) -> (tempfile::TempDir, GeneratedScene) {
         let folder = tempfile::tempdir().unwrap();
-        let summary = write_scene(options, folder.path(), |_| ()).unwrap();
+        let summary = write_scene(options, folder.path()).unwrap();
         (folder, summary)
     }
 
@@ -324,7 +331,7 @@ mod tests {
     #[test]
     fn the_triangles_asked_for_are_in_the_files() {
         for kind in Kind::ALL {
-            for triangles in [kind.fewest_triangles(), 1000, 4321, 60_000] {
+            for triangles in [kind.min_triangles(), 1000, 4321, 60_000] {
                 let (_folder, summary) = made(&SceneOptions::new(kind, triangles));
                 let found = read_back(&summary);
                 assert_eq!(found, summary.triangles, "{kind:?}");
@@ -381,27 +388,24 @@ mod tests {
         let ground = std::fs::read_to_string(folder.path().join("scene.xml")).unwrap();
         assert!(ground.contains("crowns.vox"));
         let crowded = SceneOptions { voxels: Some(100_000_000), overwrite: true, ..options.clone() };
-        assert!(matches!(write_scene(&crowded, folder.path(), |_| ()), Err(Error::Input(_))));
+        assert!(matches!(write_scene(&crowded, folder.path()), Err(Error::Input(_))));
         let room = SceneOptions { voxels: Some(10), ..SceneOptions::new(Kind::Room, 2000) };
-        assert!(matches!(write_scene(&room, folder.path(), |_| ()), Err(Error::Input(_))));
+        assert!(matches!(write_scene(&room, folder.path()), Err(Error::Input(_))));
     }
 
     #[test]
     fn nothing_is_overwritten_unasked() {
         let (folder, _) = made(&SceneOptions::new(Kind::Room, 1000));
         let again = SceneOptions::new(Kind::Room, 1000);
-        assert!(matches!(write_scene(&again, folder.path(), |_| ()), Err(Error::Input(_))));
-        write_scene(&SceneOptions { overwrite: true, ..again }, folder.path(), |_| ()).unwrap();
+        assert!(matches!(write_scene(&again, folder.path()), Err(Error::Input(_))));
+        write_scene(&SceneOptions { overwrite: true, ..again }, folder.path()).unwrap();
     }
 
     #[test]
     fn sizes_that_cannot_be_made_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let refuse = |options: SceneOptions| {
-            assert!(
-                matches!(write_scene(&options, folder.path(), |_| ()), Err(Error::Input(_))),
-                "{options:?}"
-            );
+            assert!(matches!(write_scene(&options, folder.path()), Err(Error::Input(_))), "{options:?}");
         };
         refuse(SceneOptions::new(Kind::Forest, 10));
         refuse(SceneOptions::new(Kind::Terrain, u64::MAX));

@@ -1,61 +1,28 @@
 //! A furnished room under a sloping roof.
 
-use super::chance::{Dice, Topic};
 use super::obj::ObjFile;
+use super::random::{Random, Topic};
 use super::solid::{BOX_FACES, ball, ball_triangles, box_corners, patch, tube};
 use super::tree::leaf_around;
-use super::{Assembly, SceneOptions};
+use super::{Materials, SceneFiles, SceneOptions};
 use crate::error::Result;
 use crate::geom::{DVec3, radians};
 use libm::{cos, sin};
 use std::path::Path;
 
-pub(super) const MATERIALS_FILE: &str = "room.mtl";
-pub(super) const MATERIALS: &str = "\
-# helios_reflectance: per cent at 1550 nm. Classes: 2 floor, 5 leaves, 6 walls and ceiling, 64 furniture,
-# 65 books, 66 reference spheres.
-newmtl parquet
-Kd 0.55 0.40 0.26
-helios_reflectance 45
-helios_classification 2
-helios_isGround true
-
-newmtl wall
-Kd 0.88 0.87 0.83
-helios_reflectance 75
-helios_classification 6
-helios_isGround false
-
-newmtl wood
-Kd 0.50 0.34 0.20
-helios_reflectance 50
-helios_classification 64
-helios_isGround false
-
-newmtl book
-Kd 0.42 0.20 0.22
-helios_reflectance 35
-helios_classification 65
-helios_isGround false
-
-newmtl sphere
-Kd 0.95 0.95 0.95
-helios_reflectance 90
-helios_classification 66
-helios_isGround false
-
-newmtl pot
-Kd 0.66 0.36 0.24
-helios_reflectance 40
-helios_classification 64
-helios_isGround false
-
-newmtl plant
-Kd 0.18 0.46 0.16
-helios_reflectance 52
-helios_classification 5
-helios_isGround false
-";
+pub(super) const MATERIAL_FILE: &str = "room.mtl";
+pub(super) const MATERIALS: Materials = Materials {
+    comment: "helios_reflectance: per cent at 1550 nm. Classes: 2 floor, 5 leaves, 6 walls and ceiling, 64 furniture,\n# 65 books, 66 reference spheres.",
+    all: &[
+        ("parquet", "0.55 0.40 0.26", 45, 2, true),
+        ("wall", "0.88 0.87 0.83", 75, 6, false),
+        ("wood", "0.50 0.34 0.20", 50, 64, false),
+        ("book", "0.42 0.20 0.22", 35, 65, false),
+        ("sphere", "0.95 0.95 0.95", 90, 66, false),
+        ("pot", "0.66 0.36 0.24", 40, 64, false),
+        ("plant", "0.18 0.46 0.16", 52, 5, false),
+    ],
+};
 
 /// Length of the room, m.
 pub(super) const DEFAULT_EXTENT: f64 = 8.0;
@@ -164,29 +131,23 @@ impl Group {
     }
 }
 
-pub(super) fn write(
-    options: &SceneOptions,
-    extent: f64,
-    folder: &Path,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Assembly> {
+/// Writes the room and its furniture.
+pub(super) fn write(options: &SceneOptions, extent: f64, folder: &Path) -> Result<SceneFiles> {
     let groups = furnish(options, extent);
     let total = |width: f64| groups.iter().map(|g| g.triangles(width)).sum::<u64>();
     let width = mesh_width(total, options.triangles * 92 / 100);
-    let mut assembly = Assembly::default();
+    let mut files = SceneFiles::default();
     let mut written = 0;
     for group in &groups {
-        let mut out = ObjFile::create(&folder.join(format!("{}.obj", group.name)), MATERIALS_FILE)?;
+        let mut out = ObjFile::create(&folder.join(format!("{}.obj", group.name)), MATERIAL_FILE)?;
         group.write(&mut out, width)?;
         written += out.triangles;
-        assembly.add(group.name, out.finish()?);
-        progress(written as f64 / options.triangles as f64);
+        files.add(group.name, out.finish()?);
     }
-    let mut out = ObjFile::create(&folder.join("plant.obj"), MATERIALS_FILE)?;
+    let mut out = ObjFile::create(&folder.join("plant.obj"), MATERIAL_FILE)?;
     plant(&mut out, options, extent, options.triangles.saturating_sub(written))?;
-    assembly.add("plant", out.finish()?);
-    progress(1.0);
-    Ok(assembly)
+    files.add("plant", out.finish()?);
+    Ok(files)
 }
 
 /// The finest mesh width (by bisection) with at most `triangles` in total.
@@ -228,13 +189,16 @@ fn furnish(options: &SceneOptions, extent: f64) -> Vec<Group> {
     ]
 }
 
+/// Adds the faces of a box with the edges `x`, `y` and `z`.
+fn add_block(shapes: &mut Vec<Shape>, centre: DVec3, x: DVec3, y: DVec3, z: DVec3) {
+    let corners = box_corners(centre, x, y, z);
+    shapes.extend(BOX_FACES.map(|f| Shape::Patch { corners: f.map(|i| corners[i]), bumpy: false }));
+}
+
 /// A table with two chairs, and a board that leans against the long wall.
 fn furniture(b: f64) -> Vec<Shape> {
     let mut shapes = Vec::new();
-    let mut block = |centre: DVec3, x: DVec3, y: DVec3, z: DVec3| {
-        let corners = box_corners(centre, x, y, z);
-        shapes.extend(BOX_FACES.map(|f| Shape::Patch { corners: f.map(|i| corners[i]), bumpy: false }));
-    };
+    let mut block = |centre, x, y, z| add_block(&mut shapes, centre, x, y, z);
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
     let table = DVec3::new(0.4, 0.1, 0.0);
     block(table + z * 0.745, x * 1.6, y * 0.85, z * 0.03);
@@ -257,37 +221,39 @@ fn furniture(b: f64) -> Vec<Shape> {
 /// Shelves along the high wall, with books in them when there are triangles to spare.
 fn shelf(options: &SceneOptions, a: f64) -> Vec<Piece> {
     let (mut boards, mut books) = (Vec::new(), Vec::new());
-    let block = |shapes: &mut Vec<Shape>, centre: DVec3, x: DVec3, y: DVec3, z: DVec3| {
-        let corners = box_corners(centre, x, y, z);
-        shapes.extend(BOX_FACES.map(|f| Shape::Patch { corners: f.map(|i| corners[i]), bumpy: false }));
-    };
     let (length, depth, height, levels) = (2.4, 0.3, 1.9, 4);
     let foot = DVec3::new(-a + 0.2, -0.2, 0.0);
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
     for side in [-0.5, 0.5] {
-        block(&mut boards, foot + y * (side * length) + z * (0.5 * height), x * depth, y * 0.025, z * height);
+        add_block(
+            &mut boards,
+            foot + y * (side * length) + z * (0.5 * height),
+            x * depth,
+            y * 0.025,
+            z * height,
+        );
     }
     for level in 0..=levels {
         let at = 0.02 + (height - 0.04) * f64::from(level) / f64::from(levels);
-        block(&mut boards, foot + z * at, x * depth, y * (length - 0.03), z * 0.025);
+        add_block(&mut boards, foot + z * at, x * depth, y * (length - 0.03), z * 0.025);
     }
     let most = (options.triangles / 100).min(160) as u32;
     let per_level = most / levels;
     for level in 0..levels {
         let bottom = 0.035 + (height - 0.04) * f64::from(level) / f64::from(levels);
-        let mut dice = Dice::new(options.seed, Topic::Book, u64::from(level));
+        let mut random = Random::new(options.seed, Topic::Book, u64::from(level));
         let mut at = -0.5 * length + 0.05;
         for _ in 0..per_level {
             let (thick, tall, deep) =
-                (dice.between(0.018, 0.05), dice.between(0.2, 0.34), dice.between(0.16, 0.24));
-            let tilt = if dice.unit() < 0.15 { dice.between(-0.12, 0.0) } else { 0.0 };
+                (random.between(0.018, 0.05), random.between(0.2, 0.34), random.between(0.16, 0.24));
+            let tilt = if random.unit() < 0.15 { random.between(-0.12, 0.0) } else { 0.0 };
             let up = DVec3::new(0.0, -tilt, 1.0) * tall;
             at += thick;
             if at > 0.5 * length - 0.08 {
                 break;
             }
             let centre = foot + DVec3::new(0.1 - 0.5 * deep + 0.03, at - 0.5 * thick, bottom) + up * 0.5;
-            block(&mut books, centre, x * deep, y * (thick * 0.96), up);
+            add_block(&mut books, centre, x * deep, y * (thick * 0.96), up);
             at += if tilt == 0.0 { 0.001 } else { 0.05 };
         }
     }
@@ -324,11 +290,11 @@ fn plant(out: &mut ObjFile, options: &SceneOptions, extent: f64, triangles: u64)
     let pairs = triangles.saturating_sub(2 * sides * 3) / 2;
     let area = 0.5 * 3.0 / (2 * pairs).max(1) as f64;
     let middle = foot + DVec3::Z * 1.0;
-    let mut dice = Dice::new(options.seed, Topic::Plant, 0);
+    let mut random = Random::new(options.seed, Topic::Plant, 0);
     for _ in 0..pairs {
-        let d = dice.direction();
-        let place = middle + d * DVec3::new(0.38, 0.38, 0.55) * dice.between(0.3, 1.0);
-        leaf_around(out, &mut dice, place, d, area.min(0.03))?;
+        let d = random.direction();
+        let place = middle + d * DVec3::new(0.38, 0.38, 0.55) * random.between(0.3, 1.0);
+        leaf_around(out, &mut random, place, d, area.min(0.03))?;
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
-//! The bodies that scenes are made of.
+//! Meshes of the shapes that scenes consist of.
 
-use super::chance::Relief;
 use super::obj::ObjFile;
+use super::random::Relief;
 use crate::error::Result;
 use crate::geom::DVec3;
 use libm::{cos, sin};
@@ -19,56 +19,48 @@ pub(super) fn ground_cells(triangles: u64) -> u64 {
     ((triangles as f64 / 2.0).sqrt().floor() as u64).max(1)
 }
 
-/// A square of ground of `extent` metres about the origin with `cells` × `cells` quads, written row by row.
-pub(super) fn ground(
+/// Writes quads between `rows` + 1 rows of vertices, row by row; `closed` joins the last column to the first.
+fn grid(
     out: &mut ObjFile,
-    relief: &Relief,
-    extent: f64,
-    cells: u64,
-    mut progress: impl FnMut(f64),
+    rows: u64,
+    columns: u64,
+    closed: bool,
+    vertex: impl Fn(u64, u64) -> DVec3,
 ) -> Result<()> {
-    let at = |i: u64| extent * (i as f64 / cells as f64 - 0.5);
+    let quads = if closed { columns } else { columns - 1 };
     let mut below = 0;
-    for row in 0..=cells {
-        let y = at(row);
-        let mut start = 0;
-        for column in 0..=cells {
-            let x = at(column);
-            let v = out.vertex(DVec3::new(x, y, relief.height(x, y)))?;
-            if column == 0 {
-                start = v;
-            }
+    for row in 0..=rows {
+        let start = out.vertex(vertex(row, 0))?;
+        for column in 1..columns {
+            out.vertex(vertex(row, column))?;
         }
-        for c in 0..if row == 0 { 0 } else { cells } {
-            out.face([below + c, below + c + 1, start + c + 1, start + c])?;
+        for i in 0..if row == 0 { 0 } else { quads } {
+            let next = (i + 1) % columns;
+            out.face([below + i, below + next, start + next, start + i])?;
         }
         below = start;
-        progress(row as f64 / cells as f64);
     }
     Ok(())
+}
+
+/// A square of ground of `extent` metres about the origin with `cells` × `cells` quads.
+pub(super) fn ground(out: &mut ObjFile, relief: &Relief, extent: f64, cells: u64) -> Result<()> {
+    let at = |i: u64| extent * (i as f64 / cells as f64 - 0.5);
+    grid(out, cells, cells + 1, false, |row, column| {
+        let (x, y) = (at(column), at(row));
+        DVec3::new(x, y, relief.height(x, y))
+    })
 }
 
 /// A tube along `spine` with a radius for each of its points; the ends are open. 2·sides·(points − 1) triangles.
 pub(super) fn tube(out: &mut ObjFile, spine: &[(DVec3, f64)], sides: u64) -> Result<()> {
     let Some((&(first, _), &(last, _))) = spine.first().zip(spine.last()) else { return Ok(()) };
     let (u, v) = frame(crate::geom::unit(last - first));
-    let mut below = 0;
-    for (i, &(centre, radius)) in spine.iter().enumerate() {
-        let mut start = 0;
-        for side in 0..sides {
-            let angle = TAU * side as f64 / sides as f64;
-            let number = out.vertex(centre + u * (radius * cos(angle)) + v * (radius * sin(angle)))?;
-            if side == 0 {
-                start = number;
-            }
-        }
-        for s in 0..if i == 0 { 0 } else { sides } {
-            let next = (s + 1) % sides;
-            out.face([below + s, below + next, start + next, start + s])?;
-        }
-        below = start;
-    }
-    Ok(())
+    grid(out, spine.len() as u64 - 1, sides, true, |point, side| {
+        let (centre, radius) = spine[point as usize];
+        let angle = TAU * side as f64 / sides as f64;
+        centre + u * (radius * cos(angle)) + v * (radius * sin(angle))
+    })
 }
 
 /// Triangles of [`ball`].
@@ -158,24 +150,11 @@ pub(super) fn patch(
     offset: impl Fn(f64, f64) -> DVec3,
 ) -> Result<()> {
     let [a, b, c, d] = corners;
-    let mut below = 0;
-    for row in 0..=rows {
-        let v = row as f64 / rows as f64;
+    grid(out, rows, columns + 1, false, |row, column| {
+        let (u, v) = (column as f64 / columns as f64, row as f64 / rows as f64);
         let (left, right) = (a + (d - a) * v, b + (c - b) * v);
-        let mut start = 0;
-        for column in 0..=columns {
-            let u = column as f64 / columns as f64;
-            let number = out.vertex(left + (right - left) * u + offset(u, v))?;
-            if column == 0 {
-                start = number;
-            }
-        }
-        for i in 0..if row == 0 { 0 } else { columns } {
-            out.face([below + i, below + i + 1, start + i + 1, start + i])?;
-        }
-        below = start;
-    }
-    Ok(())
+        left + (right - left) * u + offset(u, v)
+    })
 }
 
 /// The eight corners of a box with edges `x`, `y`, `z` (vectors) around `centre`: lower four counter-clockwise, then

@@ -1,4 +1,4 @@
-//! The surveys that scan made scenes: what `scanners.xml`, `platforms.xml`, `scene.xml` and `survey.xml` hold.
+//! The surveys that scan generated scenes: what `scanners.xml`, `platforms.xml`, `scene.xml` and `survey.xml` hold.
 
 use super::{Kind, Part, room};
 use crate::geom::{DVec3, degrees, radians};
@@ -19,34 +19,22 @@ const XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 pub(super) fn scene_text(kind: Kind, parts: &[Part]) -> String {
     let mut text = format!("{XML}<document>\n  <scene id=\"{0}\" name=\"{0}\">\n", kind.name());
     for (id, part) in parts.iter().enumerate() {
-        if part.file.ends_with(".csv") {
-            // Without an id every instance is a part of its own.
-            let _ = writeln!(
-                text,
-                "    <part> <!-- {} -->\n      <filter type=\"instances\"><param type=\"string\" \
-                 key=\"filepath\" value=\"{}\"/></filter>\n    </part>",
-                part.name, part.file
-            );
-            continue;
-        }
-        if part.file.ends_with(".vox") {
-            let _ = writeln!(
-                text,
-                "    <part id=\"{id}\"> <!-- {} -->\n      <filter type=\"detailedvoxels\">\n        \
-                 <param type=\"string\" key=\"filepath\" value=\"{}\"/>\n        \
-                 <param type=\"string\" key=\"intersectionMode\" value=\"fixed\"/>\n        \
-                 <param type=\"string\" key=\"matfile\" value=\"forest.mtl\"/>\n        \
-                 <param type=\"string\" key=\"matname\" value=\"beech_leaves\"/>\n      </filter>\n    </part>",
-                part.name, part.file
-            );
-            continue;
-        }
-        let _ = writeln!(
-            text,
-            "    <part id=\"{id}\"> <!-- {} -->\n      <filter type=\"objloader\"><param type=\"string\" \
-             key=\"filepath\" value=\"{}\"/></filter>\n    </part>",
-            part.name, part.file
-        );
+        let file = format!("<param type=\"string\" key=\"filepath\" value=\"{}\"/>", part.file);
+        // Without an id every instance is a part of its own.
+        let (id, filter) = match part.file.rsplit('.').next() {
+            Some("csv") => (String::new(), format!("<filter type=\"instances\">{file}</filter>")),
+            Some("vox") => (
+                format!(" id=\"{id}\""),
+                format!(
+                    "<filter type=\"detailedvoxels\">\n        {file}\n        \
+                     <param type=\"string\" key=\"intersectionMode\" value=\"fixed\"/>\n        \
+                     <param type=\"string\" key=\"matfile\" value=\"forest.mtl\"/>\n        \
+                     <param type=\"string\" key=\"matname\" value=\"beech_leaves\"/>\n      </filter>"
+                ),
+            ),
+            _ => (format!(" id=\"{id}\""), format!("<filter type=\"objloader\">{file}</filter>")),
+        };
+        let _ = writeln!(text, "    <part{id}> <!-- {} -->\n      {filter}\n    </part>", part.name);
     }
     text.push_str("  </scene>\n</document>\n");
     text

@@ -1,40 +1,23 @@
 //! Hills with boulders and a few houses.
 
-use super::chance::{Dice, Octave, Relief, Topic};
 use super::obj::{Mesh, ObjFile};
+use super::random::{Octave, Random, Relief, Topic};
 use super::solid::{BOX_FACES, ball, ball_triangles, box_corners, ground, ground_cells};
-use super::{Assembly, SceneOptions};
+use super::{Materials, SceneFiles, SceneOptions};
 use crate::error::Result;
 use crate::geom::DVec3;
 use std::path::Path;
 
-pub(super) const MATERIALS_FILE: &str = "terrain.mtl";
-pub(super) const MATERIALS: &str = "\
-# helios_reflectance: per cent at 1064 nm. Classes: 2 ground, 6 buildings, 64 rocks.
-newmtl meadow
-Kd 0.34 0.46 0.20
-helios_reflectance 45
-helios_classification 2
-helios_isGround true
-
-newmtl rock
-Kd 0.52 0.50 0.47
-helios_reflectance 30
-helios_classification 64
-helios_isGround false
-
-newmtl plaster
-Kd 0.84 0.81 0.74
-helios_reflectance 60
-helios_classification 6
-helios_isGround false
-
-newmtl tiles
-Kd 0.58 0.25 0.18
-helios_reflectance 28
-helios_classification 6
-helios_isGround false
-";
+pub(super) const MATERIAL_FILE: &str = "terrain.mtl";
+pub(super) const MATERIALS: Materials = Materials {
+    comment: "helios_reflectance: per cent at 1064 nm. Classes: 2 ground, 6 buildings, 64 rocks.",
+    all: &[
+        ("meadow", "0.34 0.46 0.20", 45, 2, true),
+        ("rock", "0.52 0.50 0.47", 30, 64, false),
+        ("plaster", "0.84 0.81 0.74", 60, 6, false),
+        ("tiles", "0.58 0.25 0.18", 28, 6, false),
+    ],
+};
 
 /// 1 M triangles are 500 m × 500 m.
 pub(super) fn default_extent(triangles: u64) -> f64 {
@@ -54,46 +37,42 @@ const RELIEF: [Octave; 8] = [
 const HOUSE: u64 = 26;
 const STONE: u64 = 8;
 
-pub(super) fn write(
-    options: &SceneOptions,
-    extent: f64,
-    folder: &Path,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Assembly> {
+/// Writes the ground, the houses and the boulders.
+pub(super) fn write(options: &SceneOptions, extent: f64, folder: &Path) -> Result<SceneFiles> {
     let cells = ground_cells(options.triangles * 93 / 100);
     let rest = options.triangles - 2 * cells * cells;
     let relief = Relief::new(options.seed, &RELIEF, extent / cells as f64);
-    let mut assembly = Assembly::default();
+    let mut files = SceneFiles::default();
 
-    let mut hills = ObjFile::create(&folder.join("ground.obj"), MATERIALS_FILE)?;
+    let mut hills = ObjFile::create(&folder.join("ground.obj"), MATERIAL_FILE)?;
     hills.material("meadow");
-    ground(&mut hills, &relief, extent, cells, |done| progress(0.95 * done))?;
-    assembly.add("ground", hills.finish()?);
+    ground(&mut hills, &relief, extent, cells)?;
+    files.add("ground", hills.finish()?);
 
     let wanted = (extent * extent / 9000.0).round() as u64;
     let houses = wanted.clamp(1, (rest / 3 / HOUSE).max(1));
-    assembly.add("houses", write_houses(options.seed, &relief, extent, folder, houses)?);
-    assembly.add("boulders", write_boulders(options.seed, &relief, extent, folder, rest - houses * HOUSE)?);
-    progress(1.0);
-    Ok(assembly)
+    files.add("houses", write_houses(options.seed, &relief, extent, folder, houses)?);
+    files.add("boulders", write_boulders(options.seed, &relief, extent, folder, rest - houses * HOUSE)?);
+    Ok(files)
 }
 
 fn write_houses(seed: u64, relief: &Relief, extent: f64, folder: &Path, houses: u64) -> Result<Mesh> {
-    let mut out = ObjFile::create(&folder.join("houses.obj"), MATERIALS_FILE)?;
+    let mut out = ObjFile::create(&folder.join("houses.obj"), MATERIAL_FILE)?;
     for number in 0..houses {
-        house(&mut out, &mut Dice::new(seed, Topic::House, number), relief, extent)?;
+        house(&mut out, &mut Random::new(seed, Topic::House, number), relief, extent)?;
     }
     out.finish()
 }
 
 /// A house with a gable roof of its own thickness: 4 walls, 2 gables and 2 × 4 roof faces.
-fn house(out: &mut ObjFile, dice: &mut Dice, relief: &Relief, extent: f64) -> Result<()> {
-    let mut at = || 0.42 * extent * (2.0 * dice.unit() - 1.0);
+fn house(out: &mut ObjFile, random: &mut Random, relief: &Relief, extent: f64) -> Result<()> {
+    let mut at = || 0.42 * extent * (2.0 * random.unit() - 1.0);
     let (x, y) = (at(), at());
-    let (c, s) = dice.heading();
+    let (c, s) = random.heading();
     let (along, across) = (DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0));
-    let (length, width, eaves) = (dice.between(9.0, 14.0), dice.between(7.0, 9.0), dice.between(3.0, 5.5));
-    let rise = 0.5 * width * dice.between(0.7, 1.0);
+    let (length, width, eaves) =
+        (random.between(9.0, 14.0), random.between(7.0, 9.0), random.between(3.0, 5.5));
+    let rise = 0.5 * width * random.between(0.7, 1.0);
     let corner = |i: f64, j: f64| DVec3::new(x, y, 0.0) + along * (i * length) + across * (j * width);
     let corners = [corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.5, 0.5)];
     let floor = corners.iter().map(|p| relief.height(p.x, p.y)).fold(relief.height(x, y), f64::max);
@@ -139,7 +118,7 @@ fn house(out: &mut ObjFile, dice: &mut Dice, relief: &Relief, extent: f64) -> Re
 
 /// Boulders of up to a few metres, and stones until the triangles are used up (to the last seven).
 fn write_boulders(seed: u64, relief: &Relief, extent: f64, folder: &Path, triangles: u64) -> Result<Mesh> {
-    let mut out = ObjFile::create(&folder.join("boulders.obj"), MATERIALS_FILE)?;
+    let mut out = ObjFile::create(&folder.join("boulders.obj"), MATERIAL_FILE)?;
     out.material("rock");
     let rings = match triangles {
         0..1_000 => 3,
@@ -148,28 +127,29 @@ fn write_boulders(seed: u64, relief: &Relief, extent: f64, folder: &Path, triang
     };
     let boulders = (triangles * 3 / 4 / ball_triangles(rings)).min((extent * extent / 150.0) as u64);
     for number in 0..boulders {
-        boulder(&mut out, &mut Dice::new(seed, Topic::Boulder, number), relief, extent, rings, 1.6)?;
+        boulder(&mut out, &mut Random::new(seed, Topic::Boulder, number), relief, extent, rings, 1.6)?;
     }
     for number in 0..(triangles - boulders * ball_triangles(rings)) / STONE {
-        boulder(&mut out, &mut Dice::new(seed, Topic::Stone, number), relief, extent, 2, 0.35)?;
+        boulder(&mut out, &mut Random::new(seed, Topic::Stone, number), relief, extent, 2, 0.35)?;
     }
     out.finish()
 }
 
 fn boulder(
     out: &mut ObjFile,
-    dice: &mut Dice,
+    random: &mut Random,
     relief: &Relief,
     extent: f64,
     rings: u64,
     largest: f64,
 ) -> Result<()> {
-    let mut at = || 0.48 * extent * (2.0 * dice.unit() - 1.0);
+    let mut at = || 0.48 * extent * (2.0 * random.unit() - 1.0);
     let (x, y) = (at(), at());
-    let size = largest * dice.between(0.25, 1.0);
-    let stretch = DVec3::new(dice.between(0.8, 1.3), dice.between(0.8, 1.3), dice.between(0.5, 0.9)) * size;
+    let size = largest * random.between(0.25, 1.0);
+    let stretch =
+        DVec3::new(random.between(0.8, 1.3), random.between(0.8, 1.3), random.between(0.5, 0.9)) * size;
     let centre = DVec3::new(x, y, relief.height(x, y) + 0.3 * stretch.z);
-    let bumps: [DVec3; 5] = std::array::from_fn(|_| dice.direction());
+    let bumps: [DVec3; 5] = std::array::from_fn(|_| random.direction());
     ball(out, centre, rings, |d| {
         let dents: f64 = bumps.iter().map(|b| (d.dot(*b) - 0.55).max(0.0)).sum();
         d * stretch * (1.0 - 0.5 * dents)

@@ -1,7 +1,7 @@
 //! Trees and shrubs: trunk, branches and crowns of leaves.
 
-use super::chance::{Dice, Topic};
 use super::obj::ObjFile;
+use super::random::{Random, Topic};
 use super::solid::{frame, leaf, spray, tube};
 use crate::error::Result;
 use crate::geom::{DVec3, unit};
@@ -53,9 +53,9 @@ impl Species {
     }
 
     /// Height of the tree and radius of its crown, m.
-    fn size(self, dice: &mut Dice) -> (f64, f64) {
-        let vigour = dice.bell();
-        let spread = dice.bell();
+    fn size(self, random: &mut Random) -> (f64, f64) {
+        let vigour = random.bell();
+        let spread = random.bell();
         match self {
             Species::Spruce => (21.0 + 6.0 * vigour, 2.4 + 0.5 * vigour + 0.3 * spread),
             Species::Beech => (19.0 + 5.0 * vigour, 3.4 + 0.7 * vigour + 0.6 * spread),
@@ -74,7 +74,7 @@ impl Species {
 }
 
 /// Leaves of meshes with few triangles would otherwise become sails.
-const LARGEST_LEAF: f64 = 0.6;
+const MAX_LEAF_AREA: f64 = 0.6;
 
 /// A tree that stands somewhere.
 pub(super) struct Tree {
@@ -87,8 +87,8 @@ pub(super) struct Tree {
 
 impl Tree {
     pub(super) fn new(seed: u64, number: u64, species: Species, foot: DVec3) -> Tree {
-        let mut dice = Dice::new(seed, Topic::Tree, 2 * number);
-        let (height, radius) = species.size(&mut dice);
+        let mut random = Random::new(seed, Topic::Tree, 2 * number);
+        let (height, radius) = species.size(&mut random);
         Tree { species, number, foot, height, radius }
     }
 
@@ -110,25 +110,25 @@ impl Tree {
 
     /// Writes the tree with exactly `triangles` triangles (an even number).
     pub(super) fn write(&self, out: &mut ObjFile, seed: u64, triangles: u64) -> Result<()> {
-        let mut dice = Dice::new(seed, Topic::Tree, 2 * self.number + 1);
+        let mut random = Random::new(seed, Topic::Tree, 2 * self.number + 1);
         let wood = Wood::of(triangles);
         let pairs = (triangles - wood.triangles()) / 2;
-        let area = (self.leaf_area() / (2 * pairs).max(1) as f64).min(LARGEST_LEAF);
-        let trunk = self.trunk(&mut dice, wood.segments);
+        let area = (self.leaf_area() / (2 * pairs).max(1) as f64).min(MAX_LEAF_AREA);
+        let trunk = self.trunk(&mut random, wood.segments);
         out.material(self.species.bark());
         tube(out, &trunk, wood.sides)?;
         match self.species {
-            Species::Spruce => self.spruce_crown(out, &mut dice, &trunk, wood.branches, pairs, area),
+            Species::Spruce => self.spruce_crown(out, &mut random, &trunk, wood.branches, pairs, area),
             Species::Beech | Species::Birch => {
-                self.broad_crown(out, &mut dice, &trunk, wood.branches, pairs, area)
+                self.broad_crown(out, &mut random, &trunk, wood.branches, pairs, area)
             }
         }
     }
 
     /// The trunk's axis from a little below the ground to near the top, slightly curved, with its radius.
-    fn trunk(&self, dice: &mut Dice, segments: u64) -> Vec<(DVec3, f64)> {
-        let (dx, dy) = dice.heading();
-        let sway = 0.03 * self.height * dice.unit();
+    fn trunk(&self, random: &mut Random, segments: u64) -> Vec<(DVec3, f64)> {
+        let (dx, dy) = random.heading();
+        let sway = 0.03 * self.height * random.unit();
         let thick = 0.011 * self.height + 0.03;
         let top = match self.species {
             Species::Spruce => 0.98,
@@ -146,7 +146,7 @@ impl Tree {
     fn spruce_crown(
         &self,
         out: &mut ObjFile,
-        dice: &mut Dice,
+        random: &mut Random,
         trunk: &[(DVec3, f64)],
         branches: u64,
         pairs: u64,
@@ -163,7 +163,7 @@ impl Tree {
         };
         for i in 0..branches {
             let t = (i as f64 + 0.5) / branches as f64;
-            let (root, outward, reach) = bough(0.9 * t, dice.unit());
+            let (root, outward, reach) = bough(0.9 * t, random.unit());
             let tip = root + outward * (0.85 * reach) - DVec3::Z * (0.22 * reach);
             tube(out, &[(root, 0.035), (tip, 0.006)], 3)?;
         }
@@ -172,18 +172,18 @@ impl Tree {
         while left > 0 {
             // Boughs get shorter upwards, so their number of needles does: density falls as 1 − t.
             // The tip keeps some all the same.
-            let falling = 1.0 - (1.0 - dice.unit()).sqrt();
-            let level = (if dice.unit() < 0.12 { 1.0 - 0.5 * falling } else { falling }) * whorls;
-            let t = (level.floor() + 0.6 * dice.unit()) / whorls;
-            let turn =
-                ((dice.unit() * PER_WHORL).floor() + 0.3 * dice.bell()) / PER_WHORL + 0.382 * level.floor();
+            let falling = 1.0 - (1.0 - random.unit()).sqrt();
+            let level = (if random.unit() < 0.12 { 1.0 - 0.5 * falling } else { falling }) * whorls;
+            let t = (level.floor() + 0.6 * random.unit()) / whorls;
+            let turn = ((random.unit() * PER_WHORL).floor() + 0.3 * random.bell()) / PER_WHORL
+                + 0.382 * level.floor();
             let (root, outward, reach) = bough(t, turn);
-            let q = (0.06 + 0.94 * dice.unit()).sqrt();
-            let side = outward.cross(DVec3::Z) * (0.30 * reach * dice.bell() * q);
+            let q = (0.06 + 0.94 * random.unit()).sqrt();
+            let side = outward.cross(DVec3::Z) * (0.30 * reach * random.bell() * q);
             let sag = 0.10 * q + 0.16 * q * q;
-            let place = root + outward * (reach * q) + side + DVec3::Z * (0.18 * dice.bell() - sag * reach);
-            let along = unit(outward + side * 0.8 + DVec3::Z * (0.25 * dice.bell() - 0.2));
-            let normal = unit(DVec3::Z + dice.direction() * 0.5);
+            let place = root + outward * (reach * q) + side + DVec3::Z * (0.18 * random.bell() - sag * reach);
+            let along = unit(outward + side * 0.8 + DVec3::Z * (0.25 * random.bell() - 0.2));
+            let normal = unit(DVec3::Z + random.direction() * 0.5);
             if left >= 2 {
                 spray(out, place, along, normal, area)?;
                 left -= 2;
@@ -198,7 +198,7 @@ impl Tree {
     fn broad_crown(
         &self,
         out: &mut ObjFile,
-        dice: &mut Dice,
+        random: &mut Random,
         trunk: &[(DVec3, f64)],
         branches: u64,
         pairs: u64,
@@ -210,22 +210,22 @@ impl Tree {
         let shape = DVec3::new(self.radius, self.radius, half);
         let clusters: Vec<(DVec3, DVec3)> = (0..(pairs / 16).clamp(5, 36))
             .map(|_| {
-                let d = dice.direction();
-                let size = DVec3::new(1.0, 1.0, 0.75) * (self.radius * dice.between(0.32, 0.5));
-                (middle + d * shape * dice.between(0.45, 0.78), size)
+                let d = random.direction();
+                let size = DVec3::new(1.0, 1.0, 0.75) * (self.radius * random.between(0.32, 0.5));
+                (middle + d * shape * random.between(0.45, 0.78), size)
             })
             .collect();
         for i in 0..branches {
             let (tip, _) = clusters[i as usize % clusters.len()];
-            let t = ((tip.z - self.foot.z) / self.height - dice.between(0.12, 0.25)).clamp(0.2, 0.84);
+            let t = ((tip.z - self.foot.z) / self.height - random.between(0.12, 0.25)).clamp(0.2, 0.84);
             tube(out, &[(on_axis(trunk, t), 0.05), (tip, 0.01)], 3)?;
         }
         out.material(self.species.foliage());
         for _ in 0..pairs {
-            let (centre, size) = clusters[(dice.unit() * clusters.len() as f64) as usize];
-            let d = dice.direction();
-            let place = centre + d * size * dice.between(0.45, 1.0);
-            leaf_around(out, dice, place, d, area)?;
+            let (centre, size) = clusters[(random.unit() * clusters.len() as f64) as usize];
+            let d = random.direction();
+            let place = centre + d * size * random.between(0.45, 1.0);
+            leaf_around(out, random, place, d, area)?;
         }
         Ok(())
     }
@@ -233,14 +233,14 @@ impl Tree {
 
 /// A low round bush of `pairs` leaves.
 pub(super) fn shrub(out: &mut ObjFile, seed: u64, number: u64, foot: DVec3, pairs: u64) -> Result<()> {
-    let mut dice = Dice::new(seed, Topic::Shrub, number);
-    let radius = dice.between(0.5, 1.1);
-    let area = (2.5 * PI * radius * radius / (2 * pairs).max(1) as f64).min(0.5 * LARGEST_LEAF);
+    let mut random = Random::new(seed, Topic::Shrub, number);
+    let radius = random.between(0.5, 1.1);
+    let area = (2.5 * PI * radius * radius / (2 * pairs).max(1) as f64).min(0.5 * MAX_LEAF_AREA);
     let middle = foot + DVec3::Z * (0.6 * radius);
     for _ in 0..pairs {
-        let d = dice.direction();
-        let place = middle + d * DVec3::new(1.0, 1.0, 0.7) * (radius * dice.between(0.3, 1.0));
-        leaf_around(out, &mut dice, place, d, area)?;
+        let d = random.direction();
+        let place = middle + d * DVec3::new(1.0, 1.0, 0.7) * (radius * random.between(0.3, 1.0));
+        leaf_around(out, &mut random, place, d, area)?;
     }
     Ok(())
 }
@@ -248,14 +248,14 @@ pub(super) fn shrub(out: &mut ObjFile, seed: u64, number: u64, foot: DVec3, pair
 /// A leaf whose upper side looks outwards and up, give or take.
 pub(super) fn leaf_around(
     out: &mut ObjFile,
-    dice: &mut Dice,
+    random: &mut Random,
     place: DVec3,
     outward: DVec3,
     area: f64,
 ) -> Result<()> {
-    let normal = unit(outward * 0.5 + DVec3::Z * 0.6 + dice.direction() * 0.7);
+    let normal = unit(outward * 0.5 + DVec3::Z * 0.6 + random.direction() * 0.7);
     let (u, v) = frame(normal);
-    let (c, s) = dice.heading();
+    let (c, s) = random.heading();
     leaf(out, place, u * c + v * s, normal, area)
 }
 
@@ -286,7 +286,7 @@ impl Wood {
 }
 
 /// The fewest triangles that a tree can be written with.
-pub(super) const SMALLEST_TREE: u64 = 20;
+pub(super) const MIN_TREE_TRIANGLES: u64 = 20;
 
 /// The point of the trunk's axis at share `t` of the tree's height.
 fn on_axis(trunk: &[(DVec3, f64)], t: f64) -> DVec3 {
@@ -303,7 +303,7 @@ mod tests {
     fn a_tree_has_exactly_the_triangles_asked_for() {
         let folder = tempfile::tempdir().unwrap();
         for species in Species::ALL {
-            for triangles in [SMALLEST_TREE, 64, 150, 602, 5000] {
+            for triangles in [MIN_TREE_TRIANGLES, 64, 150, 602, 5000] {
                 let tree = Tree::new(1, 3, species, DVec3::new(1.0, 2.0, 0.5));
                 let mut out = ObjFile::create(&folder.path().join("t.obj"), "m.mtl").unwrap();
                 tree.write(&mut out, 1, triangles).unwrap();

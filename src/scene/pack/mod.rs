@@ -19,6 +19,5 @@ mod read;
 mod tests;
 mod write;
 
-pub use origin::Conditions;
 pub use read::Pack;
-pub use write::{Packed, pack};
+pub use write::pack;

@@ -1,9 +1,9 @@
-//! Dice and relief: everything that is random in a made scene, as a pure function of the seed.
+//! Random numbers and noise of generated scenes, as pure functions of the seed.
 
 use crate::geom::DVec3;
 use crate::rng::{Purpose, Stream};
 
-/// What a sequence of draws shapes; keeps the draws of different things independent.
+/// What random numbers are for; sequences of different topics are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub(super) enum Topic {
@@ -20,8 +20,8 @@ pub(super) enum Topic {
     Crown = 40,
 }
 
-/// A sequence of draws for thing number `number` of a topic.
-pub(super) struct Dice {
+/// The random numbers of thing number `number` of a topic.
+pub(super) struct Random {
     stream: Stream,
     topic: Topic,
     number: u64,
@@ -30,10 +30,10 @@ pub(super) struct Dice {
     left: usize,
 }
 
-impl Dice {
-    pub(super) fn new(seed: u64, topic: Topic, number: u64) -> Dice {
+impl Random {
+    pub(super) fn new(seed: u64, topic: Topic, number: u64) -> Random {
         let stream = Stream::new(seed, Purpose::SceneMaking);
-        Dice { stream, topic, number, counter: 0, block: [0; 4], left: 0 }
+        Random { stream, topic, number, counter: 0, block: [0; 4], left: 0 }
     }
 
     /// Uniform in [0, 1) with 32 bits.
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn dice_repeat_and_differ_by_topic_number_and_seed() {
-        let first = |seed, topic, number| Dice::new(seed, topic, number).unit();
+        let first = |seed, topic, number| Random::new(seed, topic, number).unit();
         assert_eq!(first(1, Topic::Tree, 5), first(1, Topic::Tree, 5));
         assert_ne!(first(1, Topic::Tree, 5), first(1, Topic::Tree, 6));
         assert_ne!(first(1, Topic::Tree, 5), first(1, Topic::Shrub, 5));
@@ -144,10 +144,10 @@ mod tests {
 
     #[test]
     fn directions_are_unit_and_balanced() {
-        let mut dice = Dice::new(3, Topic::Tree, 0);
+        let mut random = Random::new(3, Topic::Tree, 0);
         let mut sum = DVec3::ZERO;
         for _ in 0..20_000 {
-            let d = dice.direction();
+            let d = random.direction();
             assert!((d.length() - 1.0).abs() < 1e-12);
             sum += d;
         }
