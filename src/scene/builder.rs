@@ -138,7 +138,7 @@ pub(super) struct SceneBuilder<'a> {
 pub(super) struct PartSource<'a> {
     /// Its index among the scene's parts.
     pub index: u32,
-    /// Where it stands in the scene's file.
+    /// Its place in the scene's file.
     pub place: Option<&'a Place>,
 }
 

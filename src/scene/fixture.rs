@@ -1,10 +1,13 @@
 //! Scenes for tests: files in a temporary folder and recipes for them.
 
-use super::{LoadOptions, Scene, load};
+use super::{LoadOptions, MaterialRules, Scene, load};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::survey::{Loader, MotionTiming, PartRecipe, SceneRecipe, Transform, UpAxis};
 use std::path::{Path, PathBuf};
+
+/// The reference's rules.
+pub(super) const HELIOS: MaterialRules = MaterialRules::from_array([false; MaterialRules::COUNT]);
 
 /// A folder with scene files and the parts made of them.
 pub(super) struct Fixture {
@@ -33,7 +36,7 @@ impl Fixture {
         self.folder.path()
     }
 
-    /// Adds a part that stands in line 10 + its number of the scene's file.
+    /// Adds a part whose place is line 10 + its number of the scene's file.
     pub fn part(&mut self, loader: Loader) -> &mut PartRecipe {
         let number = self.parts.len() as u32;
         self.parts.push(PartRecipe {

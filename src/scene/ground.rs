@@ -15,7 +15,7 @@ pub(super) struct LoadedPart {
     pub body: Body,
     /// Its `onGround` mode.
     pub on_ground: i64,
-    /// Where it stands in the scene's file.
+    /// Its place in the scene's file.
     pub place: Option<Place>,
 }
 

@@ -1,4 +1,4 @@
-//! What a scene holds: counted, for people who want to know before they scan it.
+//! Counts what a scene holds.
 
 use super::{Scene, Surface};
 use crate::geom::{Aabb, DVec3};
@@ -6,8 +6,8 @@ use crate::tree::Geometry;
 use rayon::prelude::*;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Height of a triangle over its longest edge below which it is called a sliver, relative to that edge.
-const SLIVER: f64 = 1e-6;
+/// Largest height of a sliver over its longest edge, relative to that edge.
+const MAX_SLIVER_RATIO: f64 = 1e-6;
 
 /// What a scene holds.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,12 +34,12 @@ pub struct Inventory {
     pub duplicates: u64,
     /// Voxels with the place and size of another one.
     pub duplicate_cubes: u64,
-    /// Instances that stand where the same mesh stands already.
+    /// Instances with the placement of another instance of the same mesh.
     pub duplicate_instances: u64,
 }
 
 impl Inventory {
-    /// Counts. Looks at every stored primitive.
+    /// Counts the contents of a scene. Looks at every stored primitive.
     pub fn of(scene: &Scene) -> Inventory {
         let mut all = Inventory {
             triangles: scene.geometry.triangles.len() as u64,
@@ -123,10 +123,10 @@ fn bits<const N: usize>(numbers: &[f64; N]) -> [u64; N] {
 
 fn is_sliver([a, b, c]: &[DVec3; 3]) -> bool {
     let longest = (*b - *a).length_squared().max((*c - *b).length_squared()).max((*a - *c).length_squared());
-    (*b - *a).cross(*c - *a).length() <= SLIVER * longest
+    (*b - *a).cross(*c - *a).length() <= MAX_SLIVER_RATIO * longest
 }
 
-/// Equal for triangles with the same corners in any order; different ones are told apart but for one in 2⁶⁴.
+/// A hash that is equal for triangles with the same corners in any order; others collide once in 2⁶⁴.
 fn fingerprint(corners: [DVec3; 3]) -> u64 {
     let mut bits = corners.map(|p| (p + DVec3::ZERO).to_array().map(f64::to_bits));
     bits.sort_unstable();
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_twice_in_one_place_is_told() {
+    fn duplicates_are_counted() {
         let mut f = Fixture::new();
         for x in [0.0, 5.0, 0.0] {
             f.obj("a.obj", MESH).transform.offset = DVec3::X * x;

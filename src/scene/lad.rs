@@ -23,12 +23,12 @@ pub struct LadTable {
     mean: f64,
     /// Mean over the leaves of (3 cos² − 1)/2 of the angle between normal and zenith: 1 for level leaves, 0 for those that
     /// face all directions alike, −1/2 for upright ones.
-    levelness: f64,
+    horizontality: f64,
 }
 
-/// What a table turned out to be.
+/// What the values of a table were found to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Reading {
+pub(super) struct TableKind {
     /// Mean of its values over all directions.
     pub mean: f64,
     /// Its values are G itself.
@@ -37,14 +37,14 @@ pub(super) struct Reading {
     pub is_half: bool,
 }
 
-/// Steps of the integrals over the sphere.
-const STEPS: u32 = 4096;
+/// Number of steps of the integrals over the sphere.
+const INTEGRATION_STEPS: u32 = 4096;
 
-/// Largest deviation of a table's mean from 1/2 or π that is not told, as a fraction.
+/// Largest deviation of a table's mean from 1/2 or π that is not reported, as a fraction.
 const MAX_MEAN_ERROR: f64 = 0.1;
 
-/// No leaves project more than that on a scale where an isotropic canopy has π.
-const LARGEST: f64 = 1e3;
+/// Largest value of a table; no leaves project that much on a scale where an isotropic canopy has π.
+const MAX_G: f64 = 1e3;
 
 fn is_unit(d: DVec3) -> bool {
     (d.length() - 1.0).abs() < 0.01
@@ -68,7 +68,7 @@ impl LadTable {
     }
 
     /// The table of rows (unit direction, value) by the rules, and what it turned out to be. `None` without rows.
-    fn by_rules(rows: Vec<(DVec3, f64)>, rules: MaterialRules) -> Option<(LadTable, Reading)> {
+    fn by_rules(rows: Vec<(DVec3, f64)>, rules: MaterialRules) -> Option<(LadTable, TableKind)> {
         let is_half =
             rows.iter().all(|(d, _)| d.z > -SAME_ANGLE) || rows.iter().all(|(d, _)| d.z < SAME_ANGLE);
         let table = if rules.leaf_table_mirror {
@@ -80,19 +80,19 @@ impl LadTable {
         } else {
             LadTable::new(rows)?
         };
-        let reading = Reading { mean: table.mean, is_g: table.mean < (0.5 * PI).sqrt(), is_half };
-        let scale = if rules.leaf_table_scale && reading.is_g { TAU } else { 1.0 };
+        let kind = TableKind { mean: table.mean, is_g: table.mean < (0.5 * PI).sqrt(), is_half };
+        let scale = if rules.leaf_table_scale && kind.is_g { TAU } else { 1.0 };
         let rows = table.rows().map(|(angle, g)| (angle, g * scale)).collect();
-        Some((LadTable::of_rows(rows), reading))
+        Some((LadTable::of_rows(rows), kind))
     }
 
     /// Mean over all directions of a function of the zenith angle and the value there.
     fn mean_of(&self, f: impl Fn(f64, f64) -> f64) -> f64 {
         let mean = |i: u32| {
-            let z = 2.0 * (f64::from(i) + 0.5) / f64::from(STEPS) - 1.0;
+            let z = 2.0 * (f64::from(i) + 0.5) / f64::from(INTEGRATION_STEPS) - 1.0;
             f(z, self.at(acos(z)))
         };
-        (0..STEPS).map(mean).sum::<f64>() / f64::from(STEPS)
+        (0..INTEGRATION_STEPS).map(mean).sum::<f64>() / f64::from(INTEGRATION_STEPS)
     }
 
     /// Zenith angle and G of every row.
@@ -103,13 +103,13 @@ impl LadTable {
     /// The table of [`LadTable::rows`], of which there is at least one.
     pub(super) fn of_rows(rows: Vec<(f64, f64)>) -> LadTable {
         let (angles, values) = rows.into_iter().unzip();
-        let mut table = LadTable { angles, values, mean: 0.0, levelness: 0.0 };
+        let mut table = LadTable { angles, values, mean: 0.0, horizontality: 0.0 };
         table.mean = table.mean_of(|_, g| g);
         // G is the cosine transform of the leaf normals' density: its second Legendre coefficient is 5/8 of that mean.
         let second = table.mean_of(|z, g| g * (1.5 * z * z - 0.5));
-        table.levelness = (4.0 * second / table.mean).clamp(-0.5, 1.0);
-        if table.levelness.is_nan() {
-            table.levelness = 0.0;
+        table.horizontality = (4.0 * second / table.mean).clamp(-0.5, 1.0);
+        if table.horizontality.is_nan() {
+            table.horizontality = 0.0;
         }
         table
     }
@@ -118,7 +118,7 @@ impl LadTable {
     /// projects: the mean of cos² over the leaf normals, which the second moment of G gives, over G.
     pub fn mean_cosine(&self, direction: DVec3) -> f64 {
         let g = 0.5 * self.g(direction) / self.mean;
-        let square = (1.0 + self.levelness * (3.0 * direction.z * direction.z - 1.0)) / 3.0;
+        let square = (1.0 + self.horizontality * (3.0 * direction.z * direction.z - 1.0)) / 3.0;
         let mean = (square / g).min(1.0);
         if mean.is_nan() { SPHERICAL_MEAN_COSINE } else { mean }
     }
@@ -142,8 +142,8 @@ impl LadTable {
         (b * self.values[upper] + a * self.values[upper - 1]) / (a + b)
     }
 
-    /// Reads a table of lines `x,y,z,G` by the rules, and tells which rules would make a difference to it. `None` after an
-    /// error, of which all are reported.
+    /// Reads a table of lines `x,y,z,G` by the rules, and returns the rules that make a difference to it. `None` after
+    /// errors, all of which are reported.
     pub(super) fn read(
         source: &Source,
         rules: MaterialRules,
@@ -162,7 +162,7 @@ impl LadTable {
                 .filter(|v| v.is_finite())
                 .collect();
             match numbers[..] {
-                [x, y, z, g] if is_unit(DVec3::new(x, y, z)) && (0.0..=LARGEST).contains(&g) => {
+                [x, y, z, g] if is_unit(DVec3::new(x, y, z)) && (0.0..=MAX_G).contains(&g) => {
                     rows.push((DVec3::new(x, y, z), g))
                 }
                 _ => problems.error(line.number, line.start..line.start + line.text.len(), || {
@@ -179,12 +179,12 @@ impl LadTable {
             let message = "the leaf angle table has no rows; a row is x,y,z,G";
             diagnostics.error(Some(source.place(1, 0..0)), message);
         }
-        let (table, reading) = table.filter(|_| is_sound)?;
+        let (table, kind) = table.filter(|_| is_sound)?;
         if rules.leaf_table_scale || rules.leaf_table_mirror {
-            reading.report(source, rules, diagnostics);
+            kind.report(source, rules, diagnostics);
         }
         let relevant = MaterialRules {
-            leaf_table_scale: reading.is_g,
+            leaf_table_scale: kind.is_g,
             leaf_table_mirror: true,
             ..MaterialRules::default()
         };
@@ -192,8 +192,8 @@ impl LadTable {
     }
 }
 
-impl Reading {
-    /// Says what the table was taken for.
+impl TableKind {
+    /// Reports what the table was taken for.
     fn report(&self, source: &Source, rules: MaterialRules, diagnostics: &mut Diagnostics) {
         let place = || Some(source.place(0, 0..0));
         let is_g = self.is_g && rules.leaf_table_scale;
@@ -222,16 +222,9 @@ impl Reading {
 mod tests {
     use super::*;
     use crate::geom::unit;
+    use crate::scene::fixture::HELIOS;
     use proptest::prelude::*;
 
-    const HELIOS: MaterialRules = MaterialRules {
-        specular_shares: false,
-        reflectance_fraction: false,
-        specular_lobe: false,
-        lambert_default: false,
-        leaf_table_scale: false,
-        leaf_table_mirror: false,
-    };
     const REFINED: MaterialRules =
         MaterialRules { leaf_table_scale: true, leaf_table_mirror: true, ..HELIOS };
 
@@ -260,12 +253,12 @@ mod tests {
     }
 
     #[test]
-    fn both_scales_are_told_apart_by_their_mean() {
+    fn both_scales_are_recognised_by_their_mean() {
         for g in [level, upright, |_| 0.5] {
             for scale in [1.0, TAU] {
-                let (table, reading) = LadTable::by_rules(rows(0, 180, |z| scale * g(z)), REFINED).unwrap();
-                assert_eq!((reading.is_g, reading.is_half), (scale == 1.0, false));
-                assert!((reading.mean / scale - 0.5).abs() < 2e-3, "{}", reading.mean);
+                let (table, kind) = LadTable::by_rules(rows(0, 180, |z| scale * g(z)), REFINED).unwrap();
+                assert_eq!((kind.is_g, kind.is_half), (scale == 1.0, false));
+                assert!((kind.mean / scale - 0.5).abs() < 2e-3, "{}", kind.mean);
                 assert!((table.g(towards(35.0)) / TAU - g(35f64.to_radians())).abs() < 1e-12);
                 let (helios, _) = LadTable::by_rules(rows(0, 180, |z| scale * g(z)), HELIOS).unwrap();
                 assert_eq!(helios, LadTable::new(rows(0, 180, |z| scale * g(z))).unwrap());
@@ -276,8 +269,8 @@ mod tests {
     #[test]
     fn half_tables_hold_for_opposite_directions() {
         for (from, to) in [(0, 90), (90, 180)] {
-            let (table, reading) = LadTable::by_rules(rows(from, to, |z| TAU * level(z)), REFINED).unwrap();
-            assert!(reading.is_half && !reading.is_g);
+            let (table, kind) = LadTable::by_rules(rows(from, to, |z| TAU * level(z)), REFINED).unwrap();
+            assert!(kind.is_half && !kind.is_g);
             for degrees in [0.0, 40.0, 65.0, 115.0, 140.0, 180.0] {
                 let g = table.g(towards(degrees)) / TAU;
                 assert!((g - level(f64::to_radians(degrees))).abs() < 1e-12, "{degrees}°: {g}");
@@ -292,27 +285,27 @@ mod tests {
     }
 
     #[test]
-    fn tables_are_said_to_be_what_they_are_taken_for() {
+    fn what_a_table_is_taken_for_is_reported() {
         let text = |scale: f64| {
             let line = |(d, g): (DVec3, f64)| format!("{},{},{},{}\n", d.x, d.y, d.z, g);
             rows(0, 90, |z| scale * level(z)).into_iter().map(line).collect::<String>()
         };
-        let said = |text: &str, rules| {
+        let report = |text: &str, rules| {
             let mut d = Diagnostics::default();
             LadTable::read(&Source::of("l.lut", text.as_bytes()), rules, &mut d).unwrap();
             assert!(d.items().iter().all(|i| i.place.as_ref().is_some_and(|p| p.path.ends_with("l.lut"))));
             (d.is_fatal(true), d.items().iter().map(|i| i.message.clone()).collect::<Vec<_>>())
         };
-        let (fatal, g) = said(&text(1.0), REFINED);
+        let (fatal, g) = report(&text(1.0), REFINED);
         assert!(
             !fatal && g.len() == 1 && g[0].contains("taken for G") && g[0].contains("hemisphere"),
             "{g:?}"
         );
-        let (_, scaled) = said(&text(TAU), REFINED);
+        let (_, scaled) = report(&text(TAU), REFINED);
         assert!(scaled.len() == 1 && scaled[0].contains("taken for 2πG"), "{scaled:?}");
-        let (fatal, off) = said(&text(0.5), REFINED);
+        let (fatal, off) = report(&text(0.5), REFINED);
         assert!(fatal && off.len() == 2 && off[1].contains("times as dense"), "{off:?}");
-        assert_eq!(said(&text(1.0), HELIOS), (false, vec![]));
+        assert_eq!(report(&text(1.0), HELIOS), (false, vec![]));
     }
 
     /// The leaves of a canopy by the closed forms of their angles: cos² over |cos| for level ones is |cos|; for upright ones

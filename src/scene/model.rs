@@ -34,14 +34,14 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Attributes of the cubes, parallel to `geometry.cubes`.
     pub voxels: Store<Voxel>,
-    /// Parts that move, in document order; everything above shows them where they stand at first.
+    /// Parts that move, in document order; everything above holds them in their initial pose.
     pub moving_parts: Vec<MovingPart>,
     /// Instances of shared meshes, if there are any: their triangles are numbered on from the primitives of `geometry`.
     /// Moving parts are never among them.
     pub instances: Option<InstanceSet>,
     /// Simulation steps from one update of the moving parts to the next.
     pub dyn_step: u32,
-    /// The same in seconds; overrides all steps.
+    /// Seconds from one update to the next; overrides all steps.
     pub dyn_time_step: Option<f64>,
     /// Rules that make a difference to its materials or leaf angle tables.
     pub relevant_rules: MaterialRules,
@@ -88,14 +88,14 @@ pub struct Part {
 }
 
 impl Scene {
-    /// The tree over all primitives that stand still and all instances. A packed scene has one of the builder that it was
-    /// packed with.
+    /// The tree over all primitives that do not move and all instances. A packed scene comes with the tree of one builder.
     pub fn tree(&self, options: &BuildOptions) -> Tree {
-        let usual = BuildOptions::of(options.builder);
+        let default = BuildOptions::of(options.builder);
         // The other settings are those of kd-trees.
-        let is_usual = options.builder == Builder::Bvh
-            || *options == BuildOptions { jobs: options.jobs, delegate: options.delegate, ..usual };
-        if let Some(ready) = self.packed_tree.as_ref().filter(|r| is_usual && r.builder == options.builder) {
+        let is_default = options.builder == Builder::Bvh
+            || *options == BuildOptions { jobs: options.jobs, delegate: options.delegate, ..default };
+        if let Some(ready) = self.packed_tree.as_ref().filter(|r| is_default && r.builder == options.builder)
+        {
             return ready.tree.clone();
         }
         let tree = Tree::build_where(&self.geometry, options, |i| self.is_still(i));
@@ -179,7 +179,7 @@ impl Scene {
         p - self.shift
     }
 
-    /// Whether primitive `i` stays where it is.
+    /// Whether primitive `i` does not move.
     pub fn is_still(&self, i: u32) -> bool {
         let (i, triangles) = (i as usize, self.geometry.triangles.len());
         !self.moving_parts.iter().any(|m| match i.checked_sub(triangles) {

@@ -144,7 +144,7 @@ fn set(
     Ok(())
 }
 
-/// Three components; a single one stands for all three, as the format's own description has it.
+/// Three components; a single one is used for all three, as the format specifies.
 fn colour(values: &[(&[u8], Range<usize>)]) -> Option<[f64; 3]> {
     let component = |i: usize| float(values.get(i)?.0).filter(|c| (0.0..=1e9).contains(c));
     let red = component(0)?;

@@ -19,7 +19,7 @@ macro_rules! material_rules {
             }
 
             /// The inverse of [`MaterialRules::to_array`].
-            pub(super) fn from_array([$($rule),*]: [bool; MaterialRules::COUNT]) -> MaterialRules {
+            pub(super) const fn from_array([$($rule),*]: [bool; MaterialRules::COUNT]) -> MaterialRules {
                 MaterialRules { $($rule),* }
             }
 

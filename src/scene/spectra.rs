@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 /// Lines before the table.
 const HEADER_LINES: usize = 26;
 
-/// Largest number that a table may hold.
-const LARGEST: f64 = 1e6;
+/// Largest wavelength and reflectance of a table.
+const MAX_VALUE: f64 = 1e6;
 
 /// The spectra of all asset folders, read when a material asks for them.
 pub(super) struct Spectra {
@@ -100,7 +100,7 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<(f32, f32)> {
     for line in Lines::new(source.bytes(), false).skip(HEADER_LINES) {
         let mut words = Words::new(&line.text, 0);
         let Some((first, at)) = words.next() else { continue };
-        let number = |word: &[u8]| float(word).filter(|v| v.abs() <= LARGEST).map(|v| v as f32);
+        let number = |word: &[u8]| float(word).filter(|v| v.abs() <= MAX_VALUE).map(|v| v as f32);
         match (number(first), words.next().and_then(|(w, _)| number(w))) {
             (Some(wavelength), Some(percent)) => rows.push((wavelength, percent)),
             _ => problems.error(line.number, line.start + at.start..line.start + line.text.len(), || {

@@ -8,11 +8,11 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// How many problems of one file are reported one by one.
-pub(super) const SHOWN_PROBLEMS: usize = 20;
+/// Largest number of problems of one file that are reported one by one.
+pub(super) const MAX_SHOWN_PROBLEMS: usize = 20;
 
-/// Longest part of a line that a message shows, bytes.
-const SHOWN_LINE: usize = 160;
+/// Largest part of a line in a message, bytes.
+const MAX_SHOWN_BYTES: usize = 160;
 
 /// A file of a scene, mapped.
 pub(super) struct Source {
@@ -80,13 +80,13 @@ impl Source {
         Some((memchr::memchr_iter(b'\n', bytes).count() + 1, start, &bytes[start..]))
     }
 
-    /// The place of the bytes `at`, which stand in line `number` (from 1). Bytes that are no text are shown as `�`.
+    /// The place of the bytes `at` in line `number` (from 1). Bytes that are no text are shown as `�`.
     pub fn place(&self, number: usize, at: Range<usize>) -> Place {
         let bytes = self.bytes();
         let start = memrchr(b'\n', &bytes[..at.start.min(bytes.len())]).map_or(0, |i| i + 1);
         let end = memchr(b'\n', &bytes[start..]).map_or(bytes.len(), |n| start + n);
-        let from = if at.start - start > SHOWN_LINE { at.start - SHOWN_LINE / 2 } else { start };
-        let to = end.min(from + SHOWN_LINE);
+        let from = if at.start - start > MAX_SHOWN_BYTES { at.start - MAX_SHOWN_BYTES / 2 } else { start };
+        let to = end.min(from + MAX_SHOWN_BYTES);
         let before = shown(&bytes[from..at.start.clamp(from, to)]);
         let marked = shown(&bytes[at.start.clamp(from, to)..at.end.clamp(at.start.min(to), to)]);
         let after = shown(&bytes[at.end.clamp(from, to)..to]);
@@ -103,7 +103,7 @@ pub(super) fn shown(bytes: &[u8]) -> String {
         .collect()
 }
 
-/// A logical line: its physical lines joined where a `\` stands before their end.
+/// A logical line: physical lines that end with a `\` are joined with the next one.
 pub(super) struct Line<'a> {
     /// Number of its first physical line, from 1.
     pub number: usize,
@@ -226,14 +226,14 @@ struct Problem {
 impl List {
     fn push(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
         self.count += 1;
-        if self.shown.len() < SHOWN_PROBLEMS {
+        if self.shown.len() < MAX_SHOWN_PROBLEMS {
             self.shown.push(Problem { line, at, message: message() });
         }
     }
 
     fn append(&mut self, later: List, lines: usize, bytes: usize) {
         self.count += later.count;
-        let room = SHOWN_PROBLEMS - self.shown.len();
+        let room = MAX_SHOWN_PROBLEMS - self.shown.len();
         self.shown.extend(later.shown.into_iter().take(room).map(|p| Problem {
             line: p.line + lines,
             at: p.at.start + bytes..p.at.end + bytes,
@@ -255,7 +255,7 @@ impl Problems {
 
     /// Whether further errors are only counted.
     pub fn is_full(&self) -> bool {
-        self.errors.shown.len() >= SHOWN_PROBLEMS
+        self.errors.shown.len() >= MAX_SHOWN_PROBLEMS
     }
 
     /// Takes over the problems of a later piece of the file that begins `lines` lines and `bytes` bytes into it.
@@ -269,7 +269,7 @@ impl Problems {
         self.errors.count == 0
     }
 
-    /// Hands all of them over in the order of the file. Says whether there was no error.
+    /// Adds all of them to `diagnostics` in the order of the file; `false` if there was an error.
     pub fn report(self, source: &Source, diagnostics: &mut Diagnostics) -> bool {
         let is_sound = self.is_sound();
         let mut all = Vec::new();
@@ -360,6 +360,6 @@ mod tests {
         assert_eq!(&place.excerpt[place.marked.clone()], "\u{fffd}\u{fffd}");
         assert!(!place.excerpt.contains('\x1b'));
         let long = Source::of("l.obj", &[b'x'; 5000]);
-        assert!(long.place(1, 4000..4003).excerpt.len() <= SHOWN_LINE);
+        assert!(long.place(1, 4000..4003).excerpt.len() <= MAX_SHOWN_BYTES);
     }
 }

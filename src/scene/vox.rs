@@ -18,7 +18,7 @@ const DENSITY: usize = 3;
 const TRANSMITTANCE: usize = 13;
 
 /// Bytes that one task reads.
-const PIECE: usize = 1 << 20;
+const PIECE_BYTES: usize = 1 << 20;
 
 /// What a file's header says.
 #[derive(Debug, PartialEq)]
@@ -61,7 +61,7 @@ pub(super) fn load(
     let ((body, mut lines), mut rows) = (header.body, 0);
     let text = &source.bytes()[body..];
     let mut problems = Problems::default();
-    for wave in cut_into_pieces(text, PIECE).chunks(4 * rayon::current_num_threads()) {
+    for wave in cut_into_pieces(text, PIECE_BYTES).chunks(4 * rayon::current_num_threads()) {
         let read: Vec<Slice> =
             wave.par_iter().map(|piece| read_voxels(&text[piece.clone()], &header, loader)).collect();
         for (slice, piece) in read.into_iter().zip(wave) {

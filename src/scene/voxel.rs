@@ -1,9 +1,9 @@
-//! What a cube of the scene is to a ray (spec pulse-physics §2.3–2.5).
+//! Attributes of cubes: how rays interact with them (spec pulse-physics §2.3–2.5).
 
 use crate::geom::{Affine, DVec3, Rotation};
 use bytemuck::{Pod, Zeroable};
 
-/// How a ray meets a cube.
+/// What happens to a ray in a cube.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 #[repr(u32)]
 pub enum VoxelKind {
@@ -42,7 +42,7 @@ impl Voxel {
         Voxel { density, normal: [0.0; 3], kind: kind as u32 }
     }
 
-    /// What happens to a ray.
+    /// What happens to a ray in the cube.
     #[inline]
     pub fn kind(&self) -> VoxelKind {
         const TRANSMITTIVE: u32 = VoxelKind::Transmittive as u32;
@@ -54,21 +54,21 @@ impl Voxel {
         }
     }
 
-    /// Turns the normal.
+    /// Rotates the normal.
     pub(super) fn rotate(&mut self, rotation: &Rotation) {
         if let Some(normal) = self.normal() {
             self.normal = rotation.apply(normal).to_array().map(|c| c as f32);
         }
     }
 
-    /// Turns or mirrors the normal as a moving part is.
+    /// Rotates or mirrors the normal with a moving part.
     pub(super) fn turn(&mut self, map: &Affine) {
         if let Some(normal) = self.normal() {
             self.normal = map.apply_to_vector(normal).to_array().map(|c| c as f32);
         }
     }
 
-    /// The surface normal that the cube stands for; without one the nearest face of the cube supplies it
+    /// The surface normal of the points in the cube; without one the normal of the nearest face is used
     /// (spec pulse-physics §2.4).
     pub fn normal(&self) -> Option<DVec3> {
         (self.normal != [0.0; 3]).then(|| DVec3::from(self.normal.map(f64::from)))

@@ -282,7 +282,7 @@ mod tests {
         }
         for at in 0..whole.len() {
             with(&|b| b[at] ^= 16);
-            // Padding says nothing; anything else is found, in an array at the latest by its sum.
+            // Padding is not checked; any other change is found, at the latest by the checksum of an array.
             let found = ArrayFile::open(&path).and_then(|a| a.verify());
             let is_padding = whole[at] == 0 && (56..whole.len() - 140).contains(&at);
             assert!(found.is_err() || is_padding, "a change of byte {at} is not found");

@@ -17,16 +17,16 @@ use tiff::TiffError;
 use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
-/// No compression that we read makes more than this of a byte; larger rasters are not in the file.
-const BEST_COMPRESSION: u64 = 3000;
+/// Largest ratio of the compressions that are read; a raster that states more pixels is damaged.
+const MAX_COMPRESSION_RATIO: u64 = 3000;
 
-/// No-data value of rasters that name none.
-const USUAL_NO_DATA: f64 = -1e10;
+/// No-data value of rasters without one (spec input-formats §4.3).
+const DEFAULT_NO_DATA: f64 = -1e10;
 
-/// Blocks or rows per thread that are decoded before they are appended.
-const SHARE: usize = 8;
+/// Blocks or rows per thread that are decoded before they are appended: bounds the memory held twice.
+const BLOCKS_PER_THREAD: usize = 8;
 
-/// What a raster takes once it is triangles, without the tree over them.
+/// The size of a raster and the memory of its triangles, without the tree over them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RasterNeed {
     /// Its file.
@@ -41,7 +41,7 @@ pub struct RasterNeed {
     pub bytes: u64,
 }
 
-/// What the rasters of a scene will take. Looks at their headers only; what is wrong with them is left to the loader.
+/// The sizes of the rasters of a scene, from their headers. Damaged rasters are left out; the loader reports them.
 pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
     let parts = recipe.parts.iter().filter(|_| recipe.packed.is_none());
     let files = parts.filter_map(|part| match &part.loader {
@@ -138,7 +138,7 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
     let per_pixel = bits.iter().sum::<u64>().max(1).div_ceil(8);
     let bytes = u64::from(width).saturating_mul(u64::from(height)).saturating_mul(per_pixel);
     let held = source.bytes().len() as u64;
-    if bytes > held.saturating_mul(BEST_COMPRESSION) {
+    if bytes > held.saturating_mul(MAX_COMPRESSION_RATIO) {
         let (stated, held) = (format_bytes(bytes), format_bytes(held));
         return Err(format!("its {width} x {height} pixels ({stated}) cannot be in a file of {held}"));
     }
@@ -189,7 +189,7 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
         warnings.push(problem);
         None
     });
-    let no_data = no_data.unwrap_or(USUAL_NO_DATA);
+    let no_data = no_data.unwrap_or(DEFAULT_NO_DATA);
     Ok(Raster { columns, rows, block, block_bytes, georeference, no_data, limits })
 }
 
@@ -205,7 +205,7 @@ fn append_vertices(scene: &mut SceneBuilder, source: &Source, raster: &Raster) -
     vertices.resize(first + raster.pixels(), DVec3::NAN);
     let across = raster.columns.div_ceil(raster.block.0);
     let blocks: Vec<usize> = (0..across * raster.rows.div_ceil(raster.block.1)).collect();
-    for wave in blocks.chunks(SHARE * rayon::current_num_threads()) {
+    for wave in blocks.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
         let decoded: Vec<Result<Vec<f64>, String>> = wave
             .par_iter()
             .map_init(|| open(source, raster), |decoder, &b| heights(decoder, raster, b))
@@ -272,7 +272,7 @@ fn heights(decoder: &mut BlockDecoder, raster: &Raster, block: usize) -> Result<
 /// the raster's first.
 fn append_triangles(scene: &mut SceneBuilder, raster: &Raster, first_vertex: usize) {
     let columns = raster.columns;
-    // Growing by doubling would take more than is told beforehand; where there is not so much room, it may still do.
+    // Growing by doubling would exceed the stated memory. Where the reservation fails, growing may still succeed.
     let _ = scene.geometry.triangles.to_mut().try_reserve_exact(raster.triangles());
     let vertices = &scene.geometry.vertices[first_vertex..];
     let exists = |v: usize| !vertices[v].z.is_nan();
@@ -289,7 +289,7 @@ fn append_triangles(scene: &mut SceneBuilder, raster: &Raster, first_vertex: usi
         triangles
     };
     let rows: Vec<usize> = (0..raster.rows - 1).collect();
-    for wave in rows.chunks(SHARE * rayon::current_num_threads()) {
+    for wave in rows.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
         let made: Vec<Vec<[u32; 3]>> = wave.par_iter().map(|&row| between(row)).collect();
         made.into_iter().for_each(|mut t| scene.geometry.triangles.append(&mut t));
     }

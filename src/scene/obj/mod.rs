@@ -20,7 +20,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 /// Bytes that one task reads. Small enough to keep all threads busy, large enough to make the tasks' overhead invisible.
-const PIECE: usize = 1 << 20;
+const PIECE_BYTES: usize = 1 << 20;
 
 /// Pieces per thread that are read before they are appended: bounds the memory held twice.
 const PIECES_PER_THREAD: usize = 4;
@@ -105,7 +105,7 @@ fn read_pieces(scene: &mut SceneBuilder, source: &Source, reading: Reading) -> R
         lines: 0,
     };
     let mut problems = Problems::default();
-    for wave in cut_into_pieces(bytes, PIECE).chunks(PIECES_PER_THREAD * rayon::current_num_threads()) {
+    for wave in cut_into_pieces(bytes, PIECE_BYTES).chunks(PIECES_PER_THREAD * rayon::current_num_threads()) {
         let read: Vec<Slice> =
             wave.par_iter().map(|piece| slice::read(&bytes[piece.clone()], reading)).collect();
         for (slice, piece) in read.into_iter().zip(wave) {
@@ -146,8 +146,8 @@ fn append(
     scene.geometry.triangles.append(&mut slice.triangles);
 }
 
-/// Gives every triangle the material that is in force where its face stands. Materials are looked up at the faces, so a
-/// library must be named before them.
+/// Assigns every triangle the material in force at its face. Materials are looked up at the faces, so libraries must be
+/// named before them.
 fn assign_materials(
     scene: &mut SceneBuilder,
     part: &PartSource,
@@ -187,7 +187,7 @@ fn assign_materials(
     Ok(())
 }
 
-/// Reads a material library that stands beside the OBJ file. The words after `mtllib` are one file name; where no such
+/// Reads a material library in the folder of the OBJ file. The words after `mtllib` are one file name; where no such
 /// file exists each word is tried, and `\` as a folder separator.
 fn add_library(
     scene: &mut SceneBuilder,
@@ -242,7 +242,7 @@ fn fault(triangle: [u32; 3], vertices: &[DVec3]) -> Option<Fault> {
     ((b - a).cross(c - a) == DVec3::ZERO).then_some(Fault::NoArea)
 }
 
-/// Removes triangles that cannot be hit, and says which.
+/// Removes triangles that cannot be hit and reports them.
 fn leave_out_faults(scene: &mut SceneBuilder, source: &Source, reading: Reading, mesh: &Mesh) -> Problems {
     let mut problems = Problems::default();
     let (vertices, first) = (&scene.geometry.vertices[mesh.first_vertex..], mesh.first_triangle);

@@ -40,7 +40,7 @@ pub(super) struct Switch {
     pub line: usize,
     /// What it does.
     pub statement: Statement,
-    /// Where its operand stands within the piece.
+    /// The bytes of its operand within the piece.
     pub at: Range<usize>,
 }
 
@@ -197,7 +197,8 @@ impl Slice {
                     }),
                 }
             }
-            keyword if is_ignored(keyword) => self.elements += usize::from(is_element(keyword)),
+            keyword if is_among(keyword, ELEMENTS) => self.elements += 1,
+            keyword if is_among(keyword, IGNORED) => {}
             b"v" => {
                 self.vertices.push(DVec3::NAN);
                 self.bad_vertex(line, keyword_at.end..keyword_at.end);
@@ -239,7 +240,7 @@ fn vertex_number(text: &[u8], at: usize) -> Option<(i64, usize)> {
         Some(b) if !is_blank(*b) => return None,
         _ => {}
     }
-    // A number below −2³¹ cannot be told from a positive one after wrapping; no file has that many vertices.
+    // A number below −2³¹ would wrap to a positive one; no file has that many vertices.
     let value = if negative { -value } else { value };
     (value > -(1 << 31)).then_some((value, i))
 }
@@ -248,50 +249,15 @@ fn whole(line: &Line) -> Range<usize> {
     if is_empty_line(&line.text) { line.start..line.start } else { line.start..line.start + line.text.len() }
 }
 
-/// Statements of the format that make something else of vertices than faces.
-fn is_element(keyword: &[u8]) -> bool {
-    matches!(keyword, b"l" | b"p" | b"curv" | b"curv2" | b"surf" | b"sp" | b"bsp" | b"bzp")
-}
+/// Statements of points, lines, curves and surfaces, which use vertices but make no faces.
+const ELEMENTS: &str = "l p curv curv2 surf sp bsp bzp";
 
-/// Statements of the format that say nothing about triangles or their material.
-fn is_ignored(keyword: &[u8]) -> bool {
-    const IGNORED: [&[u8]; 34] = [
-        b"o",
-        b"g",
-        b"s",
-        b"l",
-        b"p",
-        b"mg",
-        b"cstype",
-        b"deg",
-        b"bmat",
-        b"step",
-        b"curv",
-        b"curv2",
-        b"surf",
-        b"parm",
-        b"trim",
-        b"hole",
-        b"scrv",
-        b"sp",
-        b"end",
-        b"con",
-        b"bevel",
-        b"c_interp",
-        b"d_interp",
-        b"lod",
-        b"maplib",
-        b"usemap",
-        b"shadow_obj",
-        b"trace_obj",
-        b"ctech",
-        b"stech",
-        b"call",
-        b"csh",
-        b"bsp",
-        b"bzp",
-    ];
-    IGNORED.contains(&keyword)
+/// Statements of the format that affect neither triangles nor their material.
+const IGNORED: &str = "o g s mg cstype deg bmat step parm trim hole scrv end con bevel c_interp d_interp lod maplib \
+    usemap shadow_obj trace_obj ctech stech call csh";
+
+fn is_among(keyword: &[u8], statements: &str) -> bool {
+    statements.split(' ').any(|statement| statement.as_bytes() == keyword)
 }
 
 #[cfg(test)]

@@ -22,11 +22,11 @@ pub struct Conditions {
     pub seed: u64,
     /// Whether the scene has random materials or places.
     pub is_random: bool,
-    /// As of [`LoadOptions`].
+    /// See [`LoadOptions::rules`].
     pub rules: MaterialRules,
     /// The rules that make a difference to the scene.
     pub relevant_rules: MaterialRules,
-    /// As of [`LoadOptions`].
+    /// See [`LoadOptions::drop_polygons`].
     pub drop_polygons: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The grid of a point cloud and what its cells know of their points.
+//! The grid of a point cloud and the sums over the points in its cells.
 
 use crate::geom::{Aabb, DVec3, unit};
 use crate::points::PointRow;
@@ -6,7 +6,7 @@ use crate::scene::plane::{Moments, least_direction};
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Number of independent sets of cells. Fixed, so that it decides nothing.
+/// Number of independent sets of cells. Fixed, so that results do not depend on the number of threads.
 pub(super) const SHARDS: usize = 16;
 
 /// Cell numbers along x, y, z.
@@ -75,7 +75,7 @@ pub(super) enum NormalRule {
     Plane,
 }
 
-/// What a cell knows of its points; 136 bytes.
+/// Sums over the points of a cell; 136 bytes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sums {
     /// Number of points.
@@ -163,7 +163,7 @@ impl Cells {
     }
 }
 
-/// Multiplies and mixes; cells are no input that anyone attacks.
+/// Multiplies and mixes; no defence against crafted collisions is needed.
 #[derive(Default)]
 pub(super) struct CellHasher(u64);
 

@@ -21,11 +21,11 @@ use rayon::prelude::*;
 use std::ops::Range;
 use text::RowFormat;
 
-/// Bytes that one task reads.
-const PIECE: usize = 1 << 20;
+/// Bytes of the text that one task reads.
+const PIECE_BYTES: usize = 1 << 20;
 
-/// Fewest points that define a plane.
-const PLANE_POINTS: u32 = 3;
+/// Smallest number of points to which a plane is fitted.
+const MIN_PLANE_POINTS: u32 = 3;
 
 /// Appends one cube per occupied cell of a file's grid, in the order of z, y, x.
 pub(super) fn load(
@@ -80,7 +80,7 @@ pub(super) fn load(
     append_cubes(scene, part, &settings, &grid, shards, materials)
 }
 
-/// A file's points by its form, which the bytes tell and not the name.
+/// A file of points in one of the formats, recognised by its first bytes and not by its name.
 enum Cloud {
     /// Lines; the pieces are read side by side.
     Text {
@@ -91,7 +91,7 @@ enum Cloud {
 }
 
 impl Cloud {
-    /// The form of a file; `None` after an error when it is none.
+    /// Recognises the format of a file; `None` after an error.
     fn of(source: &Source, diagnostics: &mut Diagnostics) -> Option<Cloud> {
         let bytes = source.bytes();
         let extension = source.path().extension().map(|e| e.to_ascii_lowercase());
@@ -110,7 +110,7 @@ impl Cloud {
             }
             None => source
                 .is_text("a point cloud", diagnostics)
-                .then(|| Cloud::Text { pieces: cut_into_pieces(bytes, PIECE) }),
+                .then(|| Cloud::Text { pieces: cut_into_pieces(bytes, PIECE_BYTES) }),
         }
     }
 
@@ -146,8 +146,8 @@ impl Cloud {
         }
     }
 
-    /// Shows the points of a file that is no text to `take`, some batches at a time, in the order of the file, until it
-    /// says that it has seen enough.
+    /// Passes the points of a binary file to `take`, some batches at a time, in the order of the file, as long as it returns
+    /// true.
     fn each_batch(
         &self,
         source: &Source,
@@ -324,7 +324,7 @@ fn append_cubes(
         .flat_map_iter(|shard| shard.into_iter())
         .filter_map(|(cell, sums)| {
             let normal = match settings.rule {
-                NormalRule::Plane if sums.count < PLANE_POINTS => Some(settings.default_normal?),
+                NormalRule::Plane if sums.count < MIN_PLANE_POINTS => Some(settings.default_normal?),
                 _ => sums.normal(settings.rule).or(settings.default_normal),
             };
             let cube = Cube { centre: grid.centre(cell), half: 0.5 * settings.voxel_size };
