@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn a_leaf_and_a_mountain_need_no_memory_for_the_air_between() {
+    fn gaps_between_reflections_need_no_memory() {
         let detector = tls_detector(4.0);
         let map = [(5.0, 1.0), (5e9, 1.0)];
         let waveform = received(&map, &detector);

@@ -35,7 +35,7 @@ impl<'a> Physics<'a> {
                 scene,
                 tree,
                 moving: &[],
-                limits: visible_bounds(scene, &o),
+                visible_bounds: visible_bounds(scene, &o),
                 fixed_incidence: o.fixed_incidence,
                 max_cube_size: scene.geometry.cubes.iter().fold(0.0, |max, c| f64::max(max, c.half * 2.0)),
             },

@@ -39,7 +39,7 @@ impl<'a> SceneView<'a> {
             false => Vec::new(),
         };
         let is_done = around.is_empty()
-            && self.limits.is_none()
+            && self.visible_bounds.is_none()
             && self.shade_triangles(instrument, pulse, &mut scratch.triangles, out);
         if !is_done {
             // Drops what [`SceneView::shade_triangles`] found before it gave up.
@@ -112,7 +112,7 @@ impl<'a> SceneView<'a> {
         if is_continuous {
             scratch.continuum.clear(&instrument.detector);
         }
-        let may_be_occluded = !around.is_empty() || self.limits.is_some();
+        let may_be_occluded = !around.is_empty() || self.visible_bounds.is_some();
         let (triangles, own) = (self.scene.geometry.triangles.len(), self.scene.geometry.len());
         let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
         let mut surface = ShadedSurface::none(self.scene);
@@ -351,7 +351,7 @@ mod tests {
             scene,
             tree: &tree,
             moving: &[],
-            limits: None,
+            visible_bounds: None,
             fixed_incidence: false,
             max_cube_size: 1.0,
         };

@@ -19,7 +19,7 @@ pub(super) struct SceneView<'a> {
     /// The moving objects in their current position.
     pub moving: &'a [DynamicObject],
     /// The scene's box, outside of which nothing is visible; `None` if nothing lies outside or all is visible.
-    pub limits: Option<Aabb>,
+    pub visible_bounds: Option<Aabb>,
     /// All surfaces face the beam.
     pub fixed_incidence: bool,
     /// Edge of the largest cube, m.
@@ -90,7 +90,7 @@ impl<'a> SceneView<'a> {
 
     /// Where an interaction lies relative to the scene's box. Only moving objects ever leave it (spec pulse-physics §6).
     pub fn side_of_bounds(&self, at: &Interaction, direction: DVec3) -> SideOfBounds {
-        let Some(b) = self.limits else { return SideOfBounds::Inside };
+        let Some(b) = self.visible_bounds else { return SideOfBounds::Inside };
         let point = at.point(direction);
         if point.cmpge(b.min - BOX_SLACK).all() && point.cmple(b.max + BOX_SLACK).all() {
             return SideOfBounds::Inside;

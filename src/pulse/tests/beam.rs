@@ -2,27 +2,19 @@
 
 use super::*;
 use crate::flight::Pulse;
-use crate::survey::{Device, Survey};
 
 /// An instrument without haze, losses or threshold: 4 W, 0.15 m, 4 ns, quality `quality`.
 fn lab(divergence: f64, quality: u32) -> Survey {
-    let device = Device {
-        beam: crate::survey::Beam { divergence, visibility: 1e30, efficiency: 1.0, ..tls_device(4.0).beam },
-        detector: crate::survey::Detector {
-            threshold: 1e-300,
-            threshold_given: true,
-            range_min: 1.0,
-            ..tls_device(4.0).detector
-        },
-        waveform: crate::survey::WaveformSettings { quality, ..tls_device(4.0).waveform },
-        ..tls_device(4.0)
-    };
+    let mut device = tls_device(4.0);
+    (device.beam.divergence, device.beam.visibility, device.beam.efficiency) = (divergence, 1e30, 1.0);
+    (device.detector.threshold, device.detector.threshold_given) = (1e-300, true);
+    (device.detector.range_min, device.waveform.quality) = (1.0, quality);
     let mut survey = survey(vec![device]);
     survey.legs[0].scanner.pulse_freq = 100_000;
     survey
 }
 
-/// What `count` pulses along +y from points `at` yield: the sum of the intensities of each.
+/// The sum of the intensities of each of `count` pulses along +y from points `at`.
 fn sums(scene: &Scene, survey: &Survey, at: impl Fn(u64) -> DVec3, count: u64) -> Vec<f64> {
     let aimed: Vec<Pulse> = pulses(count).into_iter().map(|p| Pulse { origin: at(p.number), ..p }).collect();
     let batch = simulate_pulses(scene, survey, PhysicsOptions::refined(), 0, &aimed);
@@ -31,7 +23,7 @@ fn sums(scene: &Scene, survey: &Survey, at: impl Fn(u64) -> DVec3, count: u64) -
     sums
 }
 
-/// The same of one pulse from the origin.
+/// [`sums`] of one pulse from the origin.
 fn one(scene: &Scene, survey: &Survey) -> f64 {
     sums(scene, survey, |_| DVec3::ZERO, 1)[0]
 }

@@ -128,7 +128,7 @@ fn free_paths_depend_on_seed_and_pulse_alone() {
 }
 
 #[test]
-fn leaves_have_no_face_when_corrected() {
+fn leaves_are_met_at_their_mean_angle_when_corrected() {
     let (_, batch) = shares(&column([1.0; 6]), with(legacy(), "foliage_incidence"));
     for e in &batch.echoes {
         let expected = if e.primitive < 2 { 1.0 } else { 2.0 / 3.0 };

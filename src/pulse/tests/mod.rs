@@ -174,7 +174,7 @@ fn an_edge_gives_two_echoes() {
 }
 
 #[test]
-fn a_near_surface_kills_the_pulse_or_only_its_own_subrays() {
+fn a_near_surface_discards_the_pulse_or_only_its_own_subrays() {
     // spec pulse-physics §4.12 (i)
     let survey = step_survey(|_| ());
     let ranges = |near, options| -> Vec<f64> {

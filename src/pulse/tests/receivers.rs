@@ -21,6 +21,11 @@ fn instrument(change: impl Fn(&mut Device)) -> Survey {
     survey
 }
 
+/// The records of `count` pulses in the refined physics.
+fn refined(scene: &Scene, survey: &Survey, count: u64) -> Batch {
+    simulate_pulses(scene, survey, PhysicsOptions::refined(), 0, &pulses(count))
+}
+
 fn wall_at(range: f64) -> Scene {
     rectangles(half_white(), &[wall(-20.0, 20.0, range)])
 }
@@ -59,7 +64,7 @@ fn noise_of_a_signal_to_noise_ratio_shows_in_amplitudes_and_ranges() {
         d.receiver.noise = Some(AmplifierNoise::Ratio { target, value: ratio });
         d.detector.threshold_given = false;
     });
-    let echoes = simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(n)).echoes;
+    let echoes = refined(&wall_at(100.0), &survey, n).echoes;
     assert_eq!(echoes.len() as u64, n, "no pulse is lost, none has two echoes");
     let (mean, sigma) = moments(echoes.iter().map(|e| e.intensity));
     assert!(
@@ -87,9 +92,7 @@ fn the_probability_of_detection_is_the_tail_beyond_the_threshold() {
             noisy(sigma)(d);
             d.detector.threshold = (AT_100_M + over * sigma) * 1e-9;
         });
-        let seen = simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(n))
-            .echoes
-            .len() as f64;
+        let seen = refined(&wall_at(100.0), &survey, n).echoes.len() as f64;
         let expected = 0.5 * erfc(over / std::f64::consts::SQRT_2);
         assert!(
             (seen / n as f64 - expected).abs() < 0.05,
@@ -108,7 +111,7 @@ fn noise_alone_makes_echoes_of_nothing() {
         d.detector.threshold = 4e-9;
     });
     let n = 1000;
-    let batch = simulate_pulses(&scene, &survey, PhysicsOptions::refined(), 0, &pulses(n));
+    let batch = refined(&scene, &survey, n);
     // √(−ρ''(0))/2π·exp(−T²/2σ²) per ns, from the minimum range of 1.5 m to the next pulse 10 µs later.
     let correlation = 3.394_680_67 * (4.0 / 7.0) / (8.0 * 2f64.ln()).sqrt();
     let gate = 1e4 - 1.5 / 0.149_896_229;
@@ -119,14 +122,14 @@ fn noise_alone_makes_echoes_of_nothing() {
         assert!((e.part, e.primitive) == (u32::MAX, u32::MAX) && e.intensity >= 4.0 && e.return_number >= 1);
         assert!((e.position - (e.origin + e.direction * e.range)).length() < 1e-9 && e.range >= 1.5);
     }
-    let again = simulate_pulses(&scene, &survey, PhysicsOptions::refined(), 0, &pulses(n));
+    let again = refined(&scene, &survey, n);
     assert_eq!(again.echoes, batch.echoes);
     // The range and the number of returns limit them.
     let near = instrument(|d| {
         noisy(1.0)(d);
         (d.detector.threshold, d.detector.range_max, d.detector.max_returns) = (3e-9, 150.0, 1);
     });
-    let few = simulate_pulses(&scene, &near, PhysicsOptions::refined(), 0, &pulses(n)).echoes;
+    let few = refined(&scene, &near, n).echoes;
     assert!(!few.is_empty() && few.iter().all(|e| e.range <= 150.0 && e.number_of_returns == 1));
 }
 
@@ -149,7 +152,7 @@ fn without_a_threshold_of_its_own_a_noisy_receiver_stays_above_its_noise() {
             noisy(sigma)(d);
             d.detector.threshold_given = false;
         });
-        simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(200)).echoes.len()
+        refined(&wall_at(100.0), &survey, 200).echoes.len()
     };
     assert_eq!((at(AT_100_M / 12.0), at(AT_100_M / 2.0)), (200, 0));
 }
@@ -162,8 +165,7 @@ fn background_light_makes_shot_noise() {
         d.receiver.bandwidth = Some(2e8);
         d.detector.threshold_given = false;
     });
-    let echoes =
-        simulate_pulses(&wall_at(100.0), &survey, PhysicsOptions::refined(), 0, &pulses(4000)).echoes;
+    let echoes = refined(&wall_at(100.0), &survey, 4000).echoes;
     let expected = (2.0 * 1.602_176_634e-19 * 2e8 * (1e-6 + AT_100_M * 1e-9) / 0.5).sqrt() * 1e9;
     let (_, sigma) = moments(echoes.iter().map(|e| e.intensity));
     assert!((sigma / expected - 1.0).abs() < 0.06, "{sigma} is not {expected}");
@@ -267,7 +269,7 @@ fn recorded_waveforms_have_the_noise_of_the_stated_accuracy() {
 }
 
 #[test]
-fn the_reference_knows_no_receiver() {
+fn the_reference_has_no_receiver() {
     let change = |d: &mut Device| {
         noisy(1e3)(d);
         d.receiver.max_range = Some(ReferenceTarget { range: 1.0, reflectance: 0.5, pulse_freq: None });

@@ -165,7 +165,7 @@ fn overlapping_voxels_add_up() {
 
 /// The view of a scene in the refined physics.
 fn view<'a>(scene: &'a Scene, tree: &'a crate::tree::Tree) -> SceneView<'a> {
-    SceneView { scene, tree, moving: &[], limits: None, fixed_incidence: false, max_cube_size: EDGE }
+    SceneView { scene, tree, moving: &[], visible_bounds: None, fixed_incidence: false, max_cube_size: EDGE }
 }
 
 /// Follows a ray through foliage so thin that it stops nowhere; the number of voxels that it drew a path for.

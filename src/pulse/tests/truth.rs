@@ -11,7 +11,7 @@ fn half_covered() -> Scene {
 }
 
 #[test]
-fn echoes_know_the_surface_normal_and_share_of_their_strongest_subray() {
+fn truths_hold_surface_normal_and_share_of_the_strongest_subray() {
     let options = PhysicsOptions { record_truth: true, ..PhysicsOptions::refined() };
     let mut survey = tls();
     survey.legs[0].scanner.beam_divergence = 2e-3;
