@@ -3,9 +3,9 @@
 //!
 //! Rows are collected to batches of fixed size, so that the bytes do not depend on how they arrived.
 
-use super::PARTIAL;
 use super::columns::{Column, Kind, slices};
-use super::las::ObjectIds;
+use super::objects::ObjectIds;
+use super::summary::PARTIAL;
 use crate::error::{Error, Result};
 use ::arrow_array::{ArrayRef, PrimitiveArray, RecordBatch, types::*};
 use ::arrow_buffer::{Buffer, MutableBuffer, ScalarBuffer};

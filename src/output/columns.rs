@@ -1,9 +1,9 @@
 //! Points as columns: what there is to choose from, for Arrow, Parquet and text with a header. Names and types are those
 //! of LAS where LAS has the dimension, and PDAL's or plain words elsewhere.
 
-use super::las::{LasFormat, ObjectIds, incidence_degrees};
-use super::plan::LegFacts;
-use super::text::seconds;
+use super::codec::{LegFacts, byte, incidence_degrees, seconds};
+use super::las::LasFormat;
+use super::objects::ObjectIds;
 use crate::diag::nearest;
 use crate::geom::{DVec3, degrees};
 use crate::pulse::{Echo, EchoTruth};
@@ -191,9 +191,7 @@ impl ColumnCodec<'_> {
             Column::IncidenceAngle => f32s(out, echoes, incidence_degrees),
             Column::PulseNumber => u64s(out, echoes, |e| e.pulse_number),
             Column::Device => u16s(out, echoes, |e| u16::try_from(e.device).unwrap_or(u16::MAX)),
-            Column::ObjectId => {
-                i32s(out, echoes, |e| self.objects.ids.get(e.part as usize).copied().unwrap_or(0));
-            }
+            Column::ObjectId => i32s(out, echoes, |e| self.objects.of_part(e.part)),
             Column::Part => u32s(out, echoes, |e| e.part),
             Column::Primitive => u32s(out, echoes, |e| e.primitive),
             Column::SurfaceClass => i32s(out, echoes, |e| e.classification),
@@ -216,10 +214,6 @@ impl ColumnCodec<'_> {
             Column::Subray => u32s(out, echoes, |e| e.truth(truths).subray),
         }
     }
-}
-
-fn byte(count: u32) -> u8 {
-    u8::try_from(count).unwrap_or(u8::MAX)
 }
 
 macro_rules! pushers {

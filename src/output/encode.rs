@@ -1,12 +1,12 @@
 //! The workers' share of the output: a batch becomes the bytes of every file that it goes to.
 
+use super::codec::{LegFacts, Piece, PointCodec, encode_points};
 use super::columns::ColumnCodec;
 use super::las::{LasCodec, encode_with_packets};
 use super::layout::{Route, Slots};
-use super::plan::{LegFacts, OutputPlan};
-use super::ply::{PlyAsciiCodec, PlyBinaryCodec, PlyFields, PlyMore};
+use super::plan::OutputPlan;
+use super::ply::{PlyCodec, PlyGroups};
 use super::request::{PointFormat, TrajectoryFormat};
-use super::summary::Tally;
 use super::{table, text};
 use crate::geom::DVec3;
 use crate::pulse::Batch;
@@ -19,38 +19,6 @@ pub struct Encoded {
     /// Index of the leg.
     pub(super) leg: u32,
     pub(super) pieces: Vec<Piece>,
-}
-
-/// What one file gets from a batch.
-#[derive(Debug)]
-pub(super) struct Piece {
-    pub slot: u32,
-    pub bytes: Vec<u8>,
-    pub tally: Tally,
-    /// Waveform packets of LAS points, whose offsets in `bytes` count from here.
-    pub packets: Vec<u8>,
-    /// Whether `bytes` are a block of their own, to which nothing can be appended.
-    pub is_block: bool,
-}
-
-impl Piece {
-    pub fn new(slot: u32, capacity: usize) -> Piece {
-        Piece {
-            slot,
-            bytes: Vec::with_capacity(capacity),
-            tally: Tally::EMPTY,
-            packets: Vec::new(),
-            is_block: false,
-        }
-    }
-
-    /// Records without coordinates, one after the other.
-    fn of<T>(slot: u32, records: &[T], capacity: usize, mut push: impl FnMut(&mut Vec<u8>, &T)) -> Piece {
-        let mut piece = Piece::new(slot, records.len() * capacity);
-        records.iter().for_each(|r| push(&mut piece.bytes, r));
-        piece.tally.records = records.len() as u64;
-        piece
-    }
 }
 
 impl Encoded {
@@ -81,16 +49,6 @@ impl Encoded {
     }
 }
 
-/// How an echo becomes a record of one format.
-pub(super) trait PointCodec {
-    /// Usual bytes per record.
-    const SIZE: usize;
-
-    /// Appends the record; returns its coordinates as stored, or `None` when the format cannot hold them and nothing
-    /// was appended.
-    fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echo: &Echo) -> Option<DVec3>;
-}
-
 /// The text format.
 pub(super) struct XyzCodec<'a> {
     pub shift: DVec3,
@@ -98,7 +56,7 @@ pub(super) struct XyzCodec<'a> {
 }
 
 impl PointCodec for XyzCodec<'_> {
-    const SIZE: usize = 112;
+    const TYPICAL_BYTES: usize = 112;
 
     fn push(&self, out: &mut Vec<u8>, _: &LegFacts, echo: &Echo) -> Option<DVec3> {
         let position = echo.position + self.shift;
@@ -135,7 +93,7 @@ impl OutputPlan {
     ) {
         let own = batch.leg_number.map(LegFacts::new);
         let Some(leg) = own.as_ref().or(self.legs.get(batch.leg as usize)) else { return };
-        let ply = PlyFields { shift: self.shift, objects: &self.objects, more: self.ply_more() };
+        let (shift, objects, groups) = (self.shift, &self.objects, self.ply_groups());
         match format {
             PointFormat::Xyz if self.columns_chosen => {
                 self.tables(leg, slots, batch, echoes, pieces, |out, rows, block| {
@@ -151,18 +109,22 @@ impl OutputPlan {
                 pieces[before..].iter_mut().for_each(|piece| piece.is_block = true);
             }
             PointFormat::Xyz | PointFormat::Bin => {
-                let codec = XyzCodec { shift: self.shift, part_names: &self.part_names };
+                let codec = XyzCodec { shift, part_names: &self.part_names };
                 encode_points(&codec, leg, slots, echoes, pieces);
             }
             PointFormat::Las | PointFormat::Laz | PointFormat::Copc => {
-                let codec = LasCodec { format: &self.las, objects: &self.objects, truths: &batch.truths };
+                let codec = LasCodec { format: &self.las, objects, truths: &batch.truths };
                 match &self.las.packets {
                     None => encode_points(&codec, leg, slots, echoes, pieces),
                     Some(packets) => encode_with_packets(&codec, packets, leg, slots, echoes, batch, pieces),
                 }
             }
-            PointFormat::PlyBinary => encode_points(&PlyBinaryCodec(ply), leg, slots, echoes, pieces),
-            PointFormat::PlyAscii => encode_points(&PlyAsciiCodec(ply), leg, slots, echoes, pieces),
+            PointFormat::PlyBinary => {
+                encode_points(&PlyCodec::<false> { shift, objects, groups }, leg, slots, echoes, pieces);
+            }
+            PointFormat::PlyAscii => {
+                encode_points(&PlyCodec::<true> { shift, objects, groups }, leg, slots, echoes, pieces);
+            }
         }
     }
 
@@ -184,19 +146,20 @@ impl OutputPlan {
             truths: &batch.truths,
         };
         for (index, &slot) in slots.as_slice().iter().enumerate() {
-            let own: Vec<&Echo> = echoes.iter().filter(|echo| slots.of(echo.device) == index).collect();
+            let own: Vec<&Echo> = echoes.iter().filter(|echo| slots.index_of(echo.device) == index).collect();
             let mut piece = Piece::new(slot, 0);
             let mut block = Vec::new();
             codec.push(&mut block, leg, &own);
             write(&mut piece.bytes, own.len(), block);
-            own.iter().for_each(|echo| piece.tally.point(echo.position + self.shift, echo.return_number));
+            own.iter()
+                .for_each(|echo| piece.tally.count_point(echo.position + self.shift, echo.return_number));
             pieces.push(piece);
         }
     }
 
-    /// What vertices hold beyond the usual.
-    pub(super) fn ply_more(&self) -> PlyMore {
-        PlyMore { labels: self.labels, directions: self.misses }
+    /// Groups of PLY properties that are requested.
+    pub(super) fn ply_groups(&self) -> PlyGroups {
+        PlyGroups { labels: self.labels, directions: self.misses }
     }
 
     fn trajectory(&self, format: TrajectoryFormat, slot: u32, batch: &Batch) -> Piece {
@@ -204,11 +167,11 @@ impl OutputPlan {
             TrajectoryFormat::Helios => text::push_pose,
             TrajectoryFormat::Csv => text::push_pose_csv,
         };
-        Piece::of(slot, &batch.poses, 80, |out, pose| push(out, pose.position + self.shift, pose))
+        piece_of(slot, &batch.poses, 80, |out, pose| push(out, pose.position + self.shift, pose))
     }
 
     fn waveforms(&self, slot: u32, batch: &Batch) -> Piece {
-        Piece::of(slot, &batch.waveforms, 512, |out, wave| {
+        piece_of(slot, &batch.waveforms, 512, |out, wave| {
             let samples = batch.samples.get(wave.first_sample..).unwrap_or_default();
             let samples = &samples[..wave.samples.min(samples.len())];
             text::push_waveform(out, wave.origin + self.shift, wave, samples);
@@ -216,7 +179,7 @@ impl OutputPlan {
     }
 
     fn pulses(&self, slot: u32, batch: &Batch) -> Piece {
-        Piece::of(slot, &batch.pulses, 96, |out, pulse| {
+        piece_of(slot, &batch.pulses, 96, |out, pulse| {
             text::push_pulse(out, pulse.origin + self.shift, pulse)
         })
     }
@@ -239,31 +202,10 @@ fn with_misses(batch: &Batch) -> Cow<'_, [Echo]> {
     Cow::Owned(all)
 }
 
-fn encode_points<C: PointCodec>(
-    codec: &C,
-    leg: &LegFacts,
-    slots: &Slots,
-    echoes: &[Echo],
-    pieces: &mut Vec<Piece>,
-) {
-    let first = pieces.len();
-    let push = |piece: &mut Piece, echo: &Echo| match codec.push(&mut piece.bytes, leg, echo) {
-        Some(stored) => piece.tally.point(stored, echo.return_number),
-        None => piece.tally.left_out += 1,
-    };
-    match slots {
-        Slots::One(slot) => {
-            let mut piece = Piece::new(*slot, echoes.len() * C::SIZE);
-            echoes.iter().for_each(|echo| push(&mut piece, echo));
-            pieces.push(piece);
-        }
-        Slots::PerDevice(slots) => {
-            pieces.extend(slots.iter().map(|&slot| Piece::new(slot, 0)));
-            for echo in echoes {
-                if let Some(piece) = pieces.get_mut(first + echo.device as usize) {
-                    push(piece, echo);
-                }
-            }
-        }
-    }
+/// A piece of records without coordinates.
+fn piece_of<T>(slot: u32, records: &[T], typical_bytes: usize, push: impl Fn(&mut Vec<u8>, &T)) -> Piece {
+    let mut piece = Piece::new(slot, records.len() * typical_bytes);
+    records.iter().for_each(|record| push(&mut piece.bytes, record));
+    piece.tally.records = records.len() as u64;
+    piece
 }

@@ -2,9 +2,9 @@
 
 use super::archive::ArchiveStream;
 use super::arrow::{ArrowStream, ParquetStream};
+use super::codec::Piece;
 use super::copc::{self, CopcStream};
-use super::encode::Piece;
-use super::las::{PACKETS_HEADER, packets_header, place_packets};
+use super::las::{PACKETS_HEADER_BYTES, packets_header, place_packets};
 use super::layout::Content;
 use super::layout::FilePlan;
 use super::laz::{self, LazStream};
@@ -13,10 +13,9 @@ use super::plan::{OutputPlan, packets_path};
 use super::ply;
 use super::request::{PacketPlace, PointFormat, TrajectoryFormat};
 use super::stream::{Destination, OutputStream, Patched, is_special};
-use super::summary::{FileKind, FileSummary, Tally};
+use super::summary::{COMPLETE, FileKind, FileSummary, PARTIAL, Tally};
 use super::table;
 use super::text::TRAJECTORY_HEADER;
-use super::{COMPLETE, PARTIAL};
 use crate::error::{Error, Result};
 use ::laz::LazVlr;
 use std::path::{Path, PathBuf};
@@ -97,7 +96,7 @@ impl OutputFile {
             Content::Points(format @ (PointFormat::PlyBinary | PointFormat::PlyAscii)) => {
                 out.append(&vec![
                     b' ';
-                    ply::head(format, plan.epsg, &plan.objects, plan.ply_more(), 0, COMPLETE)
+                    ply::head(format, plan.epsg, &plan.objects, plan.ply_groups(), 0, COMPLETE)
                         .len()
                 ])?;
                 Body::Ply(format)
@@ -240,7 +239,14 @@ impl OutputFile {
             Body::Ply(format) => {
                 self.out.patch(
                     0,
-                    &ply::head(format, plan.epsg, &plan.objects, plan.ply_more(), self.tally.records, state),
+                    &ply::head(
+                        format,
+                        plan.epsg,
+                        &plan.objects,
+                        plan.ply_groups(),
+                        self.tally.records,
+                        state,
+                    ),
                 )?;
             }
         }
@@ -294,7 +300,7 @@ impl Packets {
     /// Completes the file beside the points, under its own name or that of `place`, or moves the packets behind them.
     fn finish(mut self, points: &mut OutputStream, place: Option<&Path>) -> Result<Option<FileSummary>> {
         let bytes = self.out.len();
-        self.out.patch(0, &packets_header(bytes - PACKETS_HEADER))?;
+        self.out.patch(0, &packets_header(bytes - PACKETS_HEADER_BYTES))?;
         let Some(path) = self.path else {
             self.out.pour_into(points)?;
             return Ok(None);

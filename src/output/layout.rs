@@ -69,7 +69,7 @@ impl Slots {
     }
 
     /// Index among them of the file that takes the points of a device.
-    pub fn of(&self, device: u32) -> usize {
+    pub fn index_of(&self, device: u32) -> usize {
         match self {
             Slots::One(_) => 0,
             Slots::PerDevice(_) => device as usize,

@@ -24,6 +24,7 @@
 mod archive;
 mod arrow;
 mod blocks;
+mod codec;
 mod columns;
 mod copc;
 mod crs;
@@ -35,6 +36,7 @@ mod las;
 mod layout;
 mod laz;
 mod number;
+mod objects;
 mod offload;
 mod plan;
 mod ply;
@@ -48,10 +50,6 @@ mod testing;
 mod tests;
 mod text;
 mod writer;
-
-/// What outputs say of themselves, and those of an interrupted run.
-const COMPLETE: &str = "complete";
-const PARTIAL: &str = "partial: the run was interrupted";
 
 pub use archive::unzip;
 pub use columns::Column;

@@ -1,10 +1,12 @@
 //! What will be written, decided and checked before anything is.
 
 use super::arrow::{About, schema};
+use super::codec::LegFacts;
 use super::columns::Column;
 use super::crs::epsg;
-use super::las::{LasFormat, ObjectIds};
+use super::las::LasFormat;
 use super::layout::{Content, FilePlan, Layout, OutputLocation};
+use super::objects::ObjectIds;
 use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
 use super::stream::{Destination, is_special, part_name};
 use super::summary::FileSummary;
@@ -59,22 +61,6 @@ pub struct OutputPlan {
     pub(super) plays: u32,
     /// Files that a run which failed left beside those of earlier runs.
     pub(super) rescued: Mutex<Vec<FileSummary>>,
-}
-
-/// What records say of their leg.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LegFacts {
-    /// The leg's number, as far as 16 bits go.
-    pub number: u16,
-    /// The same plus one, because 0 means "unknown" to readers of LAS.
-    pub source_id: u16,
-}
-
-impl LegFacts {
-    pub fn new(number: u32) -> LegFacts {
-        let number = u16::try_from(number).unwrap_or(u16::MAX);
-        LegFacts { number, source_id: number.saturating_add(1) }
-    }
 }
 
 impl OutputPlan {

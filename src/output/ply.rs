@@ -1,13 +1,10 @@
 //! PLY: a header that counts the vertices, then one record per echo, binary (little-endian) or text.
 
-use super::encode::PointCodec;
-use super::las::ObjectIds;
+use super::codec::{LegFacts, PointCodec, byte, incidence_degrees, seconds};
 use super::number::{push_fixed, push_integer};
-use super::plan::LegFacts;
+use super::objects::ObjectIds;
 use super::request::PointFormat;
-use super::text::seconds;
 use crate::geom::{DVec3, degrees};
-use crate::output::las::incidence_degrees;
 use crate::pulse::Echo;
 
 /// Type and name of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees.
@@ -30,23 +27,23 @@ const PROPERTIES: [(&str, &str); 16] = [
     ("uint", "pulse_number"),
 ];
 
-/// Labels for learning.
+/// Properties of [`PlyGroups::labels`].
 const LABELS: [(&str, &str); 3] = [("uint", "part"), ("uint", "primitive"), ("float", "true_range")];
 
-/// Where the beam went, of missed pulses above all.
+/// Properties of [`PlyGroups::directions`].
 const DIRECTIONS: [(&str, &str); 3] =
     [("float", "beam_direction_x"), ("float", "beam_direction_y"), ("float", "beam_direction_z")];
 
-/// What vertices hold beyond the usual.
+/// Optional groups of properties.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct PlyMore {
-    /// Part, primitive, true range.
+pub(super) struct PlyGroups {
+    /// Part, primitive, true range: labels for machine learning.
     pub labels: bool,
-    /// The beam's direction.
+    /// The beam's direction, which missed pulses have instead of a position.
     pub directions: bool,
 }
 
-impl PlyMore {
+impl PlyGroups {
     fn properties(self) -> impl Iterator<Item = &'static (&'static str, &'static str)> {
         let labels = if self.labels { &LABELS[..] } else { &[] };
         let directions = if self.directions { &DIRECTIONS[..] } else { &[] };
@@ -54,12 +51,12 @@ impl PlyMore {
     }
 }
 
-/// The header of a file with `count` vertices. Its length does not depend on the count: a comment gives way.
+/// The header of a file with `count` vertices. Its length does not depend on the count: a comment is padded instead.
 pub(super) fn head(
     format: PointFormat,
     epsg: Option<u16>,
     objects: &ObjectIds,
-    more: PlyMore,
+    groups: PlyGroups,
     count: u64,
     state: &str,
 ) -> Vec<u8> {
@@ -69,7 +66,7 @@ pub(super) fn head(
         head.push_str(&format!("comment crs EPSG:{code}\n"));
     }
     for (number, name) in &objects.names {
-        // Readers have short lines.
+        // Some readers limit the length of a line.
         let name: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect();
         head.push_str(&format!("comment object {number} {name}\n"));
     }
@@ -77,131 +74,88 @@ pub(super) fn head(
     let count = count.to_string();
     let padding = " ".repeat(20 - count.len());
     head.push_str(&format!("comment .{padding}\nelement vertex {count}\n"));
-    for (kind, name) in PROPERTIES.iter().chain(more.properties()) {
+    for (kind, name) in PROPERTIES.iter().chain(groups.properties()) {
         head.push_str(&format!("property {kind} {name}\n"));
     }
     head.push_str("end_header\n");
     head.into_bytes()
 }
 
-/// The fields of a vertex as they are stored.
-struct Vertex {
-    position: DVec3,
-    /// Intensity and echo width.
-    strength: [f32; 2],
-    /// Return number and number of returns.
-    returns: [u8; 2],
-    classification: i32,
-    gps_time: f64,
-    /// Scan angle, range, incidence angle.
-    geometry: [f32; 3],
-    object: i32,
-    /// Device and leg.
-    source: [u16; 2],
-    pulse: u32,
-}
-
-/// What both encodings need.
-pub(super) struct PlyFields<'a> {
+/// Encodes echoes as vertices, as text if `ASCII`: four decimals, nine for times and directions.
+pub(super) struct PlyCodec<'a, const ASCII: bool> {
     pub shift: DVec3,
     pub objects: &'a ObjectIds,
-    pub more: PlyMore,
+    pub groups: PlyGroups,
 }
 
-impl PlyFields<'_> {
-    fn vertex(&self, leg: &LegFacts, echo: &Echo) -> Vertex {
-        let byte = |count: u32| u8::try_from(count).unwrap_or(u8::MAX);
-        Vertex {
-            position: echo.position + self.shift,
-            strength: [echo.intensity as f32, echo.echo_width as f32],
-            returns: [byte(echo.return_number), byte(echo.number_of_returns)],
-            classification: echo.classification,
-            gps_time: seconds(echo.time_ns),
-            geometry: [degrees(echo.scan_angle) as f32, echo.range as f32, incidence_degrees(echo)],
-            object: self.objects.ids.get(echo.part as usize).copied().unwrap_or(0),
-            source: [u16::try_from(echo.device).unwrap_or(u16::MAX), leg.number],
-            pulse: echo.pulse_number as u32,
+impl<const ASCII: bool> PointCodec for PlyCodec<'_, ASCII> {
+    const TYPICAL_BYTES: usize = if ASCII { 128 } else { 70 };
+
+    fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echo: &Echo) -> Option<DVec3> {
+        let position = echo.position + self.shift;
+        let mut vertex = Vertex::<ASCII> { out };
+        position.to_array().into_iter().for_each(|c| vertex.double::<4>(c));
+        vertex.float::<4>(echo.intensity);
+        vertex.float::<4>(echo.echo_width);
+        vertex.integer(byte(echo.return_number), &[byte(echo.return_number)]);
+        vertex.integer(byte(echo.number_of_returns), &[byte(echo.number_of_returns)]);
+        vertex.integer(echo.classification, &echo.classification.to_le_bytes());
+        vertex.double::<9>(seconds(echo.time_ns));
+        let reals = [degrees(echo.scan_angle) as f32, echo.range as f32, incidence_degrees(echo)];
+        reals.into_iter().for_each(|real| vertex.float::<4>(f64::from(real)));
+        let object = self.objects.of_part(echo.part);
+        vertex.integer(object, &object.to_le_bytes());
+        for number in [u16::try_from(echo.device).unwrap_or(u16::MAX), leg.number] {
+            vertex.integer(number, &number.to_le_bytes());
         }
+        let pulse = echo.pulse_number as u32;
+        vertex.integer(pulse, &pulse.to_le_bytes());
+        if self.groups.labels {
+            [echo.part, echo.primitive].iter().for_each(|i| vertex.integer(*i, &i.to_le_bytes()));
+            vertex.float::<4>(echo.true_range);
+        }
+        if self.groups.directions {
+            echo.direction.to_array().into_iter().for_each(|d| vertex.float::<9>(d));
+        }
+        vertex.end();
+        Some(position)
     }
 }
 
-/// The binary encoding.
-pub(super) struct PlyBinaryCodec<'a>(pub PlyFields<'a>);
-
-impl PointCodec for PlyBinaryCodec<'_> {
-    const SIZE: usize = 70;
-
-    fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echo: &Echo) -> Option<DVec3> {
-        let v = self.0.vertex(leg, echo);
-        v.position.to_array().iter().for_each(|c| out.extend(c.to_le_bytes()));
-        v.strength.iter().for_each(|s| out.extend(s.to_le_bytes()));
-        out.extend(v.returns);
-        out.extend(v.classification.to_le_bytes());
-        out.extend(v.gps_time.to_le_bytes());
-        v.geometry.iter().for_each(|g| out.extend(g.to_le_bytes()));
-        out.extend(v.object.to_le_bytes());
-        v.source.iter().for_each(|s| out.extend(s.to_le_bytes()));
-        out.extend(v.pulse.to_le_bytes());
-        let PlyMore { labels, directions } = self.0.more;
-        if labels {
-            out.extend(echo.part.to_le_bytes());
-            out.extend(echo.primitive.to_le_bytes());
-            out.extend((echo.true_range as f32).to_le_bytes());
-        }
-        if directions {
-            echo.direction.to_array().iter().for_each(|&d| out.extend((d as f32).to_le_bytes()));
-        }
-        Some(v.position)
-    }
+/// Appends the properties of one vertex.
+struct Vertex<'a, const ASCII: bool> {
+    out: &'a mut Vec<u8>,
 }
 
-/// The text encoding: four decimals, nine for the time.
-pub(super) struct PlyAsciiCodec<'a>(pub PlyFields<'a>);
+impl<const ASCII: bool> Vertex<'_, ASCII> {
+    fn double<const DECIMALS: u32>(&mut self, value: f64) {
+        if !ASCII {
+            return self.out.extend(value.to_le_bytes());
+        }
+        push_fixed::<DECIMALS>(self.out, value);
+        self.out.push(b' ');
+    }
 
-impl PointCodec for PlyAsciiCodec<'_> {
-    const SIZE: usize = 128;
+    /// Appends a number that the binary encoding stores in 32 bits.
+    fn float<const DECIMALS: u32>(&mut self, value: f64) {
+        if !ASCII {
+            return self.out.extend((value as f32).to_le_bytes());
+        }
+        self.double::<DECIMALS>(value);
+    }
 
-    fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echo: &Echo) -> Option<DVec3> {
-        let v = self.0.vertex(leg, echo);
-        let decimals = |out: &mut Vec<u8>, value: f64| {
-            push_fixed::<4>(out, value);
-            out.push(b' ');
-        };
-        v.position.to_array().into_iter().for_each(|c| decimals(out, c));
-        decimals(out, echo.intensity);
-        decimals(out, echo.echo_width);
-        for count in v.returns {
-            push_integer(out, count);
-            out.push(b' ');
+    fn integer(&mut self, value: impl itoa::Integer, bytes: &[u8]) {
+        if !ASCII {
+            return self.out.extend_from_slice(bytes);
         }
-        push_integer(out, v.classification);
-        out.push(b' ');
-        push_fixed::<9>(out, v.gps_time);
-        out.push(b' ');
-        v.geometry.into_iter().for_each(|g| decimals(out, f64::from(g)));
-        push_integer(out, v.object);
-        for number in v.source {
-            out.push(b' ');
-            push_integer(out, number);
+        push_integer(self.out, value);
+        self.out.push(b' ');
+    }
+
+    /// Replaces the last separator by the line's end.
+    fn end(self) {
+        if let (true, Some(last)) = (ASCII, self.out.last_mut()) {
+            *last = b'\n';
         }
-        out.push(b' ');
-        push_integer(out, v.pulse);
-        let PlyMore { labels, directions } = self.0.more;
-        if labels {
-            for index in [echo.part, echo.primitive] {
-                out.push(b' ');
-                push_integer(out, index);
-            }
-            out.push(b' ');
-            push_fixed::<4>(out, echo.true_range);
-        }
-        if directions {
-            for d in echo.direction.to_array() {
-                out.push(b' ');
-                push_fixed::<9>(out, d);
-            }
-        }
-        out.push(b'\n');
-        Some(v.position)
     }
 }

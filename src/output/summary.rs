@@ -3,6 +3,11 @@
 use crate::geom::{Aabb, DVec3};
 use std::path::PathBuf;
 
+/// State of an output that is complete, in its metadata.
+pub(super) const COMPLETE: &str = "complete";
+/// State of an output of an interrupted run.
+pub(super) const PARTIAL: &str = "partial: the run was interrupted";
+
 /// What a run has written.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
@@ -65,9 +70,9 @@ impl Tally {
     pub const EMPTY: Tally = Tally { records: 0, left_out: 0, by_return: [0; 15], bounds: Aabb::EMPTY };
 
     /// Counts a point that was written with these coordinates.
-    pub fn point(&mut self, stored: DVec3, return_number: u32) {
+    pub fn count_point(&mut self, stored: DVec3, return_number: u32) {
         self.records += 1;
-        // A missed pulse has no return.
+        // A missed pulse has return number 0.
         if let Some(nth) = return_number.min(15).checked_sub(1) {
             self.by_return[nth as usize] += 1;
         }

@@ -1,6 +1,7 @@
 //! The text files of HELIOS++ (spec outputs §3, §5–7): fields separated by single spaces, no header. And the
 //! trajectory as comma-separated values.
 
+use super::codec::seconds;
 use super::number::{push_fixed, push_integer};
 use crate::flight::PoseSample;
 use crate::geom::{DVec3, degrees};
@@ -84,11 +85,6 @@ pub(super) fn push_pulse(out: &mut Vec<u8>, origin: DVec3, pulse: &PulseRecord) 
     push_count(out, pulse.number);
     push_integer(out, pulse.device);
     out.push(b'\n');
-}
-
-/// Seconds of the week for nanoseconds of the week.
-pub(super) fn seconds(time_ns: f64) -> f64 {
-    time_ns / 1e9
 }
 
 fn push_seconds(out: &mut Vec<u8>, time_ns: f64) {

@@ -1,27 +1,75 @@
-//! The public header block.
+//! The public header block and the variable length records behind it.
 
-use super::LasFormat;
+use super::format::LasFormat;
+use super::vlr::{self, fixed_text};
 use crate::output::request::{LasVersion, PacketPlace};
 use crate::output::summary::Tally;
 
-/// What stands behind the points, and where.
+/// The extended variable length record behind the points, with its position.
 #[derive(Clone, Copy)]
-pub(super) enum Behind {
-    Nothing,
+enum Trailer {
+    None,
     /// Waveform packets.
     Packets(u64),
     /// The list of the octree's nodes.
     Octree(u64),
 }
 
+impl LasFormat {
+    /// Header and variable length records of a file with these points, and with packets that begin at `packets_at` of
+    /// that file; `state` tells how the run ended. The length depends on none of these arguments.
+    pub fn head(
+        &self,
+        laszip: Option<&laz::LazVlr>,
+        tally: &Tally,
+        packets_at: Option<u64>,
+        state: &str,
+    ) -> Vec<u8> {
+        let trailer = packets_at.map_or(Trailer::None, Trailer::Packets);
+        self.head_with(None, laszip, tally, trailer, state)
+    }
+
+    /// Header and variable length records of a file whose points are an octree.
+    pub fn octree_head(
+        &self,
+        laszip: &laz::LazVlr,
+        tally: &Tally,
+        info: &[u8],
+        hierarchy_at: u64,
+        state: &str,
+    ) -> Vec<u8> {
+        let info = vlr::record("copc", 1, "COPC info", info);
+        self.head_with(Some(info), Some(laszip), tally, Trailer::Octree(hierarchy_at), state)
+    }
+
+    fn head_with(
+        &self,
+        first: Option<Vec<u8>>,
+        laszip: Option<&laz::LazVlr>,
+        tally: &Tally,
+        trailer: Trailer,
+        state: &str,
+    ) -> Vec<u8> {
+        let compression = laszip.map(vlr::laszip);
+        let state = Some(vlr::state(state));
+        let vlrs: Vec<&[u8]> =
+            first.iter().chain(&compression).chain(&self.vlrs).chain(&state).map(Vec::as_slice).collect();
+        let mut head = header(self, laszip.is_some(), &vlrs, tally, trailer);
+        vlrs.iter().for_each(|vlr| head.extend_from_slice(vlr));
+        head
+    }
+
+    /// Header of a stream that cannot be completed: the largest number of points, anywhere in the scene.
+    pub fn stream_head(&self, at_most: u64) -> Vec<u8> {
+        let mut by_return = [0; 15];
+        by_return[0] = at_most;
+        let tally = Tally { records: at_most, left_out: 0, by_return, bounds: self.reach };
+        self.head(None, &tally, None, "streamed")
+    }
+}
+
 /// The header, field by field as the specification of LAS lists them.
-pub(super) fn header(
-    format: &LasFormat,
-    compressed: bool,
-    vlrs: &[&[u8]],
-    tally: &Tally,
-    behind: Behind,
-) -> Vec<u8> {
+fn header(format: &LasFormat, compressed: bool, vlrs: &[&[u8]], tally: &Tally, trailer: Trailer) -> Vec<u8> {
     let modern = format.version == LasVersion::V14;
     let size: u16 = if modern { 375 } else { 227 };
     let data = usize::from(size) + vlrs.iter().map(|vlr| vlr.len()).sum::<usize>();
@@ -78,10 +126,10 @@ pub(super) fn header(
     }
     if modern {
         // Start of waveform data packet record
-        let (packets_at, record_at) = match behind {
-            Behind::Nothing => (0, None),
-            Behind::Packets(at) => (at, Some(at)),
-            Behind::Octree(at) => (0, Some(at)),
+        let (packets_at, record_at) = match trailer {
+            Trailer::None => (0, None),
+            Trailer::Packets(at) => (at, Some(at)),
+            Trailer::Octree(at) => (0, Some(at)),
         };
         out.extend(packets_at.to_le_bytes());
         // Start of first extended variable length record, number of them
@@ -95,20 +143,11 @@ pub(super) fn header(
     out
 }
 
-/// Counts by return number where higher ones than `most` were stored as `most`.
-fn by_return(tally: &Tally, most: usize) -> [u64; 15] {
+/// Counts by return number, where returns above `max` were stored as `max`.
+fn by_return(tally: &Tally, max: usize) -> [u64; 15] {
     let mut counts = tally.by_return;
-    let above: u64 = counts[most..].iter().sum();
-    counts[most - 1] += above;
-    counts[most..].fill(0);
+    let above: u64 = counts[max..].iter().sum();
+    counts[max - 1] += above;
+    counts[max..].fill(0);
     counts
-}
-
-/// A text of at most `N − 1` ASCII characters, filled up with NUL.
-pub(super) fn fixed_text<const N: usize>(text: &str) -> [u8; N] {
-    let mut bytes = [0; N];
-    for (byte, c) in bytes[..N - 1].iter_mut().zip(text.chars()) {
-        *byte = if c.is_ascii() && !c.is_ascii_control() { c as u8 } else { b'?' };
-    }
-    bytes
 }

@@ -1,19 +1,14 @@
-//! Waveforms as packets of LAS 1.4: point data record format 9, whose points say where the packet of their pulse stands.
+//! Waveforms as packets of LAS 1.4: point data record format 9, whose points refer to the packet of their pulse.
 //!
-//! A packet is one waveform: 16-bit samples, as many as its descriptor says. There are at most 255 descriptors, and the
-//! header that lists them stands before the first point, while lengths and amplitudes are known only when the pulses have
-//! been fired. So the descriptors are a grid over all lengths and amplitudes that may come: for each width of bin, lengths
-//! that grow by a constant factor (a packet is filled up with samples of amplitude 0) and gains that grow by sixteen.
+//! A packet is one waveform of 16-bit samples, as many as its descriptor says. There are at most 255 descriptors, and the
+//! header that lists them precedes the first point, while lengths and amplitudes are known only when the pulses have been
+//! simulated. So the descriptors are a grid over all lengths and amplitudes that can occur: for each bin width, lengths
+//! that grow by a constant factor (a packet is padded with samples of amplitude 0) and gains that grow by sixteen.
 
-use super::record::LasCodec;
-use super::vlr::record;
+use super::vlr::{fixed_text, record};
 use crate::diag::Diagnostics;
-use crate::output::encode::{Piece, PointCodec};
-use crate::output::las::header::fixed_text;
-use crate::output::layout::Slots;
-use crate::output::plan::LegFacts;
 use crate::output::request::PacketPlace;
-use crate::pulse::{Batch, Echo, WaveformRecord};
+use crate::pulse::{Echo, WaveformRecord};
 use crate::survey::Scanner;
 
 /// Gains: 2^(−44), 2^(−40), … 2^12.
@@ -22,41 +17,39 @@ const GAINS: usize = 15;
 const GAIN_LOG: (i32, i32) = (-44, 4);
 /// The sample that stands for amplitude 0; lower ones are noise below 0.
 const ZERO: f64 = 16_384.0;
-/// Most descriptors.
-const DESCRIPTORS: usize = 255;
+/// Largest number of descriptors that the format allows.
+const MAX_DESCRIPTORS: usize = 255;
 /// Samples of the shortest and of the longest packet.
 const LENGTHS: (f64, f64) = (16.0, 16_777_216.0);
-/// Metres per nanosecond.
+/// Speed of light, m/ns.
 const C: f64 = 0.299792458;
-/// Bytes of the record's part in a point.
-const FIELD: usize = 29;
-/// Where in a point it begins.
-const FIELD_AT: usize = 30;
+/// Bytes of a point's reference to its packet.
+pub(super) const FIELD_BYTES: usize = 29;
 /// Bytes before the first packet.
-pub(in crate::output) const PACKETS_HEADER: u64 = 60;
+pub(in crate::output) const PACKETS_HEADER_BYTES: u64 = 60;
 
 /// How waveforms become packets.
 #[derive(Debug)]
 pub(in crate::output) struct WavePackets {
     pub place: PacketPlace,
-    /// Widths of bins, ns.
+    /// Bin widths, ns.
     bins: Vec<f64>,
-    /// Index of the width, by device.
+    /// Index of the bin width by device.
     by_device: Vec<usize>,
-    /// Samples of the packets of one width, ascending.
+    /// Numbers of samples of the packets of one bin width, ascending.
     lengths: Vec<u32>,
 }
 
-/// Where a waveform's packet stands.
+/// Descriptor and position of a waveform's packet.
 #[derive(Clone, Copy)]
-struct Packet {
+pub(super) struct Packet {
     descriptor: u8,
     offset: u64,
     bytes: u32,
 }
 
 impl WavePackets {
-    /// Lays out the grid of descriptors; `None` with an error where the scanner has too many widths of bins for one.
+    /// Lays out the grid of descriptors; `None` with an error where the scanner has too many bin widths for it.
     pub fn new(place: PacketPlace, scanner: &Scanner, problems: &mut Diagnostics) -> Option<WavePackets> {
         let mut bins: Vec<f64> = Vec::new();
         let mut by_device = Vec::new();
@@ -67,9 +60,9 @@ impl WavePackets {
                 bins.push(bin);
             }
         }
-        let steps = DESCRIPTORS / GAINS / bins.len().max(1);
+        let steps = MAX_DESCRIPTORS / GAINS / bins.len().max(1);
         if steps < 2 {
-            let max_bins = DESCRIPTORS / GAINS / 2;
+            let max_bins = MAX_DESCRIPTORS / GAINS / 2;
             problems.error(
                 None,
                 format!("waveform packets: expected at most {max_bins} widths of bins, found {}", bins.len()),
@@ -81,7 +74,7 @@ impl WavePackets {
         Some(WavePackets { place, bins, by_device, lengths: (0..steps).map(length).collect() })
     }
 
-    /// The records that describe the packets.
+    /// The variable length records that describe the packets.
     pub fn descriptors(&self) -> impl Iterator<Item = Vec<u8>> {
         let all = self.bins.iter().flat_map(|&bin| {
             let lengths = self.lengths.iter();
@@ -103,7 +96,7 @@ impl WavePackets {
     }
 
     /// Appends the samples of a waveform.
-    fn push(&self, out: &mut Vec<u8>, wave: &WaveformRecord, samples: &[f64]) -> Option<Packet> {
+    pub(super) fn push(&self, out: &mut Vec<u8>, wave: &WaveformRecord, samples: &[f64]) -> Option<Packet> {
         let bin = *self.by_device.get(wave.device as usize)?;
         let step = self.lengths.iter().position(|&length| samples.len() <= length as usize)?;
         let length = *self.lengths.get(step)? as usize;
@@ -124,7 +117,7 @@ impl WavePackets {
     }
 
     /// The point's reference to its packet.
-    fn field(&self, packet: Packet, wave: &WaveformRecord, echo: &Echo) -> [u8; FIELD] {
+    pub(super) fn field(&self, packet: Packet, wave: &WaveformRecord, echo: &Echo) -> [u8; FIELD_BYTES] {
         let bin =
             self.by_device.get(wave.device as usize).and_then(|&b| self.bins.get(b)).copied().unwrap_or(1.0);
         let spacing = f64::from(spacing(bin));
@@ -132,7 +125,7 @@ impl WavePackets {
         let sample = (echo.range / C - wave.start_ns) / bin;
         // Towards the scanner, metres per picosecond
         let step = echo.direction * (-C * bin / spacing);
-        let mut field = [0; FIELD];
+        let mut field = [0; FIELD_BYTES];
         field[0] = packet.descriptor;
         field[1..9].copy_from_slice(&packet.offset.to_le_bytes());
         field[9..13].copy_from_slice(&packet.bytes.to_le_bytes());
@@ -148,73 +141,14 @@ fn gain(step: usize) -> f64 {
     libm::exp2(f64::from(GAIN_LOG.0 + GAIN_LOG.1 * step as i32))
 }
 
-/// Picoseconds of a bin as the descriptors have them. The points' parameters make up for what the rounding takes away.
+/// Bin width in picoseconds as stored in descriptors. The parameters of the points compensate its rounding error.
 fn spacing(bin: f64) -> u32 {
     (bin * 1000.0).round().max(1.0) as u32
 }
 
-/// Encodes the echoes of a batch with the packets of their pulses. All echoes of a pulse refer to the same packet.
-pub(in crate::output) fn encode_with_packets(
-    codec: &LasCodec,
-    packets: &WavePackets,
-    leg: &LegFacts,
-    slots: &Slots,
-    echoes: &[Echo],
-    batch: &Batch,
-    pieces: &mut Vec<Piece>,
-) {
-    let first = pieces.len();
-    pieces.extend(slots.as_slice().iter().map(|&slot| Piece::new(slot, 0)));
-    // Echoes and waveforms are both in the order of emission.
-    let mut waves = batch.waveforms.iter().peekable();
-    let mut latest: Option<(&WaveformRecord, Option<Packet>)> = None;
-    for echo in echoes {
-        let Some(piece) = pieces.get_mut(first + slots.of(echo.device)) else { continue };
-        let is_its =
-            |wave: &WaveformRecord| (wave.device, wave.pulse_number) == (echo.device, echo.pulse_number);
-        if !latest.is_some_and(|(wave, _)| is_its(wave))
-            && let Some(wave) = waves.next_if(|wave| is_its(wave))
-        {
-            let samples = batch.samples.get(wave.first_sample..).unwrap_or_default();
-            let samples = &samples[..wave.samples.min(samples.len())];
-            latest = Some((wave, packets.push(&mut piece.packets, wave, samples)));
-        }
-        let field = match latest {
-            Some((wave, Some(packet))) if is_its(wave) => packets.field(packet, wave, echo),
-            // Descriptor 0: no packet
-            _ => [0; FIELD],
-        };
-        let at = piece.bytes.len() + FIELD_AT;
-        match codec.push(&mut piece.bytes, leg, echo) {
-            Some(stored) => {
-                piece.bytes.splice(at..at, field);
-                piece.tally.point(stored, echo.return_number);
-            }
-            None => piece.tally.left_out += 1,
-        }
-    }
-}
-
-/// Moves the references of packed points to where their packets stand: `before` bytes after the beginning.
-pub(in crate::output) fn place_packets(points: &mut [u8], record_length: u16, before: u64) {
-    for point in points.chunks_exact_mut(usize::from(record_length)) {
-        let Some((descriptor, offset)) =
-            point.get_mut(FIELD_AT..FIELD_AT + 9).and_then(<[u8]>::split_first_mut)
-        else {
-            return;
-        };
-        if *descriptor != 0 {
-            let mut within = [0; 8];
-            within.copy_from_slice(offset);
-            offset.copy_from_slice(&(u64::from_le_bytes(within) + before).to_le_bytes());
-        }
-    }
-}
-
-/// The header before the packets, an extended variable length record of `length` bytes; files of packets begin with the
-/// same.
+/// The header before the packets, an extended variable length record of `length` bytes, also in files of packets alone.
 pub(in crate::output) fn packets_header(length: u64) -> Vec<u8> {
-    let mut out = Vec::with_capacity(PACKETS_HEADER as usize);
+    let mut out = Vec::with_capacity(PACKETS_HEADER_BYTES as usize);
     // Reserved
     out.extend(0u16.to_le_bytes());
     // User ID
@@ -237,7 +171,7 @@ mod tests {
         WavePackets::new(PacketPlace::Inside, &survey(2, &[]).scanner, &mut Diagnostics::default()).unwrap()
     }
 
-    /// What a reader does: the amplitudes of a packet.
+    /// The amplitudes of a packet as a reader computes them.
     fn decode(packets: &WavePackets, packet: Packet, bytes: &[u8]) -> Vec<f64> {
         let all: Vec<Vec<u8>> = packets.descriptors().collect();
         let vlr = &all[usize::from(packet.descriptor) - 1][54..];
@@ -252,7 +186,7 @@ mod tests {
     #[test]
     fn every_length_and_amplitude_has_a_descriptor() {
         let packets = packets();
-        assert!(packets.descriptors().count() <= DESCRIPTORS);
+        assert!(packets.descriptors().count() <= MAX_DESCRIPTORS);
         let wave = batch(0, 0, 1).waveforms[0];
         let mut bytes = vec![1, 2, 3];
         for length in [1, 16, 17, 100, 5000] {

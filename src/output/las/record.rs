@@ -1,50 +1,46 @@
 //! Point data records.
 
-use super::{LasFormat, ObjectIds};
+use super::format::LasFormat;
 use crate::geom::{DVec3, degrees};
-use crate::output::encode::PointCodec;
-use crate::output::plan::LegFacts;
+use crate::output::codec::{LegFacts, PointCodec, incidence_degrees, seconds};
+use crate::output::objects::ObjectIds;
 use crate::output::request::{ExtraDimensions, IntensityMapping, LasVersion};
-use crate::output::text::seconds;
 use crate::pulse::{Echo, EchoTruth};
 
-/// Packs echoes as points.
+/// Encodes echoes as point data records, without the fields of waveform packets.
 pub(in crate::output) struct LasCodec<'a> {
     pub format: &'a LasFormat,
     pub objects: &'a ObjectIds,
-    /// What really caused the echoes of the batch.
+    /// True causes of the echoes of the batch.
     pub truths: &'a [EchoTruth],
 }
 
 /// 1000·log10(a) = DECIBEL·ln(a)
 const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
 
-/// The bit that marks points as not to be used: missed pulses.
+/// Flags "withheld" of formats 6 and 1, which missed pulses have.
 const WITHHELD_6: u8 = 1 << 2;
 const WITHHELD_1: u8 = 1 << 7;
 
-/// The nearest whole number, of two the even one, as far as 2^51: `f64::round_ties_even`, which is a call where there is no
-/// instruction for it. Larger numbers stay about as large.
+/// Bytes of the longest record.
+const MAX_RECORD_BYTES: usize = 112;
+
+/// `f64::round_ties_even` for numbers below 2^51, without the call that it is where the processor has no instruction for
+/// it. Larger numbers keep about their size.
 #[inline(always)]
 fn round_half_even(x: f64) -> f64 {
     const UNIT_IS_LAST_DIGIT: f64 = 1.5 * (1u64 << 52) as f64;
     (x + UNIT_IS_LAST_DIGIT) - UNIT_IS_LAST_DIGIT
 }
 
-/// Bytes of the longest record.
-const LONGEST: usize = 112;
-
 impl PointCodec for LasCodec<'_> {
-    const SIZE: usize = LONGEST;
+    const TYPICAL_BYTES: usize = MAX_RECORD_BYTES;
 
     fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echo: &Echo) -> Option<DVec3> {
         let stored = self.stored(echo.position)?;
-        let mut record = Record { bytes: [0; LONGEST], at: 0 };
-        match self.format.version {
-            LasVersion::V14 => self.format_6(&mut record, stored, leg, echo),
-            LasVersion::V10 => self.format_1(&mut record, stored, leg, echo),
-        }
-        self.extra(&mut record, echo);
+        let mut record = Record { bytes: [0; MAX_RECORD_BYTES], at: 0 };
+        self.put_base(&mut record, stored, leg, echo);
+        self.put_extra(&mut record, echo);
         out.extend_from_slice(&record.bytes[..record.at]);
         Some(stored)
     }
@@ -61,52 +57,49 @@ impl LasCodec<'_> {
         holds.then_some(stored)
     }
 
-    fn format_6(&self, record: &mut Record, stored: DVec3, leg: &LegFacts, echo: &Echo) {
+    /// The fields that the format defines: 6 of LAS 1.4, 1 of LAS 1.0.
+    fn put_base(&self, record: &mut Record, stored: DVec3, leg: &LegFacts, echo: &Echo) {
+        let (withheld, angle) = (echo.is_miss(), degrees(echo.scan_angle));
         // X, Y, Z
         stored.to_array().into_iter().for_each(|c| record.put((c as i32).to_le_bytes()));
         // Intensity
         record.put(self.format.digital_intensity(echo.intensity).to_le_bytes());
-        // Return number, number of returns
-        record.put([at_most(echo.return_number, 15) | at_most(echo.number_of_returns, 15) << 4]);
-        // Classification flags, scanner channel, scan direction flag, edge of flight line
-        record.put([((echo.device & 3) as u8) << 4 | if echo.is_miss() { WITHHELD_6 } else { 0 }]);
-        // Classification
-        record.put([u8::try_from(echo.classification).unwrap_or(0)]);
-        // User data
-        record.put([0]);
-        // Scan angle, 0.006 degrees
-        record.put(
-            (round_half_even((degrees(echo.scan_angle) / 0.006).clamp(-30_000.0, 30_000.0)) as i16)
-                .to_le_bytes(),
-        );
+        match self.format.version {
+            LasVersion::V14 => {
+                // Return number, number of returns
+                record.put([clamped(echo.return_number, 15) | clamped(echo.number_of_returns, 15) << 4]);
+                // Classification flags, scanner channel, scan direction flag, edge of flight line
+                record.put([((echo.device & 3) as u8) << 4 | if withheld { WITHHELD_6 } else { 0 }]);
+                // Classification
+                record.put([u8::try_from(echo.classification).unwrap_or(0)]);
+                // User data
+                record.put([0]);
+                // Scan angle, 0.006 degrees
+                let steps = round_half_even((angle / 0.006).clamp(-30_000.0, 30_000.0));
+                record.put((steps as i16).to_le_bytes());
+            }
+            LasVersion::V10 => {
+                // Return number, number of returns, scan direction flag, edge of flight line
+                record.put([clamped(echo.return_number, 7) | clamped(echo.number_of_returns, 7) << 3]);
+                // Classification and its flags
+                let class = u8::try_from(echo.classification).ok().filter(|&c| c < 32).unwrap_or(0);
+                record.put([class | if withheld { WITHHELD_1 } else { 0 }]);
+                // Scan angle rank, degrees
+                record.put([angle.clamp(-90.0, 90.0).round_ties_even() as i8 as u8]);
+                // User data
+                record.put([0]);
+            }
+        }
         // Point source ID
         record.put(leg.source_id.to_le_bytes());
         // GPS time
         record.put(seconds(echo.time_ns).to_le_bytes());
     }
 
-    fn format_1(&self, record: &mut Record, stored: DVec3, leg: &LegFacts, echo: &Echo) {
-        // X, Y, Z
-        stored.to_array().into_iter().for_each(|c| record.put((c as i32).to_le_bytes()));
-        // Intensity
-        record.put(self.format.digital_intensity(echo.intensity).to_le_bytes());
-        // Return number, number of returns, scan direction flag, edge of flight line
-        record.put([at_most(echo.return_number, 7) | at_most(echo.number_of_returns, 7) << 3]);
-        // Classification
-        let class = u8::try_from(echo.classification).ok().filter(|&c| c < 32).unwrap_or(0);
-        record.put([class | if echo.is_miss() { WITHHELD_1 } else { 0 }]);
-        // Scan angle rank, degrees
-        record.put([degrees(echo.scan_angle).clamp(-90.0, 90.0).round_ties_even() as i8 as u8]);
-        // User data
-        record.put([0]);
-        // Point source ID
-        record.put(leg.source_id.to_le_bytes());
-        // GPS time
-        record.put(seconds(echo.time_ns).to_le_bytes());
-    }
-
-    fn extra(&self, record: &mut Record, echo: &Echo) {
-        if self.format.extra == ExtraDimensions::None {
+    /// The extra bytes, in the order in which [`super::vlr`] describes them.
+    fn put_extra(&self, record: &mut Record, echo: &Echo) {
+        let LasFormat { extra, groups, .. } = self.format;
+        if *extra == ExtraDimensions::None {
             return;
         }
         // echo_width
@@ -114,10 +107,10 @@ impl LasCodec<'_> {
         // fullwaveIndex
         record.put((echo.pulse_number as u32).to_le_bytes());
         // hitObjectId
-        record.put(self.objects.ids.get(echo.part as usize).copied().unwrap_or(0).to_le_bytes());
+        record.put(self.objects.of_part(echo.part).to_le_bytes());
         // heliosAmplitude
         record.put(echo.intensity.to_le_bytes());
-        if self.format.extra == ExtraDimensions::Helios {
+        if *extra == ExtraDimensions::Helios {
             return;
         }
         // device
@@ -126,7 +119,7 @@ impl LasCodec<'_> {
         record.put((echo.range as f32).to_le_bytes());
         // incidence_angle
         record.put(incidence_degrees(echo).to_le_bytes());
-        if self.format.groups.labels {
+        if groups.labels {
             // part
             record.put(echo.part.to_le_bytes());
             // primitive
@@ -134,14 +127,14 @@ impl LasCodec<'_> {
             // true_range
             record.put((echo.true_range as f32).to_le_bytes());
         }
-        if self.format.groups.directions {
+        if groups.directions {
             // BeamDirectionX, BeamDirectionY, BeamDirectionZ
             echo.direction.to_array().into_iter().for_each(|d| record.put((d as f32).to_le_bytes()));
         }
-        if self.format.groups.true_positions {
+        if groups.true_positions {
             // TrueX, TrueY, TrueZ; the format's offset and shift together are the scene's shift.
-            let place = echo.true_position(self.truths) + self.format.offset + self.format.shift;
-            place.to_array().into_iter().for_each(|c| record.put(c.to_le_bytes()));
+            let position = echo.true_position(self.truths) + self.format.offset + self.format.shift;
+            position.to_array().into_iter().for_each(|c| record.put(c.to_le_bytes()));
         }
     }
 }
@@ -163,17 +156,12 @@ impl LasFormat {
     }
 }
 
-/// Angle between beam and surface normal, degrees.
-pub(in crate::output) fn incidence_degrees(echo: &Echo) -> f32 {
-    degrees(libm::acos(echo.incidence_cosine.clamp(-1.0, 1.0))) as f32
-}
-
-fn at_most(count: u32, most: u8) -> u8 {
-    u8::try_from(count).unwrap_or(u8::MAX).min(most)
+fn clamped(count: u32, max: u8) -> u8 {
+    u8::try_from(count).unwrap_or(u8::MAX).min(max)
 }
 
 struct Record {
-    bytes: [u8; LONGEST],
+    bytes: [u8; MAX_RECORD_BYTES],
     at: usize,
 }
 

@@ -1,6 +1,5 @@
 //! Variable length records.
 
-use super::header::fixed_text;
 use crate::diag::Diagnostics;
 use crate::output::crs::{EpsgKind, epsg};
 use crate::output::request::{ExtraDimensions, IntensityMapping, LasSettings, LasVersion};
@@ -23,35 +22,35 @@ const DIMENSIONS: [(u8, u16, &str, &str); 7] = [
     (F32, 4, "incidence_angle", "angle to the normal, degrees"),
 ];
 
-/// Labels for learning.
+/// Dimensions of [`Groups::labels`].
 const LABELS: [(u8, u16, &str, &str); 3] = [
     (U32, 4, "part", "index of the part in the scene"),
     (U32, 4, "primitive", "index of triangle or voxel"),
     (F32, 4, "true_range", "range without noise or bins, m"),
 ];
 
-/// Where the beam went, of missed pulses above all.
+/// Dimensions of [`Groups::directions`].
 const DIRECTIONS: [(u8, u16, &str, &str); 3] = [
     (F32, 4, "BeamDirectionX", "unit vector of the beam"),
     (F32, 4, "BeamDirectionY", "unit vector of the beam"),
     (F32, 4, "BeamDirectionZ", "unit vector of the beam"),
 ];
 
-/// Where points are with the pose that was flown.
+/// Dimensions of [`Groups::true_positions`].
 const TRUE_POSITIONS: [(u8, u16, &str, &str); 3] = [
     (F64, 8, "TrueX", "position without navigation errors"),
     (F64, 8, "TrueY", "position without navigation errors"),
     (F64, 8, "TrueZ", "position without navigation errors"),
 ];
 
-/// Groups of extra dimensions that a run may ask for.
+/// Optional groups of extra dimensions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Groups {
-    /// Part, primitive and true range.
+    /// Part, primitive and true range: labels for machine learning.
     pub labels: bool,
-    /// The beam's direction.
+    /// The beam's direction, which missed pulses have instead of a position.
     pub directions: bool,
-    /// Position with the pose that was flown.
+    /// Position computed with the true pose, without errors of navigation.
     pub true_positions: bool,
 }
 
@@ -124,12 +123,12 @@ pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) ->
     }
 }
 
-/// What a reader has to know of waveform packets.
+/// Remarks on waveform packets.
 const PACKETS: &str = "Waveform packets: 16-bit samples, amplitude = digitizer offset + digitizer gain * sample; samples \
      behind the end of the waveform have the amplitude 0.\nParametric dx, dy, dz: point towards the scanner; sample i lies \
      at point + (location - i * spacing) * (dx, dy, dz).\n";
 
-/// What a reader has to know of the dimensions.
+/// The record of remarks: conventions of the dimensions.
 pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
     let intensity = match settings.intensity {
         IntensityMapping::Decibel => {
@@ -153,12 +152,12 @@ pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
     record("LASF_Spec", 3, "remarks", &data)
 }
 
-/// How the run ended, in a record of fixed length.
+/// The record of fixed length that tells how the run ended.
 pub(super) fn state(text: &str) -> Vec<u8> {
     record("vlscan", 2, "state of the run", &fixed_text::<40>(text))
 }
 
-/// Names of objects whose id is no number: lines of integer, tab, name, in as many records as they need.
+/// The names of objects whose id is no number: lines of integer, tab, name, in as many records as they need.
 pub(super) fn object_names(names: &[(i32, String)]) -> Vec<Vec<u8>> {
     let mut records = Vec::new();
     let mut data = Vec::new();
@@ -177,7 +176,7 @@ pub(super) fn object_names(names: &[(i32, String)]) -> Vec<Vec<u8>> {
     records
 }
 
-/// How the points are compressed.
+/// The record of LASzip that describes the compression.
 pub(super) fn laszip(laszip: &laz::LazVlr) -> Vec<u8> {
     let mut data = Vec::new();
     // Writing into a vector cannot fail.
@@ -185,6 +184,7 @@ pub(super) fn laszip(laszip: &laz::LazVlr) -> Vec<u8> {
     record(laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID, laz::LazVlr::DESCRIPTION, &data)
 }
 
+/// A variable length record: header and data.
 pub(super) fn record(user: &str, id: u16, description: &str, data: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(54 + data.len());
     // Reserved
@@ -199,4 +199,13 @@ pub(super) fn record(user: &str, id: u16, description: &str, data: &[u8]) -> Vec
     out.extend(fixed_text::<32>(description));
     out.extend_from_slice(data);
     out
+}
+
+/// A text of at most `N − 1` ASCII characters, filled up with NUL.
+pub(super) fn fixed_text<const N: usize>(text: &str) -> [u8; N] {
+    let mut bytes = [0; N];
+    for (byte, c) in bytes[..N - 1].iter_mut().zip(text.chars()) {
+        *byte = if c.is_ascii() && !c.is_ascii_control() { c as u8 } else { b'?' };
+    }
+    bytes
 }

@@ -1,14 +1,14 @@
-//! Part ids as integers.
+//! Ids of scene parts as integers.
 
 use crate::scene::Part;
 use std::collections::BTreeMap;
 
 /// The integer of every part, and the names of those whose id is another text (spec outputs trap 2).
 #[derive(Debug, Default)]
-pub(in crate::output) struct ObjectIds {
-    /// By index of the part.
-    pub ids: Vec<i32>,
-    /// Integers and the ids that they stand for, ascending; parts whose id is just that integer are left out.
+pub(super) struct ObjectIds {
+    /// Integers by index of the part.
+    ids: Vec<i32>,
+    /// Integers and the ids that they replace, ascending; ids that are just the integer are left out.
     pub names: Vec<(i32, String)>,
 }
 
@@ -28,7 +28,7 @@ impl ObjectIds {
         let mut free = taken.last_key_value().map_or(0, |(&highest, _)| highest);
         for part in parts.iter().filter(|part| !part.id.is_empty()) {
             if !known.contains_key(part.id.as_str()) {
-                // Round the end of the integers, should someone use the last one.
+                // Wraps around where a part has the largest integer.
                 free = free.wrapping_add(1);
                 while taken.contains_key(&free) {
                     free = free.wrapping_add(1);
@@ -40,6 +40,11 @@ impl ObjectIds {
         let ids = parts.iter().map(|part| known.get(part.id.as_str()).copied().unwrap_or(0)).collect();
         let named = taken.into_iter().filter(|(number, id)| number.to_string() != *id);
         ObjectIds { ids, names: named.map(|(number, id)| (number, id.to_owned())).collect() }
+    }
+
+    /// The integer of a part; 0 where there is no such part.
+    pub fn of_part(&self, part: u32) -> i32 {
+        self.ids.get(part as usize).copied().unwrap_or(0)
     }
 }
 

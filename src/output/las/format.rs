@@ -1,0 +1,219 @@
+//! What all LAS files of a run have in common: version, scale, offset, extra bytes, records before the points.
+
+use super::packets::WavePackets;
+use super::vlr::{self, Groups};
+use crate::diag::Diagnostics;
+use crate::geom::{Aabb, DVec3};
+use crate::output::objects::ObjectIds;
+use crate::output::request::{
+    ExtraDimensions, IntensityMapping, LasVersion, OutputRequest, PacketPlace, PointFormat,
+};
+use crate::scene::Scene;
+use crate::survey::Scanner;
+
+/// The format of all LAS files of a run.
+#[derive(Debug)]
+pub(in crate::output) struct LasFormat {
+    pub version: LasVersion,
+    /// Metres per unit.
+    pub scale: f64,
+    /// World position of the integers' origin.
+    pub offset: DVec3,
+    /// The scene's shift relative to the offset.
+    pub shift: DVec3,
+    pub intensity: IntensityMapping,
+    pub extra: ExtraDimensions,
+    /// The number of points in the header of a stream that cannot be completed.
+    pub at_most: Option<u64>,
+    /// Box around the points that can occur, as integers, for the headers of such streams.
+    pub(super) reach: Aabb,
+    /// Optional groups of extra dimensions.
+    pub groups: Groups,
+    /// Layout of waveform packets, if they are requested.
+    pub packets: Option<WavePackets>,
+    pub(super) creation: (u16, u16),
+    pub(super) system: String,
+    /// Variable length records, except that of the compression.
+    pub(super) vlrs: Vec<Vec<u8>>,
+}
+
+impl LasFormat {
+    /// Chooses scale and offset and prepares the records that stand before the points.
+    pub fn new(
+        request: &OutputRequest,
+        scene: &Scene,
+        scanner: &Scanner,
+        crs: Option<&str>,
+        objects: &ObjectIds,
+        problems: &mut Diagnostics,
+    ) -> LasFormat {
+        let settings = &request.las;
+        let offset = DVec3::from(scene.shift.to_array().map(|c| if c.is_finite() { c.round() } else { 0.0 }));
+        if let IntensityMapping::Linear { full_scale } = settings.intensity
+            && !(full_scale > 0.0 && full_scale.is_finite())
+        {
+            problems.error(
+                None,
+                format!("expected an amplitude of full intensity greater than 0, found {full_scale}"),
+            );
+        }
+        let groups = Groups {
+            labels: request.labels,
+            directions: request.misses,
+            true_positions: request.true_positions,
+        };
+        let mut vlrs = Vec::new();
+        if settings.extra != ExtraDimensions::None {
+            vlrs.push(vlr::extra_bytes(settings.extra, groups));
+        }
+        vlrs.extend(crs.and_then(|wkt| vlr::crs(settings.version, wkt, problems)));
+        let packets = settings.packets.and_then(|place| {
+            if settings.version == LasVersion::V10 {
+                problems.error(None, "LAS 1.0 has no waveform packets").help("write LAS 1.4");
+                return None;
+            }
+            WavePackets::new(place, scanner, problems)
+        });
+        if request.sinks.iter().any(|(_, format)| *format == PointFormat::Copc) {
+            if settings.version == LasVersion::V10 {
+                problems.error(None, "COPC is LAS 1.4").help("leave out --las10, or write plain LAZ");
+            }
+            if packets.is_some() {
+                problems.error(None, "COPC has no waveform packets").help("write plain LAZ for them");
+            }
+        }
+        vlrs.extend(packets.iter().flat_map(WavePackets::descriptors));
+        vlrs.push(vlr::remarks(settings));
+        vlrs.extend(vlr::object_names(&objects.names));
+        let scale = choose_scale(settings.scale, &scene.bounds, problems);
+        let shift = scene.shift - offset;
+        if settings.at_most.is_some() && settings.packets == Some(PacketPlace::Inside) {
+            problems
+                .error(None, "waveform packets after the points need a header that is completed at the end")
+                .help("--wave-packets beside, or no --las-at-most");
+        }
+        LasFormat {
+            version: settings.version,
+            scale,
+            at_most: settings.at_most,
+            reach: reach(&scene.bounds, shift, scale),
+            offset,
+            shift,
+            intensity: settings.intensity,
+            extra: settings.extra,
+            creation: request.creation,
+            groups,
+            packets,
+            system: scanner.name.clone(),
+            vlrs,
+        }
+    }
+
+    /// Number of the point data record format.
+    pub fn point_format(&self) -> u8 {
+        match (self.version, &self.packets) {
+            (LasVersion::V14, None) => 6,
+            (LasVersion::V14, Some(_)) => 9,
+            (LasVersion::V10, _) => 1,
+        }
+    }
+
+    /// Bytes of a point without extra bytes.
+    pub fn base_length(&self) -> u16 {
+        match (self.version, &self.packets) {
+            (LasVersion::V14, None) => 30,
+            (LasVersion::V14, Some(_)) => 59,
+            (LasVersion::V10, _) => 28,
+        }
+    }
+
+    /// Extra bytes of a point.
+    pub fn extra_length(&self) -> u16 {
+        vlr::extra_length(self.extra, self.groups)
+    }
+
+    /// Bytes of a point.
+    pub fn record_length(&self) -> u16 {
+        self.base_length() + self.extra_length()
+    }
+
+    /// Largest number of points of a file.
+    pub fn max_points(&self) -> u64 {
+        match self.version {
+            LasVersion::V14 => u64::MAX,
+            LasVersion::V10 => u64::from(u32::MAX),
+        }
+    }
+
+    /// Whether the waveform packets are written into the same file.
+    pub fn packets_inside(&self) -> bool {
+        self.packet_place() == Some(PacketPlace::Inside)
+    }
+
+    /// Where the waveform packets are written, if there are any.
+    pub fn packet_place(&self) -> Option<PacketPlace> {
+        self.packets.as_ref().map(|p| p.place)
+    }
+
+    /// World coordinates of a box of integers.
+    pub fn world(&self, stored: &Aabb) -> Aabb {
+        if stored.is_empty() {
+            return Aabb::EMPTY;
+        }
+        Aabb { min: stored.min * self.scale + self.offset, max: stored.max * self.scale + self.offset }
+    }
+}
+
+/// The scene's box enlarged by ten metres for range noise, as integers.
+fn reach(bounds: &Aabb, shift: DVec3, scale: f64) -> Aabb {
+    if bounds.is_empty() {
+        return Aabb::EMPTY;
+    }
+    let margin = DVec3::splat(10.0);
+    Aabb { min: (bounds.min - margin + shift) / scale, max: (bounds.max + margin + shift) / scale }
+}
+
+/// The requested scale, or the smallest of 0.1 mm, 1 mm ... that holds the scene.
+fn choose_scale(requested: Option<f64>, bounds: &Aabb, problems: &mut Diagnostics) -> f64 {
+    // Range noise carries points beyond the scene's box.
+    let reach = if bounds.is_empty() {
+        0.0
+    } else {
+        bounds.min.abs().max(bounds.max.abs()).max_element() * 1.01 + 10.0
+    };
+    let fits = |scale: f64| reach / scale < f64::from(i32::MAX);
+    let Some(scale) = requested else {
+        let scales = [1e-4, 1e-3, 1e-2, 0.1, 1.0];
+        return scales.into_iter().find(|&s| fits(s)).unwrap_or(reach / 1e9);
+    };
+    if !(scale > 0.0 && scale.is_finite()) {
+        problems.error(None, format!("expected a LAS scale greater than 0 m, found {scale}"));
+    } else if !fits(scale) {
+        let min_scale = reach / f64::from(i32::MAX);
+        problems
+            .error(None, format!("the coordinates of the scene exceed 32 bits at a LAS scale of {scale} m"))
+            .help(format!("choose a scale of at least {min_scale:.1e} m"));
+    }
+    scale
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scale_grows_with_the_scene() {
+        let sized = |half: f64| Aabb { min: DVec3::splat(-half), max: DVec3::splat(half) };
+        let mut problems = Diagnostics::default();
+        assert_eq!(choose_scale(None, &Aabb::EMPTY, &mut problems), 1e-4);
+        assert_eq!(choose_scale(None, &sized(200e3), &mut problems), 1e-4);
+        assert_eq!(choose_scale(None, &sized(300e3), &mut problems), 1e-3);
+        assert!(choose_scale(None, &sized(1e12), &mut problems) > 100.0);
+        assert_eq!(choose_scale(Some(0.01), &sized(300e3), &mut problems), 0.01);
+        assert!(problems.items().is_empty());
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-5] {
+            choose_scale(Some(wrong), &sized(300e3), &mut problems);
+        }
+        assert_eq!(problems.items().len(), 5);
+    }
+}
