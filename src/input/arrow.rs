@@ -60,7 +60,7 @@ pub fn detect_arrow(first: &[u8]) -> ArrowDetection {
 
 /// A column of the schema.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Field {
+pub struct TableField {
     /// Its name, followed by the unit of its metadata where the name contains none: `time[ns]`.
     pub heading: String,
     /// What its values are, for messages.
@@ -68,8 +68,8 @@ pub struct Field {
     is_number: bool,
 }
 
-impl Field {
-    fn new(field: &::arrow_schema::Field) -> Field {
+impl TableField {
+    fn new(field: &::arrow_schema::Field) -> TableField {
         let name = field.name();
         let heading = match field.metadata().get("unit").map_or("", String::as_str) {
             "" => name.clone(),
@@ -88,7 +88,7 @@ impl Field {
             kind if kind.is_temporal() => "calendar times or durations",
             _ => "values of another type",
         };
-        Field { heading, holds, is_number }
+        TableField { heading, holds, is_number }
     }
 
     /// Whether its values are numbers.
@@ -99,7 +99,7 @@ impl Field {
 
 /// The rows of one record batch.
 #[derive(Debug)]
-pub struct Batch {
+pub struct NumberBatch {
     /// Its number in the stream, from 1.
     pub number: u64,
     /// Rows of the batches before it.
@@ -110,7 +110,7 @@ pub struct Batch {
     columns: Vec<Option<Vec<f64>>>,
 }
 
-impl Batch {
+impl NumberBatch {
     /// A value; NaN where the column holds no numbers. Integers beyond 2⁵³ are rounded.
     ///
     /// # Panics
@@ -143,7 +143,7 @@ pub struct ArrowDecoder {
 
 #[derive(Debug)]
 struct Schema {
-    fields: Arc<[Field]>,
+    fields: Arc<[TableField]>,
     /// Positions of the fields that are numbers.
     numbers: Vec<usize>,
     decoded: SchemaRef,
@@ -172,7 +172,7 @@ impl ArrowDecoder {
     }
 
     /// The columns, once the schema has arrived.
-    pub fn fields(&self) -> Option<&Arc<[Field]>> {
+    pub fn fields(&self) -> Option<&Arc<[TableField]>> {
         self.schema.as_ref().map(|schema| &schema.fields)
     }
 
@@ -181,7 +181,7 @@ impl ArrowDecoder {
     /// # Errors
     /// [`Error::Input`] for bytes that are no Arrow stream, and for a stream with features that are not supported, with
     /// the number of the batch.
-    pub fn next_batch(&mut self) -> Result<Option<Batch>> {
+    pub fn next_batch(&mut self) -> Result<Option<NumberBatch>> {
         if !self.has_begun && self.pending.len() >= FILE_MAGIC.len() {
             self.has_begun = true;
             self.may_be_padding = self.pending.starts_with(&FILE_MAGIC);
@@ -258,7 +258,7 @@ impl ArrowDecoder {
         Ok((self.pending.len() >= body.end).then_some((metadata, body)))
     }
 
-    fn decode_message(&mut self, metadata: Range<usize>, body: Range<usize>) -> Result<Option<Batch>> {
+    fn decode_message(&mut self, metadata: Range<usize>, body: Range<usize>) -> Result<Option<NumberBatch>> {
         let bytes = &self.pending[metadata];
         let message = root_as_message(bytes).map_err(|_| self.damaged("unreadable metadata"))?;
         match message.header_type() {
@@ -311,12 +311,12 @@ impl ArrowDecoder {
             let message = format!("column `{}` is nested", nested.name());
             return Err(self.refused(message, "leave it out of the table"));
         }
-        let fields: Arc<[Field]> = decoded.fields().iter().map(|field| Field::new(field)).collect();
+        let fields: Arc<[TableField]> = decoded.fields().iter().map(|field| TableField::new(field)).collect();
         let numbers = (0..fields.len()).filter(|i| fields[*i].is_number).collect();
         Ok(Schema { fields, numbers, decoded: Arc::new(decoded) })
     }
 
-    fn numbers(&self, schema: &Schema, decoded: &RecordBatch) -> Result<Batch> {
+    fn numbers(&self, schema: &Schema, decoded: &RecordBatch) -> Result<NumberBatch> {
         let (number, rows) = (self.batches + 1, decoded.num_rows());
         let mut columns: Vec<Option<Vec<f64>>> = vec![None; schema.fields.len()];
         for (&field, array) in schema.numbers.iter().zip(decoded.columns()) {
@@ -329,7 +329,7 @@ impl ArrowDecoder {
             }
             columns[field] = numbers(array);
         }
-        Ok(Batch { number, before: self.rows, rows, columns })
+        Ok(NumberBatch { number, before: self.rows, rows, columns })
     }
 
     fn damaged(&self, what: &str) -> Error {

@@ -89,7 +89,7 @@ impl Rows {
         Rows { columns: columns.to_vec(), schema, values, rows: 0 }
     }
 
-    /// Takes a block that [`ColumnCodec::push`](super::columns::ColumnCodec::push) wrote, and gives every batch that is
+    /// Takes a block that [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) wrote, and gives every batch that is
     /// full.
     fn append(&mut self, block: &[u8], full: impl FnMut(RecordBatch) -> Result<()>) -> Result<()> {
         let width: usize = self.columns.iter().map(|c| c.kind().width()).sum();

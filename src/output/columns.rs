@@ -1,12 +1,7 @@
-//! Points as columns: what there is to choose from, for Arrow, Parquet and text with a header. Names and types are those
-//! of LAS where LAS has the dimension, and PDAL's or plain words elsewhere.
+//! The columns of points in Arrow, Parquet and text with a header. Names and types are those of LAS where LAS has the
+//! dimension, and those of PDAL or plain words elsewhere.
 
-use super::codec::{LegFacts, byte, incidence_degrees, seconds};
-use super::las::LasFormat;
-use super::objects::ObjectIds;
 use crate::diag::nearest;
-use crate::geom::{DVec3, degrees};
-use crate::pulse::{Echo, EchoTruth};
 
 /// How the values of a column are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +36,7 @@ macro_rules! columns {
         }
 
         impl Column {
-            /// All columns in their usual order.
+            /// All columns in the order in which they are written.
             pub const ALL: &[Column] = &[$(Column::$name),*];
 
             /// Its name.
@@ -114,13 +109,13 @@ columns! {
 }
 
 impl Column {
-    /// The columns that are written when nobody chooses; with the beam's where missed pulses are written, too.
+    /// The columns that are written unless others are chosen; with those of the beam where missed pulses are written.
     pub fn default_columns(with_misses: bool) -> Vec<Column> {
         let last = if with_misses { Column::BeamDirectionZ } else { Column::Primitive };
         Column::ALL.iter().copied().filter(|c| *c <= last && *c != Column::SurfaceClass).collect()
     }
 
-    /// Whether its values are known only where the truth of echoes is recorded.
+    /// Whether its values exist only where the truth of echoes is recorded.
     pub fn is_truth(self) -> bool {
         self >= Column::SurfaceX
     }
@@ -149,92 +144,7 @@ impl Column {
     }
 }
 
-/// What turns echoes into columns.
-pub(super) struct ColumnCodec<'a> {
-    pub columns: &'a [Column],
-    pub shift: DVec3,
-    pub objects: &'a ObjectIds,
-    pub las: &'a LasFormat,
-    /// What really caused the echoes of the batch.
-    pub truths: &'a [EchoTruth],
-}
-
-impl ColumnCodec<'_> {
-    /// Bytes of a row.
-    pub fn width(&self) -> usize {
-        self.columns.iter().map(|c| c.kind().width()).sum()
-    }
-
-    /// Appends all values of the first column, then those of the second, and so on; little-endian.
-    pub fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echoes: &[&Echo]) {
-        out.reserve(self.width() * echoes.len());
-        self.columns.iter().for_each(|&column| self.push_column(column, out, leg, echoes));
-    }
-
-    fn push_column(&self, column: Column, out: &mut Vec<u8>, leg: &LegFacts, echoes: &[&Echo]) {
-        let (shift, truths) = (self.shift, self.truths);
-        match column {
-            Column::X => f64s(out, echoes, |e| e.position.x + shift.x),
-            Column::Y => f64s(out, echoes, |e| e.position.y + shift.y),
-            Column::Z => f64s(out, echoes, |e| e.position.z + shift.z),
-            Column::Intensity => u16s(out, echoes, |e| self.las.digital_intensity(e.intensity)),
-            Column::ReturnNumber => u8s(out, echoes, |e| byte(e.return_number)),
-            Column::NumberOfReturns => u8s(out, echoes, |e| byte(e.number_of_returns)),
-            Column::Classification => u8s(out, echoes, |e| u8::try_from(e.classification).unwrap_or(0)),
-            Column::ScanAngle => f32s(out, echoes, |e| degrees(e.scan_angle) as f32),
-            Column::PointSourceId => u16s(out, echoes, |_| leg.source_id),
-            Column::GpsTime => f64s(out, echoes, |e| seconds(e.time_ns)),
-            Column::Amplitude => f64s(out, echoes, |e| e.intensity),
-            Column::EchoWidth => f32s(out, echoes, |e| e.echo_width as f32),
-            Column::Range => f64s(out, echoes, |e| e.range),
-            Column::TrueRange => f64s(out, echoes, |e| e.true_range),
-            Column::IncidenceAngle => f32s(out, echoes, incidence_degrees),
-            Column::PulseNumber => u64s(out, echoes, |e| e.pulse_number),
-            Column::Device => u16s(out, echoes, |e| u16::try_from(e.device).unwrap_or(u16::MAX)),
-            Column::ObjectId => i32s(out, echoes, |e| self.objects.of_part(e.part)),
-            Column::Part => u32s(out, echoes, |e| e.part),
-            Column::Primitive => u32s(out, echoes, |e| e.primitive),
-            Column::SurfaceClass => i32s(out, echoes, |e| e.classification),
-            Column::BeamOriginX => f64s(out, echoes, |e| e.origin.x + shift.x),
-            Column::BeamOriginY => f64s(out, echoes, |e| e.origin.y + shift.y),
-            Column::BeamOriginZ => f64s(out, echoes, |e| e.origin.z + shift.z),
-            Column::BeamDirectionX => f64s(out, echoes, |e| e.direction.x),
-            Column::BeamDirectionY => f64s(out, echoes, |e| e.direction.y),
-            Column::BeamDirectionZ => f64s(out, echoes, |e| e.direction.z),
-            Column::TrueX => f64s(out, echoes, |e| e.true_position(truths).x + shift.x),
-            Column::TrueY => f64s(out, echoes, |e| e.true_position(truths).y + shift.y),
-            Column::TrueZ => f64s(out, echoes, |e| e.true_position(truths).z + shift.z),
-            Column::SurfaceX => f64s(out, echoes, |e| e.truth(truths).surface.x + shift.x),
-            Column::SurfaceY => f64s(out, echoes, |e| e.truth(truths).surface.y + shift.y),
-            Column::SurfaceZ => f64s(out, echoes, |e| e.truth(truths).surface.z + shift.z),
-            Column::NormalX => f32s(out, echoes, |e| e.truth(truths).normal.x as f32),
-            Column::NormalY => f32s(out, echoes, |e| e.truth(truths).normal.y as f32),
-            Column::NormalZ => f32s(out, echoes, |e| e.truth(truths).normal.z as f32),
-            Column::FootprintFraction => f32s(out, echoes, |e| e.truth(truths).fraction as f32),
-            Column::Subray => u32s(out, echoes, |e| e.truth(truths).subray),
-        }
-    }
-}
-
-macro_rules! pushers {
-    ($($name:ident $of:ty;)*) => {
-        $(fn $name(out: &mut Vec<u8>, echoes: &[&Echo], value: impl Fn(&Echo) -> $of) {
-            echoes.iter().for_each(|echo| out.extend(value(echo).to_le_bytes()));
-        })*
-    };
-}
-
-pushers! {
-    u8s u8;
-    u16s u16;
-    u32s u32;
-    u64s u64;
-    i32s i32;
-    f32s f32;
-    f64s f64;
-}
-
-/// The columns of a block that [`ColumnCodec::push`] wrote, as slices of bytes.
+/// The columns of a block that [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) wrote, as slices of bytes.
 pub(super) fn slices<'b>(columns: &[Column], rows: usize, block: &'b [u8]) -> impl Iterator<Item = &'b [u8]> {
     let mut rest = block;
     columns.iter().map(move |column| {

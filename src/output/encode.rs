@@ -1,7 +1,7 @@
 //! The workers' share of the output: a batch becomes the bytes of every file that it goes to.
 
 use super::codec::{LegFacts, Piece, PointCodec, encode_points};
-use super::columns::ColumnCodec;
+use super::column_codec::ColumnCodec;
 use super::las::{LasCodec, encode_with_packets};
 use super::layout::{Route, Slots};
 use super::plan::OutputPlan;

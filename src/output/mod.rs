@@ -25,6 +25,7 @@ mod archive;
 mod arrow;
 mod blocks;
 mod codec;
+mod column_codec;
 mod columns;
 mod copc;
 mod crs;

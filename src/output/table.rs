@@ -11,7 +11,7 @@ pub(super) fn header(columns: &[Column], separator: u8) -> Vec<u8> {
     line
 }
 
-/// Appends the rows of a block that [`ColumnCodec::push`](super::columns::ColumnCodec::push) wrote as lines.
+/// Appends the rows of a block that [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) wrote as lines.
 pub(super) fn push_rows(out: &mut Vec<u8>, columns: &[Column], rows: usize, block: &[u8], separator: u8) {
     let slices: Vec<(Column, &[u8])> = columns.iter().copied().zip(slices(columns, rows, block)).collect();
     for row in 0..rows {

@@ -8,7 +8,7 @@ use crate::geom::DVec3;
 use crate::pulse::{InstrumentTable, PhysicsOptions};
 use crate::scene::MotionState;
 use crate::schedule::{Feed, Outcome, Stop, Tasks};
-use crate::streams::{Block, Column, PulseReader, PulseRow};
+use crate::streams::{PulseColumn, PulseReader, PulseRow, RowBlock, RowFault};
 use crate::survey::Survey;
 use std::collections::HashMap;
 
@@ -35,7 +35,7 @@ pub struct Tracing<'a> {
     pub legs: LegRule,
 }
 
-impl Tasks for Block {
+impl Tasks for RowBlock {
     fn tasks(&self) -> u32 {
         self.rows()
     }
@@ -45,7 +45,7 @@ impl Tasks for Block {
 #[derive(Debug)]
 pub struct PulseSource {
     reader: PulseReader,
-    next: Option<Block>,
+    next: Option<RowBlock>,
 }
 
 impl PulseSource {
@@ -62,15 +62,15 @@ impl PulseSource {
         if self.next.is_none() {
             self.next = self.reader.next_block(stop)?;
         }
-        Ok(self.next.as_ref().map(Block::first_play))
+        Ok(self.next.as_ref().map(RowBlock::first_epoch))
     }
 
     /// Puts all pulses of `epoch` into `feed`.
-    pub(super) fn produce<R: Outcome, W: FnMut(Block) -> Result<R>>(
+    pub(super) fn produce<R: Outcome, W: FnMut(RowBlock) -> Result<R>>(
         &mut self,
         epoch: u32,
         stop: &Stop,
-        feed: &mut Feed<'_, Block, R, W>,
+        feed: &mut Feed<'_, RowBlock, R, W>,
     ) -> Result<()> {
         while !stop.is_requested() {
             match self.take(epoch, stop)? {
@@ -82,12 +82,12 @@ impl PulseSource {
     }
 
     /// The next pulses of `epoch`; nothing when another one begins or the stream ends.
-    fn take(&mut self, epoch: u32, stop: &Stop) -> Result<Option<Block>> {
+    fn take(&mut self, epoch: u32, stop: &Stop) -> Result<Option<RowBlock>> {
         if self.next_epoch(stop)? != Some(epoch) {
             return Ok(None);
         }
         let Some(block) = self.next.take() else { return Ok(None) };
-        let (block, rest) = block.split_at_play();
+        let (block, rest) = block.split_at_epoch();
         self.next = rest;
         Ok(Some(block))
     }
@@ -125,7 +125,7 @@ impl<'a> StreamWorker<'a> {
     }
 
     /// Reads the rows, simulates their pulses together and encodes the echoes: one piece for each run of rows of a leg.
-    pub fn measure(&mut self, block: &Block) -> Result<Vec<Measured>> {
+    pub fn measure(&mut self, block: &RowBlock) -> Result<Vec<Measured>> {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         let (tracing, has_motion) = (self.tracing, self.motion.is_some());
@@ -197,18 +197,18 @@ fn follow(moving: &mut MovingParts<'_>, reached: &mut (MotionState, u64), rows: 
 
 impl Tracing<'_> {
     /// Checks numbers of devices, legs and steps against survey and scene.
-    fn check(&self, row: &PulseRow, has_motion: bool) -> Result<(), (Column, String)> {
+    fn check(&self, row: &PulseRow, has_motion: bool) -> Result<(), RowFault> {
         let devices = self.survey.scanner.devices.len();
         if row.pulse.device as usize >= devices {
             let message = format!("device {}, the scanner has {devices}", row.pulse.device);
-            return Err((Column::Device, message));
+            return Err((PulseColumn::Device, message));
         }
         let legs = self.survey.legs.len();
         if (self.legs.known || self.legs.separate_files) && row.leg as usize >= legs {
-            return Err((Column::Leg, format!("leg {}, the survey has {legs}", row.leg)));
+            return Err((PulseColumn::Leg, format!("leg {}, the survey has {legs}", row.leg)));
         }
         if has_motion && row.step > MAX_STEP {
-            return Err((Column::Step, format!("step {}, expected at most {MAX_STEP}", row.step)));
+            return Err((PulseColumn::Step, format!("step {}, expected at most {MAX_STEP}", row.step)));
         }
         Ok(())
     }

@@ -1,23 +1,25 @@
-//! What the commands hand to one another: pulses and poses as rows of text or of an Arrow stream.
+//! The streams between commands: pulses and poses as rows of text or of an Arrow stream.
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `columns` | names, units and meanings of a pulse's columns |
+//! | `columns` | names, dimensions and meanings of the columns of pulses |
 //! | `row` | a pulse as numbers and back, bit for bit |
-//! | `text`, `table` | rows as comma-separated values, and as an Arrow IPC stream |
-//! | `read` | rows as they arrive, whichever they are |
-//! | `text_rows`, `table_rows` | what has arrived as lines, and as batches |
+//! | `text`, `table` | writes rows as comma-separated values, and as an Arrow IPC stream |
+//! | `read` | reads blocks of rows while they arrive |
+//! | `schema` | the columns of one stream and their positions |
+//! | `text_rows`, `table_rows` | rows of lines, and rows of batches |
 
 mod columns;
 mod read;
 mod row;
+mod schema;
 mod table;
 mod table_rows;
 mod text;
 mod text_rows;
 
-pub use columns::Column;
-pub use read::{Block, PulseReader};
-pub use row::{Present, PulseRow};
+pub use columns::PulseColumn;
+pub use read::{PulseReader, RowBlock};
+pub use row::{ColumnSet, PulseRow, RowFault};
 pub use table::{TableColumn, TableWriter, pose_columns, pulse_columns, push_pose_row, push_pulse_row};
 pub use text::{POSE_HEADER, default_columns, header, push_pose, push_pulse, with_errors, with_reported};

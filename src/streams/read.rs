@@ -1,10 +1,9 @@
-//! Reads a stream of pulses: blocks of whole rows as they arrive, which the workers then turn into pulses. The first bytes
-//! tell whether they are lines of text or an Arrow stream.
+//! Reads a stream of pulses as blocks of complete rows, which the workers then parse. The first bytes decide whether the
+//! stream is text or an Arrow stream.
 
-use super::columns::Column;
-use super::row::{ATTITUDE, DIRECTION, EXACT, ORIGIN, Present, PulseRow};
-use super::table_rows::{TableRows, Tables};
-use super::text_rows::{Lines, TextRows};
+use super::row::{PulseRow, RowFault};
+use super::table_rows::{BatchReader, TableRows};
+use super::text_rows::{LineReader, TextRows};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
@@ -14,14 +13,14 @@ use crate::schedule::Stop;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How often the wish to end is looked at while nothing arrives.
-const LOOK: Duration = Duration::from_millis(100);
+/// Interval at which the stop flag is polled while no bytes arrive.
+const STOP_POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Rows of pulses as they arrived, not looked into yet.
+/// Rows of pulses that are not parsed yet.
 #[derive(Clone, Debug)]
-pub struct Block {
+pub struct RowBlock {
     rows: Rows,
-    /// Pulses before it in the stream.
+    /// Number of rows before it in the stream.
     before: u64,
 }
 
@@ -36,58 +35,58 @@ enum Rows {
 pub struct PulseReader {
     input: InputStream,
     path: PathBuf,
-    form: Form,
+    format: Format,
     ended: bool,
     before: u64,
-    most: usize,
+    max_rows: usize,
 }
 
-/// What the stream is made of.
+/// The format of the stream with its reader.
 #[derive(Debug)]
-enum Form {
-    /// The bytes that have arrived do not tell yet.
+enum Format {
+    /// Too few bytes have arrived to decide.
     Unknown(Vec<u8>),
-    Text(Lines),
-    Table(Tables),
+    Text(LineReader),
+    Table(BatchReader),
 }
 
 impl PulseReader {
-    /// Opens a file, a named pipe, or (`-`) standard input. Blocks have at most `most` rows.
+    /// Opens a file, a named pipe, or (`-`) standard input. Blocks have at most `max_rows` rows.
     ///
     /// # Errors
     /// [`Error::Io`] when it cannot be opened.
-    pub fn open(path: &Path, most: usize) -> Result<PulseReader> {
+    pub fn open(path: &Path, max_rows: usize) -> Result<PulseReader> {
         let input = InputStream::open(path).map_err(|e| Error::open(path, e))?;
-        Ok(PulseReader::of(input, path, most))
+        Ok(PulseReader::of(input, path, max_rows))
     }
 
-    /// Reads what arrives; `path` is the name in messages.
-    pub fn of(input: InputStream, path: &Path, most: usize) -> PulseReader {
+    /// Reads `input`; `path` is the name in messages.
+    pub fn of(input: InputStream, path: &Path, max_rows: usize) -> PulseReader {
         PulseReader {
             input,
             path: if is_stdin(path) { PathBuf::from("<stdin>") } else { path.to_path_buf() },
-            form: Form::Unknown(Vec::new()),
+            format: Format::Unknown(Vec::new()),
             ended: false,
             before: 0,
-            most: most.max(1),
+            max_rows: max_rows.max(1),
         }
     }
 
-    /// Waits for at least one row and returns those that have arrived; nothing at the end of the stream, or when `stop` is
-    /// asked.
+    /// Waits for at least one row and returns the rows that have arrived; nothing at the end of the stream, or when `stop`
+    /// is requested.
     ///
     /// # Errors
-    /// [`Error::Input`] for a header or schema that is none, a stream without anything, or one that is cut off;
-    /// [`Error::Io`] when it cannot be read.
-    pub fn next_block(&mut self, stop: &Stop) -> Result<Option<Block>> {
+    /// [`Error::Input`] for an invalid header or schema and for a stream that is empty or cut off; [`Error::Io`] when it
+    /// cannot be read.
+    pub fn next_block(&mut self, stop: &Stop) -> Result<Option<RowBlock>> {
         loop {
-            let rows = match &mut self.form {
-                Form::Unknown(_) => None,
-                Form::Text(lines) => lines.next_rows(self.most, self.ended)?.map(Rows::Text),
-                Form::Table(tables) => tables.next_rows(self.most)?.map(Rows::Table),
+            let rows = match &mut self.format {
+                Format::Unknown(_) => None,
+                Format::Text(lines) => lines.next_rows(self.max_rows, self.ended)?.map(Rows::Text),
+                Format::Table(tables) => tables.next_rows(self.max_rows)?.map(Rows::Table),
             };
             if let Some(rows) = rows {
-                let block = Block { rows, before: self.before };
+                let block = RowBlock { rows, before: self.before };
                 self.before += block.rows.count();
                 return Ok(Some(block));
             }
@@ -97,21 +96,21 @@ impl PulseReader {
         }
     }
 
-    /// Takes in what arrives next; `false` when the user wants an end.
+    /// Waits for the next bytes; `false` when `stop` is requested.
     fn receive(&mut self, stop: &Stop) -> Result<bool> {
         loop {
-            match self.input.next(Some(LOOK)) {
+            match self.input.next(Some(STOP_POLL_INTERVAL)) {
                 ReadEvent::Bytes(bytes) => {
                     self.feed(&bytes);
-                    self.take_what_waits();
+                    self.receive_available();
                     return Ok(true);
                 }
                 ReadEvent::Timeout if stop.is_requested() => return Ok(false),
                 ReadEvent::Timeout => {}
                 ReadEvent::End => {
                     self.ended = true;
-                    // Too little to tell: a few bytes of text.
-                    if let Form::Unknown(bytes) = &mut self.form {
+                    // The beginning of an Arrow stream that is too short to be one is read as text.
+                    if let Format::Unknown(bytes) = &mut self.format {
                         let bytes = std::mem::take(bytes);
                         self.begin_text(&bytes);
                     }
@@ -123,19 +122,19 @@ impl PulseReader {
     }
 
     fn feed(&mut self, bytes: &[u8]) {
-        match &mut self.form {
-            Form::Text(lines) => lines.feed(bytes),
-            Form::Table(tables) => tables.feed(bytes),
-            Form::Unknown(first) => {
+        match &mut self.format {
+            Format::Text(lines) => lines.feed(bytes),
+            Format::Table(tables) => tables.feed(bytes),
+            Format::Unknown(first) => {
                 first.extend_from_slice(bytes);
                 let first = std::mem::take(first);
                 match detect_arrow(&first) {
-                    ArrowDetection::NeedMoreBytes => self.form = Form::Unknown(first),
+                    ArrowDetection::NeedMoreBytes => self.format = Format::Unknown(first),
                     ArrowDetection::Other => self.begin_text(&first),
                     ArrowDetection::Arrow => {
-                        let mut tables = Tables::new(&self.path);
+                        let mut tables = BatchReader::new(&self.path);
                         tables.feed(&first);
-                        self.form = Form::Table(tables);
+                        self.format = Format::Table(tables);
                     }
                 }
             }
@@ -143,29 +142,29 @@ impl PulseReader {
     }
 
     fn begin_text(&mut self, bytes: &[u8]) {
-        let mut lines = Lines::new(&self.path);
+        let mut lines = LineReader::new(&self.path);
         lines.feed(bytes);
-        self.form = Form::Text(lines);
+        self.format = Format::Text(lines);
     }
 
-    /// Takes in what has arrived already, so that blocks of a fast stream are large.
-    fn take_what_waits(&mut self) {
-        while let Form::Text(lines) = &mut self.form
-            && !lines.are_many(self.most)
+    /// Adds all bytes that have arrived already, so that blocks of a fast stream are large.
+    fn receive_available(&mut self) {
+        while let Format::Text(lines) = &mut self.format
+            && !lines.has_rows(self.max_rows)
         {
             match self.input.next(Some(Duration::ZERO)) {
                 ReadEvent::Bytes(bytes) => lines.feed(&bytes),
-                // An end or a failure is met again by whoever waits next.
+                // The end and errors are reported again by the next call.
                 _ => break,
             }
         }
     }
 
-    fn finish(&self, stop: &Stop) -> Result<Option<Block>> {
-        match &self.form {
+    fn finish(&self, stop: &Stop) -> Result<Option<RowBlock>> {
+        match &self.format {
             _ if stop.is_requested() => Ok(None),
-            Form::Table(tables) => tables.end().map(|()| None),
-            Form::Text(lines) if lines.have_begun() => Ok(None),
+            Format::Table(tables) => tables.end().map(|()| None),
+            Format::Text(lines) if lines.has_begun() => Ok(None),
             _ => {
                 let mut problems = Diagnostics::default();
                 let message = "the stream is empty, expected a header such as time,x,y,z,dx,dy,dz and pulses";
@@ -173,29 +172,6 @@ impl PulseReader {
                 Err(Error::Input(Box::new(problems)))
             }
         }
-    }
-}
-
-/// Columns that stand for one thing are there together, and those that a pulse needs are there.
-pub(super) fn check_complete(present: Present, place: Place, problems: &mut Diagnostics) {
-    let low = [Column::LowX, Column::LowY, Column::LowZ];
-    let mut missing: Vec<&str> = Vec::new();
-    let mut need = |columns: &[Column]| {
-        missing.extend(columns.iter().filter(|c| !present.has(**c)).map(|c| c.entry().name));
-    };
-    need(&ORIGIN);
-    for together in [&ATTITUDE[..], &EXACT[..], &low[..]] {
-        if present.has_any(together) {
-            need(together);
-        }
-    }
-    if !present.has_any(&ATTITUDE) || present.has_any(&DIRECTION) {
-        need(&DIRECTION);
-    }
-    if !missing.is_empty() {
-        problems
-            .error(Some(place), format!("no column for {}", missing.join(", ")))
-            .help("a pulse needs x, y, z and dx, dy, dz (or qw, qx, qy, qz)");
     }
 }
 
@@ -208,37 +184,37 @@ impl Rows {
     }
 }
 
-impl Block {
+impl RowBlock {
     /// Number of rows.
     pub fn rows(&self) -> u32 {
         u32::try_from(self.rows.count()).unwrap_or(u32::MAX)
     }
 
-    /// Number of the play of the first pulse, without looking at the others.
-    pub fn first_play(&self) -> u32 {
+    /// Epoch of the first pulse; the other rows are not parsed.
+    pub fn first_epoch(&self) -> u32 {
         match &self.rows {
-            Rows::Text(rows) => rows.first_play(),
-            Rows::Table(rows) => rows.first_play(),
+            Rows::Text(rows) => rows.first_epoch(),
+            Rows::Table(rows) => rows.first_epoch(),
         }
     }
 
-    /// Cuts the block where another play begins than that of its first pulse; the second value is the rest.
-    pub fn split_at_play(self) -> (Block, Option<Block>) {
+    /// Splits the block before the first pulse of another epoch; the second value is the rest.
+    pub fn split_at_epoch(self) -> (RowBlock, Option<RowBlock>) {
         let (first, rest) = match self.rows {
             Rows::Text(rows) => {
-                let (first, rest) = rows.split_at_play();
+                let (first, rest) = rows.split_at_epoch();
                 (Rows::Text(first), rest.map(Rows::Text))
             }
             Rows::Table(rows) => {
-                let (first, rest) = rows.split_at_play();
+                let (first, rest) = rows.split_at_epoch();
                 (Rows::Table(first), rest.map(Rows::Table))
             }
         };
-        let rest = rest.map(|rows| Block { rows, before: self.before + first.count() });
-        (Block { rows: first, before: self.before }, rest)
+        let rest = rest.map(|rows| RowBlock { rows, before: self.before + first.count() });
+        (RowBlock { rows: first, before: self.before }, rest)
     }
 
-    /// Turns the rows into pulses in the frame whose origin lies at `shift` in the world. `check` looks at each.
+    /// Appends the rows as pulses in the frame whose origin lies at `shift` in the world. `check` accepts or refuses each.
     ///
     /// # Errors
     /// [`Error::Input`] for the first row that is no pulse, with its place.
@@ -246,7 +222,7 @@ impl Block {
         &self,
         shift: DVec3,
         into: &mut Vec<PulseRow>,
-        check: impl Fn(&PulseRow) -> Result<(), (Column, String)>,
+        check: impl Fn(&PulseRow) -> Result<(), RowFault>,
     ) -> Result<()> {
         match &self.rows {
             Rows::Text(rows) => rows.pulses(shift, self.before, into, check),

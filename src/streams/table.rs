@@ -1,8 +1,8 @@
-//! Pulses and poses as an Arrow IPC stream: the columns and values of the text, units and meanings as metadata of each
+//! Pulses and poses as an Arrow IPC stream: the columns and values of the text, with the unit in the metadata of each
 //! column.
 
-use super::columns::{Column, ENTRIES};
-use super::row::{Present, PulseRow};
+use super::columns::{ENTRIES, PulseColumn};
+use super::row::{ColumnSet, PulseRow};
 use crate::columns::Dimension;
 use crate::flight::PoseSample;
 use crate::geom::{DVec3, degrees};
@@ -13,20 +13,20 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-/// Rows of a batch; whatever the chunks are, so that the bytes do not depend on them.
+/// Rows of a batch. It is independent of the chunks, and so are the bytes.
 const BATCH_ROWS: usize = 16_384;
-/// Bytes of a value on its way to a batch.
-const VALUE: usize = size_of::<f64>();
+/// Bytes of a pending value.
+const VALUE_BYTES: usize = size_of::<f64>();
 
-/// A column of what is written.
+/// A column of a table.
 #[derive(Clone, Debug)]
 pub struct TableColumn {
     name: &'static str,
     unit: &'static str,
-    whole: bool,
+    is_count: bool,
 }
 
-/// The columns of a stream of poses; the values are those that `push_pose_row` appends.
+/// The columns of a stream of poses in the order of [`push_pose_row`].
 pub fn pose_columns() -> Vec<TableColumn> {
     let units = [
         ("time", "s"),
@@ -37,14 +37,17 @@ pub fn pose_columns() -> Vec<TableColumn> {
         ("pitch", "deg"),
         ("yaw", "deg"),
     ];
-    units.map(|(name, unit)| TableColumn { name, unit, whole: false }).to_vec()
+    units.map(|(name, unit)| TableColumn { name, unit, is_count: false }).to_vec()
 }
 
 /// The columns of a stream of pulses.
-pub fn pulse_columns(present: Present) -> Vec<TableColumn> {
+pub fn pulse_columns(present: ColumnSet) -> Vec<TableColumn> {
     let entries = ENTRIES.iter().filter(|e| present.has(e.column));
-    let column =
-        entries.map(|e| TableColumn { name: e.name, unit: e.unit(), whole: e.dimension == Dimension::Count });
+    let column = entries.map(|e| TableColumn {
+        name: e.name,
+        unit: e.unit(),
+        is_count: e.dimension == Dimension::Count,
+    });
     column.collect()
 }
 
@@ -53,19 +56,19 @@ pub fn pulse_columns(present: Present) -> Vec<TableColumn> {
 pub fn pose_values(pose: &PoseSample, shift: DVec3) -> [f64; 7] {
     let position = pose.position + shift;
     let angles = pose.attitude.heading_angles().map(degrees);
-    // No negative zeros.
+    // Adding 0 removes negative zeros.
     [pose.time_ns / 1e9, position.x, position.y, position.z, angles[0], angles[1], angles[2]].map(|v| v + 0.0)
 }
 
-/// Appends a pose as [`TableWriter`] takes it.
+/// Appends a pose as a row for [`TableWriter`].
 pub fn push_pose_row(out: &mut Vec<u8>, pose: &PoseSample, shift: DVec3) {
     pose_values(pose, shift).iter().for_each(|value| out.extend(value.to_le_bytes()));
 }
 
-/// Appends a pulse as [`TableWriter`] takes it.
-pub fn push_pulse_row(out: &mut Vec<u8>, row: &PulseRow, present: Present, shift: DVec3) {
+/// Appends a pulse as a row for [`TableWriter`].
+pub fn push_pulse_row(out: &mut Vec<u8>, row: &PulseRow, present: ColumnSet, shift: DVec3) {
     let values = row.values(shift);
-    let present = ENTRIES.iter().map(|e| e.column).filter(|c: &Column| present.has(*c));
+    let present = ENTRIES.iter().map(|e| e.column).filter(|c: &PulseColumn| present.has(*c));
     present.for_each(|column| out.extend(values[column as usize].to_le_bytes()));
 }
 
@@ -75,9 +78,9 @@ pub struct TableWriter<W> {
     encoder: StreamEncoder,
     schema: SchemaRef,
     columns: Vec<TableColumn>,
-    /// Values that make no whole batch yet.
-    waiting: Vec<u8>,
-    /// Flushing writes what there is instead of waiting for whole batches.
+    /// Values of rows that fill no batch yet.
+    pending: Vec<u8>,
+    /// Flushing writes what there is instead of pending for whole batches.
     live: bool,
 }
 
@@ -85,10 +88,10 @@ impl<W: Write> TableWriter<W> {
     /// Writes the schema.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn begin(columns: Vec<TableColumn>, live: bool, mut out: W) -> io::Result<TableWriter<W>> {
         let fields = columns.iter().map(|column| {
-            let kind = if column.whole { DataType::UInt64 } else { DataType::Float64 };
+            let kind = if column.is_count { DataType::UInt64 } else { DataType::Float64 };
             let unit = (!column.unit.is_empty()).then(|| ("unit".to_owned(), column.unit.to_owned()));
             Field::new(column.name, kind, false).with_metadata(unit.into_iter().collect::<BTreeMap<_, _>>())
         });
@@ -96,18 +99,18 @@ impl<W: Write> TableWriter<W> {
         let schema = Schema::new_with_metadata(fields.collect::<Vec<_>>(), BTreeMap::from([generator]));
         let schema = Arc::new(schema);
         let mut encoder = StreamEncoder::try_new(&schema).map_err(io::Error::other)?;
-        // The schema leaves with an empty batch, which says nothing: readers learn the columns at once.
+        // An empty batch flushes the schema, so that readers see the columns at once.
         let none = RecordBatch::new_empty(schema.clone());
         write(&mut encoder, &none, &mut out)?;
-        Ok(TableWriter { out, encoder, schema, columns, waiting: Vec::new(), live })
+        Ok(TableWriter { out, encoder, schema, columns, pending: Vec::new(), live })
     }
 
-    /// Writes what is left and the end of the stream, and returns what it was written to.
+    /// Writes the remaining rows and the end of the stream, and returns the writer.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn finish(mut self) -> io::Result<W> {
-        self.write_batch(self.whole_rows())?;
+        self.write_batch(self.pending_rows())?;
         for buffer in self.encoder.finish().map_err(io::Error::other)? {
             self.out.write_all(buffer.as_slice())?;
         }
@@ -115,21 +118,21 @@ impl<W: Write> TableWriter<W> {
         Ok(self.out)
     }
 
-    fn whole_rows(&self) -> usize {
-        self.waiting.len() / (self.columns.len() * VALUE).max(1)
+    fn pending_rows(&self) -> usize {
+        self.pending.len() / (self.columns.len() * VALUE_BYTES).max(1)
     }
 
-    /// Writes so many of the rows that wait.
+    /// Writes the first `rows` pending rows.
     fn write_batch(&mut self, rows: usize) -> io::Result<()> {
         if rows == 0 {
             return Ok(());
         }
         let width = self.columns.len();
-        let bytes: Vec<u8> = self.waiting.drain(..rows * width * VALUE).collect();
-        let values: Vec<f64> = bytes.chunks_exact(VALUE).map(number).collect();
+        let bytes: Vec<u8> = self.pending.drain(..rows * width * VALUE_BYTES).collect();
+        let values: Vec<f64> = bytes.chunks_exact(VALUE_BYTES).map(number).collect();
         let columns = self.columns.iter().enumerate().map(|(i, column)| -> ArrayRef {
             let values = values.iter().skip(i).step_by(width).copied();
-            match column.whole {
+            match column.is_count {
                 true => Arc::new(UInt64Array::from_iter_values(values.map(|v| v as u64))),
                 false => Arc::new(Float64Array::from_iter_values(values)),
             }
@@ -140,7 +143,7 @@ impl<W: Write> TableWriter<W> {
 }
 
 fn number(bytes: &[u8]) -> f64 {
-    let mut value = [0; VALUE];
+    let mut value = [0; VALUE_BYTES];
     value.copy_from_slice(bytes);
     f64::from_le_bytes(value)
 }
@@ -152,8 +155,8 @@ fn write(encoder: &mut StreamEncoder, batch: &RecordBatch, out: &mut impl Write)
 
 impl<W: Write> Write for TableWriter<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.waiting.extend_from_slice(bytes);
-        while self.whole_rows() >= BATCH_ROWS {
+        self.pending.extend_from_slice(bytes);
+        while self.pending_rows() >= BATCH_ROWS {
             self.write_batch(BATCH_ROWS)?;
         }
         Ok(bytes.len())
@@ -161,7 +164,7 @@ impl<W: Write> Write for TableWriter<W> {
 
     fn flush(&mut self) -> io::Result<()> {
         if self.live {
-            self.write_batch(self.whole_rows())?;
+            self.write_batch(self.pending_rows())?;
         }
         self.out.flush()
     }

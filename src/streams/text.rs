@@ -1,8 +1,8 @@
-//! Pulses and poses as comma-separated values: a header of names and units, then one row per line, every number with as
-//! many digits as bring back its bits.
+//! Pulses and poses as comma-separated values: a header of names and units, then one row per line. Every number has the
+//! fewest digits that restore its bits.
 
-use super::columns::{Column, ENTRIES};
-use super::row::{ATTITUDE, DIRECTION, EXACT, ORIGIN, ORIGIN_ERROR, Present, PulseRow, REPORTED};
+use super::columns::{ENTRIES, PulseColumn};
+use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, ORIGIN_ERROR, PulseRow, REPORTED};
 use super::table::pose_values;
 use crate::columns::Dimension;
 use crate::flight::PoseSample;
@@ -11,33 +11,39 @@ use crate::geom::DVec3;
 /// First line of a stream of poses.
 pub const POSE_HEADER: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]\n";
 
-/// What is written of every pulse.
-pub fn default_columns() -> Present {
-    let single = [Column::Time, Column::Leg, Column::Device, Column::Pulse, Column::Step, Column::ScanAngle];
-    let low = [Column::LowX, Column::LowY, Column::LowZ];
-    let all = single.iter().chain(&ORIGIN).chain(&DIRECTION).chain(&ATTITUDE).chain(&low);
-    all.fold(Present::default(), |p, c| p.with(*c))
+/// The columns that are written of every pulse.
+pub fn default_columns() -> ColumnSet {
+    let single = [
+        PulseColumn::Time,
+        PulseColumn::Leg,
+        PulseColumn::Device,
+        PulseColumn::Pulse,
+        PulseColumn::Step,
+        PulseColumn::ScanAngle,
+    ];
+    let all = single.iter().chain(&ORIGIN).chain(&DIRECTION).chain(&ATTITUDE).chain(&LOW);
+    all.fold(ColumnSet::default(), |p, c| p.with(*c))
 }
 
-/// The columns of mechanical errors.
-pub fn with_errors(present: Present) -> Present {
-    EXACT.iter().fold(present.with(Column::RangeError), |p, c| p.with(*c))
+/// Adds the columns of mechanical errors.
+pub fn with_errors(present: ColumnSet) -> ColumnSet {
+    EXACT.iter().fold(present.with(PulseColumn::RangeError), |p, c| p.with(*c))
 }
 
-/// The columns of a pose that differs from what is reported.
-pub fn with_reported(present: Present) -> Present {
+/// Adds the columns of a pose that differs from the reported one.
+pub fn with_reported(present: ColumnSet) -> ColumnSet {
     REPORTED.iter().chain(&ORIGIN_ERROR).fold(present, |p, c| p.with(*c))
 }
 
 /// The header line of a stream with these columns.
-pub fn header(present: Present) -> String {
+pub fn header(present: ColumnSet) -> String {
     let headings: Vec<String> =
         ENTRIES.iter().filter(|e| present.has(e.column)).map(|e| e.heading()).collect();
     headings.join(",") + "\n"
 }
 
 /// Appends a pulse as a line; `shift` is the world position of the scene frame's origin.
-pub fn push_pulse(out: &mut Vec<u8>, row: &PulseRow, present: Present, shift: DVec3) {
+pub fn push_pulse(out: &mut Vec<u8>, row: &PulseRow, present: ColumnSet, shift: DVec3) {
     let values = row.values(shift);
     for entry in ENTRIES.iter().filter(|e| present.has(e.column)) {
         let value = values[entry.column as usize];
@@ -59,7 +65,7 @@ pub fn push_pose(out: &mut Vec<u8>, pose: &PoseSample, shift: DVec3) {
     end_line(out);
 }
 
-/// The last comma becomes the line's end.
+/// Replaces the last comma by the end of the line.
 fn end_line(out: &mut [u8]) {
     if let Some(last) = out.last_mut() {
         *last = b'\n';

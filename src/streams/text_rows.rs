@@ -1,150 +1,144 @@
-//! Pulses as lines of text: which columns a line has, and rows that were not looked into yet.
+//! Pulses as lines of text.
 
-use super::columns::{COLUMNS, Column, named};
-use super::read::check_complete;
-use super::row::{DIRECTION, ORIGIN, Present, PulseRow};
+use super::columns::PulseColumn;
+use super::row::{DIRECTION, ORIGIN, PulseRow, RowFault};
+use super::schema::StreamSchema;
 use crate::columns::Separator;
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Longer lines are no pulses.
-const LONGEST_LINE: usize = 1 << 16;
-/// About as long is the line of a pulse with all columns.
-const USUAL_LINE: usize = 320;
+/// Longest line that is accepted, bytes.
+const MAX_LINE_BYTES: usize = 1 << 16;
+/// Approximate length of a line with all columns, bytes.
+const TYPICAL_LINE_BYTES: usize = 320;
 
-/// Lines that have arrived.
+/// Collects bytes and divides them into blocks of complete lines.
 #[derive(Debug)]
-pub(super) struct Lines {
+pub(super) struct LineReader {
     path: PathBuf,
-    /// Bytes that have arrived and are in no block yet.
-    rest: Vec<u8>,
+    /// Bytes that have arrived and have not been returned yet.
+    pending: Vec<u8>,
+    /// Lines that have been returned.
     line: usize,
     format: Option<Arc<TextFormat>>,
 }
 
-/// Whole lines as they arrived, not looked into yet.
+/// Complete lines, not parsed yet.
 #[derive(Clone, Debug)]
 pub(super) struct TextRows {
     format: Arc<TextFormat>,
     text: Vec<u8>,
-    /// Number of the first line.
+    /// Number of the first line, from 1.
     line: usize,
     rows: u64,
 }
 
-/// How lines are read.
+/// The separator and the columns of the lines.
 #[derive(Debug)]
 struct TextFormat {
-    path: PathBuf,
     separator: Separator,
-    /// Column and factor by position.
-    columns: Vec<(Column, f64)>,
-    present: Present,
+    schema: StreamSchema,
 }
 
-impl Lines {
-    /// Nothing has arrived yet; `path` is the name in messages.
-    pub fn new(path: &Path) -> Lines {
-        Lines { path: path.to_path_buf(), rest: Vec::new(), line: 0, format: None }
+impl LineReader {
+    /// A reader without any bytes yet; `path` is the name in messages.
+    pub fn new(path: &Path) -> LineReader {
+        LineReader { path: path.to_path_buf(), pending: Vec::new(), line: 0, format: None }
     }
 
-    /// Takes in what has arrived.
+    /// Adds bytes that have arrived.
     pub fn feed(&mut self, bytes: &[u8]) {
-        self.rest.extend_from_slice(bytes);
+        self.pending.extend_from_slice(bytes);
     }
 
-    /// Whether so much has arrived that no more should be waited for when `most` rows are wanted.
-    pub fn are_many(&self, most: usize) -> bool {
-        self.rest.len() >= most.saturating_mul(USUAL_LINE)
+    /// Whether about `max_rows` rows have arrived, so that a block of them need not wait for more.
+    pub fn has_rows(&self, max_rows: usize) -> bool {
+        self.pending.len() >= max_rows.saturating_mul(TYPICAL_LINE_BYTES)
     }
 
-    /// Whether any line told the columns.
-    pub fn have_begun(&self) -> bool {
+    /// Whether a header or a row has been read.
+    pub fn has_begun(&self) -> bool {
         self.format.is_some()
     }
 
-    /// The next rows that have arrived, at most `most`; `ended` says that nothing follows.
-    pub fn next_rows(&mut self, most: usize, ended: bool) -> Result<Option<TextRows>> {
+    /// The next rows that have arrived, at most `max_rows`; `ended` tells that no bytes follow.
+    pub fn next_rows(&mut self, max_rows: usize, ended: bool) -> Result<Option<TextRows>> {
         if self.format.is_none() {
             self.read_header(ended)?;
         }
         while let Some(format) = &self.format
-            && let Some((bytes, lines, rows)) = self.whole_rows(most, ended)
+            && let Some((bytes, lines, rows)) = self.complete_rows(max_rows, ended)
         {
-            let text: Vec<u8> = self.rest.drain(..bytes).collect();
+            let text: Vec<u8> = self.pending.drain(..bytes).collect();
             let taken = TextRows { format: format.clone(), text, line: self.line + 1, rows };
             self.line += lines;
             if rows > 0 {
                 return Ok(Some(taken));
             }
         }
-        if self.rest.len() > LONGEST_LINE && !self.rest.contains(&b'\n') {
-            let start = String::from_utf8_lossy(&self.rest[..40]).into_owned();
-            let message = format!("a line of more than {LONGEST_LINE} bytes, expected a pulse");
-            return Err(refused(&self.path, self.line + 1, &start, 0..0, message, ""));
+        if self.pending.len() > MAX_LINE_BYTES && !self.pending.contains(&b'\n') {
+            let start = String::from_utf8_lossy(&self.pending[..40]).into_owned();
+            let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pulse");
+            return Err(line_error(&self.path, self.line + 1, &start, 0..0, message, ""));
         }
         Ok(None)
     }
 
-    /// Bytes, lines and rows of the next block: whole lines up to the block's size, all that are there.
-    fn whole_rows(&self, most: usize, ended: bool) -> Option<(usize, usize, u64)> {
+    /// Bytes, lines and rows of the next block of complete lines.
+    fn complete_rows(&self, max_rows: usize, ended: bool) -> Option<(usize, usize, u64)> {
         let (mut end, mut lines, mut rows) = (0, 0, 0);
-        while rows < most as u64 {
-            let rest = &self.rest[end..];
-            let length = match memchr::memchr(b'\n', rest) {
-                Some(at) => at + 1,
-                None if ended && !rest.is_empty() => rest.len(),
-                None => break,
-            };
+        while rows < max_rows as u64
+            && let Some(length) = self.line_length(end, ended)
+        {
             lines += 1;
-            rows += u64::from(is_row(&rest[..length]));
+            rows += u64::from(is_row(&self.pending[end..end + length]));
             end += length;
         }
         (end > 0).then_some((end, lines, rows))
     }
 
-    /// Finds out from the first line that is no remark how the rows are made up.
-    fn read_header(&mut self, ended: bool) -> Result<()> {
-        loop {
-            let end = match memchr::memchr(b'\n', &self.rest) {
-                Some(at) => at + 1,
-                None if ended && !self.rest.is_empty() => self.rest.len(),
-                None => return Ok(()),
-            };
-            if !is_row(&self.rest[..end]) {
-                self.line += 1;
-                self.rest.drain(..end);
-                continue;
-            }
-            let line = String::from_utf8_lossy(&self.rest[..end]).into_owned();
-            let line = line.trim_start_matches('\u{feff}').trim_end();
-            let (format, is_header) = TextFormat::of(&self.path, self.line + 1, line)?;
-            if is_header {
-                self.line += 1;
-                self.rest.drain(..end);
-            }
-            self.format = Some(Arc::new(format));
-            return Ok(());
+    /// Length of the line at `start` with its end; nothing while it is incomplete.
+    fn line_length(&self, start: usize, ended: bool) -> Option<usize> {
+        let rest = &self.pending[start..];
+        match memchr::memchr(b'\n', rest) {
+            Some(at) => Some(at + 1),
+            None => Some(rest.len()).filter(|length| ended && *length > 0),
         }
+    }
+
+    /// Reads the columns from the first line that is no comment.
+    fn read_header(&mut self, ended: bool) -> Result<()> {
+        while let Some(end) = self.line_length(0, ended) {
+            if is_row(&self.pending[..end]) {
+                let line = String::from_utf8_lossy(&self.pending[..end]).into_owned();
+                let line = line.trim_start_matches('\u{feff}').trim_end();
+                let (format, is_header) = TextFormat::of(&self.path, self.line + 1, line)?;
+                self.format = Some(Arc::new(format));
+                if !is_header {
+                    return Ok(());
+                }
+            }
+            self.line += 1;
+            self.pending.drain(..end);
+            if self.format.is_some() {
+                return Ok(());
+            }
+        }
+        Ok(())
     }
 }
 
-/// Whether a line holds anything but blanks or a remark.
+/// Whether a line holds more than blanks or a comment.
 fn is_row(line: &[u8]) -> bool {
     line.iter().find(|b| !b.is_ascii_whitespace()).is_some_and(|b| *b != b'#')
 }
 
-fn refused(
-    path: &Path,
-    line: usize,
-    text: &str,
-    at: std::ops::Range<usize>,
-    message: String,
-    help: &str,
-) -> Error {
+/// An error in line `line`, whose text is `text`, with the range `at` underlined.
+fn line_error(path: &Path, line: usize, text: &str, at: Range<usize>, message: String, help: &str) -> Error {
     let mut problems = Diagnostics::default();
     let problem = problems.error(Some(Place::in_line(path, line, text, at)), message);
     if !help.is_empty() {
@@ -154,51 +148,55 @@ fn refused(
 }
 
 impl TextFormat {
-    /// The columns that a line names; seven numbers are time, origin and direction, six lack the time. The second value
-    /// tells whether the line was a header.
+    /// The format of the first line, and whether the line is a header. Without a header seven numbers are time, origin and
+    /// direction, and six lack the time.
     fn of(path: &Path, number: usize, line: &str) -> Result<(TextFormat, bool)> {
         let separator = Separator::guess(line);
         let fields = separator.split(line);
         let is_header = fields.iter().all(|f| line[f.clone()].parse::<f64>().is_err());
-        let mut format = TextFormat {
-            path: path.to_path_buf(),
-            separator,
-            columns: Vec::new(),
-            present: Present::default(),
-        };
-        if !is_header {
-            let seconds = std::iter::once((Column::Time, 1e9)).filter(|_| fields.len() == 7);
-            let metres = ORIGIN.iter().chain(&DIRECTION).map(|c| (*c, 1.0));
+        let place = |at: Range<usize>| Place::in_line(path, number, line, at);
+        let schema = if is_header {
+            let headings = fields.iter().map(|f| (&line[f.clone()], place(f.clone()), None));
+            StreamSchema::from_headings(path, headings, place(0..line.len()))?
+        } else {
             if !matches!(fields.len(), 6 | 7) {
                 let message = format!("{} numbers and no header that names them", fields.len());
                 let help = "without a header the columns are time, x, y, z, dx, dy, dz";
-                return Err(refused(path, number, line, 0..line.len(), message, help));
+                return Err(line_error(path, number, line, 0..line.len(), message, help));
             }
-            format.columns = seconds.chain(metres).collect();
-            format.present = format.columns.iter().fold(Present::default(), |p, c| p.with(c.0));
-            return Ok((format, false));
+            let seconds = std::iter::once((PulseColumn::Time, 1e9)).filter(|_| fields.len() == 7);
+            let metres = ORIGIN.iter().chain(&DIRECTION).map(|c| (*c, 1.0));
+            StreamSchema::without_headings(path, seconds.chain(metres))
+        };
+        Ok((TextFormat { separator, schema }, is_header))
+    }
+
+    fn push_pulse(
+        &self,
+        (line, number): (&str, usize),
+        shift: DVec3,
+        order: u64,
+        into: &mut Vec<PulseRow>,
+        check: &impl Fn(&PulseRow) -> Result<(), RowFault>,
+    ) -> Result<()> {
+        let fields = self.separator.split(line);
+        let fail = |at, message| line_error(&self.schema.path, number, line, at, message, "");
+        if fields.len() != self.schema.width() {
+            let message =
+                format!("{} columns, expected {} as in the header", fields.len(), self.schema.width());
+            return Err(fail(0..line.len(), message));
         }
-        let mut problems = Diagnostics::default();
-        for field in fields {
-            let place = Some(Place::in_line(path, number, line, field.clone()));
-            match named(&line[field.clone()]) {
-                Ok((column, _)) if format.present.has(column) => {
-                    problems.error(place, format!("a second column for {}", column.entry().name));
-                }
-                Ok((column, factor)) => {
-                    format.columns.push((column, factor));
-                    format.present = format.present.with(column);
-                }
-                Err((message, help)) => {
-                    problems.error(place, message).help(help);
-                }
-            }
-        }
-        if problems.is_empty() {
-            check_complete(format.present, Place::in_line(path, number, line, 0..line.len()), &mut problems);
-        }
-        problems.finish(false)?;
-        Ok((format, true))
+        let values = self.schema.values(|column, at| {
+            let text = &line[fields[at].clone()];
+            text.parse::<f64>().map_err(|_| {
+                let message = format!("expected a number for {}, found `{text}`", column.entry().name);
+                fail(fields[at].clone(), message)
+            })
+        })?;
+        self.schema.push_pulse(&values, shift, order, into, check).map_err(|(column, message)| {
+            let at = self.schema.position(column).map(|at| fields[at].clone());
+            fail(at.unwrap_or(0..line.len()), message)
+        })
     }
 }
 
@@ -208,39 +206,36 @@ impl TextRows {
         self.rows
     }
 
-    /// Number of the play of the first pulse, without looking at the others.
-    pub fn first_play(&self) -> u32 {
-        let Some(at) = self.format.columns.iter().position(|c| c.0 == Column::Play) else { return 0 };
+    /// Epoch of the first pulse; the other rows are not parsed.
+    pub fn first_epoch(&self) -> u32 {
+        let Some(at) = self.format.schema.position(PulseColumn::Epoch) else { return 0 };
         let line = self.text.split(|b| *b == b'\n').find(|l| is_row(l)).unwrap_or_default();
-        self.play_in(line, at)
+        self.epoch_of(line, at)
     }
 
-    fn play_in(&self, line: &[u8], at: usize) -> u32 {
+    fn epoch_of(&self, line: &[u8], at: usize) -> u32 {
         let text = String::from_utf8_lossy(line);
         let fields = self.format.separator.split(&text);
-        // What is no number is reported when the row is read.
+        // An invalid number is reported when the row is parsed.
         fields.get(at).and_then(|f| text[f.clone()].parse().ok()).unwrap_or(0)
     }
 
-    /// Cuts the block where another play begins than that of its first pulse; the second value is the rest.
-    pub fn split_at_play(self) -> (TextRows, Option<TextRows>) {
-        let Some(at) = self.format.columns.iter().position(|c| c.0 == Column::Play) else {
-            return (self, None);
-        };
-        let play = self.first_play();
+    /// Splits the rows before the first pulse of another epoch; the second value is the rest.
+    pub fn split_at_epoch(mut self) -> (TextRows, Option<TextRows>) {
+        let Some(at) = self.format.schema.position(PulseColumn::Epoch) else { return (self, None) };
+        let epoch = self.first_epoch();
         let (mut end, mut lines, mut rows) = (0, 0, 0);
         for line in self.text.split_inclusive(|b| *b == b'\n') {
             if is_row(line) {
-                if self.play_in(line, at) != play {
-                    let mut first = self;
+                if self.epoch_of(line, at) != epoch {
                     let rest = TextRows {
-                        format: first.format.clone(),
-                        text: first.text.split_off(end),
-                        line: first.line + lines,
-                        rows: first.rows - rows,
+                        format: self.format.clone(),
+                        text: self.text.split_off(end),
+                        line: self.line + lines,
+                        rows: self.rows - rows,
                     };
-                    first.rows = rows;
-                    return (first, Some(rest));
+                    self.rows = rows;
+                    return (self, Some(rest));
                 }
                 rows += 1;
             }
@@ -249,8 +244,8 @@ impl TextRows {
         (self, None)
     }
 
-    /// Turns the rows into pulses in the frame whose origin lies at `shift` in the world. `before` counts those of
-    /// the stream before them, and `check` looks at each.
+    /// Appends the rows as pulses in the frame whose origin lies at `shift` in the world. `before` counts the rows of the
+    /// stream before them, and `check` accepts or refuses each.
     ///
     /// # Errors
     /// [`Error::Input`] for the first row that is no pulse, with its line and column.
@@ -259,50 +254,13 @@ impl TextRows {
         shift: DVec3,
         before: u64,
         into: &mut Vec<PulseRow>,
-        check: impl Fn(&PulseRow) -> Result<(), (Column, String)>,
+        check: impl Fn(&PulseRow) -> Result<(), RowFault>,
     ) -> Result<()> {
-        let mut order = before;
-        for (number, line) in (self.line..).zip(self.text.split(|b| *b == b'\n')) {
-            if !is_row(line) {
-                continue;
-            }
+        let lines = (self.line..).zip(self.text.split(|b| *b == b'\n')).filter(|(_, line)| is_row(line));
+        for (order, (number, line)) in (before..).zip(lines) {
             let line = String::from_utf8_lossy(line);
-            let line = line.trim_end();
-            let row = self.format.row(line, number, shift, order)?;
-            if let Err((column, message)) = check(&row) {
-                return Err(self.format.blame(column, line, number, message));
-            }
-            into.push(row);
-            order += 1;
+            self.format.push_pulse((line.trim_end(), number), shift, order, into, &check)?;
         }
         Ok(())
-    }
-}
-
-impl TextFormat {
-    fn row(&self, line: &str, number: usize, shift: DVec3, order: u64) -> Result<PulseRow> {
-        let mut values = [0.0; COLUMNS];
-        let fields = self.separator.split(line);
-        if fields.len() != self.columns.len() {
-            let message =
-                format!("{} columns, expected {} as in the header", fields.len(), self.columns.len());
-            return Err(refused(&self.path, number, line, 0..line.len(), message, ""));
-        }
-        for ((column, factor), field) in self.columns.iter().zip(&fields) {
-            let text = &line[field.clone()];
-            let Ok(value) = text.parse::<f64>() else {
-                let message = format!("expected a number for {}, found `{text}`", column.entry().name);
-                return Err(refused(&self.path, number, line, field.clone(), message, ""));
-            };
-            values[*column as usize] = value * factor;
-        }
-        PulseRow::of(&values, self.present, shift, order)
-            .map_err(|fault| self.blame(fault.column, line, number, fault.message))
-    }
-
-    fn blame(&self, column: Column, line: &str, number: usize, message: String) -> Error {
-        let at = self.columns.iter().position(|c| c.0 == column);
-        let field = at.and_then(|at| self.separator.split(line).get(at).cloned());
-        refused(&self.path, number, line, field.unwrap_or(0..line.len()), message, "")
     }
 }

@@ -12,8 +12,9 @@ use crate::geom::DVec3;
 use crate::pipeline::{Control, Emission, Emitted, Progress, Session, emit};
 use crate::quantity::{amount, duration};
 use crate::streams::{
-    Column, POSE_HEADER, Present, PulseRow, TableColumn, TableWriter, default_columns, header, pose_columns,
-    pulse_columns, push_pose, push_pose_row, push_pulse, push_pulse_row, with_errors, with_reported,
+    ColumnSet, POSE_HEADER, PulseColumn, PulseRow, TableColumn, TableWriter, default_columns, header,
+    pose_columns, pulse_columns, push_pose, push_pose_row, push_pulse, push_pulse_row, with_errors,
+    with_reported,
 };
 use crate::survey::Survey;
 use std::io::{IsTerminal, Write};
@@ -84,9 +85,9 @@ impl Rows {
             Rows::Pulses => {
                 let push = if as_text { push_pulse } else { push_pulse_row };
                 let divergence = flight.divergences.get(emitted.leg as usize).copied();
-                let (leg, play) = (emitted.leg, emitted.epoch);
+                let (leg, epoch) = (emitted.leg, emitted.epoch);
                 for &(pulse, step) in &emitted.pulses {
-                    let row = PulseRow { pulse, leg, step, play, divergence };
+                    let row = PulseRow { pulse, leg, step, epoch, divergence };
                     push(out, &row, flight.columns, flight.shift);
                 }
             }
@@ -98,7 +99,7 @@ impl Rows {
 struct Flight {
     shift: DVec3,
     /// Columns of a stream of pulses.
-    columns: Present,
+    columns: ColumnSet,
     /// Poses are those flown, not those reported.
     as_flown: bool,
     /// By leg: divergence when the survey begins and in the leg.
@@ -119,10 +120,10 @@ impl Flight {
             columns = with_reported(columns);
         }
         if of_legs.iter().any(|d| *d != own) {
-            columns = columns.with(Column::Divergence).with(Column::StartDivergence);
+            columns = columns.with(PulseColumn::Divergence).with(PulseColumn::StartDivergence);
         }
         if emission.epochs > 1 {
-            columns = columns.with(Column::Play);
+            columns = columns.with(PulseColumn::Epoch);
         }
         Flight {
             shift,

@@ -1,0 +1,126 @@
+//! The columns of one stream and their positions: the same checks for headers of text and schemas of Arrow streams.
+
+use super::columns::{COLUMNS, PulseColumn, parse_pulse_heading};
+use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, PulseRow, RowFault, Values};
+use crate::diag::{Diagnostics, Place};
+use crate::error::Result;
+use crate::geom::DVec3;
+use std::path::{Path, PathBuf};
+
+/// The columns of a stream.
+#[derive(Debug)]
+pub(super) struct StreamSchema {
+    /// Name of the stream in messages.
+    pub path: PathBuf,
+    /// Column, factor to its unit inside, and position in a row.
+    columns: Vec<(PulseColumn, f64, usize)>,
+    present: ColumnSet,
+}
+
+impl StreamSchema {
+    /// The columns that headings name. Each heading comes with its place and, where its values are no numbers, with what
+    /// they are; `whole` is the place of the header.
+    ///
+    /// # Errors
+    /// [`Error::Input`](crate::error::Error::Input) with every heading that is unknown, repeated or holds no numbers, and
+    /// with the columns that a pulse needs and that are missing.
+    pub fn from_headings<'h>(
+        path: &Path,
+        headings: impl Iterator<Item = (&'h str, Place, Option<&'h str>)>,
+        whole: Place,
+    ) -> Result<StreamSchema> {
+        let mut problems = Diagnostics::default();
+        let mut schema =
+            StreamSchema { path: path.to_path_buf(), columns: Vec::new(), present: ColumnSet::default() };
+        for (position, (heading, place, no_numbers)) in headings.enumerate() {
+            match (parse_pulse_heading(heading), no_numbers) {
+                (Ok((column, _)), _) if schema.present.has(column) => {
+                    problems.error(Some(place), format!("a second column for {}", column.entry().name));
+                }
+                (Ok(_), Some(holds)) => {
+                    problems
+                        .error(Some(place), format!("column `{heading}` holds {holds}, expected numbers"));
+                }
+                (Ok((column, factor)), None) => schema.push(column, factor, position),
+                (Err((message, help)), _) => {
+                    problems.error(Some(place), message).help(help);
+                }
+            }
+        }
+        if problems.is_empty() {
+            check_complete(schema.present, whole, &mut problems);
+        }
+        problems.finish(false)?;
+        Ok(schema)
+    }
+
+    /// Columns without headings, with their factors.
+    pub fn without_headings(path: &Path, columns: impl Iterator<Item = (PulseColumn, f64)>) -> StreamSchema {
+        let mut schema =
+            StreamSchema { path: path.to_path_buf(), columns: Vec::new(), present: ColumnSet::default() };
+        columns.enumerate().for_each(|(position, (column, factor))| schema.push(column, factor, position));
+        schema
+    }
+
+    fn push(&mut self, column: PulseColumn, factor: f64, position: usize) {
+        self.columns.push((column, factor, position));
+        self.present = self.present.with(column);
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Position of a column in a row.
+    pub fn position(&self, column: PulseColumn) -> Option<usize> {
+        self.columns.iter().find(|c| c.0 == column).map(|c| c.2)
+    }
+
+    /// The values of a row in their units inside; `number` reads one by its column and position.
+    pub fn values<E>(&self, number: impl Fn(PulseColumn, usize) -> Result<f64, E>) -> Result<Values, E> {
+        let mut values = [0.0; COLUMNS];
+        for (column, factor, position) in &self.columns {
+            values[*column as usize] = number(*column, *position)? * factor;
+        }
+        Ok(values)
+    }
+
+    /// Appends the pulse of a row that `check` accepts, in the frame whose origin lies at `shift` in the world. `order` is
+    /// its position in the stream, from 0.
+    pub fn push_pulse(
+        &self,
+        values: &Values,
+        shift: DVec3,
+        order: u64,
+        into: &mut Vec<PulseRow>,
+        check: &impl Fn(&PulseRow) -> Result<(), RowFault>,
+    ) -> Result<(), RowFault> {
+        let row = PulseRow::of(values, self.present, shift, order)?;
+        check(&row)?;
+        into.push(row);
+        Ok(())
+    }
+}
+
+/// Reports columns that a pulse needs and that are missing, and incomplete groups of columns.
+fn check_complete(present: ColumnSet, place: Place, problems: &mut Diagnostics) {
+    let mut missing: Vec<&str> = Vec::new();
+    let mut need = |columns: &[PulseColumn]| {
+        missing.extend(columns.iter().filter(|c| !present.has(**c)).map(|c| c.entry().name));
+    };
+    need(&ORIGIN);
+    for group in [&ATTITUDE[..], &EXACT[..], &LOW[..]] {
+        if present.has_any(group) {
+            need(group);
+        }
+    }
+    if !present.has_any(&ATTITUDE) || present.has_any(&DIRECTION) {
+        need(&DIRECTION);
+    }
+    if !missing.is_empty() {
+        problems
+            .error(Some(place), format!("no column for {}", missing.join(", ")))
+            .help("a pulse needs x, y, z and dx, dy, dz (or qw, qx, qy, qz)");
+    }
+}
