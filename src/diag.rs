@@ -276,42 +276,18 @@ impl Diagnostic {
 /// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted, missing,
 /// wrong or swapped letter counts once; case does not count). Among equally near ones the first wins.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let letters = |w: &str| w.chars().flat_map(char::to_lowercase).collect::<Vec<char>>();
-    let word = letters(word);
-    if word.len() > 60 {
+    let word = word.to_lowercase();
+    let length = word.chars().count();
+    if length > 60 {
         return None;
     }
-    let allowed = (word.len() / 3).max(1);
-    let mut best: Option<(usize, &str)> = None;
-    for candidate in candidates {
-        let other = letters(candidate);
-        if other.len().abs_diff(word.len()) > allowed {
-            continue;
-        }
-        let distance = edit_distance(&word, &other);
-        if distance <= allowed && distance < other.len() && best.is_none_or(|b| distance < b.0) {
-            best = Some((distance, candidate));
-        }
-    }
-    best.map(|b| b.1)
-}
-
-/// Insertions, deletions, replacements and swaps of neighbours that turn `a` into `b`.
-fn edit_distance(a: &[char], b: &[char]) -> usize {
-    let mut before = vec![0; b.len() + 1];
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for i in 1..=a.len() {
-        let mut next = vec![i; b.len() + 1];
-        for j in 1..=b.len() {
-            let differs = usize::from(a[i - 1] != b[j - 1]);
-            next[j] = (row[j] + 1).min(next[j - 1] + 1).min(row[j - 1] + differs);
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                next[j] = next[j].min(before[j - 2] + 1);
-            }
-        }
-        before = std::mem::replace(&mut row, next);
-    }
-    row[b.len()]
+    let distances = candidates.into_iter().map(|candidate| {
+        let other = candidate.to_lowercase();
+        (strsim::osa_distance(&word, &other), other.chars().count(), candidate)
+    });
+    let near =
+        distances.filter(|(distance, letters, _)| *distance <= (length / 3).max(1) && distance < letters);
+    near.min_by_key(|near| near.0).map(|near| near.2)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! The stream is compressed in blocks that do not know each other, by whoever has time; its bytes depend on the lines
 //! alone.
 
-use super::blocks::Blocks;
+use super::blocks::BlockCompressor;
 use super::offload::Offload;
 use super::stream::{Destination, OutputStream, Patched, is_special};
 use crate::error::{Error, Result};
@@ -41,7 +41,7 @@ fn head() -> Vec<u8> {
 /// Lines on their way into a compressed file.
 pub(super) struct ArchiveStream {
     plain: Vec<u8>,
-    blocks: Blocks,
+    blocks: BlockCompressor,
     sum: Adler32,
 }
 
@@ -49,7 +49,7 @@ impl ArchiveStream {
     /// Begins an empty file.
     pub fn begin(out: &mut OutputStream) -> Result<ArchiveStream> {
         out.append(&ZLIB_HEADER)?;
-        Ok(ArchiveStream { plain: head(), blocks: Blocks::new(deflate), sum: Adler32::new() })
+        Ok(ArchiveStream { plain: head(), blocks: BlockCompressor::new(deflate), sum: Adler32::new() })
     }
 
     /// Takes whole lines.

@@ -1,154 +1,128 @@
-//! Blocks of bytes compressed each by itself, on other threads where there are any to spare, and taken back in order.
+//! BlockCompressor of bytes that are compressed independently, on other threads where there are idle ones, and returned in order.
 
 use super::offload::Offload;
 use crate::error::{Error, Result};
 use std::collections::VecDeque;
 use std::mem;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// How a block is compressed into an empty buffer; the error is a message.
-type How = dyn Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync;
+/// Compresses a block into an empty buffer; the error is a message.
+type CompressFn = dyn Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync;
 
 /// The blocks of one file that are being compressed.
-pub(super) struct Blocks {
-    how: Arc<How>,
+pub(super) struct BlockCompressor {
+    compress: Arc<CompressFn>,
     /// In order.
     pending: VecDeque<Arc<Block>>,
-    most_pending: usize,
-    /// Buffers of blocks that were taken, for the next ones: megabytes that come and go would scatter the heap, and long
-    /// runs would need more memory than short ones.
+    max_pending: usize,
+    /// Buffers of finished blocks for the next ones: allocating and freeing megabytes again and again would fragment the
+    /// heap, and long runs would need more memory than short ones.
     spare: Vec<Buffers>,
 }
 
-/// A block and what it is compressed to.
+/// The bytes of a block and its compressed bytes.
 #[derive(Default)]
 struct Buffers {
     plain: Vec<u8>,
     compressed: Vec<u8>,
 }
 
-impl Blocks {
-    /// No blocks yet.
+impl BlockCompressor {
+    /// A compressor without blocks.
     pub fn new(
-        how: impl Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync + 'static,
-    ) -> Blocks {
-        // A block takes a few megabytes, so no more of them than threads could work on, and as many to be going on with
-        // while the oldest is still being worked on.
-        let most_pending = std::thread::available_parallelism().map_or(2, |n| 2 * n.get()).clamp(4, 32);
-        Blocks { how: Arc::new(how), pending: VecDeque::new(), most_pending, spare: Vec::new() }
+        compress: impl Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync + 'static,
+    ) -> BlockCompressor {
+        // A block takes a few megabytes: one for each thread, and as many in reserve while the oldest is compressed.
+        let max_pending = std::thread::available_parallelism().map_or(2, |n| 2 * n.get()).clamp(4, 32);
+        let (pending, spare) = (VecDeque::new(), Vec::new());
+        BlockCompressor { compress: Arc::new(compress), pending, max_pending, spare }
     }
 
-    /// Gives a block away for compression, and hands those that are done to `take`. `plain` is empty afterwards.
+    /// Queues a block for compression, and passes finished ones to `write`. Leaves `plain` empty.
     pub fn submit(
         &mut self,
         plain: &mut Vec<u8>,
         offload: &dyn Offload,
-        mut take: impl FnMut(&[u8]) -> Result<()>,
+        mut write: impl FnMut(&[u8]) -> Result<()>,
     ) -> Result<()> {
-        while self.pending.front().is_some_and(|b| b.is_done() || self.pending.len() >= self.most_pending) {
-            self.hand_on(&mut take)?;
+        while self.pending.front().is_some_and(|b| b.is_done() || self.pending.len() >= self.max_pending) {
+            self.write_oldest(&mut write)?;
         }
         let mut buffers = self.spare.pop().unwrap_or_default();
         mem::swap(plain, &mut buffers.plain);
-        let block = Arc::new(Block::new(buffers));
+        let block = Arc::new(Block(Mutex::new(State::Plain(buffers))));
         self.pending.push_back(block.clone());
-        let how = self.how.clone();
-        if let Err(job) = offload.try_run(Box::new(move || block.compress(&*how))) {
+        let compress = self.compress.clone();
+        if let Err(job) = offload.try_run(Box::new(move || block.compress(&*compress))) {
             job();
         }
         Ok(())
     }
 
-    /// Hands all blocks that are left to `take`.
-    pub fn finish(&mut self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+    /// Passes all remaining blocks to `write`.
+    pub fn finish(&mut self, mut write: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         while !self.pending.is_empty() {
-            self.hand_on(&mut take)?;
+            self.write_oldest(&mut write)?;
         }
         Ok(())
     }
 
-    fn hand_on(&mut self, take: &mut impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+    fn write_oldest(&mut self, write: &mut impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         let Some(block) = self.pending.pop_front() else { return Ok(()) };
-        let mut done = block.result(&*self.how)?;
-        take(&done.compressed)?;
-        done.plain.clear();
-        done.compressed.clear();
-        self.spare.push(done);
+        let mut buffers = block.result(&*self.compress)?;
+        write(&buffers.compressed)?;
+        buffers.plain.clear();
+        buffers.compressed.clear();
+        self.spare.push(buffers);
         Ok(())
     }
 }
 
-/// A block on its way to compressed bytes. Whoever comes first compresses it: a worker that finds the time,
-/// or the writer when it needs the bytes. So the writer waits only for a worker that is at it, never for one that
-/// waits for the writer.
-struct Block {
-    state: Mutex<State>,
-    done: Condvar,
-}
+/// A block that the first thread to lock it compresses: a worker that becomes idle, or the writer when it needs the bytes.
+/// So the writer waits only for a worker that is compressing, never for one that waits for the writer.
+struct Block(Mutex<State>);
 
 enum State {
     Plain(Buffers),
-    BeingCompressed,
     Compressed(Buffers),
     /// Compression failed, or the result was taken.
     Gone(String),
 }
 
 impl Block {
-    fn new(buffers: Buffers) -> Block {
-        Block { state: Mutex::new(State::Plain(buffers)), done: Condvar::new() }
-    }
-
+    /// Waits while another thread compresses. A panic during compression leaves [`State::Gone`] behind.
     fn lock(&self) -> MutexGuard<'_, State> {
-        // No panic can leave the state half changed.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn is_done(&self) -> bool {
-        matches!(*self.lock(), State::Compressed(_) | State::Gone(_))
+        match self.0.try_lock() {
+            Ok(state) => !matches!(*state, State::Plain(_)),
+            Err(TryLockError::WouldBlock) => false,
+            Err(TryLockError::Poisoned(_)) => true,
+        }
     }
 
-    /// Compresses the block, unless somebody has begun.
-    fn compress(&self, how: &How) {
+    /// Compresses the block, if that has not been done.
+    fn compress(&self, compress: &CompressFn) {
         let mut state = self.lock();
-        if !matches!(*state, State::Plain(_)) {
-            return;
+        if let State::Plain(buffers) = &mut *state {
+            let Buffers { plain, compressed } = mem::take(buffers);
+            *state = State::Gone("compression of a block panicked".to_owned());
+            *state = match compress(&plain, compressed) {
+                Ok(compressed) => State::Compressed(Buffers { plain, compressed }),
+                Err(error) => State::Gone(format!("compression of a block: {error}")),
+            };
         }
-        let State::Plain(mut buffers) = mem::replace(&mut *state, State::BeingCompressed) else { return };
-        drop(state);
-        let mut promise =
-            Promise { block: self, outcome: State::Gone("compression of a block panicked".to_owned()) };
-        promise.outcome = match how(&buffers.plain, mem::take(&mut buffers.compressed)) {
-            Ok(compressed) => State::Compressed(Buffers { compressed, ..buffers }),
-            Err(error) => State::Gone(format!("compression of a block: {error}")),
-        };
     }
 
-    /// The compressed bytes; compresses them here if nobody has begun.
-    fn result(&self, how: &How) -> Result<Buffers> {
-        self.compress(how);
-        let mut state = self.lock();
-        while matches!(*state, State::BeingCompressed) {
-            state = self.done.wait(state).unwrap_or_else(PoisonError::into_inner);
-        }
-        match mem::replace(&mut *state, State::Gone("a block was asked for twice".to_owned())) {
+    /// Takes the compressed bytes, which it compresses if that has not been done.
+    fn result(&self, compress: &CompressFn) -> Result<Buffers> {
+        self.compress(compress);
+        match mem::replace(&mut *self.lock(), State::Gone("a block was taken twice".to_owned())) {
             State::Compressed(buffers) => Ok(buffers),
             State::Gone(reason) => Err(Error::Internal(reason)),
-            State::Plain(_) | State::BeingCompressed => Err(Error::Internal("a block went back".to_owned())),
+            State::Plain(_) => Err(Error::Internal("a block was not compressed".to_owned())),
         }
-    }
-}
-
-/// Tells the writer how compression ended, a panic included.
-struct Promise<'a> {
-    block: &'a Block,
-    outcome: State,
-}
-
-impl Drop for Promise<'_> {
-    fn drop(&mut self) {
-        let outcome = mem::replace(&mut self.outcome, State::BeingCompressed);
-        *self.block.lock() = outcome;
-        self.block.done.notify_all();
     }
 }

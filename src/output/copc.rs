@@ -1,12 +1,12 @@
-//! COPC 1.0: LAZ whose chunks are the nodes of an octree, so that a reader fetches only the region and the detail that it
-//! wants (copc.io, "Cloud Optimized Point Cloud Specification").
+//! COPC 1.0: LAZ whose chunks are the nodes of an octree, so that a reader fetches only the region and the detail it needs
+//! (copc.io, "Cloud Optimized Point Cloud Specification").
 //!
-//! Points wait in an unnamed temporary file until the last one has arrived, because only then the cube is known. Then each
-//! node keeps the first point of every cell of a grid of 128³ and hands the others down; points go through temporary files
-//! wherever they are many, so that memory holds one node and the edges of its children. What a node keeps depends on the
-//! order of the points only, which is the same for any number of threads.
+//! Points are collected in a temporary file until the last one has arrived, because only then the root cube is known. Then
+//! each node keeps the first point of every cell of a grid of 128³ and passes the others to its children, through temporary
+//! files where they are many, so that memory holds one node and the buffers of its children. The points of a node depend
+//! on the order of the points only, which is the same for any number of threads.
 
-use super::blocks::Blocks;
+use super::blocks::BlockCompressor;
 use super::las::LasFormat;
 use super::laz::{compress, laszip_builder};
 use super::offload::Offload;
@@ -17,34 +17,38 @@ use crate::geom::DVec3;
 use laz::LazVlr;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::{Read, Seek, Write};
+use std::io::{BufWriter, Read, Seek, Write};
+use tempfile::SpooledTempFile;
 
 /// Cells of a node's grid along each edge.
 const GRID: u64 = 128;
-/// Points that a node keeps without looking at them.
-const LEAF: u64 = 50_000;
-/// Fewer points than these make no node of their own.
-const FEW: u64 = 200;
-/// The finest level. The cube's edge is a multiple of 2 to this power, so that nodes have whole units for edges.
-const DEEPEST: u32 = 16;
-/// Bytes of a spill that stay in memory.
-const KEPT: usize = 2 << 20;
-/// Where the GPS time stands in a record of format 6.
-const TIME: usize = 22;
+/// Largest number of points that a node keeps without dividing them.
+const MAX_LEAF_POINTS: u64 = 50_000;
+/// Smallest number of points of a child node; fewer stay in the parent, as small chunks cost more than they save.
+const MIN_NODE_POINTS: u64 = 200;
+/// The finest level. The edge of the root cube is a multiple of 2 to this power, so that all edges are integral.
+const MAX_LEVEL: u32 = 16;
+/// Bytes of a spill that stay in memory, and of a block that is read from a file.
+const MAX_MEMORY_BYTES: usize = 2 << 20;
+/// Offset of the GPS time in a record of format 6.
+const TIME_AT: usize = 22;
 
-/// Bytes of the record that describes the octree.
-pub(super) const INFO: usize = 160;
+/// Bytes of the variable length record that describes the octree.
+const INFO_BYTES: usize = 160;
 
-/// What the header has to know of the octree.
+/// What the header says of the octree.
 pub(super) struct Octree {
     /// Contents of the record that describes it.
-    pub info: [u8; INFO],
-    /// Where the list of nodes stands.
+    pub info: [u8; INFO_BYTES],
+    /// Position of the list of nodes.
     pub hierarchy_at: u64,
 }
 
-/// How the points are compressed: every chunk has a length of its own.
+impl Octree {
+    pub const EMPTY: Octree = Octree { info: [0; INFO_BYTES], hierarchy_at: 0 };
+}
+
+/// The compression of the points: chunks of variable length.
 pub(super) fn laszip(format: &LasFormat) -> Result<LazVlr> {
     Ok(laszip_builder(format)?.with_variable_chunk_size().build())
 }
@@ -52,7 +56,7 @@ pub(super) fn laszip(format: &LasFormat) -> Result<LazVlr> {
 /// The points of one file on their way into an octree.
 pub(super) struct CopcStream {
     laszip: LazVlr,
-    /// Where the offset of the chunk table stands.
+    /// Position of the offset of the chunk table.
     start: u64,
     points: Spill,
     times: Option<[f64; 2]>,
@@ -66,11 +70,11 @@ impl CopcStream {
         Ok(CopcStream { laszip, start, points: Spill::new(usize::from(record)), times: None })
     }
 
-    /// Takes packed points of format 6.
+    /// Appends encoded points of format 6.
     pub fn append(&mut self, records: &[u8]) -> Result<()> {
         for record in records.chunks_exact(self.points.record) {
             let mut time = [0; 8];
-            time.copy_from_slice(&record[TIME..TIME + 8]);
+            time.copy_from_slice(&record[TIME_AT..TIME_AT + 8]);
             let time = f64::from_le_bytes(time);
             let [first, last] = self.times.unwrap_or([time; 2]);
             self.times = Some([first.min(time), last.max(time)]);
@@ -92,8 +96,8 @@ impl CopcStream {
         let mut builder = Builder {
             cube,
             record: self.points.record,
-            blocks: Blocks::new(how),
-            nodes: Nodes { waiting: VecDeque::new(), table: ChunkTable::default(), entries: Vec::new() },
+            blocks: BlockCompressor::new(how),
+            nodes: Nodes { pending: VecDeque::new(), table: ChunkTable::default(), entries: Vec::new() },
             out,
             offload,
         };
@@ -108,8 +112,8 @@ impl CopcStream {
         out.patch(self.start, &offset.to_le_bytes())?;
 
         if nodes.entries.is_empty() {
-            // A root without points
-            nodes.entries.extend([0; ENTRY]);
+            // A root node without points
+            nodes.entries.extend([0; ENTRY_BYTES]);
         }
         let hierarchy_at = out.len();
         let head = evlr_header(nodes.entries.len() as u64);
@@ -130,7 +134,7 @@ struct Cube {
 
 impl Cube {
     fn around(tally: &Tally) -> Cube {
-        let unit = 1u64 << DEEPEST;
+        let unit = 1u64 << MAX_LEVEL;
         if tally.bounds.is_empty() {
             return Cube { min: [0; 3], edge: unit };
         }
@@ -139,7 +143,7 @@ impl Cube {
         Cube { min, edge: extent.next_multiple_of(unit) }
     }
 
-    /// Where a point lies, from the cube's corner.
+    /// Coordinates of a point relative to the corner of the cube.
     fn within(&self, record: &[u8]) -> [u64; 3] {
         [0, 1, 2].map(|axis| {
             let mut coordinate = [0; 4];
@@ -149,7 +153,7 @@ impl Cube {
     }
 }
 
-/// Which node of the octree.
+/// Level and position of a node.
 #[derive(Clone, Copy)]
 struct Key {
     level: u32,
@@ -165,21 +169,21 @@ impl Key {
     }
 }
 
-/// Bytes of an entry in the list of nodes.
-const ENTRY: usize = 32;
+/// Bytes of an entry of the list of nodes.
+const ENTRY_BYTES: usize = 32;
 
-/// The nodes that have been written, and those that are being compressed.
+/// The list of nodes: written ones, and those that are being compressed.
 struct Nodes {
-    /// Key and number of points.
-    waiting: VecDeque<(Key, u64)>,
+    /// Keys and numbers of points of nodes in compression, in order.
+    pending: VecDeque<(Key, u64)>,
     table: ChunkTable,
     entries: Vec<u8>,
 }
 
 impl Nodes {
-    /// Writes the chunk of the node that has waited longest.
+    /// Writes the chunk of the oldest pending node.
     fn write(&mut self, chunk: &[u8], out: &mut OutputStream) -> Result<()> {
-        let Some((key, points)) = self.waiting.pop_front() else {
+        let Some((key, points)) = self.pending.pop_front() else {
             return Err(Error::Internal("a chunk without a node".to_owned()));
         };
         let too_many = || Error::input("COPC: more points in one place than a node holds; write LAZ");
@@ -198,22 +202,24 @@ impl Nodes {
 struct Builder<'a> {
     cube: Cube,
     record: usize,
-    blocks: Blocks,
+    blocks: BlockCompressor,
     nodes: Nodes,
     out: &'a mut OutputStream,
     offload: &'a dyn Offload,
 }
 
 impl Builder<'_> {
-    /// Writes a node and everything below it.
+    /// Writes a node and its descendants.
     fn build(&mut self, key: Key, points: Spill) -> Result<()> {
         match points.count() {
             0 => return Ok(()),
-            count if count <= LEAF || key.level == DEEPEST => return self.submit(key, points.into_bytes()?),
+            count if count <= MAX_LEAF_POINTS || key.level == MAX_LEVEL => {
+                return self.submit(key, points.into_bytes()?);
+            }
             _ => {}
         }
         let edge = self.cube.edge >> key.level;
-        let mut taken = Bits::new(GRID.pow(3));
+        let mut taken = CellSet::new(GRID.pow(3));
         let mut kept = Vec::new();
         let mut children: [Spill; 8] = std::array::from_fn(|_| Spill::new(self.record));
         let (cube, record) = (self.cube, self.record);
@@ -221,7 +227,7 @@ impl Builder<'_> {
             for point in block.chunks_exact(record) {
                 let within = cube.within(point).map(|c| c % edge);
                 let [x, y, z] = within.map(|c| c * GRID / edge);
-                if taken.set((z * GRID + y) * GRID + x) {
+                if taken.insert((z * GRID + y) * GRID + x) {
                     kept.extend_from_slice(point);
                     continue;
                 }
@@ -230,9 +236,8 @@ impl Builder<'_> {
             }
             Ok(())
         })?;
-        // Chunks of a few points cost more than they tell.
         for child in &mut children {
-            if child.count() < FEW {
+            if child.count() < MIN_NODE_POINTS {
                 kept.extend(std::mem::replace(child, Spill::new(record)).into_bytes()?);
             }
         }
@@ -244,24 +249,24 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Gives the points of a node away for compression.
+    /// Submits the points of a node for compression.
     fn submit(&mut self, key: Key, mut points: Vec<u8>) -> Result<()> {
         let Builder { blocks, nodes, out, offload, record, .. } = self;
-        nodes.waiting.push_back((key, (points.len() / *record) as u64));
+        nodes.pending.push_back((key, (points.len() / *record) as u64));
         blocks.submit(&mut points, *offload, |chunk| nodes.write(chunk, out))
     }
 }
 
-/// Which cells are taken.
-struct Bits(Vec<u64>);
+/// The occupied cells of a grid.
+struct CellSet(Vec<u64>);
 
-impl Bits {
-    fn new(count: u64) -> Bits {
-        Bits(vec![0; count.div_ceil(64) as usize])
+impl CellSet {
+    fn new(count: u64) -> CellSet {
+        CellSet(vec![0; count.div_ceil(64) as usize])
     }
 
-    /// Takes a cell; `false` if it was taken already.
-    fn set(&mut self, cell: u64) -> bool {
+    /// Occupies a cell; `false` if it was occupied already.
+    fn insert(&mut self, cell: u64) -> bool {
         let (word, bit) = (&mut self.0[(cell / 64) as usize], 1 << (cell % 64));
         let free = *word & bit == 0;
         *word |= bit;
@@ -269,56 +274,45 @@ impl Bits {
     }
 }
 
-/// Records that are set aside: the first and the last of them in memory, the others in an unnamed temporary file.
+/// Records that are set aside: few in memory, many in an unnamed temporary file.
 struct Spill {
     record: usize,
-    waiting: Vec<u8>,
-    file: Option<File>,
-    stored: u64,
+    bytes: u64,
+    file: BufWriter<SpooledTempFile>,
 }
 
 impl Spill {
     fn new(record: usize) -> Spill {
-        Spill { record, waiting: Vec::new(), file: None, stored: 0 }
+        Spill { record, bytes: 0, file: BufWriter::new(SpooledTempFile::new(MAX_MEMORY_BYTES)) }
     }
 
     fn count(&self) -> u64 {
-        (self.stored + self.waiting.len() as u64) / self.record as u64
+        self.bytes / self.record as u64
     }
 
     fn append(&mut self, records: &[u8]) -> Result<()> {
-        self.waiting.extend_from_slice(records);
-        if self.waiting.len() < KEPT {
-            return Ok(());
+        self.bytes += records.len() as u64;
+        self.file.write_all(records).map_err(|e| failed("write", e))
+    }
+
+    /// Passes all records in their order to `read`, as blocks of complete ones.
+    fn each_block(self, mut read: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        let mut file = self.file.into_inner().map_err(|e| failed("write", e.into_error()))?;
+        file.rewind().map_err(|e| failed("read", e))?;
+        let max_block = MAX_MEMORY_BYTES / self.record * self.record;
+        let mut block = vec![0; max_block.min(usize::try_from(self.bytes).unwrap_or(usize::MAX))];
+        let mut left = self.bytes;
+        while left > 0 {
+            let now = block.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+            file.read_exact(&mut block[..now]).map_err(|e| failed("read", e))?;
+            read(&block[..now])?;
+            left -= now as u64;
         }
-        let file = match &mut self.file {
-            Some(file) => file,
-            none => none.insert(tempfile::tempfile().map_err(|e| failed("create", e))?),
-        };
-        file.write_all(&self.waiting).map_err(|e| failed("write", e))?;
-        self.stored += self.waiting.len() as u64;
-        self.waiting.clear();
         Ok(())
     }
 
-    /// Shows all records in their order, as blocks of whole ones.
-    fn each_block(mut self, mut show: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-        if let Some(file) = &mut self.file {
-            file.rewind().map_err(|e| failed("read", e))?;
-            let mut block = vec![0; KEPT / self.record * self.record];
-            let mut left = self.stored;
-            while left > 0 {
-                let now = block.len().min(usize::try_from(left).unwrap_or(usize::MAX));
-                file.read_exact(&mut block[..now]).map_err(|e| failed("read", e))?;
-                show(&block[..now])?;
-                left -= now as u64;
-            }
-        }
-        show(&self.waiting)
-    }
-
     fn into_bytes(self) -> Result<Vec<u8>> {
-        let mut bytes = Vec::with_capacity(usize::try_from(self.stored).unwrap_or(0) + self.waiting.len());
+        let mut bytes = Vec::with_capacity(usize::try_from(self.bytes).unwrap_or(0));
         self.each_block(|block| {
             bytes.extend_from_slice(block);
             Ok(())
@@ -331,13 +325,13 @@ fn failed(action: &'static str, e: std::io::Error) -> Error {
     Error::io(action, std::env::temp_dir(), e)
 }
 
-/// The record that describes the octree.
-fn info(format: &LasFormat, cube: &Cube, hierarchy_at: u64, bytes: u64, times: [f64; 2]) -> [u8; INFO] {
+/// Contents of the record that describes the octree.
+fn info(format: &LasFormat, cube: &Cube, hierarchy_at: u64, bytes: u64, times: [f64; 2]) -> [u8; INFO_BYTES] {
     let half = cube.edge as f64 / 2.0;
     let min = DVec3::from(cube.min.map(|c| c as f64));
     let centre = (min + DVec3::splat(half)) * format.scale + format.offset;
     let half = half * format.scale;
-    let mut info = [0; INFO];
+    let mut info = [0; INFO_BYTES];
     let numbers = [centre.x, centre.y, centre.z, half, 2.0 * half / GRID as f64].map(f64::to_le_bytes);
     let places = [hierarchy_at, bytes].map(u64::to_le_bytes);
     let times = times.map(f64::to_le_bytes);
@@ -367,19 +361,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_spill_gives_back_what_it_took() {
+    fn a_spill_returns_its_records_from_memory_and_file() {
         let mut spill = Spill::new(7);
         let all: Vec<u8> = (0..7 * 900_000u32).map(|i| (i % 251) as u8).collect();
         all.chunks(7 * 1234).for_each(|records| spill.append(records).unwrap());
-        assert!(spill.file.is_some() && !spill.waiting.is_empty());
+        assert!(spill.file.get_ref().is_rolled());
         assert_eq!(spill.count(), 900_000);
         assert!(spill.into_bytes().unwrap() == all);
     }
 
     #[test]
-    fn children_lie_where_their_points_are() {
-        let cube = Cube { min: [-5, 0, 7], edge: 1 << DEEPEST };
-        let half = 1i32 << (DEEPEST - 1);
+    fn keys_of_children_follow_the_octants() {
+        let cube = Cube { min: [-5, 0, 7], edge: 1 << MAX_LEVEL };
+        let half = 1i32 << (MAX_LEVEL - 1);
         let record: Vec<u8> =
             [half - 5, 3, half + 7].into_iter().flat_map(|c: i32| c.to_le_bytes()).collect();
         let within = cube.within(&record);
@@ -389,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn records_have_their_lengths() {
+    fn the_header_of_the_node_list_has_its_length() {
         assert_eq!(evlr_header(0).len(), 60);
         assert_eq!(&evlr_header(5)[20..28], &5u64.to_le_bytes());
     }

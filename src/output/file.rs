@@ -3,10 +3,9 @@
 use super::archive::ArchiveStream;
 use super::arrow::{ArrowStream, ParquetStream};
 use super::codec::Piece;
-use super::copc::{self, CopcStream};
+use super::copc::{self, CopcStream, Octree};
 use super::las::{PACKETS_HEADER_BYTES, packets_header, place_packets};
-use super::layout::Content;
-use super::layout::FilePlan;
+use super::layout::{Content, FilePlan};
 use super::laz::{self, LazStream};
 use super::offload::Offload;
 use super::plan::{OutputPlan, packets_path};
@@ -26,102 +25,143 @@ pub(super) struct OutputFile {
     path: Option<PathBuf>,
     kind: FileKind,
     out: OutputStream,
-    body: Body,
+    head: Head,
+    encoder: Encoder,
     tally: Tally,
     packets: Option<Packets>,
 }
 
 /// The waveform packets of a LAS file.
 struct Packets {
-    /// The file beside it; `None`: they are collected in an unnamed file and moved behind the points at the end.
+    /// The file beside it; `None`: they are collected in an unnamed file and appended to the points at the end.
     path: Option<PathBuf>,
     out: OutputStream,
 }
 
-/// What surrounds the records.
-enum Body {
-    /// Nothing that is known only at the end.
-    Plain,
-    /// Lines as records of a compressed archive.
-    Archive(ArchiveStream),
-    /// A header that counts and bounds the points.
-    Las,
-    /// The same where it was written at the beginning: at most so many points.
+/// A header that depends on all records of the file, and the state of the run in its metadata.
+enum Head {
+    /// No such header.
+    None,
+    /// Bounds and counts of points; their compression.
+    Las(Option<LazVlr>),
+    /// The same with a largest number of points instead of counts, for a stream in which nothing can be replaced.
     LasStream(u64),
-    Laz(LazVlr, LazStream),
-    Copc(LazVlr, Box<CopcStream>),
-    /// A header that counts the points.
+    /// Bounds and counts of points, and the octree.
+    Copc(LazVlr),
+    /// The count of points.
     Ply(PointFormat),
-    /// Batches of rows.
+}
+
+/// What happens to records before they are written.
+enum Encoder {
+    /// Nothing.
+    Plain,
+    /// Lines become records of a compressed archive.
+    Archive(ArchiveStream),
+    /// Points are compressed in chunks.
+    Laz(LazStream),
+    /// Points are sorted into an octree and compressed.
+    Copc(Box<CopcStream>),
+    /// Rows are collected to batches.
     Arrow(Box<ArrowStream>),
-    /// Row groups, and a footer that lists them.
+    /// Rows are collected to row groups, which a footer lists.
     Parquet(Box<ParquetStream>),
 }
 
+impl Head {
+    fn new(content: Content, plan: &OutputPlan, out: &OutputStream) -> Result<Head> {
+        Ok(match content {
+            Content::Points(PointFormat::Las) if !out.is_seekable() => {
+                Head::LasStream(plan.las.at_most.unwrap_or(0))
+            }
+            Content::Points(PointFormat::Las) => Head::Las(None),
+            Content::Points(PointFormat::Laz) => Head::Las(Some(laz::laszip(&plan.las)?)),
+            Content::Points(PointFormat::Copc) => Head::Copc(copc::laszip(&plan.las)?),
+            Content::Points(format @ (PointFormat::PlyBinary | PointFormat::PlyAscii)) => Head::Ply(format),
+            _ => Head::None,
+        })
+    }
+
+    /// The header. Its length depends on the plan alone.
+    fn bytes(
+        &self,
+        plan: &OutputPlan,
+        tally: &Tally,
+        packets_at: Option<u64>,
+        octree: &Octree,
+        state: &str,
+    ) -> Vec<u8> {
+        match self {
+            Head::None => Vec::new(),
+            Head::Las(laszip) => plan.las.head(laszip.as_ref(), tally, packets_at, state),
+            Head::LasStream(at_most) => plan.las.stream_head(*at_most),
+            Head::Copc(laszip) => {
+                plan.las.octree_head(laszip, tally, &octree.info, octree.hierarchy_at, state)
+            }
+            Head::Ply(format) => {
+                ply::head(*format, plan.epsg, &plan.objects, plan.ply_groups(), tally.records, state)
+            }
+        }
+    }
+
+    /// Fails when the header cannot count that many points.
+    fn check_count(&self, plan: &OutputPlan, records: u64) -> Result<()> {
+        match self {
+            Head::LasStream(at_most) if records > *at_most => {
+                Err(Error::input(format!("more points than --las-at-most promises: {at_most}")))
+            }
+            Head::Las(_) if records > plan.las.max_points() => {
+                let max = plan.las.max_points();
+                Err(Error::input(format!("a file of LAS 1.0 holds at most {max} points; write LAS 1.4")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 impl OutputFile {
-    /// Opens a file and writes what comes before the first record. A header that is not known yet is left blank, so that
-    /// the beginnings of a file do not pass for the whole.
-    pub fn open(plan: &OutputPlan, place: &Destination, file: &FilePlan) -> Result<OutputFile> {
+    /// Opens a file and writes what precedes the first record. A header that is not known yet is left blank, so that an
+    /// incomplete file does not pass for a complete one.
+    pub fn open(plan: &OutputPlan, destination: &Destination, file: &FilePlan) -> Result<OutputFile> {
         let content = file.content;
         let patched = match content {
             Content::Points(PointFormat::Las) if plan.las.at_most.is_some() => Patched::IfPossible,
             Content::Points(format) if format.counts() => Patched::Always,
             _ => Patched::Never,
         };
-        let mut out = OutputStream::open(place, plan.force, patched)?;
-        let body = match content {
-            _ if file.zipped => Body::Archive(ArchiveStream::begin(&mut out)?),
-            Content::Points(PointFormat::Las) if !out.is_seekable() => {
-                let at_most = plan.las.at_most.unwrap_or(0);
-                out.append(&plan.las.stream_head(at_most))?;
-                Body::LasStream(at_most)
-            }
-            Content::Points(PointFormat::Las) => {
-                out.append(&vec![0; plan.las.head(None, &Tally::EMPTY, None, COMPLETE).len()])?;
-                Body::Las
-            }
-            Content::Points(PointFormat::Laz) => {
-                let laszip = laz::laszip(&plan.las)?;
-                out.append(&vec![0; plan.las.head(Some(&laszip), &Tally::EMPTY, None, COMPLETE).len()])?;
-                let stream = LazStream::begin(laszip.clone(), plan.las.record_length(), &mut out)?;
-                Body::Laz(laszip, stream)
-            }
-            Content::Points(PointFormat::Copc) => {
-                let laszip = copc::laszip(&plan.las)?;
-                let head = plan.las.octree_head(&laszip, &Tally::EMPTY, &[0; copc::INFO], 0, COMPLETE);
-                out.append(&vec![0; head.len()])?;
-                let stream = CopcStream::begin(laszip.clone(), plan.las.record_length(), &mut out)?;
-                Body::Copc(laszip, Box::new(stream))
-            }
-            Content::Points(format @ (PointFormat::PlyBinary | PointFormat::PlyAscii)) => {
-                out.append(&vec![
-                    b' ';
-                    ply::head(format, plan.epsg, &plan.objects, plan.ply_groups(), 0, COMPLETE)
-                        .len()
-                ])?;
-                Body::Ply(format)
-            }
+        let mut out = OutputStream::open(destination, plan.force, patched)?;
+        let head = Head::new(content, plan, &out)?;
+        let mut bytes = head.bytes(plan, &Tally::EMPTY, None, &Octree::EMPTY, COMPLETE);
+        match head {
+            Head::LasStream(_) => {}
+            Head::Ply(_) => bytes.fill(b' '),
+            _ => bytes.fill(0),
+        }
+        match content {
             Content::Points(PointFormat::Xyz) if plan.columns_chosen => {
-                out.append(&table::header(&plan.columns, b' '))?;
-                Body::Plain
+                bytes = table::header(&plan.columns, b' ');
             }
-            Content::Points(PointFormat::Csv) => {
-                out.append(&table::header(&plan.columns, b','))?;
-                Body::Plain
+            Content::Points(PointFormat::Csv) => bytes = table::header(&plan.columns, b','),
+            Content::Trajectory(TrajectoryFormat::Csv) => bytes = TRAJECTORY_HEADER.to_vec(),
+            _ => {}
+        }
+        out.append(&bytes)?;
+        let record = plan.las.record_length();
+        let encoder = match (content, &head) {
+            _ if file.zipped => Encoder::Archive(ArchiveStream::begin(&mut out)?),
+            (_, Head::Las(Some(laszip))) => Encoder::Laz(LazStream::begin(laszip.clone(), record, &mut out)?),
+            (_, Head::Copc(laszip)) => {
+                Encoder::Copc(Box::new(CopcStream::begin(laszip.clone(), record, &mut out)?))
             }
-            Content::Points(PointFormat::Arrow) => {
-                Body::Arrow(Box::new(ArrowStream::new(&plan.columns, plan.schema.clone())?))
+            (Content::Points(PointFormat::Arrow), _) => {
+                Encoder::Arrow(Box::new(ArrowStream::new(&plan.columns, plan.schema.clone())?))
             }
-            Content::Points(PointFormat::Parquet) => {
-                Body::Parquet(Box::new(ParquetStream::new(&plan.columns, plan.schema.clone())?))
+            (Content::Points(PointFormat::Parquet), _) => {
+                Encoder::Parquet(Box::new(ParquetStream::new(&plan.columns, plan.schema.clone())?))
             }
-            Content::Trajectory(TrajectoryFormat::Csv) => {
-                out.append(TRAJECTORY_HEADER)?;
-                Body::Plain
-            }
-            _ => Body::Plain,
+            _ => Encoder::Plain,
         };
-        let path = match place {
+        let path = match destination {
             Destination::Stdout => None,
             Destination::Path(path) => Some(path.clone()),
         };
@@ -131,7 +171,7 @@ impl OutputFile {
             }
             _ => None,
         };
-        Ok(OutputFile { path, kind: content.kind(), out, body, tally: Tally::EMPTY, packets })
+        Ok(OutputFile { path, kind: content.kind(), out, head, encoder, tally: Tally::EMPTY, packets })
     }
 
     /// Appends encoded records.
@@ -142,133 +182,97 @@ impl OutputFile {
             packets.out.append(&piece.packets)?;
         }
         let bytes = &piece.bytes;
-        match &mut self.body {
-            Body::Laz(_, stream) => stream.append(bytes, &mut self.out, offload)?,
-            Body::Copc(_, stream) => stream.append(bytes)?,
-            Body::Archive(stream) => stream.append(bytes, &mut self.out, offload)?,
-            Body::Arrow(stream) => stream.append(bytes, |bytes| self.out.append(bytes))?,
-            Body::Parquet(stream) => stream.append(bytes, |bytes| self.out.append(bytes))?,
-            Body::Plain | Body::Las | Body::LasStream(_) | Body::Ply(_) => self.out.append(bytes)?,
+        match &mut self.encoder {
+            Encoder::Plain => self.out.append(bytes)?,
+            Encoder::Archive(archive) => archive.append(bytes, &mut self.out, offload)?,
+            Encoder::Laz(laz) => laz.append(bytes, &mut self.out, offload)?,
+            Encoder::Copc(copc) => copc.append(bytes)?,
+            Encoder::Arrow(arrow) => arrow.append(bytes, |bytes| self.out.append(bytes))?,
+            Encoder::Parquet(parquet) => parquet.append(bytes, |bytes| self.out.append(bytes))?,
         }
-        if let Body::LasStream(at_most) = self.body
-            && self.tally.records > at_most
-        {
-            return Err(Error::input(format!("more points than --las-at-most promises: {at_most}")));
-        }
-        if matches!(self.body, Body::Las | Body::Laz(..)) && self.tally.records > plan.las.max_points() {
-            let max = plan.las.max_points();
-            return Err(Error::input(format!("a file of LAS 1.0 holds at most {max} points; write LAS 1.4")));
-        }
-        Ok(())
+        self.head.check_count(plan, self.tally.records)
     }
 
-    /// Hands everything to the operating system.
+    /// Passes all bytes to the operating system.
     pub fn flush(&mut self, plan: &OutputPlan) -> Result<()> {
-        if let Body::Arrow(stream) = &mut self.body
+        if let Encoder::Arrow(arrow) = &mut self.encoder
             && plan.live
             && self.out.is_stream()
         {
-            stream.flush(|bytes| self.out.append(bytes))?;
+            arrow.flush(|bytes| self.out.append(bytes))?;
         }
         self.packets.iter_mut().try_for_each(|packets| packets.out.flush())?;
         self.out.flush()
     }
 
-    /// Whether it holds something that would be lost with a run that fails, and a file of an earlier run stands under its
-    /// name.
+    /// Whether a failed run should keep its records: there are some, and a file of an earlier run has its name.
     pub fn is_worth_keeping(&self) -> bool {
         self.tally.records > 0 && self.out.partial_path().is_some()
     }
 
-    /// Gives the file handle back until the next append.
+    /// Closes the file handle until the next append.
     pub fn close_handle(&mut self) -> Result<()> {
         self.packets.iter_mut().try_for_each(|packets| packets.out.close_handle())?;
         self.out.close_handle()
     }
 
-    /// Writes what comes after the last record and what is known only now, and completes the file.
-    /// With `partial`, the file tells that the run was interrupted: in its own metadata, or beside it where it has none;
-    /// where it would replace a file, it stands beside that under a name that says so.
+    /// Writes what follows the last record and what is known only now, and completes the file. With `partial`, the file
+    /// tells that the run was interrupted: in its own metadata, or in a note beside it where it has none. A partial file
+    /// never replaces a file of an earlier run: it is left beside that one under a name of its own.
     pub fn finish(
         mut self,
         plan: &OutputPlan,
         offload: &dyn Offload,
         partial: bool,
     ) -> Result<Vec<FileSummary>> {
-        let mut bounds = self.tally.bounds;
-        let packets = self.packets.take();
-        let mut packet_file = None;
         let state = if partial { PARTIAL } else { COMPLETE };
-        let place = self.out.partial_path().filter(|_| partial);
-        let packets_place = place.as_deref().map(packets_path);
-        let has_metadata = !matches!(self.body, Body::Plain | Body::Archive(_));
-        match self.body {
-            Body::Plain => {}
-            Body::LasStream(_) => {
-                packet_file =
-                    packets.map(|p| p.finish(&mut self.out, packets_place.as_deref())).transpose()?;
-                bounds = plan.las.world(&bounds);
+        let partial_path = self.out.partial_path().filter(|_| partial);
+        let is_text =
+            matches!((&self.head, &self.encoder), (Head::None, Encoder::Plain | Encoder::Archive(_)));
+        let mut octree = Octree::EMPTY;
+        match self.encoder {
+            Encoder::Plain => {}
+            Encoder::Archive(archive) => archive.finish(&mut self.out, offload)?,
+            Encoder::Laz(laz) => laz.finish(&mut self.out, offload)?,
+            Encoder::Copc(copc) => octree = copc.finish(&plan.las, &self.tally, &mut self.out, offload)?,
+            Encoder::Arrow(arrow) => arrow.finish(partial, |bytes| self.out.append(bytes))?,
+            Encoder::Parquet(parquet) => parquet.finish(partial, |bytes| self.out.append(bytes))?,
+        }
+        let packets_at = plan.las.packets_inside().then_some(self.out.len());
+        let packet_file = match self.packets {
+            Some(packets) => {
+                packets.finish(&mut self.out, partial_path.as_deref().map(packets_path).as_deref())?
             }
-            Body::Arrow(stream) => stream.finish(partial, |bytes| self.out.append(bytes))?,
-            Body::Parquet(stream) => stream.finish(partial, |bytes| self.out.append(bytes))?,
-            Body::Archive(stream) => stream.finish(&mut self.out, offload)?,
-            Body::Las => {
-                let packets_at = self.out.len();
-                packet_file =
-                    packets.map(|p| p.finish(&mut self.out, packets_place.as_deref())).transpose()?;
-                let packets_at = plan.las.packets_inside().then_some(packets_at);
-                self.out.patch(0, &plan.las.head(None, &self.tally, packets_at, state))?;
-                bounds = plan.las.world(&bounds);
-            }
-            Body::Laz(laszip, stream) => {
-                stream.finish(&mut self.out, offload)?;
-                let packets_at = self.out.len();
-                packet_file =
-                    packets.map(|p| p.finish(&mut self.out, packets_place.as_deref())).transpose()?;
-                let packets_at = plan.las.packets_inside().then_some(packets_at);
-                self.out.patch(0, &plan.las.head(Some(&laszip), &self.tally, packets_at, state))?;
-                bounds = plan.las.world(&bounds);
-            }
-            Body::Copc(laszip, stream) => {
-                let octree = stream.finish(&plan.las, &self.tally, &mut self.out, offload)?;
-                let at = octree.hierarchy_at;
-                let head = plan.las.octree_head(&laszip, &self.tally, &octree.info, at, state);
-                self.out.patch(0, &head)?;
-                bounds = plan.las.world(&bounds);
-            }
-            Body::Ply(format) => {
-                self.out.patch(
-                    0,
-                    &ply::head(
-                        format,
-                        plan.epsg,
-                        &plan.objects,
-                        plan.ply_groups(),
-                        self.tally.records,
-                        state,
-                    ),
-                )?;
-            }
+            None => None,
+        };
+        if !matches!(self.head, Head::None | Head::LasStream(_)) {
+            self.out.patch(0, &self.head.bytes(plan, &self.tally, packets_at, &octree, state))?;
+        }
+        let mut bounds = self.tally.bounds;
+        if matches!(self.head, Head::Las(_) | Head::LasStream(_) | Head::Copc(_)) {
+            bounds = plan.las.world(&bounds);
         }
         let bytes = self.out.len();
-        self.out.finish(place.as_deref())?;
-        let noted = self.path.as_deref().filter(|path| place.is_none() && !has_metadata && !is_special(path));
-        if let Some(path) = noted {
-            note(path, partial)?;
+        self.out.finish(partial_path.as_deref())?;
+        if is_text
+            && partial_path.is_none()
+            && let Some(path) = self.path.as_deref().filter(|path| !is_special(path))
+        {
+            write_or_remove_note(path, partial)?;
         }
-        let (path, beside) = match place {
-            Some(place) => (Some(place), self.path),
+        let (path, beside) = match partial_path {
+            Some(partial) => (Some(partial), self.path),
             None => (self.path, None),
         };
         let Tally { records, left_out, by_return, .. } = self.tally;
         let points =
             FileSummary { path, beside, kind: self.kind, records, bytes, bounds, by_return, left_out };
-        Ok([Some(points), packet_file.flatten()].into_iter().flatten().collect())
+        Ok([Some(points), packet_file].into_iter().flatten().collect())
     }
 }
 
-/// Tells beside a text file whether it is partial. A note that is no longer true goes away.
-fn note(path: &Path, partial: bool) -> Result<()> {
+/// Leaves a note beside a partial text file, and removes that of an earlier run beside a complete one.
+fn write_or_remove_note(path: &Path, partial: bool) -> Result<()> {
     let mut name = path.as_os_str().to_os_string();
     name.push(".partial");
     let note = PathBuf::from(name);
@@ -283,7 +287,7 @@ fn note(path: &Path, partial: bool) -> Result<()> {
 }
 
 impl Packets {
-    /// Opens the place of the packets; their offsets count from its beginning.
+    /// Opens the file of the packets; their offsets count from its beginning.
     fn open(plan: &OutputPlan, place: PacketPlace, las: Option<&Path>) -> Result<Packets> {
         let (path, mut out) = match (place, las) {
             (PacketPlace::Beside, Some(las)) => {
@@ -297,17 +301,21 @@ impl Packets {
         Ok(Packets { path, out })
     }
 
-    /// Completes the file beside the points, under its own name or that of `place`, or moves the packets behind them.
-    fn finish(mut self, points: &mut OutputStream, place: Option<&Path>) -> Result<Option<FileSummary>> {
+    /// Completes the file beside the points under its own name or `partial_path`, or appends the packets to the points.
+    fn finish(
+        mut self,
+        points: &mut OutputStream,
+        partial_path: Option<&Path>,
+    ) -> Result<Option<FileSummary>> {
         let bytes = self.out.len();
         self.out.patch(0, &packets_header(bytes - PACKETS_HEADER_BYTES))?;
         let Some(path) = self.path else {
-            self.out.pour_into(points)?;
+            self.out.append_to(points)?;
             return Ok(None);
         };
-        self.out.finish(place)?;
-        let (path, beside) = match place {
-            Some(place) => (Some(place.to_path_buf()), Some(path)),
+        self.out.finish(partial_path)?;
+        let (path, beside) = match partial_path {
+            Some(partial) => (Some(partial.to_path_buf()), Some(path)),
             None => (Some(path), None),
         };
         let Tally { left_out, by_return, bounds, .. } = Tally::EMPTY;

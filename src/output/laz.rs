@@ -9,7 +9,7 @@ mod coder;
 mod extra;
 mod point;
 
-use super::blocks::Blocks;
+use super::blocks::BlockCompressor;
 use super::las::LasFormat;
 use super::offload::Offload;
 use super::stream::OutputStream;
@@ -40,7 +40,7 @@ pub(super) struct LazStream {
     start: u64,
     /// Points that make no whole chunk yet.
     points: Vec<u8>,
-    chunks: Blocks,
+    chunks: BlockCompressor,
     table: ChunkTable,
 }
 
@@ -56,7 +56,7 @@ impl LazStream {
             record: usize::from(record),
             start,
             points: Vec::new(),
-            chunks: Blocks::new(how),
+            chunks: BlockCompressor::new(how),
             table: ChunkTable::default(),
         })
     }

@@ -132,7 +132,7 @@ impl OutputStream {
         Ok(OutputStream::new(path, kind, Box::new(file)))
     }
 
-    /// A file that has no name and goes away when it is closed, see [`OutputStream::pour_into`].
+    /// A file that has no name and goes away when it is closed, see [`OutputStream::append_to`].
     pub fn unnamed() -> Result<OutputStream> {
         let name = std::env::temp_dir();
         let no_file = |e| Error::io("create a file in", std::env::temp_dir(), e);
@@ -142,7 +142,7 @@ impl OutputStream {
     }
 
     /// Appends all bytes of an unnamed file to another out.
-    pub fn pour_into(mut self, other: &mut OutputStream) -> Result<()> {
+    pub fn append_to(mut self, other: &mut OutputStream) -> Result<()> {
         self.flush()?;
         let Kind::Unnamed(file) = &mut self.kind else {
             return Err(Error::Internal(format!("{} has a name", self.name.display())));

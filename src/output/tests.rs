@@ -100,7 +100,7 @@ fn what_was_joined_is_written_like_one_after_the_other() {
             };
             all.extend(rest);
         }
-        // Blocks of columns stand for themselves, and so do legs.
+        // BlockCompressor of columns stand for themselves, and so do legs.
         let is_block = matches!(format, PointFormat::Arrow | PointFormat::Parquet);
         assert_eq!(all.len(), if is_block { 4 } else { 2 }, "{format:?}");
         let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
