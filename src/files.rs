@@ -42,6 +42,11 @@ impl TemporaryFile {
         PathBuf::from(name)
     }
 
+    /// The final name.
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
     /// The temporary name.
     pub fn path(&self) -> &Path {
         &self.path

@@ -6,9 +6,10 @@ use super::summary::FileKind;
 use crate::survey::{Leg, Survey};
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// What a file holds.
+/// The content of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Content {
     Points(PointFormat),
@@ -28,13 +29,23 @@ impl Content {
     }
 }
 
-/// Where a file belongs; the place of a run directory is known only when it has been made.
+/// The location of a file; the path of a run directory is known only when it has been created.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum OutputLocation {
     /// A stream or a named file.
     Fixed(Destination),
-    /// A file in run directory `run` of [`Layout::runs`].
+    /// A file in run directory `run` of [`OutputLayout::runs`].
     Run { run: usize, name: String },
+}
+
+impl fmt::Display for OutputLocation {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            OutputLocation::Fixed(Destination::Stdout) => f.write_str("standard output"),
+            OutputLocation::Fixed(Destination::Path(path)) => path.display().fmt(f),
+            OutputLocation::Run { name, .. } => write!(f, "{name} of the run directory"),
+        }
+    }
 }
 
 /// One file to be written.
@@ -42,7 +53,7 @@ pub(super) enum OutputLocation {
 pub(super) struct FilePlan {
     pub location: OutputLocation,
     pub content: Content,
-    /// Whether it is compressed text.
+    /// Whether it is a compressed archive of lines.
     pub zipped: bool,
     /// The last leg that writes into it.
     pub last_leg: usize,
@@ -50,7 +61,7 @@ pub(super) struct FilePlan {
     pub sink: usize,
 }
 
-/// Which files take the points of a leg.
+/// The files of the points of a leg, by their index in [`OutputLayout::files`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Slots {
     /// One file for all devices.
@@ -68,7 +79,7 @@ impl Slots {
         }
     }
 
-    /// Index among them of the file that takes the points of a device.
+    /// Index among these files of that with the points of a device.
     pub fn index_of(&self, device: u32) -> usize {
         match self {
             Slots::One(_) => 0,
@@ -98,16 +109,16 @@ impl Route {
     }
 }
 
-/// A run directory to be made: `output/<survey>/<time>`.
+/// A run directory to be created: `output/<survey>/<time>`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct RunPlan {
     /// `output/<survey>`.
     pub parent: PathBuf,
 }
 
-/// All files and who writes into them.
+/// All files and the products of each leg.
 #[derive(Debug, Default)]
-pub(super) struct Layout {
+pub(super) struct OutputLayout {
     pub files: Vec<FilePlan>,
     /// Products of each leg, by index of the leg.
     pub routes: Vec<Vec<Route>>,
@@ -117,11 +128,11 @@ pub(super) struct Layout {
     /// Files that more than one sink asks for.
     pub clashes: Vec<OutputLocation>,
     slots: BTreeMap<OutputLocation, u32>,
-    /// Waveforms and pulses are compressed.
+    /// Whether waveforms and pulses are compressed.
     zip: bool,
 }
 
-/// Where the files of one sink go.
+/// The base location of the files of one sink.
 enum Base {
     Stdout,
     /// A single file for all legs.
@@ -130,11 +141,14 @@ enum Base {
     Run(usize),
 }
 
-impl Layout {
-    /// Lays out everything that is asked for.
-    pub fn new(request: &OutputRequest, survey: &Survey) -> Layout {
-        let mut layout =
-            Layout { routes: vec![Vec::new(); survey.legs.len()], zip: request.zip, ..Layout::default() };
+impl OutputLayout {
+    /// Lays out all requested outputs.
+    pub fn new(request: &OutputRequest, survey: &Survey) -> OutputLayout {
+        let mut layout = OutputLayout {
+            routes: vec![Vec::new(); survey.legs.len()],
+            zip: request.zip,
+            ..OutputLayout::default()
+        };
         let devices: Vec<String> = survey.scanner.devices.iter().map(|d| file_name(&d.id)).collect();
         let split = if request.split_by_channel && devices.len() > 1 { &devices[..] } else { &[] };
         let mut beside = None;
@@ -144,22 +158,24 @@ impl Layout {
             layout.points(sink, &base, *format, survey, split);
             // Sinks that share a run directory share its trajectories.
             if layout.runs.len() > runs {
-                layout.product(sink, &base, Content::Trajectory(TrajectoryFormat::Helios), survey);
+                let trajectory = Content::Trajectory(TrajectoryFormat::Helios);
+                layout.product(sink, &base, trajectory, true, survey);
             }
             if beside.is_none() && !matches!(base, Base::Stdout) {
                 beside = Some((sink, base));
             }
         }
         if let Some((sink, base)) = &beside {
-            let wanted = [(request.waveforms, Content::Waveforms), (request.pulses, Content::Pulses)];
-            wanted
-                .iter()
-                .filter(|(asked, _)| *asked)
-                .for_each(|(_, c)| layout.product(*sink, base, *c, survey));
+            if request.waveforms {
+                layout.product(*sink, base, Content::Waveforms, true, survey);
+            }
+            if request.pulses {
+                layout.product(*sink, base, Content::Pulses, true, survey);
+            }
         }
         if let Some((target, format)) = &request.trajectory {
             let base = layout.base(target, survey);
-            layout.trajectory(request.sinks.len(), &base, *format, survey);
+            layout.product(request.sinks.len(), &base, Content::Trajectory(*format), false, survey);
         }
         layout
     }
@@ -189,10 +205,7 @@ impl Layout {
         for (index, leg) in base.legs(survey) {
             let mut slot = |device: &str| {
                 let location = match base {
-                    Base::Stdout => OutputLocation::Fixed(Destination::Stdout),
-                    Base::Single(path) => {
-                        OutputLocation::Fixed(Destination::Path(with_suffix(path, device, None)))
-                    }
+                    Base::Single(path) => at_path(with_suffix(path, device, None)),
                     _ => base.inside(format!("{}_points{device}.{}", prefix(leg), format.extension())),
                 };
                 self.slot(sink, location, content, index)
@@ -205,64 +218,33 @@ impl Layout {
         }
     }
 
-    /// A product beside the points, with the reference's file names.
-    fn product(&mut self, sink: usize, base: &Base, content: Content, survey: &Survey) {
-        let extension = if self.zips(content) { "bin" } else { "txt" };
-        let suffix = match content {
-            Content::Waveforms => "fullwave",
-            Content::Pulses => "pulse",
-            _ => "trajectory",
+    /// A product besides the points; `beside` is the point file that its name derives from. The names are those of the
+    /// reference.
+    fn product(&mut self, sink: usize, base: &Base, content: Content, beside: bool, survey: &Survey) {
+        let (suffix, extension) = match content {
+            Content::Waveforms => ("fullwave", if self.zip { "bin" } else { "txt" }),
+            Content::Pulses => ("pulse", if self.zip { "bin" } else { "txt" }),
+            Content::Trajectory(TrajectoryFormat::Csv) => ("trajectory", "csv"),
+            _ => ("trajectory", "txt"),
         };
         for (index, leg) in base.legs(survey) {
             let location = match base {
-                Base::Stdout => OutputLocation::Fixed(Destination::Stdout),
-                Base::Single(path) => OutputLocation::Fixed(Destination::Path(with_suffix(
-                    path,
-                    &format!("_{suffix}"),
-                    Some(extension),
-                ))),
+                Base::Single(path) if beside => {
+                    at_path(with_suffix(path, &format!("_{suffix}"), Some(extension)))
+                }
                 _ => base.inside(format!("{}_{suffix}.{extension}", prefix(leg))),
             };
-            self.route(sink, location, content, index);
+            let slot = self.slot(sink, location, content, index);
+            self.routes[index].push(match content {
+                Content::Points(format) => Route::Points(format, Slots::One(slot)),
+                Content::Trajectory(format) => Route::Trajectory(format, slot),
+                Content::Waveforms => Route::Waveforms(slot),
+                Content::Pulses => Route::Pulses(slot),
+            });
         }
     }
 
-    /// Whether files of that content are compressed text.
-    fn zips(&self, content: Content) -> bool {
-        match content {
-            Content::Points(format) => format == PointFormat::Bin,
-            Content::Waveforms | Content::Pulses => self.zip,
-            Content::Trajectory(_) => false,
-        }
-    }
-
-    fn trajectory(&mut self, sink: usize, base: &Base, format: TrajectoryFormat, survey: &Survey) {
-        let extension = match format {
-            TrajectoryFormat::Helios => "txt",
-            TrajectoryFormat::Csv => "csv",
-        };
-        for (index, leg) in base.legs(survey) {
-            let location = match base {
-                Base::Stdout => OutputLocation::Fixed(Destination::Stdout),
-                Base::Single(path) => OutputLocation::Fixed(Destination::Path(path.clone())),
-                _ => base.inside(format!("{}_trajectory.{extension}", prefix(leg))),
-            };
-            self.route(sink, location, Content::Trajectory(format), index);
-        }
-    }
-
-    fn route(&mut self, sink: usize, location: OutputLocation, content: Content, leg: usize) {
-        let slot = self.slot(sink, location, content, leg);
-        let route = match content {
-            Content::Points(format) => Route::Points(format, Slots::One(slot)),
-            Content::Trajectory(format) => Route::Trajectory(format, slot),
-            Content::Waveforms => Route::Waveforms(slot),
-            Content::Pulses => Route::Pulses(slot),
-        };
-        self.routes[leg].push(route);
-    }
-
-    /// The file at `location`, which legs of one strip and devices with one id share.
+    /// The index of the file at `location`, which legs of one strip and devices with one id share.
     fn slot(&mut self, sink: usize, location: OutputLocation, content: Content, leg: usize) -> u32 {
         if let Some(&slot) = self.slots.get(&location) {
             let file = &mut self.files[slot as usize];
@@ -273,7 +255,11 @@ impl Layout {
             return slot;
         }
         let slot = self.files.len() as u32;
-        let zipped = self.zips(content);
+        let zipped = match content {
+            Content::Points(format) => format == PointFormat::Bin,
+            Content::Waveforms | Content::Pulses => self.zip,
+            Content::Trajectory(_) => false,
+        };
         self.files.push(FilePlan { location: location.clone(), content, zipped, last_leg: leg, sink });
         self.slots.insert(location, slot);
         slot
@@ -281,7 +267,7 @@ impl Layout {
 }
 
 impl Base {
-    /// The legs that have files there: a single file takes every leg, so that it exists even if none is active.
+    /// The legs with files there: a single file takes all legs, so that it exists even if none is active.
     fn legs<'s>(&self, survey: &'s Survey) -> impl Iterator<Item = (usize, &'s Leg)> + use<'s> {
         let all = matches!(self, Base::Stdout | Base::Single(_));
         survey.legs.iter().enumerate().filter(move |(_, leg)| all || leg.scanner.active)
@@ -290,14 +276,18 @@ impl Base {
     fn inside(&self, name: String) -> OutputLocation {
         match self {
             Base::Run(run) => OutputLocation::Run { run: *run, name },
-            Base::Folder(folder) => OutputLocation::Fixed(Destination::Path(folder.join(name))),
-            Base::Single(path) => OutputLocation::Fixed(Destination::Path(path.clone())),
+            Base::Folder(folder) => at_path(folder.join(name)),
+            Base::Single(path) => at_path(path.clone()),
             Base::Stdout => OutputLocation::Fixed(Destination::Stdout),
         }
     }
 }
 
-/// `leg007` or `stripABC`: what the files of a leg begin with.
+fn at_path(path: PathBuf) -> OutputLocation {
+    OutputLocation::Fixed(Destination::Path(path))
+}
+
+/// The prefix of the files of a leg: `leg007` or `stripABC`.
 fn prefix(leg: &Leg) -> String {
     match &leg.strip {
         Some(strip) => format!("strip{:0>3}", file_name(strip)),
@@ -313,7 +303,7 @@ fn survey_name(survey: &Survey) -> String {
     file_name(&survey.name)
 }
 
-/// A name from the input as part of a file name, which never leaves its folder.
+/// A name from the input as a part of a file name; separators are escaped.
 fn file_name(name: &str) -> String {
     if name.is_empty() || name.chars().all(|c| c == '.') {
         return format!("_{name}");
@@ -332,7 +322,7 @@ fn file_name(name: &str) -> String {
 /// `dir/stem.ext` with `suffix` after the stem, and another extension if given.
 fn with_suffix(path: &Path, suffix: &str, extension: Option<&str>) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default();
-    // Two extensions that belong together
+    // `.copc.laz` counts as one extension.
     if let Some(stem) = stem.to_str().and_then(|stem| stem.strip_suffix(".copc"))
         && path.extension() == Some(OsStr::new("laz"))
     {
@@ -348,7 +338,7 @@ fn with_suffix(path: &Path, suffix: &str, extension: Option<&str>) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Names of standard output that cannot be written under another name first.
+/// Whether the path means standard output, which cannot be written under a temporary name first.
 fn is_stdout(path: &Path) -> bool {
     ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }

@@ -1,18 +1,19 @@
-//! What will be written, decided and checked before anything is.
+//! The plan of all outputs, made and checked before anything is written.
 
 use super::arrow::{About, schema};
 use super::codec::LegFacts;
 use super::columns::Column;
 use super::crs::epsg;
 use super::las::LasFormat;
-use super::layout::{Content, FilePlan, Layout, OutputLocation};
+use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
 use super::objects::ObjectIds;
 use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
-use super::stream::{Destination, is_special, part_name};
+use super::stream::{Destination, is_special};
 use super::summary::FileSummary;
 use super::text;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
+use crate::files::TemporaryFile;
 use crate::geom::DVec3;
 use crate::scene::Scene;
 use crate::survey::Survey;
@@ -22,7 +23,7 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// What the outputs need to know of the run.
+/// What the outputs depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct OutputContext<'a> {
     /// Names, legs, strips, devices.
@@ -31,26 +32,26 @@ pub struct OutputContext<'a> {
     pub scene: &'a Scene,
 }
 
-/// All outputs of a run: which files there are, what goes into them and how. Immutable and shared by the workers.
+/// All outputs of a run: files, contents and formats. Immutable and shared by the workers.
 #[derive(Debug)]
 pub struct OutputPlan {
-    pub(super) layout: Layout,
+    pub(super) layout: OutputLayout,
     pub(super) legs: Vec<LegFacts>,
     pub(super) shift: DVec3,
     /// Ids of the scene's parts as fields of text.
     pub(super) part_names: Vec<Box<[u8]>>,
-    /// The same as integers.
+    /// Ids of the scene's parts as integers.
     pub(super) objects: ObjectIds,
     pub(super) las: LasFormat,
-    /// The columns of formats that have them.
+    /// Columns of the tabular formats.
     pub(super) columns: Vec<Column>,
-    /// Whether they were chosen.
+    /// Whether the columns were chosen by the user.
     pub(super) columns_chosen: bool,
-    /// The same with their metadata.
+    /// The columns with their metadata.
     pub(super) schema: SchemaRef,
     /// Whether pulses without echoes are written.
     pub(super) misses: bool,
-    /// Whether PLY gets part, primitive and true range.
+    /// Whether PLY has part, primitive and true range.
     pub(super) labels: bool,
     pub(super) live: bool,
     /// EPSG code of the coordinate reference system.
@@ -59,22 +60,21 @@ pub struct OutputPlan {
     pub(super) force: bool,
     pub(super) run_stamp: Option<String>,
     pub(super) plays: u32,
-    /// Files that a run which failed left beside those of earlier runs.
+    /// Partial files that a failed run left beside those of earlier runs.
     pub(super) rescued: Mutex<Vec<FileSummary>>,
 }
 
 impl OutputPlan {
-    /// Decides on every file and checks what can be checked before the run: files that exist already, names used twice,
-    /// folders that are missing, formats that a terminal cannot show. All problems are reported at once, and nothing is
-    /// written.
+    /// Plans every file and checks what can be checked before the run: existing files, names used twice, missing
+    /// directories, binary formats on a terminal. All problems are reported at once, and nothing is written.
     ///
     /// # Errors
     /// [`Error::Input`].
     pub fn new(request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
         let mut problems = Diagnostics::default();
-        let layout = Layout::new(&request, context.survey);
+        let layout = OutputLayout::new(&request, context.survey);
         check_requests(&request, context.survey.scanner.devices.len(), &mut problems);
-        check_places(&layout, request.force, &mut problems);
+        check_files(&layout, request.force, &mut problems);
         let mut las_problems = Diagnostics::default();
         let OutputContext { survey, scene } = *context;
         let objects = ObjectIds::new(&scene.parts);
@@ -112,7 +112,7 @@ impl OutputPlan {
         })
     }
 
-    /// What is worth a warning.
+    /// Warnings about the request.
     pub fn warnings(&self) -> &Diagnostics {
         &self.warnings
     }
@@ -123,7 +123,7 @@ impl OutputPlan {
     }
 }
 
-/// What is wrong whatever the files are.
+/// Reports contradictions within the request.
 fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagnostics) {
     let streams = |target: &Target| *target == Target::Stdout;
     for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
@@ -158,19 +158,14 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
     }
 }
 
-/// What is wrong with the files.
-fn check_places(layout: &Layout, force: bool, problems: &mut Diagnostics) {
+/// Reports problems of files.
+fn check_files(layout: &OutputLayout, force: bool, problems: &mut Diagnostics) {
     for clash in &layout.clashes {
         let message = match clash {
             OutputLocation::Fixed(Destination::Stdout) => {
                 "only one output can go to standard output".to_owned()
             }
-            OutputLocation::Fixed(Destination::Path(path)) => {
-                format!("two outputs would be written to {}", path.display())
-            }
-            OutputLocation::Run { name, .. } => {
-                format!("two outputs would be written to {name} of the run directory")
-            }
+            location => format!("two outputs would be written to {location}"),
         };
         problems.error(None, message);
     }
@@ -185,8 +180,8 @@ fn check_places(layout: &Layout, force: bool, problems: &mut Diagnostics) {
     }
 }
 
-/// What is wrong with the files beside LAS that take the waveform packets.
-fn check_packets(layout: &Layout, force: bool, problems: &mut Diagnostics) {
+/// Reports problems of the files beside LAS that take the waveform packets.
+fn check_packets(layout: &OutputLayout, force: bool, problems: &mut Diagnostics) {
     let mut taken: BTreeSet<OutputLocation> = BTreeSet::new();
     for file in &layout.files {
         if !matches!(file.content, Content::Points(format) if format.is_las()) {
@@ -195,7 +190,7 @@ fn check_packets(layout: &Layout, force: bool, problems: &mut Diagnostics) {
         let location = match &file.location {
             OutputLocation::Fixed(Destination::Stdout) => {
                 problems
-                    .error(None, "waveform packets cannot stand beside standard output")
+                    .error(None, "waveform packets cannot be written beside standard output")
                     .help("write them inside: --wave-packets inside");
                 continue;
             }
@@ -210,17 +205,12 @@ fn check_packets(layout: &Layout, force: bool, problems: &mut Diagnostics) {
             }
         };
         if let Some(twice) = taken.replace(location) {
-            let name = match twice {
-                OutputLocation::Fixed(Destination::Path(path)) => path.display().to_string(),
-                OutputLocation::Run { name, .. } => name,
-                OutputLocation::Fixed(Destination::Stdout) => "standard output".to_owned(),
-            };
-            problems.error(None, format!("the waveform packets of two outputs would be written to {name}"));
+            problems.error(None, format!("the waveform packets of two outputs would be written to {twice}"));
         }
     }
 }
 
-/// The file that takes the waveform packets of a LAS file.
+/// The file with the waveform packets of a LAS file.
 pub(super) fn packets_path(las: &Path) -> PathBuf {
     las.with_extension("wdp")
 }
@@ -245,7 +235,7 @@ fn check_path(path: &Path, made: &[PathBuf], force: bool, problems: &mut Diagnos
     if path.symlink_metadata().is_ok() {
         problems.error(None, format!("{shown} exists already")).help("overwrite it with --force");
     }
-    let part = part_name(path);
+    let part = TemporaryFile::name_for(path);
     if part.symlink_metadata().is_ok() {
         problems
             .error(None, format!("{} exists: another run is writing it or was interrupted", part.display()))
@@ -258,7 +248,7 @@ pub(super) fn stamp() -> String {
     jiff::Zoned::now().strftime("%Y-%m-%d_%H-%M-%S").to_string()
 }
 
-/// Makes `parent/stamp`, or the first of `parent/stamp_2` … `parent/stamp_99` that does not exist.
+/// Creates `parent/stamp`, or the first of `parent/stamp_2` … `parent/stamp_99` that does not exist.
 pub(super) fn create_run_directory(parent: &Path, stamp: &str) -> Result<PathBuf> {
     std::fs::create_dir_all(parent).map_err(|e| Error::io("create", parent, e))?;
     for number in 1..=99 {

@@ -1,33 +1,34 @@
-//! Where the bytes of one file go. A named file is written as `NAME.part` and gets its name when it is complete; streams
-//! are written as they come, or spooled to an unnamed file when the format has a header that is known only at the end.
+//! Destinations of bytes. A named file is written as `NAME.part` and gets its name when it is complete; streams are written
+//! at once, or spooled to an unnamed file when the format has a header that is known only at the end.
 
 use crate::error::{Error, Result};
+use crate::files::TemporaryFile;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// What bytes can be appended to and patched in.
+/// A writer in which earlier bytes can be replaced.
 pub(super) trait Storage: Write + Seek + Send {}
 impl<T: Write + Seek + Send> Storage for T {}
 
-/// Where one file goes.
+/// The destination of one file.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Destination {
     /// Standard output.
     Stdout,
-    /// A name.
+    /// A file, pipe or device.
     Path(PathBuf),
 }
 
-/// One output being written.
+/// One output that is being written.
 pub(super) struct OutputStream {
-    /// For messages: the final name.
+    /// The final name, for messages.
     name: PathBuf,
     kind: Kind,
-    /// `None` while parked.
+    /// `None` while the handle is closed.
     storage: Option<Box<dyn Storage>>,
     buffer: Vec<u8>,
-    /// Bytes appended so far, those in the buffer included.
+    /// Bytes appended so far, including those in the buffer.
     len: u64,
     /// Whether bytes at the beginning can be replaced.
     seekable: bool,
@@ -37,31 +38,24 @@ pub(super) struct OutputStream {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Patched {
     Never,
-    /// Where the place allows it.
+    /// If the destination allows it.
     IfPossible,
     Always,
 }
 
 enum Kind {
-    /// Bytes go straight to where they belong.
+    /// Bytes go to the destination at once.
     Direct,
-    /// Bytes go to an unnamed file whose contents are wanted elsewhere later.
+    /// Bytes go to an unnamed file, see [`OutputStream::append_to`].
     Unnamed(File),
     /// Bytes are collected in an unnamed file and copied at the end.
     Spool { spool: File, stream: File },
-    /// `part` gets the file's name at the end; `committed` when it has, or when it must stay under its own.
-    Part { part: PathBuf, force: bool, committed: bool },
+    /// Bytes go to a temporary file that gets its name at the end.
+    Named { temporary: TemporaryFile, force: bool },
 }
 
-/// Appends are collected up to this size.
-const BUFFER: usize = 64 * 1024;
-
-/// The name of a file until it is complete.
-pub(super) fn part_name(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_os_string();
-    name.push(".part");
-    PathBuf::from(name)
-}
+/// Bytes that are collected before they are written.
+const BUFFER_BYTES: usize = 64 * 1024;
 
 /// The name beside a complete file under which a run that ended early leaves what it measured: `a.partial.laz` beside
 /// `a.laz`, `a.partial.copc.laz` beside `a.copc.laz`.
@@ -77,13 +71,13 @@ pub(super) fn partial_name(path: &Path) -> PathBuf {
     }
 }
 
-/// Whether the name stands for a pipe, a terminal or a device, which is written as it is.
+/// Whether the path is a pipe, a terminal or a device, which is written directly.
 pub(super) fn is_special(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
 impl OutputStream {
-    /// Opens a place for writing.
+    /// Opens a destination for writing.
     pub fn open(place: &Destination, force: bool, patched: Patched) -> Result<OutputStream> {
         match place {
             Destination::Stdout => {
@@ -96,7 +90,7 @@ impl OutputStream {
                     OpenOptions::new().write(true).open(path).map_err(|e| Error::io("open", path, e))?;
                 OutputStream::stream(path.clone(), file, patched)
             }
-            Destination::Path(path) => OutputStream::part(path, force),
+            Destination::Path(path) => OutputStream::named(path, force),
         }
     }
 
@@ -113,26 +107,13 @@ impl OutputStream {
         Ok(OutputStream::new(name, Kind::Spool { spool, stream: file }, storage))
     }
 
-    fn part(path: &Path, force: bool) -> Result<OutputStream> {
-        // A link is followed, so that it stays and what it points to is replaced.
-        let path = match fs::canonicalize(path) {
-            Ok(real) if path.is_symlink() => real,
-            _ => path.to_path_buf(),
-        };
-        let part = part_name(&path);
-        if force {
-            match fs::remove_file(&part) {
-                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(Error::io("replace", &part, e)),
-                _ => {}
-            }
-        }
-        let options = OpenOptions::new().read(true).write(true).create_new(true).open(&part);
-        let file = options.map_err(|e| Error::io("create", &part, e))?;
-        let kind = Kind::Part { part, force, committed: false };
-        Ok(OutputStream::new(path, kind, Box::new(file)))
+    fn named(path: &Path, force: bool) -> Result<OutputStream> {
+        let (temporary, file) = TemporaryFile::create(path, force)?;
+        let name = temporary.target().to_path_buf();
+        Ok(OutputStream::new(name, Kind::Named { temporary, force }, Box::new(file)))
     }
 
-    /// A file that has no name and goes away when it is closed, see [`OutputStream::append_to`].
+    /// A file without a name that is removed when it is closed, see [`OutputStream::append_to`].
     pub fn unnamed() -> Result<OutputStream> {
         let name = std::env::temp_dir();
         let no_file = |e| Error::io("create a file in", std::env::temp_dir(), e);
@@ -149,7 +130,7 @@ impl OutputStream {
         };
         let failed = |e| Error::io("read a file in", &self.name, e);
         file.seek(SeekFrom::Start(0)).map_err(failed)?;
-        let mut block = vec![0; BUFFER];
+        let mut block = vec![0; BUFFER_BYTES];
         loop {
             match file.read(&mut block).map_err(failed)? {
                 0 => return Ok(()),
@@ -164,10 +145,9 @@ impl OutputStream {
 
     /// A named file whose bytes go through `storage`.
     #[cfg(test)]
-    pub fn part_through(path: &Path, storage: impl FnOnce(File) -> Box<dyn Storage>) -> OutputStream {
-        let mut out = OutputStream::part(path, false).unwrap();
-        out.storage = Some(storage(File::options().write(true).open(part_name(path)).unwrap()));
-        out
+    pub fn named_through(path: &Path, storage: impl FnOnce(File) -> Box<dyn Storage>) -> OutputStream {
+        let (temporary, file) = TemporaryFile::create(path, false).unwrap();
+        OutputStream::new(path.to_path_buf(), Kind::Named { temporary, force: false }, storage(file))
     }
 
     /// Whether [`OutputStream::patch`] works.
@@ -175,7 +155,7 @@ impl OutputStream {
         self.seekable
     }
 
-    /// Whether bytes leave as they come, to a pipe or the like.
+    /// Whether bytes are written at once, to a pipe or the like.
     pub fn is_stream(&self) -> bool {
         matches!(self.kind, Kind::Direct)
     }
@@ -188,17 +168,17 @@ impl OutputStream {
     /// Appends bytes.
     pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
         self.len += bytes.len() as u64;
-        if matches!(self.kind, Kind::Direct) || self.buffer.len() + bytes.len() > BUFFER {
+        if matches!(self.kind, Kind::Direct) || self.buffer.len() + bytes.len() > BUFFER_BYTES {
             self.flush()?;
         }
-        if matches!(self.kind, Kind::Direct) || bytes.len() >= BUFFER {
+        if matches!(self.kind, Kind::Direct) || bytes.len() >= BUFFER_BYTES {
             return self.write(bytes);
         }
         self.buffer.extend_from_slice(bytes);
         Ok(())
     }
 
-    /// Hands everything to the operating system.
+    /// Passes all bytes to the operating system.
     pub fn flush(&mut self) -> Result<()> {
         if self.buffer.is_empty() {
             return Ok(());
@@ -215,7 +195,7 @@ impl OutputStream {
         written.map_err(|e| Error::io("write", &self.name, e))
     }
 
-    /// Replaces bytes that were appended at `offset`.
+    /// Replaces bytes that have been appended, from `offset` on.
     pub fn patch(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.flush()?;
         let end = self.len;
@@ -227,9 +207,9 @@ impl OutputStream {
         patched.map(drop).map_err(|e| Error::io("write", &self.name, e))
     }
 
-    /// Gives the file handle back until the next append, so that thousands of legs need no thousands of handles.
+    /// Closes the file handle until the next append, so that thousands of legs do not need thousands of handles.
     pub fn close_handle(&mut self) -> Result<()> {
-        if matches!(self.kind, Kind::Part { .. }) {
+        if matches!(self.kind, Kind::Named { .. }) {
             self.flush()?;
             self.storage = None;
             self.buffer = Vec::new();
@@ -238,72 +218,46 @@ impl OutputStream {
     }
 
     fn storage(&mut self) -> Result<&mut Box<dyn Storage>> {
-        if self.storage.is_none() {
-            let Kind::Part { part, .. } = &self.kind else {
-                return Err(Error::Internal(format!("{} was parked", self.name.display())));
-            };
-            let file = OpenOptions::new().read(true).write(true).open(part);
-            let mut file = file.map_err(|e| Error::io("open", part, e))?;
-            file.seek(SeekFrom::End(0)).map_err(|e| Error::io("write", part, e))?;
-            self.storage = Some(Box::new(file));
-        }
-        self.storage.as_mut().ok_or_else(|| Error::Internal("a file without a handle".to_owned()))
+        let storage = match (self.storage.take(), &self.kind) {
+            (Some(storage), _) => storage,
+            (None, Kind::Named { temporary, .. }) => {
+                let path = temporary.path();
+                let file = OpenOptions::new().read(true).write(true).open(path);
+                let mut file = file.map_err(|e| Error::io("open", path, e))?;
+                file.seek(SeekFrom::End(0)).map_err(|e| Error::io("write", path, e))?;
+                Box::new(file)
+            }
+            (None, _) => return Err(Error::Internal(format!("{} has no handle", self.name.display()))),
+        };
+        Ok(self.storage.insert(storage))
     }
 
-    /// Where a partial file goes when a file of an earlier run stands under its name, which only a complete one may replace.
+    /// The name for a partial file, if a file of an earlier run has the stream's name: only a complete file replaces it.
     pub fn partial_path(&self) -> Option<PathBuf> {
-        let replaces = matches!(&self.kind, Kind::Part { force: true, .. }) && self.name.is_file();
+        let replaces = matches!(&self.kind, Kind::Named { force: true, .. }) && self.name.is_file();
         replaces.then(|| partial_name(&self.name))
     }
 
-    /// Completes the file: it gets its name, or that of `beside`, or a spooled stream is copied.
+    /// Completes the file: it gets its name, or the name `beside`, or a spooled stream is copied to its destination.
     pub fn finish(mut self, beside: Option<&Path>) -> Result<()> {
         self.flush()?;
         if let Some(mut storage) = self.storage.take() {
             storage.flush().map_err(|e| Error::io("write", &self.name, e))?;
         }
-        match &mut self.kind {
+        match self.kind {
             Kind::Direct | Kind::Unnamed(_) => Ok(()),
-            Kind::Spool { spool, stream } => spool
+            Kind::Spool { mut spool, mut stream } => spool
                 .seek(SeekFrom::Start(0))
-                .and_then(|_| io::copy(spool, stream))
+                .and_then(|_| io::copy(&mut spool, &mut stream))
                 .map(drop)
                 .map_err(|e| Error::io("write", &self.name, e)),
-            Kind::Part { part, force, committed } => {
-                let named = commit(part, beside.unwrap_or(&self.name), *force);
-                // What came in between is not overwritten, and what was computed is not thrown away.
-                *committed = !matches!(&named, Err(e) if e.kind() != io::ErrorKind::AlreadyExists);
-                named.map_err(|e| Error::io("give its name to", &*part, e))
-            }
+            Kind::Named { temporary, .. } => temporary.commit_as(beside.unwrap_or(&self.name)),
         }
     }
 }
 
-impl Drop for OutputStream {
-    fn drop(&mut self) {
-        if let Kind::Part { part, committed: false, .. } = &self.kind {
-            // The run has failed already; there is nothing better to report than its error.
-            let _ = fs::remove_file(part);
-        }
-    }
-}
-
-/// Renames `part`; without `force` never over another file.
-fn commit(part: &Path, name: &Path, force: bool) -> io::Result<()> {
-    if force {
-        return fs::rename(part, name);
-    }
-    match fs::hard_link(part, name) {
-        Ok(()) => fs::remove_file(part),
-        Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Err(e),
-        // Some file systems have no hard links.
-        Err(_) if name.exists() => Err(io::ErrorKind::AlreadyExists.into()),
-        Err(_) => fs::rename(part, name),
-    }
-}
-
-/// Whether bytes at the beginning can be replaced later. The name does not tell (`/dev/stdout`, `<(…)`), and a file
-/// that the shell opened for appending, or that holds something already, moves but does not keep its place.
+/// Whether bytes at the beginning can be replaced later. The name does not tell (`/dev/stdout`, `<(…)`), and in a file
+/// that the shell opened for appending, or that is not empty, offsets do not count from the first byte of the stream.
 fn is_seekable(file: &mut File) -> bool {
     matches!(file.stream_position(), Ok(0)) && !appends(file)
 }
@@ -339,7 +293,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn seeking_is_tried_and_not_guessed_from_names() {
+    fn only_empty_files_that_do_not_append_are_seekable() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a");
         assert!(is_seekable(&mut File::create(&path).unwrap()), "standard output as `> a`");
@@ -351,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn parked_files_go_on_where_they_were() {
+    fn files_continue_after_their_handles_were_closed() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a");
         let mut out = OutputStream::open(&Destination::Path(path.clone()), false, Patched::Always).unwrap();
@@ -367,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_partial_stands_beside_what_is_complete() {
+    fn partial_files_are_written_beside_complete_ones() {
         for (name, beside) in [
             ("d.x/a.laz", "d.x/a.partial.laz"),
             ("a.copc.laz", "a.partial.copc.laz"),
@@ -389,19 +343,5 @@ mod tests {
             assert_eq!(fs::read_to_string(&path).unwrap(), old.unwrap_or("new"));
         }
         assert_eq!(fs::read_to_string(&beside).unwrap(), "new");
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn a_link_stays_a_link() {
-        let dir = tempfile::tempdir().unwrap();
-        let [link, target] = ["link", "target"].map(|name| dir.path().join(name));
-        fs::write(&target, "old").unwrap();
-        std::os::unix::fs::symlink(&target, &link).unwrap();
-        let mut out = OutputStream::open(&Destination::Path(link.clone()), true, Patched::Never).unwrap();
-        out.append(b"new").unwrap();
-        out.finish(None).unwrap();
-        assert!(link.is_symlink());
-        assert_eq!(fs::read_to_string(target).unwrap(), "new");
     }
 }

@@ -370,7 +370,7 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
     let path = dir.path().join("p.xyz");
     for room in [0, 10, 200_000] {
         let limited = |file| -> Box<dyn Storage> { Box::new(Full(file, room)) };
-        let mut out = OutputStream::part_through(&path, limited);
+        let mut out = OutputStream::named_through(&path, limited);
         let written = (0..4).try_for_each(|_| out.append(&[b'x'; 60_000])).and_then(|()| out.finish(None));
         let Err(Error::Io { path: named, source, .. }) = written else { panic!("{room} bytes were enough") };
         assert_eq!((named, source.kind()), (path.clone(), io::ErrorKind::StorageFull));
