@@ -1,7 +1,7 @@
-//! Where the points go: one file per format, all of them taking batches in chunk order.
+//! Writers of points, trajectories, waveforms and pulses: one file per format, all of which take batches in chunk order.
 //!
 //! ```text
-//! OutputRequest ─► OutputPlan   what goes where; checked before the run, shared by the workers
+//! OutputRequest ─► OutputPlan   which files, checked before the run, shared by the workers
 //!                    │   │
 //!       workers: encode  open: every output, before the first pulse
 //!                    │   │
@@ -10,13 +10,15 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | [`request`](OutputRequest), `layout`, `plan` | what is asked for, which files that makes, what is wrong with it |
-//! | `encode` with `text`, `number`, `las`, `ply` | batches as bytes |
-//! | `columns` with `arrow`, `table` | chosen columns as Arrow, Parquet and text with a header |
-//! | `laz`, `archive` with `blocks` | compression of LAS and of text; text expanded |
+//! | `request`, `layout`, `plan` | the request, the files that follow from it, checks and formats |
+//! | `codec`, `objects` | what the formats of point records share; ids of scene parts as integers |
+//! | `text`, `number`, `las`, `ply` | records of text, LAS and PLY |
+//! | `columns`, `column_codec`, `table`, `arrow` | columns: definition and values, as text, as Arrow and Parquet |
+//! | `encode` | batches as bytes for every file, by the workers |
+//! | `laz`, `archive`, `blocks` | compression of LAS and of text in blocks; text expanded |
 //! | `copc` | compressed LAS as an octree |
-//! | `writer`, `file`, `stream` | bytes into files and streams |
-//! | `offload`, `summary`, `crs` | work given away, what was written, EPSG codes |
+//! | `writer`, `file`, `stream` | bytes into files and streams, by the writer |
+//! | `offload`, `summary`, `crs` | jobs for idle workers, what was written, EPSG codes |
 //!
 //! A named file is `NAME.part` until it is complete. Formats with counts in their header are spooled to an unnamed file
 //! when the stream cannot seek.

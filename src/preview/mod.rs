@@ -1,8 +1,16 @@
-//! Draws a point cloud as a picture (from above and from the south, with scale bars and a legend) or as a page to turn
-//! around.
+//! Draws a point cloud as a picture (from above and from the south, with scale bars and a legend) or as an interactive page
+//! for a browser, and the waveform of one pulse as a chart.
 //!
-//! [`read_points`] reads text, LAS, LAZ, PLY, Arrow and Parquet; [`draw`] makes a [`Picture`], which is written as PNG, and [`write_page`] an
-//! HTML page; [`Chart`] shows the waveform of one pulse. A point takes 20 bytes at most while it is drawn. The same points and options give the same picture.
+//! A point takes at most 20 bytes of memory. The same points and options give the same picture.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `points` | point clouds in memory |
+//! | `read`, `read_table` | reads point clouds of all formats |
+//! | `layout`, `panel`, `colour` | the arrangement of a picture, its views, colours and legend |
+//! | `picture`, `font`, `label` | pixels, letters, numbers as text |
+//! | `page` | pages for a browser |
+//! | `wave`, `read_packets`, `chart` | waveforms from text and from LAS, and their chart |
 
 mod chart;
 mod colour;

@@ -1,5 +1,12 @@
 //! LAS 1.4 with point data record format 6, or 9 with waveform packets, and LAS 1.0 with format 1 (spec outputs §4).
 //!
+//! | file | what it does |
+//! |---|---|
+//! | `format` | version, scale, offset and extra bytes of all files of a run |
+//! | `header`, `vlr` | the public header block; variable length records |
+//! | `record` | point data records |
+//! | `packets`, `encode` | waveform packets; points that refer to them |
+//!
 //! Conventions of the dimensions:
 //! * coordinates: rounded to the scale, relative to an offset of integral metres near the scene's centre;
 //! * `PointSourceId`: number of the leg plus one, because 0 means "unknown";
