@@ -1,7 +1,6 @@
 //! Compressed text as HELIOS++ writes it (spec outputs §8): a zlib stream of an archive in which every line is a record.
 //!
-//! The stream is compressed in blocks that do not know each other, by whoever has time; its bytes depend on the lines
-//! alone.
+//! The stream is compressed in independent blocks by idle workers; its bytes depend on the lines alone.
 
 use super::blocks::BlockCompressor;
 use super::offload::Offload;
@@ -12,24 +11,24 @@ use flate2::{Compress, Compression, FlushCompress, Status};
 use std::io::{self, BufRead, Read};
 use std::path::Path;
 
-/// Bytes of archive that are compressed together, and as many more as the last record has.
-const BLOCK: usize = 1 << 18;
+/// Bytes of the archive that are compressed together; a block ends with a complete record.
+const MIN_BLOCK_BYTES: usize = 1 << 18;
 
 const NAME: &[u8; 22] = b"serialization::archive";
 
-/// Sizes of int, long, float and double, and a one that shows the order of bytes.
+/// Sizes of int, long, float and double, and the number 1, which shows the byte order.
 const NUMBERS: [u8; 8] = [4, 8, 4, 8, 1, 0, 0, 0];
 
-/// Library version that archives of ours claim; any is read.
+/// The library version in written archives; archives of all versions are read.
 const VERSION: u16 = 18;
 
 /// zlib, deflate with a window of 32 KiB, best compression.
 const ZLIB_HEADER: [u8; 2] = [0x78, 0xDA];
 
-/// The end of a deflate stream: a last block that holds nothing.
+/// The end of a deflate stream: an empty last block.
 const DEFLATE_END: [u8; 2] = [0x03, 0x00];
 
-/// What stands before the first record.
+/// The archive before the first record.
 fn head() -> Vec<u8> {
     let mut head = (NAME.len() as u64).to_le_bytes().to_vec();
     head.extend_from_slice(NAME);
@@ -38,7 +37,7 @@ fn head() -> Vec<u8> {
     head
 }
 
-/// Lines on their way into a compressed file.
+/// Compresses lines into a file.
 pub(super) struct ArchiveStream {
     plain: Vec<u8>,
     blocks: BlockCompressor,
@@ -52,19 +51,19 @@ impl ArchiveStream {
         Ok(ArchiveStream { plain: head(), blocks: BlockCompressor::new(deflate), sum: Adler32::new() })
     }
 
-    /// Takes whole lines.
+    /// Appends complete lines.
     pub fn append(&mut self, lines: &[u8], out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         for line in lines.split_inclusive(|&byte| byte == b'\n') {
             self.plain.extend((line.len() as u64).to_le_bytes());
             self.plain.extend_from_slice(line);
-            if self.plain.len() >= BLOCK {
+            if self.plain.len() >= MIN_BLOCK_BYTES {
                 self.submit(out, offload)?;
             }
         }
         Ok(())
     }
 
-    /// Compresses what is left and ends the stream.
+    /// Compresses the remaining lines and ends the stream.
     pub fn finish(mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         self.submit(out, offload)?;
         self.blocks.finish(|bytes| out.append(bytes))?;
@@ -78,10 +77,10 @@ impl ArchiveStream {
     }
 }
 
-/// A block as part of a deflate stream: it ends at a whole byte and refers to nothing before it.
+/// Compresses a block as a part of a deflate stream that ends at a byte boundary and refers to no earlier block.
 fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, String> {
     let mut deflate = Compress::new(Compression::best(), false);
-    // Room for the worst case: where a full buffer would interrupt must not show in the bytes.
+    // Enough for the worst case: interruptions by a full buffer would change the bytes.
     out.reserve(plain.len() + plain.len() / 8 + 1024);
     loop {
         let done = deflate.total_in() as usize;
@@ -131,7 +130,7 @@ pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) ->
 }
 
 /// Bytes of text that are written together.
-const PIECE: usize = 1 << 16;
+const MIN_WRITE_BYTES: usize = 1 << 16;
 
 /// The expanded archive, and how much of it was read.
 struct Archive<'n, R> {
@@ -168,7 +167,7 @@ impl<R: Read> Archive<'_, R> {
         }
     }
 
-    /// Copies a record without believing its length.
+    /// Copies a record; its length is not trusted.
     fn copy(&mut self, mut left: u64, text: &mut Vec<u8>, out: &mut OutputStream) -> Result<()> {
         let mut piece = [0; 4096];
         while left > 0 {
@@ -178,7 +177,7 @@ impl<R: Read> Archive<'_, R> {
             }
             text.extend_from_slice(&piece[..wanted]);
             left -= wanted as u64;
-            if text.len() >= PIECE {
+            if text.len() >= MIN_WRITE_BYTES {
                 out.append(text)?;
                 text.clear();
             }
@@ -186,7 +185,7 @@ impl<R: Read> Archive<'_, R> {
         Ok(())
     }
 
-    /// Reads as much as there is.
+    /// Reads until `out` is full or the content ends.
     fn fill(&mut self, out: &mut [u8]) -> Result<usize> {
         let mut filled = 0;
         while filled < out.len() {
@@ -234,7 +233,7 @@ mod tests {
     use std::fs;
     use std::io::Write as _;
 
-    fn zipped(parts: &[&[u8]]) -> Vec<u8> {
+    fn compressed(parts: &[&[u8]]) -> Vec<u8> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.bin");
         let mut out = OutputStream::open(&Destination::Path(path.clone()), false, Patched::Never).unwrap();
@@ -245,7 +244,7 @@ mod tests {
         fs::read(path).unwrap()
     }
 
-    fn unzipped(bytes: &[u8]) -> Result<(u64, Vec<u8>)> {
+    fn expanded(bytes: &[u8]) -> Result<(u64, Vec<u8>)> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.txt");
         let done = unzip(Path::new("a.bin"), bytes, Some(&path), false);
@@ -262,7 +261,7 @@ mod tests {
 
     #[test]
     fn the_layout_of_the_specification() {
-        let bytes = zipped(&[b"1.0 2.0\n", b"3\n"]);
+        let bytes = compressed(&[b"1.0 2.0\n", b"3\n"]);
         assert_eq!(bytes[..2], [0x78, 0xDA]);
         let mut content = Vec::new();
         flate2::read::ZlibDecoder::new(&bytes[..]).read_to_end(&mut content).unwrap();
@@ -274,21 +273,21 @@ mod tests {
     }
 
     #[test]
-    fn many_blocks_come_back_and_batches_leave_no_trace() {
+    fn many_blocks_are_read_back_and_do_not_depend_on_batches() {
         let text: String =
             (0..60_000u64).map(|i| format!("{i} {}.{:04}\n", i * 7919 % 1013, i * i % 9973)).collect();
-        let whole = zipped(&[text.as_bytes()]);
-        assert!(text.len() > 3 * BLOCK && whole.len() < text.len() / 2);
+        let whole = compressed(&[text.as_bytes()]);
+        assert!(text.len() > 3 * MIN_BLOCK_BYTES && whole.len() < text.len() / 2);
         let lines: Vec<&[u8]> = text.as_bytes().split_inclusive(|&b| b == b'\n').collect();
-        assert!(zipped(&lines) == whole);
-        let (count, back) = unzipped(&whole).unwrap();
+        assert!(compressed(&lines) == whole);
+        let (count, back) = expanded(&whole).unwrap();
         assert_eq!(count, 60_000);
         assert!(back == text.as_bytes());
     }
 
     #[test]
-    fn nothing_is_text_too() {
-        assert_eq!(unzipped(&zipped(&[])).unwrap(), (0, Vec::new()));
+    fn empty_text_is_read_back() {
+        assert_eq!(expanded(&compressed(&[])).unwrap(), (0, Vec::new()));
     }
 
     #[test]
@@ -299,12 +298,12 @@ mod tests {
             content.extend((line.len() as u64).to_le_bytes());
             content.extend_from_slice(line.as_bytes());
         }
-        assert_eq!(unzipped(&zlib(&content)).unwrap(), (2, b"a b\nc\n".to_vec()));
+        assert_eq!(expanded(&zlib(&content)).unwrap(), (2, b"a b\nc\n".to_vec()));
     }
 
     #[test]
     fn damaged_files_are_refused_with_the_reason() {
-        let good = zipped(&[b"1 2 3\n", b"4 5 6\n"]);
+        let good = compressed(&[b"1 2 3\n", b"4 5 6\n"]);
         let with = |change: &dyn Fn(&mut Vec<u8>)| {
             let mut content = head();
             change(&mut content);
@@ -324,17 +323,17 @@ mod tests {
             (with(&|c| c.extend(u64::MAX.to_le_bytes())), "record ends too early"),
             (with(&|c| c.extend([1, 0, 0])), "record ends too early"),
         ] {
-            let message = unzipped(&bytes).unwrap_err().to_string();
+            let message = expanded(&bytes).unwrap_err().to_string();
             assert!(message.contains(reason) && message.starts_with("a.bin: "), "{message}");
         }
     }
 
     #[test]
-    fn a_file_that_exists_stays() {
+    fn an_existing_file_is_kept() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.txt");
         fs::write(&path, "mine").unwrap();
-        let bytes = zipped(&[b"new\n"]);
+        let bytes = compressed(&[b"new\n"]);
         assert!(unzip(Path::new("a"), &bytes[..], Some(&path), false).is_err());
         assert_eq!(fs::read(&path).unwrap(), b"mine");
         unzip(Path::new("a"), &bytes[..], Some(&path), true).unwrap();
@@ -345,14 +344,14 @@ mod tests {
         #[test]
         fn any_lines(lines in proptest::collection::vec("[ -~]{0,40}\n", 0..50)) {
             let text = lines.concat();
-            let (count, back) = unzipped(&zipped(&[text.as_bytes()])).unwrap();
+            let (count, back) = expanded(&compressed(&[text.as_bytes()])).unwrap();
             prop_assert_eq!((count as usize, back), (lines.len(), text.into_bytes()));
         }
 
         #[test]
         fn any_bytes_end_without_a_panic(bytes: Vec<u8>, content: Vec<u8>) {
-            let _ = unzipped(&bytes);
-            let _ = unzipped(&zlib(&[head(), content].concat()));
+            let _ = expanded(&bytes);
+            let _ = expanded(&zlib(&[head(), content].concat()));
         }
     }
 }

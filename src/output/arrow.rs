@@ -1,5 +1,5 @@
 //! Points as Arrow IPC stream and as Parquet: columns named and typed as [`Column`] says, with unit and meaning as the
-//! metadata of each, and the coordinate reference system, the scanner and the names of objects as that of the whole.
+//! metadata of each, and the coordinate reference system, the scanner and the names of objects as that of the table.
 //!
 //! Rows are collected to batches of fixed size, so that the bytes do not depend on how they arrived.
 
@@ -21,14 +21,14 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Rows of a batch of an Arrow stream: some megabytes, a fraction of a second of an airborne scanner.
+/// Rows of a batch of an Arrow stream: some megabytes.
 pub(super) const BATCH_ROWS: usize = 16_384;
 /// Rows of a row group of Parquet.
 const GROUP_ROWS: usize = 16 * BATCH_ROWS;
-/// The metadata that says [`PARTIAL`].
+/// Key of the metadata with the value [`PARTIAL`].
 const STATE: &str = "state";
 
-/// What the metadata of a point table tells.
+/// The metadata of a point table.
 pub(super) struct About<'a> {
     /// The scanner's name.
     pub scanner: &'a str,
@@ -37,30 +37,30 @@ pub(super) struct About<'a> {
     pub objects: &'a ObjectIds,
 }
 
-/// The columns with all that is known of them.
+/// The columns with their units and meanings, and the metadata of the table.
 pub(super) fn schema(columns: &[Column], about: &About) -> SchemaRef {
     let fields = columns.iter().map(|column| {
-        let mut told = BTreeMap::from([("description".to_owned(), column.meaning().to_owned())]);
+        let mut metadata = BTreeMap::from([("description".to_owned(), column.meaning().to_owned())]);
         if !column.unit().is_empty() {
-            told.insert("unit".to_owned(), column.unit().to_owned());
+            metadata.insert("unit".to_owned(), column.unit().to_owned());
         }
-        Field::new(column.name(), data_type(column.kind()), false).with_metadata(told)
+        Field::new(column.name(), data_type(column.kind()), false).with_metadata(metadata)
     });
-    let mut told = BTreeMap::from([
+    let mut metadata = BTreeMap::from([
         ("generator".to_owned(), concat!("vlscan ", env!("CARGO_PKG_VERSION")).to_owned()),
         ("scanner".to_owned(), about.scanner.to_owned()),
         ("gps_time".to_owned(), "seconds of the GPS week".to_owned()),
     ]);
     if let Some(wkt) = about.crs {
-        told.insert("crs".to_owned(), wkt.trim_end_matches('\0').to_owned());
+        metadata.insert("crs".to_owned(), wkt.trim_end_matches('\0').to_owned());
     }
     if !about.objects.names.is_empty() {
         let names: BTreeMap<i32, &str> =
             about.objects.names.iter().map(|(number, name)| (*number, name.as_str())).collect();
         // A map of numbers to texts is always JSON.
-        told.insert("object_names".to_owned(), serde_json::to_string(&names).unwrap_or_default());
+        metadata.insert("object_names".to_owned(), serde_json::to_string(&names).unwrap_or_default());
     }
-    Arc::new(Schema::new_with_metadata(fields.collect::<Vec<_>>(), told))
+    Arc::new(Schema::new_with_metadata(fields.collect::<Vec<_>>(), metadata))
 }
 
 fn data_type(kind: Kind) -> DataType {
@@ -156,7 +156,7 @@ impl ArrowStream {
         rows.append(block, |batch| encode(encoder, &batch, &mut out))
     }
 
-    /// Appends the rows that make no full batch.
+    /// Appends the rows of an incomplete batch.
     pub fn flush(&mut self, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         if self.rows.rows == 0 {
             return Ok(());
@@ -165,7 +165,7 @@ impl ArrowStream {
         encode(&mut self.encoder, &batch, &mut out)
     }
 
-    /// Appends what is left and the end of the stream. A partial stream ends with an empty batch whose metadata says so.
+    /// Appends the remaining rows and the end of the stream. A partial stream ends with [`partial_marker`].
     pub fn finish(mut self, partial: bool, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         if self.rows.rows > 0 || partial {
             let batch = self.rows.batch()?;
@@ -224,21 +224,21 @@ fn partial_marker(columns: usize) -> Vec<u8> {
 /// A Parquet file.
 pub(super) struct ParquetStream {
     rows: Rows,
-    writer: ArrowWriter<Drain>,
-    drain: Drain,
+    writer: ArrowWriter<SharedBuffer>,
+    buffer: SharedBuffer,
 }
 
-/// Bytes on their way from the Parquet writer to the file.
+/// Bytes that the Parquet writer has written and the file has not.
 #[derive(Clone, Default)]
-struct Drain(Arc<Mutex<Vec<u8>>>);
+struct SharedBuffer(Arc<Mutex<Vec<u8>>>);
 
-impl Drain {
+impl SharedBuffer {
     fn take(&self) -> Vec<u8> {
         std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
-impl Write for Drain {
+impl Write for SharedBuffer {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
         Ok(bytes.len())
@@ -261,22 +261,22 @@ impl ParquetStream {
         for column in columns.iter().filter(|c| matches!(c.kind(), Kind::F32 | Kind::F64 | Kind::U64)) {
             properties = properties.set_column_dictionary_enabled(column.name().into(), false);
         }
-        let drain = Drain::default();
-        let writer = ArrowWriter::try_new(drain.clone(), schema.clone(), Some(properties.build()));
+        let buffer = SharedBuffer::default();
+        let writer = ArrowWriter::try_new(buffer.clone(), schema.clone(), Some(properties.build()));
         let writer = writer.map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
-        Ok(ParquetStream { rows: Rows::new(columns, schema), writer, drain })
+        Ok(ParquetStream { rows: Rows::new(columns, schema), writer, buffer })
     }
 
     /// Takes a block of columns and appends every row group that is full.
     pub fn append(&mut self, block: &[u8], mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-        let ParquetStream { rows, writer, drain } = self;
+        let ParquetStream { rows, writer, buffer } = self;
         rows.append(block, |batch| {
             writer.write(&batch).map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
-            out(&drain.take())
+            out(&buffer.take())
         })
     }
 
-    /// Appends what is left and the footer, which says whether the file is partial.
+    /// Appends the remaining rows and the footer, whose metadata tells whether the file is partial.
     pub fn finish(mut self, partial: bool, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         let last = self.rows.batch()?;
         if last.num_rows() > 0 {
@@ -286,6 +286,6 @@ impl ParquetStream {
             self.writer.append_key_value_metadata(KeyValue::new(STATE.to_owned(), PARTIAL.to_owned()));
         }
         self.writer.close().map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
-        out(&self.drain.take())
+        out(&self.buffer.take())
     }
 }

@@ -7,8 +7,7 @@ pub(super) enum EpsgKind {
     Geographic,
 }
 
-/// The code of a projected or geographic system that WKT (1 or 2) gives to the system as a whole, which is the last
-/// thing it says.
+/// The code of a projected or geographic system in WKT (1 or 2). The code of the whole system is its last element.
 pub(super) fn epsg(wkt: &str) -> Option<(EpsgKind, u16)> {
     let keyword = wkt.trim_start().split(['[', '(']).next()?.trim().to_ascii_uppercase();
     let kind = match keyword.as_str() {

@@ -1,4 +1,4 @@
-//! The workers' share of the output: a batch becomes the bytes of every file that it goes to.
+//! Encoding by the workers: a batch becomes the bytes of every file that it goes to.
 
 use super::codec::{LegFacts, Piece, PointCodec, encode_points};
 use super::column_codec::ColumnCodec;
@@ -27,7 +27,7 @@ impl Encoded {
         self.leg
     }
 
-    /// Appends what comes next, or gives it back where pieces stand for themselves.
+    /// Appends the next batch, or returns it where its pieces cannot be joined.
     pub fn join(&mut self, next: Encoded) -> Option<Encoded> {
         let goes_on = |(mine, next): (&Piece, &Piece)| {
             mine.slot == next.slot && !next.is_block && mine.packets.is_empty() && next.packets.is_empty()
@@ -67,7 +67,7 @@ impl PointCodec for XyzCodec<'_> {
 }
 
 impl OutputPlan {
-    /// Turns a batch into the bytes of every file. Called by the workers.
+    /// Encodes a batch for every file. Called by the workers.
     pub fn encode(&self, batch: &Batch) -> Encoded {
         let echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
         let routes = self.layout.routes.get(batch.leg as usize).map_or(&[][..], |r| r);
@@ -128,7 +128,7 @@ impl OutputPlan {
         }
     }
 
-    /// Points as a block of columns for each file; `write` makes the file's bytes of it.
+    /// Encodes points as a block of columns for each file, which `write` turns into the bytes of the file.
     fn tables(
         &self,
         leg: &LegFacts,
@@ -185,7 +185,7 @@ impl OutputPlan {
     }
 }
 
-/// The echoes of a batch and its pulses without echoes, in the order of emission.
+/// The echoes of a batch and records of its pulses without echoes, in the order of emission.
 fn with_misses(batch: &Batch) -> Cow<'_, [Echo]> {
     let mut all = Vec::with_capacity(batch.echoes.len() + batch.pulses.len());
     let mut echoes = batch.echoes.iter().peekable();

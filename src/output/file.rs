@@ -44,7 +44,7 @@ enum Head {
     None,
     /// Bounds and counts of points; their compression.
     Las(Option<LazVlr>),
-    /// The same with a largest number of points instead of counts, for a stream in which nothing can be replaced.
+    /// Bounds and the largest number of points that can occur, for a LAS stream in which nothing can be replaced.
     LasStream(u64),
     /// Bounds and counts of points, and the octree.
     Copc(LazVlr),

@@ -1,8 +1,14 @@
-//! Compression of LAS points in chunks of fixed size, on other threads where there are any to spare. The bytes depend on
-//! the points only: not on batches, threads or who compressed what.
+//! LAZ: compression of LAS points in chunks of fixed size, by idle workers. The bytes depend on the points only, not on
+//! batches and threads.
 //!
-//! LAS 1.4 points of one scanner channel are compressed here ([`chunk`]), others by the `laz` crate; where both could, they
-//! give the same bytes.
+//! LAS 1.4 points of one scanner channel are compressed by [`chunk`], others by the `laz` crate, which writes the same bytes
+//! for both. [`chunk`] exists because it is about 1.85 times as fast for point format 6 (docs/speed.md).
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `chunk` | a chunk of points: its layers and their lengths |
+//! | `point`, `extra` | the layers of point data record format 6, and of extra bytes |
+//! | `coder` | adaptive arithmetic coding |
 
 mod chunk;
 mod coder;
@@ -18,50 +24,51 @@ use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
 use laz::{LazItemType, LazVlr, LazVlrBuilder};
 
-/// Points per chunk, as LASzip has it.
+/// Points per chunk, as in LASzip.
 const CHUNK_POINTS: usize = 50_000;
 
-/// How the points of a run are compressed.
+/// The compression of points in chunks of fixed size.
 pub(super) fn laszip(format: &LasFormat) -> Result<LazVlr> {
     Ok(laszip_builder(format)?.with_fixed_chunk_size(CHUNK_POINTS as u32).build())
 }
 
-/// The same, for any division into chunks.
+/// The compression of points, without a size of chunks.
 pub(super) fn laszip_builder(format: &LasFormat) -> Result<LazVlrBuilder> {
     let builder = LazVlrBuilder::default().with_point_format(format.point_format(), format.extra_length());
     builder.map_err(|e| Error::Internal(format!("LAZ: {e}")))
 }
 
-/// The compressed points of one file.
+/// Compresses the points of one file.
 pub(super) struct LazStream {
     laszip: LazVlr,
     record: usize,
-    /// Where the offset of the chunk table stands.
+    /// Position of the offset of the chunk table.
     start: u64,
-    /// Points that make no whole chunk yet.
+    /// Points of an incomplete chunk.
     points: Vec<u8>,
     chunks: BlockCompressor,
     table: ChunkTable,
 }
 
 impl LazStream {
-    /// Begins after the header of a file: leaves room for the offset of the chunk table.
+    /// Begins after the header of a file with a placeholder for the offset of the chunk table.
     pub fn begin(laszip: LazVlr, record: u16, out: &mut OutputStream) -> Result<LazStream> {
         let start = out.len();
         out.append(&(-1i64).to_le_bytes())?;
         let items = laszip.clone();
-        let how = move |points: &[u8], out| compress(points, out, &items).map_err(|e| e.to_string());
+        let compress_chunk =
+            move |points: &[u8], out| compress(points, out, &items).map_err(|e| e.to_string());
         Ok(LazStream {
             laszip,
             record: usize::from(record),
             start,
             points: Vec::new(),
-            chunks: BlockCompressor::new(how),
+            chunks: BlockCompressor::new(compress_chunk),
             table: ChunkTable::default(),
         })
     }
 
-    /// Takes packed points.
+    /// Appends encoded points.
     pub fn append(
         &mut self,
         mut records: &[u8],
@@ -83,7 +90,7 @@ impl LazStream {
         Ok(())
     }
 
-    /// Compresses what is left, writes the chunk table and the offset that points to it.
+    /// Compresses the remaining points, writes the chunk table and replaces its offset.
     pub fn finish(mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         if !self.points.is_empty() {
             self.submit(out, offload)?;
@@ -97,7 +104,7 @@ impl LazStream {
         out.patch(self.start, &offset.to_le_bytes())
     }
 
-    /// Gives the collected points away for compression.
+    /// Submits the collected points for compression.
     fn submit(&mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         let table = &mut self.table;
         self.chunks.submit(&mut self.points, offload, |bytes| write(bytes, table, out))
@@ -113,7 +120,7 @@ fn write(chunk: &[u8], table: &mut ChunkTable, out: &mut OutputStream) -> Result
 pub(super) fn compress(points: &[u8], mut out: Vec<u8>, laszip: &LazVlr) -> laz::Result<Vec<u8>> {
     out.reserve(points.len() / 2);
     let length = laszip.items().iter().map(|item| usize::from(item.size())).sum();
-    if layers_are_known(laszip) && chunk::suits(points, length) {
+    if has_known_layers(laszip) && chunk::has_one_channel(points, length) {
         chunk::compress(points, length, &mut out);
         return Ok(out);
     }
@@ -125,8 +132,8 @@ pub(super) fn compress(points: &[u8], mut out: Vec<u8>, laszip: &LazVlr) -> laz:
     }
 }
 
-/// Whether the records are those of [`chunk`]: points of format 6, and perhaps extra bytes.
-fn layers_are_known(laszip: &LazVlr) -> bool {
+/// Whether [`chunk`] knows the layout of the records: points of format 6, and perhaps extra bytes.
+fn has_known_layers(laszip: &LazVlr) -> bool {
     let items = laszip.items();
     items.first().is_some_and(|i| i.version() >= 3 && i.item_type() == LazItemType::Point14)
         && items[1..].iter().all(|i| matches!(i.item_type(), LazItemType::Byte14(_)))
@@ -152,7 +159,7 @@ mod tests {
     fn both(points: &[u8], extra: u16) -> [Vec<u8>; 2] {
         let laszip = LazVlrBuilder::default().with_point_format(6, extra).unwrap().build();
         let length = 30 + usize::from(extra);
-        assert!(layers_are_known(&laszip) && chunk::suits(points, length));
+        assert!(has_known_layers(&laszip) && chunk::has_one_channel(points, length));
         let theirs = compress_with(LayeredPointRecordCompressor::new(Vec::new()), points, &laszip).unwrap();
         [compress(points, Vec::new(), &laszip).unwrap(), theirs]
     }
@@ -203,7 +210,7 @@ mod tests {
         let mut points = strip(100, 3);
         points[33 + 15] ^= 0x20;
         let laszip = LazVlrBuilder::default().with_point_format(6, 3).unwrap().build();
-        assert!(!chunk::suits(&points, 33) && layers_are_known(&laszip));
+        assert!(!chunk::has_one_channel(&points, 33) && has_known_layers(&laszip));
         let theirs = compress_with(LayeredPointRecordCompressor::new(Vec::new()), &points, &laszip).unwrap();
         assert!(compress(&points, Vec::new(), &laszip).unwrap() == theirs);
     }

@@ -1,4 +1,5 @@
-//! Numbers as text with a fixed number of decimals, several times faster than `format!` and digit for digit the same.
+//! Numbers as text with a fixed number of decimals, with the digits of `format!` in a fraction of its time: writing text is
+//! bound by this conversion (docs/speed.md).
 
 use std::io::Write as _;
 

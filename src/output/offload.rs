@@ -1,16 +1,16 @@
-//! Work that the writer gives away.
+//! Jobs that the writer hands to idle workers.
 
-/// A job that the writer gives away.
+/// A job of the writer.
 pub type Job = Box<dyn FnOnce() + Send>;
 
-/// Takes compression jobs off the writer: the worker pool, normally.
+/// Runs compression jobs for the writer: normally the worker pool.
 pub trait Offload: Send + Sync {
-    /// Runs the job some time on another thread, or hands it back when there is no room for it now; then the writer runs
-    /// it. Never waits. A job that was taken may also be dropped: the writer does what nobody has begun.
+    /// Queues the job for another thread, or returns it when the queue is full; then the writer runs it. Never blocks. A
+    /// queued job may be dropped: the writer compresses every block that no worker has begun.
     fn try_run(&self, job: Job) -> Result<(), Job>;
 }
 
-/// Takes no job: the writer does everything itself.
+/// Accepts no job: the writer compresses everything itself.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoOffload;
 

@@ -59,7 +59,7 @@ pub struct OutputPlan {
     warnings: Diagnostics,
     pub(super) force: bool,
     pub(super) run_stamp: Option<String>,
-    pub(super) plays: u32,
+    pub(super) epochs: u32,
     /// Partial files that a failed run left beside those of earlier runs.
     pub(super) rescued: Mutex<Vec<FileSummary>>,
 }
@@ -107,7 +107,7 @@ impl OutputPlan {
             warnings,
             force: request.force,
             run_stamp: request.run_stamp,
-            plays: request.plays.max(1),
+            epochs: request.plays.max(1),
             rescued: Mutex::default(),
         })
     }
@@ -117,7 +117,7 @@ impl OutputPlan {
         &self.warnings
     }
 
-    /// Files that a run which failed left beside those of earlier runs, see [`Writer`](super::Writer).
+    /// Partial files that a failed run left beside those of earlier runs, see [`Writer`](super::Writer).
     pub fn rescued(&self) -> Vec<FileSummary> {
         self.rescued.lock().map(|files| files.clone()).unwrap_or_default()
     }

@@ -127,7 +127,7 @@ pub struct OutputRequest {
     pub creation: (u16, u16),
     /// Name of run directories; `None` takes the local time when they are created.
     pub run_stamp: Option<String>,
-    /// How often the survey is flown (spec input-formats §3.8); see [`Writer::next_play`](super::Writer::next_play).
+    /// How often the survey is flown (spec input-formats §3.8); see [`Writer::next_epoch`](super::Writer::next_epoch).
     pub plays: u32,
 }
 

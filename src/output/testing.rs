@@ -1,11 +1,10 @@
-//! Surveys, scenes and batches for the tests of this room.
+//! Surveys, scenes and batches for the tests of this module.
 
 use super::{NoOffload, OutputContext, OutputPlan, OutputRequest, Summary};
 use crate::error::Result;
 use crate::flight::PoseSample;
 use crate::geom::{Aabb, DVec3, Rotation};
-use crate::pulse::Batch;
-use crate::pulse::{Echo, PulseRecord, WaveformRecord};
+use crate::pulse::{Batch, Echo, PulseRecord, WaveformRecord};
 use crate::scene::{Part, Scene};
 use crate::survey::{Detector, Device, Leg, ScannerSettings, Survey, testkit};
 use std::sync::Arc;
@@ -44,7 +43,7 @@ pub(super) fn scene() -> Scene {
     }
 }
 
-/// A survey `demo` with `devices` devices; a leg for each strip given, inactive where `!` stands.
+/// A survey `demo` with `devices` devices `q0`, `q1` ...; a leg for each strip given, inactive where it is `!`.
 pub(super) fn survey(devices: usize, legs: &[Option<&str>]) -> Survey {
     let device = |i| Device {
         id: format!("q{i}"),
@@ -128,7 +127,7 @@ pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
     batch
 }
 
-/// The whole way from batches to complete files.
+/// Writes batches to complete files.
 pub(super) fn write(request: OutputRequest, survey: &Survey, batches: &[Batch]) -> Result<Summary> {
     let scene = scene();
     let plan = Arc::new(OutputPlan::new(request, &OutputContext { survey, scene: &scene })?);

@@ -77,7 +77,7 @@ fn the_layout_of_the_reference() {
 }
 
 #[test]
-fn what_was_joined_is_written_like_one_after_the_other() {
+fn joined_batches_are_written_like_separate_ones() {
     let survey = survey(2, &[None, Some("!")]);
     let batches = [batch(0, 0, 30), batch(0, 30, 1), batch(0, 31, 9), batch(1, 0, 5)];
     let formats =
@@ -100,7 +100,7 @@ fn what_was_joined_is_written_like_one_after_the_other() {
             };
             all.extend(rest);
         }
-        // BlockCompressor of columns stand for themselves, and so do legs.
+        // Blocks of columns cannot be joined, nor can legs.
         let is_block = matches!(format, PointFormat::Arrow | PointFormat::Parquet);
         assert_eq!(all.len(), if is_block { 4 } else { 2 }, "{format:?}");
         let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
@@ -319,18 +319,18 @@ fn names_from_the_input_stay_in_their_folder() {
 }
 
 #[test]
-fn every_play_has_its_run_directory_and_files_go_on() {
+fn every_epoch_has_a_run_directory_and_files_are_continued() {
     let dir = tempfile::tempdir().unwrap();
     let survey = survey(1, &[None, None]);
     let mut request = points(Target::Helios(dir.path().join("runs")));
     request.sinks.push((Target::File(dir.path().join("all.xyz")), PointFormat::Xyz));
     let plan = plan(OutputRequest { plays: 2, ..request }, &survey);
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
-    for play in 0..2 {
+    for epoch in 0..2 {
         for leg in 0..2 {
             writer.append(plan.encode(&batch(leg, 0, 10))).unwrap();
         }
-        assert_eq!(writer.next_play().is_ok(), play == 0);
+        assert_eq!(writer.next_epoch().is_ok(), epoch == 0);
     }
     let summary = writer.finish().unwrap();
     assert_eq!((summary.directories.len(), summary.points), (2, 40));

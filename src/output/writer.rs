@@ -1,4 +1,4 @@
-//! The writer thread's share of the output: appends encoded batches in chunk order.
+//! Writing by the writer thread: appends encoded batches in chunk order.
 
 use super::Offload;
 use super::encode::Encoded;
@@ -11,26 +11,26 @@ use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// All outputs of a run, open. Dropping it before it is finished is [`Writer::abort`].
+/// All open outputs of a run. Dropping it before it is finished is [`Writer::abort`].
 pub struct Writer {
     plan: Arc<OutputPlan>,
     offload: Arc<dyn Offload>,
-    /// By slot; `None` when complete.
+    /// Open files by slot; `None` when complete.
     files: Vec<Option<OutputFile>>,
-    /// Slots in the order in which legs complete them, and how many of them are done.
+    /// Slots in the order in which legs complete them, and how many of them are complete.
     closing: Vec<u32>,
     closed: usize,
-    /// Slots of streams whose readers went away.
-    gone: Vec<u32>,
+    /// Slots of streams whose readers have closed them.
+    closed_pipes: Vec<u32>,
     partial: bool,
     leg: u32,
-    play: u32,
+    epoch: u32,
     summary: Summary,
-    /// After `files`: fields are dropped in this order, and a directory can be removed only when it is empty.
+    /// Declared after `files`, which are dropped first: a directory can be removed only when it is empty.
     runs: Vec<RunDirectory>,
 }
 
-/// A run directory; an abandoned one is removed when it is empty.
+/// A run directory. Dropping it removes it if it is empty.
 struct RunDirectory {
     path: PathBuf,
     keep: bool,
@@ -39,7 +39,7 @@ struct RunDirectory {
 impl Drop for RunDirectory {
     fn drop(&mut self) {
         if !self.keep {
-            // Fails, as it should, when there is a file in it.
+            // Fails when the directory contains a file, which is intended.
             let _ = std::fs::remove_dir(&self.path);
         }
     }
@@ -59,10 +59,10 @@ impl OutputPlan {
             files: self.layout.files.iter().map(|_| None).collect(),
             closing,
             closed: 0,
-            gone: Vec::new(),
+            closed_pipes: Vec::new(),
             partial: false,
             leg: 0,
-            play: 1,
+            epoch: 1,
             summary: Summary::default(),
             runs: Vec::new(),
         };
@@ -76,16 +76,16 @@ impl OutputPlan {
 }
 
 impl Writer {
-    /// Run directories of the present play; their paths are worth a line in the log.
+    /// Run directories of the current epoch, for the log.
     pub fn directories(&self) -> impl Iterator<Item = &Path> {
         self.runs.iter().map(|run| run.path.as_path())
     }
 
-    /// Appends a batch. Batches come in chunk order, so that a file is complete when a later leg begins.
+    /// Appends a batch. Batches arrive in chunk order, so that a file is complete when a later leg begins.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::ClosedPipe`] when the readers of all outputs went away, [`Error::Internal`] when a batch is
-    /// out of order. Where only some readers went away, the other outputs go on. Nothing more can be written after an error; drop the writer.
+    /// [`Error::Io`]; [`Error::ClosedPipe`] when all outputs are closed pipes, while one open output is enough to continue;
+    /// [`Error::Internal`] when a batch is out of order. Nothing can be written after an error; drop the writer.
     pub fn append(&mut self, encoded: Encoded) -> Result<()> {
         if encoded.leg < self.leg || encoded.leg as usize >= self.plan.layout.routes.len() {
             return Err(Error::Internal(format!("a batch of leg {} after leg {}", encoded.leg, self.leg)));
@@ -94,7 +94,7 @@ impl Writer {
             self.enter(encoded.leg)?;
         }
         for piece in encoded.pieces {
-            if self.gone.contains(&piece.slot) {
+            if self.closed_pipes.contains(&piece.slot) {
                 continue;
             }
             let slot = piece.slot;
@@ -102,53 +102,53 @@ impl Writer {
             let file =
                 file.ok_or_else(|| Error::Internal(format!("leg {} writes a closed file", encoded.leg)))?;
             let appended = file.append(&self.plan, piece, &*self.offload);
-            self.unless_gone(slot, appended)?;
+            self.drop_closed_pipe(slot, appended)?;
         }
         Ok(())
     }
 
-    /// Hands everything that was appended to the operating system, for readers of live streams.
+    /// Passes all appended bytes to the operating system, for readers of live streams.
     pub fn flush(&mut self) -> Result<()> {
         let plan = self.plan.clone();
         for slot in 0..self.files.len() as u32 {
             if let Some(file) = &mut self.files[slot as usize] {
                 let flushed = file.flush(&plan);
-                self.unless_gone(slot, flushed)?;
+                self.drop_closed_pipe(slot, flushed)?;
             }
         }
         Ok(())
     }
 
-    /// Begins the next play of a survey with swapped parts: its legs begin anew, in new run directories; files of other
-    /// targets go on.
-    pub fn next_play(&mut self) -> Result<()> {
-        if self.play >= self.plan.plays {
-            return Err(Error::Internal(format!("more than {} plays", self.plan.plays)));
+    /// Begins the next epoch of a scene with swapped parts: its legs are written to new run directories, while the files of
+    /// other targets are continued.
+    pub fn next_epoch(&mut self) -> Result<()> {
+        if self.epoch >= self.plan.epochs {
+            return Err(Error::Internal(format!("more than {} epochs", self.plan.epochs)));
         }
         self.close_while(|_| true)?;
-        (self.play, self.leg, self.closed) = (self.play + 1, 0, 0);
+        (self.epoch, self.leg, self.closed) = (self.epoch + 1, 0, 0);
         self.keep_runs();
         self.create_runs()?;
         self.open_files(|location| matches!(location, OutputLocation::Run { .. }))
     }
 
-    /// Hands compression to others from now on.
+    /// Sets who compresses blocks from now on.
     pub fn offload_to(&mut self, offload: Arc<dyn Offload>) {
         self.offload = offload;
     }
 
-    /// Completes all files and gives them their names.
+    /// Completes all files and renames them to their final names.
     ///
     /// # Errors
     /// [`Error::Io`]; files completed before stay, the others are removed.
     pub fn finish(mut self) -> Result<Summary> {
-        self.play = self.plan.plays.max(self.play);
+        self.epoch = self.plan.epochs.max(self.epoch);
         self.close_while(|_| true)?;
         self.keep_runs();
         Ok(std::mem::take(&mut self.summary))
     }
 
-    /// [`Writer::finish`] of a run that ended early: every output is complete and valid, and says that it is partial.
+    /// [`Writer::finish`] of an interrupted run: every output is valid and tells that it is partial.
     ///
     /// # Errors
     /// As [`Writer::finish`].
@@ -157,20 +157,20 @@ impl Writer {
         self.finish()
     }
 
-    /// Lets a stream go whose reader went away, as long as there are other outputs.
-    fn unless_gone(&mut self, slot: u32, outcome: Result<()>) -> Result<()> {
+    /// Closes a stream whose reader has closed it; an error only if no other output is left.
+    fn drop_closed_pipe(&mut self, slot: u32, outcome: Result<()>) -> Result<()> {
         match outcome {
             Err(Error::ClosedPipe) => {
                 self.files[slot as usize] = None;
-                self.gone.push(slot);
-                if self.gone.len() == self.files.len() { Err(Error::ClosedPipe) } else { Ok(()) }
+                self.closed_pipes.push(slot);
+                if self.closed_pipes.len() == self.files.len() { Err(Error::ClosedPipe) } else { Ok(()) }
             }
             other => other,
         }
     }
 
-    /// Gives up: files that are not complete are removed, but for those that were to replace a file of an earlier run, which
-    /// stays; what was measured is left beside it and listed by [`OutputPlan::rescued`].
+    /// Abandons the run: incomplete files are removed. Where one would have replaced a file of an earlier run, that file
+    /// stays, and the partial one is left beside it and listed by [`OutputPlan::rescued`].
     pub fn abort(self) {}
 
     fn create_runs(&mut self) -> Result<()> {
@@ -202,7 +202,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Completes the files that no leg from `leg` on writes into.
+    /// Completes the files that no leg from `leg` on writes.
     fn enter(&mut self, leg: u32) -> Result<()> {
         self.close_while(|last_leg| last_leg < leg as usize)?;
         let plan = self.plan.clone();
@@ -217,7 +217,7 @@ impl Writer {
     }
 
     /// Completes files in the order of their last legs, as long as these are `complete`. Files outside run directories
-    /// stay open until the last play.
+    /// stay open until the last epoch.
     fn close_while(&mut self, complete: impl Fn(usize) -> bool) -> Result<()> {
         let plan = self.plan.clone();
         while let Some(&slot) = self.closing.get(self.closed) {
@@ -226,13 +226,13 @@ impl Writer {
                 break;
             }
             self.closed += 1;
-            if self.play < plan.plays && !matches!(file.location, OutputLocation::Run { .. }) {
+            if self.epoch < plan.epochs && !matches!(file.location, OutputLocation::Run { .. }) {
                 continue;
             }
             let Some(open) = self.files[slot as usize].take() else { continue };
             let done = match open.finish(&plan, &*self.offload, self.partial) {
                 Err(Error::ClosedPipe) => {
-                    self.unless_gone(slot, Err(Error::ClosedPipe))?;
+                    self.drop_closed_pipe(slot, Err(Error::ClosedPipe))?;
                     continue;
                 }
                 done => done?,
@@ -253,7 +253,7 @@ impl Drop for Writer {
         }
         let plan = self.plan.clone();
         for file in self.files.iter_mut().filter_map(Option::take).filter(OutputFile::is_worth_keeping) {
-            // The run has failed already; a file that cannot be completed either is removed as all others are.
+            // The run has failed already; a file that cannot be completed is removed like all others.
             let Ok(done) = file.finish(&plan, &*self.offload, true) else { continue };
             if let Ok(mut rescued) = plan.rescued.lock() {
                 rescued.extend(done);
@@ -264,6 +264,6 @@ impl Drop for Writer {
 
 impl std::fmt::Debug for Writer {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.debug_struct("Writer").field("leg", &self.leg).field("play", &self.play).finish_non_exhaustive()
+        f.debug_struct("Writer").field("leg", &self.leg).field("epoch", &self.epoch).finish_non_exhaustive()
     }
 }

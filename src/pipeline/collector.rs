@@ -78,7 +78,7 @@ impl Collect<Vec<Measured>> for Collector<'_> {
             self.check(CheckTime::End)?;
             return self.writer.finish().map(Ended::Complete);
         }
-        self.writer.next_play()?;
+        self.writer.next_epoch()?;
         Ok(Ended::NextEpoch(self.writer))
     }
 

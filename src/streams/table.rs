@@ -80,7 +80,7 @@ pub struct TableWriter<W> {
     columns: Vec<TableColumn>,
     /// Values of rows that fill no batch yet.
     pending: Vec<u8>,
-    /// Flushing writes what there is instead of pending for whole batches.
+    /// Whether flushing writes incomplete batches.
     live: bool,
 }
 

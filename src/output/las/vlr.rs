@@ -201,7 +201,7 @@ pub(super) fn record(user: &str, id: u16, description: &str, data: &[u8]) -> Vec
     out
 }
 
-/// A text of at most `N − 1` ASCII characters, filled up with NUL.
+/// A text of at most `N − 1` ASCII characters, padded with NUL.
 pub(super) fn fixed_text<const N: usize>(text: &str) -> [u8; N] {
     let mut bytes = [0; N];
     for (byte, c) in bytes[..N - 1].iter_mut().zip(text.chars()) {

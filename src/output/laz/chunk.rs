@@ -1,12 +1,11 @@
-//! A chunk of LAS 1.4 points with their extra bytes, layer by layer: the bytes that LASzip writes, in about half the time of the `laz` crate.
-//! What never changes within a chunk costs nothing, and layers, which do not depend on each other, are written side by
-//! side.
+//! A chunk of LAS 1.4 points with their extra bytes, layer by layer: the bytes of LASzip, in about half the time of the
+//! `laz` crate. Bytes that never change within a chunk are only counted, and independent layers are written interleaved.
 
 use super::extra;
 use super::point::{POINT, Points, channel};
 
-/// Whether [`compress`] can do it: all points are of one scanner channel.
-pub(super) fn suits(records: &[u8], length: usize) -> bool {
+/// Whether all points are of one scanner channel, which [`compress`] requires.
+pub(super) fn has_one_channel(records: &[u8], length: usize) -> bool {
     let Some(first) = records.get(..length) else { return false };
     records.chunks_exact(length).all(|record| channel(record) == channel(first))
 }

@@ -1,14 +1,14 @@
-//! Adaptive arithmetic coding as LAZ has it: 32-bit intervals, carries propagated into what was written, models of
-//! frequencies that are brought up to date ever more rarely.
+//! Adaptive arithmetic coding of LAZ: 32-bit intervals, carries that propagate into written bytes, and models of symbol
+//! frequencies that are updated at growing intervals.
 
 /// Bits of a probability.
 const PROBABILITY_BITS: u32 = 15;
 /// Sum of counts at which they are halved.
-const MOST_COUNTS: u32 = 1 << PROBABILITY_BITS;
-/// The same of models of one bit.
+const MAX_COUNTS: u32 = 1 << PROBABILITY_BITS;
+/// Bits of a probability of models of one bit.
 const BIT_PROBABILITY_BITS: u32 = 13;
-/// Intervals are kept at least as long as this.
-const SHORTEST: u32 = 1 << 24;
+/// Smallest length of the interval.
+const MIN_LENGTH: u32 = 1 << 24;
 
 /// Writes symbols as one long fraction.
 #[derive(Debug, Default)]
@@ -18,7 +18,7 @@ pub(super) struct Coder {
     written: Written,
 }
 
-/// Bytes so far, and room for more: apart from the interval, so that it can stay in registers.
+/// The written bytes and spare capacity, apart from the interval, so that it can stay in registers.
 #[derive(Debug, Default)]
 struct Written {
     out: Vec<u8>,
@@ -26,12 +26,12 @@ struct Written {
 }
 
 impl Coder {
-    /// Nothing written; `room` bytes will do for most.
-    pub fn new(room: usize) -> Coder {
-        Coder { base: 0, length: u32::MAX, written: Written { out: vec![0; room.max(16)], at: 0 } }
+    /// An empty coder with capacity for `capacity` bytes.
+    pub fn new(capacity: usize) -> Coder {
+        Coder { base: 0, length: u32::MAX, written: Written { out: vec![0; capacity.max(16)], at: 0 } }
     }
 
-    /// Writes `symbol` by what `model` expects, and lets the model learn.
+    /// Writes `symbol` with its probability in `model`, and counts it there.
     #[inline(always)]
     pub fn symbol(&mut self, model: &mut Model, symbol: u32) {
         let s = symbol as usize;
@@ -66,7 +66,7 @@ impl Coder {
         }
     }
 
-    /// Writes the low `bits` bits of `value` (at most 32), the others of which are 0, as they are.
+    /// Writes the low `bits` bits of `value` (at most 32) without a model; the other bits must be 0.
     #[inline(always)]
     pub fn raw(&mut self, mut bits: u32, mut value: u32) {
         if bits > 19 {
@@ -78,7 +78,7 @@ impl Coder {
         self.narrow(value * unit, unit);
     }
 
-    /// Writes 32 bits as they are.
+    /// Writes 32 bits without a model.
     pub fn word(&mut self, value: u32) {
         for half in [value & 0xFFFF, value >> 16] {
             let unit = self.length >> 16;
@@ -86,22 +86,22 @@ impl Coder {
         }
     }
 
-    /// Goes on with a part of the interval.
+    /// Narrows the interval to a part of it.
     #[inline(always)]
     fn narrow(&mut self, low: u32, length: u32) {
         let (base, carry) = self.base.overflowing_add(low);
         if carry {
             self.written.carry();
         }
-        // The bytes that no later symbol changes, but for a carry: often none. Whether there are any is hard to foresee, so
-        // that all are written and those that count are passed.
+        // The leading bytes that no later symbol changes, except by a carry: often none. A branch on their number would be
+        // mispredicted, so four are always written, and the position advances by those that count.
         let bits = length.leading_zeros() & !7;
         let Written { out, at } = &mut self.written;
         if *at + 4 > out.len() {
-            make_room(out);
+            grow(out);
         }
-        if let Some(room) = out.get_mut(*at..*at + 4) {
-            room.copy_from_slice(&base.to_be_bytes());
+        if let Some(bytes) = out.get_mut(*at..*at + 4) {
+            bytes.copy_from_slice(&base.to_be_bytes());
         }
         *at += (bits / 8) as usize;
         self.base = base << bits;
@@ -110,8 +110,9 @@ impl Coder {
 
     /// Writes the rest and returns all bytes.
     pub fn finish(mut self) -> Vec<u8> {
-        let is_long = self.length > 2 * SHORTEST;
-        let (low, length) = if is_long { (SHORTEST, SHORTEST >> 1) } else { (SHORTEST >> 1, SHORTEST >> 9) };
+        let is_long = self.length > 2 * MIN_LENGTH;
+        let (low, length) =
+            if is_long { (MIN_LENGTH, MIN_LENGTH >> 1) } else { (MIN_LENGTH >> 1, MIN_LENGTH >> 9) };
         self.narrow(low, length);
         let Written { mut out, at } = self.written;
         out.truncate(at);
@@ -133,7 +134,7 @@ impl Written {
 }
 
 #[cold]
-fn make_room(out: &mut Vec<u8>) {
+fn grow(out: &mut Vec<u8>) {
     out.resize(out.len() * 2, 0);
 }
 
@@ -148,7 +149,7 @@ pub(super) struct Model {
     total: u32,
 }
 
-/// What a model knows of a symbol.
+/// Probability and count of a symbol.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     /// Probability of all smaller symbols together.
@@ -174,7 +175,7 @@ impl Model {
         let symbols = self.last as usize + 1;
         let slots = &mut self.slots[..symbols];
         self.total += self.cycle;
-        if self.total > MOST_COUNTS {
+        if self.total > MAX_COUNTS {
             self.total = 0;
             for slot in slots.iter_mut() {
                 slot.count = slot.count.div_ceil(2);

@@ -2,8 +2,8 @@
 
 use super::coder::{Coder, Model};
 
-/// Points whose bytes are taken from memory at a time.
-const BLOCK: usize = 256;
+/// Points whose bytes are gathered at a time.
+const BLOCK_POINTS: usize = 256;
 
 /// The layer of one byte.
 struct Column {
@@ -21,14 +21,14 @@ impl Column {
 
     /// Takes the differences from byte to byte of the next points; returns whether they are to be written.
     #[inline(always)]
-    fn begin(&mut self, off: &[u8], room: usize) -> bool {
+    fn begin(&mut self, off: &[u8], capacity: usize) -> bool {
         if !self.changed {
             if off.iter().fold(0, |all, off| all | off) == 0 {
                 self.unchanged += off.len() as u32;
                 return false;
             }
             self.changed = true;
-            self.coder = Coder::new(room);
+            self.coder = Coder::new(capacity);
             for _ in 0..self.unchanged {
                 self.coder.symbol(&mut self.model, 0);
             }
@@ -40,7 +40,7 @@ impl Column {
 /// Writes the differences of some columns side by side: a symbol waits for the one before it in its own layer only.
 #[inline(always)]
 fn write<const N: usize>(columns: [&mut Column; N], off: [&[u8]; N]) {
-    let count = off.iter().fold(BLOCK, |count, off| count.min(off.len()));
+    let count = off.iter().fold(BLOCK_POINTS, |count, off| count.min(off.len()));
     let off = off.map(|off| &off[..count]);
     let mut models = columns.map(|column| (std::mem::take(&mut column.coder), column));
     for i in 0..count {
@@ -57,9 +57,9 @@ fn write<const N: usize>(columns: [&mut Column; N], off: [&[u8]; N]) {
 pub(super) fn layers(records: &[u8], start: usize, length: usize) -> Vec<Vec<u8>> {
     let points = records.len() / length;
     let mut columns: Vec<Column> = (start..length).map(|_| Column::new()).collect();
-    let (mut off, mut changes) = (vec![[0; BLOCK]; columns.len()], vec![0; columns.len()]);
-    for first in (1..points).step_by(BLOCK) {
-        let count = BLOCK.min(points - first);
+    let (mut off, mut changes) = (vec![[0; BLOCK_POINTS]; columns.len()], vec![0; columns.len()]);
+    for first in (1..points).step_by(BLOCK_POINTS) {
+        let count = BLOCK_POINTS.min(points - first);
         // With the point before them.
         let block = &records[(first - 1) * length..(first + count) * length];
         find_changes(block, start, length, &mut changes);
@@ -93,7 +93,7 @@ fn find_changes(block: &[u8], start: usize, length: usize, changes: &mut [u8]) {
 
 /// The differences of byte `at` from point to point.
 #[inline(always)]
-fn take_column(block: &[u8], at: usize, length: usize, off: &mut [u8; BLOCK]) {
+fn take_column(block: &[u8], at: usize, length: usize, off: &mut [u8; BLOCK_POINTS]) {
     let mut last = block[at];
     for (off, record) in off.iter_mut().zip(block.chunks_exact(length).skip(1)) {
         let byte = record[at];

@@ -94,8 +94,8 @@ struct Layer {
 }
 
 impl Layer {
-    fn new(room: usize) -> Layer {
-        Layer { coder: Coder::new(room), changed: false }
+    fn new(capacity: usize) -> Layer {
+        Layer { coder: Coder::new(capacity), changed: false }
     }
 
     fn finish(self) -> Vec<u8> {
@@ -116,7 +116,7 @@ impl Rare {
         Rare { layer: Layer::new(16), unchanged: 0, symbols, models: [const { None }; 64] }
     }
 
-    /// Writes `value` by the model of `context`, which is the same as long as the value is.
+    /// Writes `value` with the model of `context`, which must not change as long as the value does not.
     #[inline(always)]
     fn write(&mut self, context: usize, last: u8, value: u8) {
         if last == value && !self.layer.changed {
@@ -236,7 +236,7 @@ impl Points {
         (self.last, self.time_changed) = (p, time_changed);
     }
 
-    /// All layers in the order in which they stand in a chunk; empty where nothing changed.
+    /// All layers in their order in a chunk; empty where nothing changed.
     pub fn finish(self) -> [Vec<u8>; 9] {
         [
             self.positions.coder.finish(),
@@ -377,18 +377,18 @@ struct Times {
     last: usize,
     newest: usize,
     times: [i64; 4],
-    /// The usual step of each sequence; 0 while it has none.
+    /// The typical step of each sequence; 0 while it has none.
     step: [i32; 4],
-    /// Unusual steps in a row.
-    unusual: [u32; 4],
+    /// Consecutive atypical steps.
+    atypical: [u32; 4],
 }
 
-/// Multiples of the usual step above this are all the same.
-const MOST_MULTIPLE: i32 = 500;
-/// The same below.
-const LEAST_MULTIPLE: i32 = -10;
+/// Largest multiple of the typical step that has a symbol.
+const MAX_MULTIPLE: i32 = 500;
+/// Smallest multiple that has a symbol.
+const MIN_MULTIPLE: i32 = -10;
 /// The symbol that begins a new sequence; those behind it go back to another.
-const NEW_SEQUENCE: i32 = MOST_MULTIPLE - LEAST_MULTIPLE + 1;
+const NEW_SEQUENCE: i32 = MAX_MULTIPLE - MIN_MULTIPLE + 1;
 
 impl Times {
     fn new(first: f64) -> Times {
@@ -400,7 +400,7 @@ impl Times {
             newest: 0,
             times: [first.to_bits() as i64, 0, 0, 0],
             step: [0; 4],
-            unusual: [0; 4],
+            atypical: [0; 4],
         }
     }
 
@@ -417,38 +417,38 @@ impl Times {
     #[inline(always)]
     fn write_step(&mut self, coder: &mut Coder, step: i32) {
         let now = self.last;
-        let usual = self.step[now];
-        if usual == 0 {
+        let typical = self.step[now];
+        if typical == 0 {
             coder.symbol(&mut self.first_step, 0);
             self.steps.write(coder, 0, step, 0);
-            (self.step[now], self.unusual[now]) = (step, 0);
+            (self.step[now], self.atypical[now]) = (step, 0);
             return;
         }
-        let ratio = step as f32 / usual as f32;
+        let ratio = step as f32 / typical as f32;
         let multiple = (if ratio >= 0.0 { ratio + 0.5 } else { ratio - 0.5 }) as i32;
         let (symbol, predicted, context) = match multiple {
             1 => {
-                self.unusual[now] = 0;
+                self.atypical[now] = 0;
                 coder.symbol(&mut self.multiple, 1);
-                return self.steps.write(coder, usual, step, 1);
+                return self.steps.write(coder, typical, step, 1);
             }
             0 => (0, 0, 7),
-            2..MOST_MULTIPLE => (multiple, multiple.wrapping_mul(usual), if multiple < 10 { 2 } else { 3 }),
-            MOST_MULTIPLE.. => (MOST_MULTIPLE, MOST_MULTIPLE.wrapping_mul(usual), 4),
-            ..=LEAST_MULTIPLE => (MOST_MULTIPLE - LEAST_MULTIPLE, LEAST_MULTIPLE.wrapping_mul(usual), 6),
-            _ => (MOST_MULTIPLE - multiple, multiple.wrapping_mul(usual), 5),
+            2..MAX_MULTIPLE => (multiple, multiple.wrapping_mul(typical), if multiple < 10 { 2 } else { 3 }),
+            MAX_MULTIPLE.. => (MAX_MULTIPLE, MAX_MULTIPLE.wrapping_mul(typical), 4),
+            ..=MIN_MULTIPLE => (MAX_MULTIPLE - MIN_MULTIPLE, MIN_MULTIPLE.wrapping_mul(typical), 6),
+            _ => (MAX_MULTIPLE - multiple, multiple.wrapping_mul(typical), 5),
         };
         coder.symbol(&mut self.multiple, symbol as u32);
         self.steps.write(coder, predicted, step, context);
         if matches!(context, 4 | 6 | 7) {
-            self.unusual[now] += 1;
-            if self.unusual[now] > 3 {
-                (self.step[now], self.unusual[now]) = (step, 0);
+            self.atypical[now] += 1;
+            if self.atypical[now] > 3 {
+                (self.step[now], self.atypical[now]) = (step, 0);
             }
         }
     }
 
-    /// The step is too long: another sequence, or a new one.
+    /// Continues another sequence or begins a new one, because the step exceeds 32 bits.
     #[cold]
     fn leave_sequence(&mut self, coder: &mut Coder, time: i64) {
         let now = self.last;
@@ -471,6 +471,6 @@ impl Times {
         coder.word(time as u32);
         self.newest = (self.newest + 1) & 3;
         self.last = self.newest;
-        (self.step[self.last], self.unusual[self.last]) = (0, 0);
+        (self.step[self.last], self.atypical[self.last]) = (0, 0);
     }
 }
