@@ -1,4 +1,4 @@
-//! Problems of the input: what was found, where it stands, what was expected. All problems of a file are collected
+//! Problems of the input: what was found, where, and what was expected. All problems of a file are collected
 //! before the run ends.
 
 use crate::error::{Error, Result};
@@ -89,11 +89,11 @@ pub struct Diagnostic {
     pub severity: Severity,
     /// What was found and what was expected, in one sentence without a full stop.
     pub message: String,
-    /// Where it stands, if it stands in a file.
+    /// Its place, if it is in a file.
     pub place: Option<Place>,
     /// What the reader can do about it.
     pub help: Option<String>,
-    /// How many more times the same was found elsewhere in the same file.
+    /// Number of further occurrences of the problem in its file.
     pub repeats: usize,
     /// Lines of the first few repeats.
     pub also_in_lines: Vec<usize>,
@@ -102,11 +102,11 @@ pub struct Diagnostic {
 /// How many lines of repeats are kept.
 const MAX_LINES: usize = 5;
 
-/// The problems met so far. The same message about the same file is kept once, with a count.
+/// The problems found so far. A repeated message about one file is kept once, with a count.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnostics {
     items: Vec<Diagnostic>,
-    /// Where a message about a file stands in `items`.
+    /// Indices in `items` by severity, file and message.
     index: HashMap<(Severity, Option<PathBuf>, String), usize>,
 }
 
@@ -208,7 +208,7 @@ impl Diagnostic {
         self
     }
 
-    /// The lines where it stands, as far as they are kept: that of its place and those of its repeats.
+    /// The known lines of the problem: of its place and of the first repeats.
     pub fn lines(&self) -> impl Iterator<Item = usize> {
         let own = self.place.as_ref().map(|p| p.line);
         own.into_iter().chain(self.also_in_lines.iter().copied())
@@ -220,7 +220,7 @@ impl Diagnostic {
         self.also_in_lines.extend(lines.iter().filter(|&&l| l > 0).take(free));
     }
 
-    /// "the same stands in lines 4 and 5", when there are repeats.
+    /// "also in line 4, 5", if there are repeats.
     fn repeated(&self) -> Option<String> {
         if self.repeats == 0 {
             return None;
@@ -228,9 +228,9 @@ impl Diagnostic {
         let lines: Vec<String> = self.also_in_lines.iter().map(usize::to_string).collect();
         let more = self.repeats - lines.len().min(self.repeats);
         Some(match (lines.len(), more) {
-            (0, n) => format!("the same was found {n} more times"),
-            (_, 0) => format!("the same stands in line {}", lines.join(", ")),
-            (_, n) => format!("the same stands in line {} and {n} more", lines.join(", ")),
+            (0, n) => format!("found {n} more times"),
+            (_, 0) => format!("also in line {}", lines.join(", ")),
+            (_, n) => format!("also in line {} and {n} more", lines.join(", ")),
         })
     }
 
@@ -334,7 +334,7 @@ mod tests {
         d.warn(Some(Place::in_text(Path::new("t.xml"), text, 3..4)), "unknown attribute `f`");
         assert_eq!(d.items().len(), 2);
         assert_eq!((d.items()[0].repeats, d.items()[0].also_in_lines.as_slice()), (2, &[2, 3][..]));
-        assert!(d.render(false).contains("the same stands in line 2, 3"), "{}", d.render(false));
+        assert!(d.render(false).contains("also in line 2, 3"), "{}", d.render(false));
     }
 
     #[test]

@@ -13,7 +13,7 @@ const LIGHT_SPEED: f64 = 0.299_792_458;
 const PAPER: Rgb = [16, 20, 27];
 const ECHOES: [Rgb; 5] = [[246, 174, 66], [118, 204, 120], [226, 100, 130], [178, 140, 230], [236, 220, 110]];
 
-/// What a mark is; the colours of the page follow the reader's, those of the picture are dark.
+/// The role of a mark, which decides its colour: by the colour scheme of the reader on a page, dark on a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     Ink,
@@ -87,7 +87,7 @@ pub struct Chart {
     marks: Vec<Mark>,
 }
 
-/// Where values lie on the chart.
+/// The ranges of values and their positions on the chart.
 struct Axes {
     left: f64,
     right: f64,
@@ -165,15 +165,15 @@ impl Chart {
             round_number(interval, 0.01)
         );
         self.write(20.0 * t, 28.0 * t, facts, Role::Faint);
-        if wave.namesakes > 0 {
-            let note = format!("the first of {} channels with a pulse of this number", wave.namesakes + 1);
+        if wave.duplicates > 0 {
+            let note = format!("the first of {} channels with a pulse of this number", wave.duplicates + 1);
             self.write(20.0 * t, 42.0 * t, note, Role::Faint);
         }
     }
 
     fn scales(&mut self, axes: &Axes) {
         let t = self.text;
-        let room = axes.right - axes.left;
+        let available = axes.right - axes.left;
         let (low, high) = axes.amplitude;
         let mut heights = Vec::new();
         for value in ticks(low, high, 5.0) {
@@ -188,19 +188,19 @@ impl Chart {
                 at_end: true,
             });
         }
-        let many = (room / (90.0 * t)).clamp(2.0, 12.0);
+        let count = (available / (90.0 * t)).clamp(2.0, 12.0);
         let range = (axes.time.0 * LIGHT_SPEED, axes.time.1 * LIGHT_SPEED);
-        for value in ticks(range.0, range.1, many) {
+        for value in ticks(range.0, range.1, count) {
             let x = axes.x(value / LIGHT_SPEED);
             self.line([x, axes.top], [x, axes.bottom + 4.0 * t], Role::Grid);
-            let text = round_number(value, round_below((range.1 - range.0) / many));
+            let text = round_number(value, round_below((range.1 - range.0) / count));
             let half = 0.5 * f64::from(font::width(&text)) * t;
             self.write(x - half, axes.bottom + 10.0 * t, text, Role::Ink);
         }
-        for value in ticks(axes.time.0, axes.time.1, many) {
+        for value in ticks(axes.time.0, axes.time.1, count) {
             let x = axes.x(value);
             self.line([x, axes.top - 4.0 * t], [x, axes.top], Role::Faint);
-            let text = round_number(value, round_below((axes.time.1 - axes.time.0) / many));
+            let text = round_number(value, round_below((axes.time.1 - axes.time.0) / count));
             let half = 0.5 * f64::from(font::width(&text)) * t;
             self.write(x - half, axes.top - 14.0 * t, text, Role::Faint);
         }
@@ -401,9 +401,9 @@ fn significant(value: f64) -> String {
     format!("{value:.*}", digits.max(0) as usize)
 }
 
-/// Round numbers from `low` to `high`, about `many` of them.
-fn ticks(low: f64, high: f64, many: f64) -> impl Iterator<Item = f64> {
-    let step = round_below((high - low) / many);
+/// Round numbers from `low` to `high`, about `count` of them.
+fn ticks(low: f64, high: f64, count: f64) -> impl Iterator<Item = f64> {
+    let step = round_below((high - low) / count);
     let first = (low / step).ceil();
     (0..64).map(move |i| (first + f64::from(i)) * step).take_while(move |v| *v <= high)
 }
@@ -474,7 +474,7 @@ mod tests {
             end,
             gps_time: 86391.5,
             samples,
-            namesakes: 1,
+            duplicates: 1,
         }
     }
 

@@ -1,4 +1,4 @@
-//! What colour a point has and how the legend explains it.
+//! Colours of points, and the legend.
 
 use super::picture::Rgb;
 use super::points::Points;
@@ -43,7 +43,7 @@ pub(super) struct Entry {
     pub(super) label: String,
 }
 
-/// What stands beside the picture.
+/// The legend beside the picture.
 pub(super) enum Legend {
     /// A bar of colours with numbers beside it.
     Bar { title: &'static str, low: f32, high: f32, table: &'static [Rgb] },

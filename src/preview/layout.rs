@@ -1,4 +1,4 @@
-//! What goes where on the picture.
+//! The arrangement of a picture: views, captions, scale bars, legend.
 
 use super::colour::{Colouring, Legend, mixed};
 use super::label::{grouped, metres, round_below, round_number};
@@ -144,7 +144,7 @@ impl Sheet {
         picture
     }
 
-    /// A bar of a round length at the right end of the panel's caption line, when there is room.
+    /// Draws a bar of a round length at the right end of the panel's caption line, if it fits.
     fn scale_bar(&self, picture: &mut Picture, panel: &Panel, caption: &str) {
         let frame = panel.frame;
         let length = round_below(f64::from(frame.width) * 0.25 / panel.scale);
@@ -204,7 +204,7 @@ impl Sheet {
     }
 }
 
-/// Takes the arrangement over if it shows more.
+/// Replaces the arrangement if this one shows more.
 fn consider(best: &mut Option<Split>, extent: &Extent, above: Frame, south: Frame, legend: Frame) {
     let (dx, dy, dz) = (extent.size(0), extent.size(1), extent.size(2));
     let fit =
@@ -258,14 +258,14 @@ impl Section {
 
 /// The thinnest slice about `middle` that holds enough points to look at.
 fn slice(points: &Points, extent: &Extent, middle: f64) -> f64 {
-    const ENOUGH: usize = 60_000;
+    const MIN_POINTS: usize = 60_000;
     let depth = extent.size(1);
     // A third of the height shows whole crowns rather than single twigs.
     let mut thickness = (extent.size(2) / 3.0).clamp(0.04 * depth, 0.25 * depth);
     while thickness < depth {
         let half = (0.5 * thickness) as f32;
         let inside = points.offsets.iter().filter(|p| (p[1] - middle as f32).abs() <= half).count();
-        if inside >= ENOUGH.min(points.len() / 2) {
+        if inside >= MIN_POINTS.min(points.len() / 2) {
             return thickness;
         }
         thickness *= 1.5;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// Each dot of the picture is the mean of `FINE` × `FINE` samples.
 const FINE: usize = 2;
 
-/// Where the viewer stands.
+/// The position of the viewer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum View {
     /// Above, north at the top.
@@ -17,7 +17,7 @@ pub(super) enum View {
     South,
 }
 
-/// A view and where it goes.
+/// A view and its frame on the picture.
 pub(super) struct Panel {
     pub(super) view: View,
     pub(super) frame: Frame,
@@ -178,7 +178,7 @@ impl Samples {
             let sun = self.sun();
             shade.iter_mut().zip(sun).for_each(|(s, light)| *s *= light);
         }
-        // As bright on the whole whether the cloud is a meadow or a thicket.
+        // The exposure makes the mean brightness independent of the structure of the cloud.
         let covered = self.point.iter().filter(|p| **p != u32::MAX).count().max(1);
         let mean = shade.iter().map(|s| f64::from(*s)).sum::<f64>() / covered as f64;
         let exposure = (0.8 / mean).clamp(0.8, 2.2) as f32;

@@ -3,7 +3,7 @@
 use crate::geom::{Aabb, DVec3};
 use std::collections::HashMap;
 
-/// One point on its way into [`Points`].
+/// One point that is added to [`Points`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Point<'a> {
     /// World position, m.
@@ -81,7 +81,7 @@ impl Points {
     }
 
     fn object_number(&mut self, name: &str) -> u16 {
-        // Neighbours mostly lie on the same object.
+        // Consecutive points are mostly on one object.
         if self.objects.get(usize::from(self.latest_object)).is_some_and(|latest| latest == name) {
             return self.latest_object;
         }
@@ -98,7 +98,7 @@ impl Points {
         self.latest_object
     }
 
-    /// Where offsets are counted from: choose it before the first point, if the first point is not typical of all.
+    /// Sets the origin of the offsets. It must be called before the first point is added, which is the origin otherwise.
     pub fn set_origin(&mut self, origin: DVec3) {
         if self.offsets.is_empty() && origin.is_finite() {
             self.origin = Some(origin);

@@ -1,7 +1,7 @@
 //! Reads the waveform of one pulse from the packets that points of LAS and LAZ refer to (LAS 1.4 R15, point formats 4, 5, 9
 //! and 10).
 
-use super::wave::{Near, Wave};
+use super::wave::{NearestPulses, Wave};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use crate::points::{LasReader, Selection};
@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 
 /// Metres per nanosecond.
 const C: f64 = 0.299792458;
-/// Longer packets are no waveforms, bytes.
-const LONGEST: u32 = 1 << 28;
+/// Longest packet that is accepted, bytes.
+const MAX_PACKET_BYTES: u32 = 1 << 28;
 
 /// Finds the packet of pulse `number`, which the points name in the extra dimension `fullwaveIndex`.
 ///
@@ -35,8 +35,8 @@ pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
         return Err(failed("it does not tell pulses apart: no dimension fullwaveIndex".to_owned()));
     };
     let range = dimension("range");
-    let (mut near, mut found): (Near, Option<(Packet, Echo)>) = (Near::default(), None);
-    let mut namesakes = 0;
+    let (mut near, mut found): (NearestPulses, Option<(Packet, Echo)>) = (NearestPulses::default(), None);
+    let mut duplicates = 0;
     let mut more = true;
     while more {
         more = reader
@@ -49,7 +49,7 @@ pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
                 }
                 let Some(packet) = Packet::of(record, packet_at) else { return };
                 match &found {
-                    Some((first, _)) => namesakes += u64::from(*first != packet),
+                    Some((first, _)) => duplicates += u64::from(*first != packet),
                     None => {
                         let range = range.and_then(|dimension| dimension.value(record));
                         let gps_time = f64_at(record, time_at).unwrap_or(0.0);
@@ -61,7 +61,7 @@ pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
     }
     let (packet, echo) = found.ok_or_else(|| Error::input(near.advice(path, number_wanted)))?;
     let wave = packet.wave(number_wanted, &echo, &reader, path)?;
-    Ok(Wave { namesakes, ..wave })
+    Ok(Wave { duplicates, ..wave })
 }
 
 /// The first point of the pulse.
@@ -71,7 +71,7 @@ struct Echo {
     gps_time: f64,
 }
 
-/// Where in a record its packet and its GPS time stand.
+/// Offsets of the packet reference and of the GPS time in a record.
 fn place(format: u8) -> Option<(usize, usize)> {
     match format {
         4 => Some((28, 20)),
@@ -82,7 +82,7 @@ fn place(format: u8) -> Option<(usize, usize)> {
     }
 }
 
-/// What a point says of its packet.
+/// A point's reference to its packet.
 #[derive(Clone, Copy, Debug)]
 struct Packet {
     descriptor: u8,
@@ -101,7 +101,7 @@ impl PartialEq for Packet {
 }
 
 impl Packet {
-    /// Nothing where the point has none.
+    /// The reference in a record, if the point has a packet.
     fn of(record: &[u8], at: usize) -> Option<Packet> {
         let field = record.get(at..at + 29)?;
         let float = |at: usize| Some(f64::from(f32::from_le_bytes(field.get(at..at + 4)?.try_into().ok()?)));
@@ -129,9 +129,9 @@ impl Packet {
         let (gain, zero) = (f64_at(data, 10).unwrap_or(1.0), f64_at(data, 18).unwrap_or(0.0));
         let bytes = self.bytes(path)?;
         let raw = bytes.chunks_exact(bits / 8).map(|sample| {
-            let mut whole = [0; 4];
-            whole[..sample.len()].copy_from_slice(sample);
-            f64::from(u32::from_le_bytes(whole))
+            let mut sample_bytes = [0; 4];
+            sample_bytes[..sample.len()].copy_from_slice(sample);
+            f64::from(u32::from_le_bytes(sample_bytes))
         });
         let mut samples: Vec<f64> = raw.map(|sample| zero + gain * sample).collect();
         // Packets are filled up with zeros to the length that their descriptor has.
@@ -150,7 +150,7 @@ impl Packet {
         let start = range / C - before;
         let end = start + (samples.len() - 1) as f64 * bin;
         let origin = echo.position - direction * range;
-        Ok(Wave { pulse, origin, direction, start, end, gps_time: echo.gps_time, samples, namesakes: 0 })
+        Ok(Wave { pulse, origin, direction, start, end, gps_time: echo.gps_time, samples, duplicates: 0 })
     }
 
     /// The packet from this file, or from the one beside it.
@@ -167,7 +167,7 @@ impl Packet {
                 _ => Error::io("read", path.clone(), e),
             }
         };
-        if self.bytes > LONGEST {
+        if self.bytes > MAX_PACKET_BYTES {
             return Err(Error::input(format!("{}: a packet of {} bytes", path.display(), self.bytes)));
         }
         let mut file = File::open(path).map_err(failed(path))?;

@@ -7,25 +7,25 @@ use flate2::bufread::MultiGzDecoder;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
-/// What was received after one pulse.
+/// The recorded waveform of a pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wave {
     /// Number of the pulse.
     pub pulse: u64,
-    /// Where it was emitted, m.
+    /// Origin of the pulse, m.
     pub origin: DVec3,
-    /// Where to, a unit vector.
+    /// Direction of the pulse, a unit vector.
     pub direction: DVec3,
     /// One-way travel time of the first sample, ns.
     pub start: f64,
     /// One-way travel time of the last sample, ns.
     pub end: f64,
-    /// When it was emitted, s.
+    /// Emission time, s.
     pub gps_time: f64,
     /// Amplitudes, at equal intervals of time.
     pub samples: Vec<f64>,
-    /// How many further waveforms bear the same number: those of other channels.
-    pub namesakes: u64,
+    /// Number of further waveforms with this pulse number, of other channels.
+    pub duplicates: u64,
 }
 
 impl Wave {
@@ -36,11 +36,11 @@ impl Wave {
 }
 
 /// Columns before the samples.
-const FIXED: usize = 10;
-/// Longest line that is taken for a waveform, bytes.
-const LONGEST: u64 = 1 << 28;
+const FIXED_COLUMNS: usize = 10;
+/// Longest line that is accepted, bytes.
+const MAX_LINE_BYTES: u64 = 1 << 28;
 
-/// Finds pulse `number`. Of several channels the first is taken.
+/// Finds the waveform of pulse `number`, of the first channel that has one.
 ///
 /// # Errors
 /// [`Error::Input`] when a line is no waveform, with its place, or when the pulse is not there, with those that are.
@@ -57,11 +57,11 @@ pub fn read_wave(source: impl Read, path: &Path, number: u64) -> Result<Wave> {
 
 fn find(mut source: impl BufRead, path: &Path, number: u64) -> Result<Wave> {
     let mut found: Option<Wave> = None;
-    let mut near = Near::default();
+    let mut near = NearestPulses::default();
     let mut line = Vec::new();
     for count in 1.. {
         line.clear();
-        let read = source.by_ref().take(LONGEST).read_until(b'\n', &mut line);
+        let read = source.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line);
         if read.map_err(|e| damaged(path, e))? == 0 {
             break;
         }
@@ -72,7 +72,7 @@ fn find(mut source: impl BufRead, path: &Path, number: u64) -> Result<Wave> {
         near.see(pulse, number);
         if pulse == number {
             match &mut found {
-                Some(wave) => wave.namesakes += 1,
+                Some(wave) => wave.duplicates += 1,
                 None => found = Some(wave(path, count, &text, pulse)?),
             }
         }
@@ -95,7 +95,7 @@ fn wave(path: &Path, count: usize, text: &str, pulse: u64) -> Result<Wave> {
         let number = field.parse::<f64>().ok().filter(|v| v.is_finite());
         numbers.push(number.ok_or_else(|| wrong(path, count, text, field, "a number"))?);
     }
-    if numbers.len() <= FIXED {
+    if numbers.len() <= FIXED_COLUMNS {
         let message =
             "ten numbers (pulse, origin, direction, first and last time, GPS time) and then samples";
         return Err(wrong(path, count, text, "", message));
@@ -108,8 +108,8 @@ fn wave(path: &Path, count: usize, text: &str, pulse: u64) -> Result<Wave> {
         start: numbers[7],
         end: numbers[8],
         gps_time: numbers[9],
-        samples: numbers.split_off(FIXED),
-        namesakes: 0,
+        samples: numbers.split_off(FIXED_COLUMNS),
+        duplicates: 0,
     })
 }
 
@@ -135,15 +135,15 @@ fn wrong(path: &Path, count: usize, text: &str, found: &str, expected: &str) -> 
     Error::Input(Box::new(problems))
 }
 
-/// Numbers that there are, for those who asked for one that there is not.
+/// The pulse numbers nearest to one that is missing, for the message.
 #[derive(Default)]
-pub(super) struct Near {
+pub(super) struct NearestPulses {
     lines: u64,
     below: Option<u64>,
     above: Option<u64>,
 }
 
-impl Near {
+impl NearestPulses {
     pub(super) fn see(&mut self, pulse: u64, wanted: u64) {
         self.lines += 1;
         if pulse < wanted {
@@ -185,9 +185,9 @@ mod tests {
         gzip.write_all(TEXT.as_bytes()).unwrap();
         for bytes in [TEXT.as_bytes().to_vec(), gzip.finish().unwrap()] {
             let wave = read(&bytes, 1).unwrap();
-            assert_eq!((wave.samples.len(), wave.interval(), wave.namesakes), (4, 0.25, 0));
+            assert_eq!((wave.samples.len(), wave.interval(), wave.duplicates), (4, 0.25, 0));
             let wave = read(&bytes, 7).unwrap();
-            assert_eq!((wave.direction.y, wave.samples[1], wave.namesakes), (0.6, 1.0, 1));
+            assert_eq!((wave.direction.y, wave.samples[1], wave.duplicates), (0.6, 1.0, 1));
         }
     }
 

@@ -29,14 +29,14 @@ pub(super) struct Packed {
     blocks: Vec<(usize, Vec<u8>)>,
 }
 
-/// Which of `total` points are shown when at most `most` may be: one of each of `most` equal runs, at random, so that
+/// Which of `total` points are shown when at most `max` may be: one of each of `max` equal runs, at random, so that
 /// nothing regular in their order (returns, scan lines) shows.
-pub(super) fn sample(total: usize, most: usize) -> Vec<u32> {
+pub(super) fn sample(total: usize, max: usize) -> Vec<u32> {
     let total = total.min(u32::MAX as usize) as u64;
-    let most = (most as u64).min(total);
-    (0..most)
+    let max = (max as u64).min(total);
+    (0..max)
         .map(|i| {
-            let (from, to) = (i * total / most, (i + 1) * total / most);
+            let (from, to) = (i * total / max, (i + 1) * total / max);
             (from + mixed_bits(i) % (to - from).max(1)) as u32
         })
         .collect()
