@@ -36,28 +36,27 @@ pub(crate) use each_of;
 
 /// Evaluates `$body` in a function compiled for the instruction set of `$level`, with `$simd` as the token of the set.
 macro_rules! dispatch {
-    ($level:expr, $simd:ident => $body:expr) => {{
-        use $crate::tree::simd::{Level, Simd};
+    ($level:expr, $simd:ident => $body:expr) => {
         match $level {
-            Level::Portable($simd) => Simd::outlined(
+            $crate::tree::simd::Level::Portable($simd) => $crate::tree::simd::Simd::outlined(
                 $simd,
                 #[inline(always)]
                 || $body,
             ),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2($simd) => Simd::outlined(
+            $crate::tree::simd::Level::Avx2($simd) => $crate::tree::simd::Simd::outlined(
                 $simd,
                 #[inline(always)]
                 || $body,
             ),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512($simd) => Simd::outlined(
+            $crate::tree::simd::Level::Avx512($simd) => $crate::tree::simd::Simd::outlined(
                 $simd,
                 #[inline(always)]
                 || $body,
             ),
         }
-    }};
+    };
 }
 pub(crate) use dispatch;
 
