@@ -36,6 +36,7 @@
 //! | [`output`] | writers, one file per format | pulse, flight, scene, survey |
 //! | [`streams`] | pulses and poses between commands, as rows of text or of Arrow streams | flight, platform, schedule |
 //! | [`preview`] | draws point clouds as PNG and as pages for a browser, and waveforms | points, geom |
+//! | [`options`] | the options of a run, for the command line and pipeline files alike | output, pulse, schedule, survey, tree |
 //! | [`pipeline`] | the session that joins all of them | all above |
 //! | [`cli`] | the command line | all above |
 //!
@@ -62,6 +63,7 @@ mod flight;
 mod generate;
 mod geom;
 mod input;
+mod options;
 mod output;
 mod pipeline;
 mod platform;
@@ -85,7 +87,7 @@ pub use output::{OutputRequest, PointFormat, Target};
 pub use pipeline::{Control, LegRule, Progress, Report, Session, Settings};
 pub use schedule::{Policy, Recorder, Schedule, Stop};
 pub use streams::PulseReader;
-pub use survey::{Formula, ReadOptions, parse_seed, read_pipeline, read_survey};
+pub use survey::{Formula, ReadOptions, parse_seed, read_survey};
 
 /// What the benchmarks and tests of this repository measure and compare, besides the library.
 #[doc(hidden)]

@@ -35,9 +35,8 @@ fn threads_and_chunk_sizes_leave_no_trace() {
             &["-j", "8", "--chunk-size", "64", "--warehouse-factor", "1"],
             &["-j", "2", "--chunk-size", "4096"],
             &["-j", "1", "--chunk-size", "7", "--tree-jobs", "1"],
-            &["-j", "2", "--tree-bins", "8"],
-            &["-j", "4", "--tree", "fsah", "--tree-geom-jobs", "1"],
-            &["-j", "2", "--tree", "sah", "--tree-strict", "--tree-depth", "20"],
+            &["-j", "4", "--tree", "fsah", "--tree-jobs", "2"],
+            &["-j", "2", "--tree", "sah"],
         ];
         for extra in settings {
             for (file, bytes) in outputs(&survey, extra) {

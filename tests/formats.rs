@@ -303,11 +303,11 @@ fn a_pipeline_file_says_what_the_command_line_says() {
     // Columns of the file do not apply where the command line replaces its outputs.
     succeed(dir.path(), &["run", "written.toml", "-q", "-o", "other.laz", "-o", "others.xyz"]);
     for (keys, part) in [
-        ("columns = 3", "expected names of columns"),
+        ("columns = 3", "no column is called"),
         ("columns = 'X,Hight'", "Hight"),
         ("wave_packets = 'within'", "expected inside, beside"),
-        ("las_at_most = true", "expected a number of points"),
-        ("las_at_most = 'many'", "--las-at-most: expected a number of points"),
+        ("las_at_most = true", "expected a number such as"),
+        ("las_at_most = 'many'", "expected a number such as"),
         ("colums = 'X'", "columns"),
     ] {
         write("wrong.toml", pipeline(keys, &sinks("wrong")));

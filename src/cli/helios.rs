@@ -1,4 +1,4 @@
-//! The reference program's command line, word for word (spec outputs-and-cli §9): its option names in any case, options
+//! The reference program's command line, word for word (spec outputs §9): its option names in any case, options
 //! before or after the survey, values that begin with a minus, the first of repeated values, `SURVEY.xml` without `run`.
 
 use crate::error::{Error, Result};
@@ -11,14 +11,21 @@ enum Takes {
     Nothing,
     /// Nothing, and every occurrence counts.
     NothingEachTime,
+    /// Nothing, and it has no effect here.
+    NothingIgnored,
     /// A value; the first occurrence wins.
     Value,
     /// A value; all occurrences count.
     Values,
+    /// A value without effect on the points, which is ignored.
+    ValueIgnored,
 }
-use Takes::{Nothing, NothingEachTime, Value, Values};
+use Takes::{Nothing, NothingEachTime, NothingIgnored, Value, ValueIgnored, Values};
 
-/// Options of the reference program that `vlscan run` takes, and our name for each (spec outputs-and-cli §9.2).
+/// The schedule by its number in HELIOS++, which [`name_schedule`] replaces.
+const PARALLELIZATION: &str = "--parallelization";
+
+/// Options of the reference program that `vlscan run` takes, and our name for each (spec outputs §9.2).
 const NAMES: &[(&str, &str, Takes)] = &[
     ("--assets", "--assets", Values),
     ("--output", "--output", Value),
@@ -37,15 +44,15 @@ const NAMES: &[(&str, &str, Takes)] = &[
     ("-j", "--threads", Value),
     ("--njobs", "--threads", Value),
     ("--nthreads", "--threads", Value),
-    ("--parallelization", "--parallelization", Value),
+    ("--parallelization", PARALLELIZATION, Value),
     ("--chunkSize", "--chunk-size", Value),
     ("--warehouseFactor", "--warehouse-factor", Value),
-    ("--rebuildScene", "--rebuild-scene", Nothing),
-    ("--noSceneWriting", "--no-scene-writing", Nothing),
+    ("--rebuildScene", "", NothingIgnored),
+    ("--noSceneWriting", "", NothingIgnored),
     ("--kdt", "--tree", Value),
     ("--kdtJobs", "--tree-jobs", Value),
-    ("--kdtGeomJobs", "--tree-geom-jobs", Value),
-    ("--sahNodes", "--tree-bins", Value),
+    ("--kdtGeomJobs", "", ValueIgnored),
+    ("--sahNodes", "", ValueIgnored),
     ("--disablePlatformNoise", "--no-platform-noise", Nothing),
     ("--disableLegNoise", "--no-leg-noise", Nothing),
     ("--legacyEnergyModel", "--legacy-energy", Nothing),
@@ -76,7 +83,7 @@ const REFUSED: &[(&str, &str)] = &[
 ///
 /// # Errors
 /// [`Error::Input`] for options that have no counterpart, with what to do instead.
-pub fn in_our_words(args: impl IntoIterator<Item = OsString>) -> Result<Vec<OsString>> {
+pub fn translate_helios_args(args: impl IntoIterator<Item = OsString>) -> Result<Vec<OsString>> {
     let args: Vec<OsString> = args.into_iter().collect();
     let Some((program, words)) = args.split_first() else { return Ok(args) };
     let subject = words.get(subject(words)).map(OsString::as_os_str);
@@ -125,6 +132,12 @@ fn translated(words: &[OsString], mut skip_run: bool) -> Vec<OsString> {
             ours.push(word.clone());
             continue;
         };
+        if matches!(takes, NothingIgnored | ValueIgnored) {
+            if takes == ValueIgnored && rest.next().is_none() {
+                ours.push(word.clone());
+            }
+            continue;
+        }
         let mut option = OsString::from(name);
         if matches!(takes, Value | Values)
             && let Some(value) = rest.next()
@@ -137,7 +150,35 @@ fn translated(words: &[OsString], mut skip_run: bool) -> Vec<OsString> {
         }
         seen.push(name);
     }
+    name_schedule(&mut ours);
     ours
+}
+
+/// Replaces the number of HELIOS++'s schedule by the name of ours. HELIOS++ marks dynamic chunks by the sign of their first
+/// size; its warehouse uses the absolute value.
+fn name_schedule(words: &mut [OsString]) {
+    let value =
+        |word: &OsString, name: &str| word.to_str()?.strip_prefix(name)?.strip_prefix('=').map(str::to_owned);
+    let mut negative = false;
+    for word in words.iter_mut() {
+        if let Some(size) =
+            value(word, "--chunk-size").and_then(|size| Some(size.strip_prefix('-')?.to_owned()))
+        {
+            negative = true;
+            *word = format!("--chunk-size={size}").into();
+        }
+    }
+    for word in words {
+        if let Some(number) = value(word, PARALLELIZATION) {
+            let name = match number.as_str() {
+                "0" if negative => "dynamic",
+                "0" => "static",
+                "1" => "warehouse",
+                other => other,
+            };
+            *word = format!("--schedule={name}").into();
+        }
+    }
 }
 
 /// Where the first word stands that is neither an option of the reference program nor its value, nor looks like an option.
@@ -145,7 +186,7 @@ fn subject(words: &[OsString]) -> usize {
     let mut at = 0;
     while let Some(word) = words.get(at) {
         at += match named(NAMES, word, |entry| entry.0) {
-            Some((_, _, Value | Values)) => 2,
+            Some((_, _, Value | Values | ValueIgnored)) => 2,
             Some(_) => 1,
             None if is(word, "--unzip") => 3,
             None if word.as_encoded_bytes().starts_with(b"-") => 1,
@@ -171,8 +212,9 @@ fn is_xml(word: &OsStr) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::args::TreeKind;
     use crate::cli::{Cli, Command};
+    use crate::options::{ChunkSize, Seed};
+    use crate::tree::Builder;
     use clap::Parser;
 
     fn words(line: &str) -> Vec<OsString> {
@@ -180,37 +222,31 @@ mod tests {
     }
 
     fn ours(line: &str) -> String {
-        let ours = in_our_words(words(line)).unwrap();
+        let ours = translate_helios_args(words(line)).unwrap();
         ours.iter().map(|w| w.to_str().unwrap()).collect::<Vec<_>>().join(" ")
     }
 
     fn run(line: &str) -> crate::cli::RunArgs {
-        let cli =
-            Cli::try_parse_from(in_our_words(words(line)).unwrap()).unwrap_or_else(|e| panic!("{line}: {e}"));
+        let cli = Cli::try_parse_from(translate_helios_args(words(line)).unwrap())
+            .unwrap_or_else(|e| panic!("{line}: {e}"));
         let Command::Run(run) = cli.command else { panic!("not a run: {line}") };
         *run
     }
 
     #[test]
     fn a_reference_command_line_is_understood() {
-        let line = "s.xml --output out --assets a --assets b --SEED 43 --gpsStartTime 2022-01-01 \
+        let line = "s.xml --output out --assets a --assets b --SEED 43 --gpsStartTime 1640995200 \
                     --disablePlatformNoise --writeWaveform --lasoutput --zipOutput -j 2 -v2";
         for line in [format!("vlscan run {line}"), format!("vlscan {line}")] {
             let run = run(&line);
-            assert_eq!(
-                (run.survey.common.origin.seed.as_deref(), run.survey.file.to_str()),
-                (Some("43"), Some("s.xml"))
-            );
-            assert_eq!(
-                (run.survey.common.input.assets.len(), run.survey.common.schedule.threads),
-                (2, Some(2))
-            );
+            assert_eq!((run.options.origin.seed, run.file.to_str()), (Some(Seed(43)), Some("s.xml")));
+            assert_eq!((run.options.input.assets.len(), run.options.schedule.threads), (2, Some(2)));
             assert!(
-                run.survey.flight.no_platform_noise
-                    && run.output.waveforms
-                    && run.output.las_output
-                    && run.output.zip_output
-                    && !run.output.pulses
+                run.options.noise.no_platform_noise
+                    && run.options.output.waveforms
+                    && run.options.output.las_output
+                    && run.options.output.zip_output
+                    && !run.options.output.pulses
             );
         }
     }
@@ -224,8 +260,8 @@ mod tests {
         ] {
             let run = run(line);
             assert_eq!(
-                (run.survey.common.schedule.threads, run.tree.tree, run.output.pulses),
-                (Some(3), Some(TreeKind::Sah), true),
+                (run.options.schedule.threads, run.options.tree.tree, run.options.output.pulses),
+                (Some(3), Some(Builder::Sah), true),
                 "{line}"
             );
         }
@@ -236,20 +272,29 @@ mod tests {
         let run =
             run("vlscan s.xml --seed 1 --seed 2 -j 3 --njobs 4 --writePulse --writePulse --chunkSize -32");
         assert_eq!(
-            (
-                run.survey.common.origin.seed.as_deref(),
-                run.survey.common.schedule.threads,
-                run.survey.common.schedule.chunk_size
-            ),
-            (Some("1"), Some(3), Some(-32))
+            (run.options.origin.seed, run.options.schedule.threads, run.options.schedule.chunk_size),
+            (Some(Seed(1)), Some(3), Some(ChunkSize(32)))
         );
         assert_eq!(ours("vlscan s.xml --assets a --assets b"), "vlscan run s.xml --assets=a --assets=b");
     }
 
     #[test]
+    fn schedules_are_named() {
+        for (theirs, expected) in [
+            ("--parallelization 0", "--schedule=static"),
+            ("--parallelization 0 --chunkSize 64", "--schedule=static --chunk-size=64"),
+            ("--chunkSize -64 --parallelization 0", "--chunk-size=64 --schedule=dynamic"),
+            ("--parallelization 1 --chunkSize -32", "--schedule=warehouse --chunk-size=32"),
+            ("--sahNodes 8 --kdtGeomJobs 2 --rebuildScene -j 2", "--threads=2"),
+        ] {
+            assert_eq!(ours(&format!("vlscan s.xml {theirs}")), format!("vlscan run s.xml {expected}"));
+        }
+    }
+
+    #[test]
     fn a_missing_value_is_an_error() {
         for line in ["vlscan s.xml --seed", "vlscan run s.xml --kdt"] {
-            assert!(Cli::try_parse_from(in_our_words(words(line)).unwrap()).is_err(), "{line}");
+            assert!(Cli::try_parse_from(translate_helios_args(words(line)).unwrap()).is_err(), "{line}");
         }
     }
 
@@ -280,7 +325,7 @@ mod tests {
             ("vlscan --demo box", "scene make"),
             ("vlscan s.xml --demoSurvey d", "scene make"),
         ] {
-            let message = in_our_words(words(line)).unwrap_err().to_string();
+            let message = translate_helios_args(words(line)).unwrap_err().to_string();
             assert!(message.contains(advice), "{line}: {message}");
         }
     }
@@ -296,7 +341,7 @@ mod tests {
             .filter_map(|a| a.get_long().map(|l| format!("--{l}")))
             .collect();
         longs.extend(["-vv", "--help"].map(str::to_owned));
-        for (theirs, ours, _) in NAMES {
+        for (theirs, ours, _) in NAMES.iter().filter(|name| !["", PARALLELIZATION].contains(&name.1)) {
             assert!(longs.iter().any(|l| l == ours), "{theirs} leads to {ours}, which is no option");
         }
     }

@@ -2,9 +2,9 @@
 
 use super::Console;
 use super::args::InfoArgs;
-use super::inputs::{holds_survey, read_survey};
 use crate::diag::{Diagnostics, Severity};
 use crate::error::{Error, Result};
+use crate::options::{InputOptions, Options, holds_survey, read_survey};
 use crate::quantity::amount;
 use crate::scene::{self, Inventory, LoadOptions, Material, Pack, Scene};
 use crate::survey::{self, ReadOptions, SceneRecipe};
@@ -73,7 +73,10 @@ impl SceneName<'_> {
         let reading = ReadOptions { assets: self.assets.to_vec(), ..ReadOptions::default() };
         let path = Path::new(self.scene);
         let survey = match holds_survey(path) {
-            true => Some(read_survey(path, &reading)?),
+            true => {
+                let input = InputOptions { assets: self.assets.to_vec(), ..InputOptions::default() };
+                Some(read_survey(path, Options { input, ..Options::default() })?)
+            }
             false => None,
         };
         let usual = LoadOptions::default().wavelength_nm;

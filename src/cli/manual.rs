@@ -9,6 +9,7 @@ use super::Cli;
 use super::args::ManArgs;
 use super::console::Console;
 use crate::error::{Error, Result};
+use crate::options::pipeline_keys;
 use crate::pulse::Corrections;
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
@@ -124,6 +125,7 @@ fn manual() -> Result<Vec<(String, Vec<u8>)>> {
     let mut root = Cli::command().disable_help_subcommand(true);
     root.build();
     collect(&root, "vlscan", &[], &mut pages)?;
+    pages.push(("vlscan-pipeline.5".to_owned(), pipeline_page()));
     pages.sort();
     Ok(pages)
 }
@@ -182,6 +184,49 @@ fn written(command: &Command, path: &str, related: &[String]) -> std::io::Result
     ours.to_writer(&mut text)?;
     Ok(in_ascii(&String::from_utf8_lossy(&text)).into_bytes())
 }
+
+/// The page on pipeline files, from the definitions of their keys.
+fn pipeline_page() -> Vec<u8> {
+    let version = format!("vlscan {}", env!("CARGO_PKG_VERSION"));
+    let mut page = Roff::new();
+    page.control("TH", ["VLSCAN-PIPELINE", "5", "", &version, "vlscan manual"]);
+    page.control("SH", ["NAME"]);
+    page.text([roman("vlscan-pipeline - files that describe a run of vlscan(1)")]);
+    page.control("SH", ["SYNOPSIS"]);
+    page.control("EX", []);
+    for line in PIPELINE_EXAMPLE.lines() {
+        page.text([roman(line)]);
+    }
+    page.control("EE", []);
+    for table in pipeline_keys() {
+        let heading = if table.name.is_empty() { "KEYS AT THE TOP" } else { &table.name };
+        page.control("SH", [heading]);
+        page.text([roman(table.about)]);
+        for (key, help) in table.keys {
+            page.control("TP", []);
+            page.text([bold(key)]);
+            page.text([roman(help)]);
+        }
+    }
+    page.control("SH", ["SEE ALSO"]);
+    page.text([roman("vlscan(1), vlscan-run(1)")]);
+    in_ascii(&page.render()).into_bytes()
+}
+
+/// A pipeline file.
+const PIPELINE_EXAMPLE: &str = r#"scene = "forest.xml#forest"
+
+[trajectory]
+path = "-"
+
+[scanner]
+catalogue = "data/scanners_als.xml#riegl_vux-1uav"
+
+[settings]
+scan_freq_hz = 100
+
+[[output]]
+path = "points.laz""#;
 
 /// Letters beyond ASCII by their numbers, as groff(7) takes them without being told an encoding.
 fn in_ascii(text: &str) -> String {

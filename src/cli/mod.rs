@@ -22,7 +22,6 @@ mod completions;
 mod console;
 mod helios;
 mod info;
-mod inputs;
 mod interrupt;
 mod manual;
 mod pack;
@@ -33,7 +32,7 @@ mod stages;
 mod unzip;
 mod watch;
 
-pub use args::{Cli, Command, PhysicsProfile, RunArgs};
+pub use args::{Cli, Command, RunArgs};
 pub use console::{Console, LogTo, Verbosity};
 
 use crate::error::Error;
@@ -44,7 +43,7 @@ use std::io::Write as _;
 /// Runs the program with these arguments and returns its exit status: 0 done, 1 the machine failed, 2 wrong input or
 /// usage, 3 a scan frequency outside the scanner's limits, 130 interrupted.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let words = match helios::in_our_words(args) {
+    let words = match helios::translate_helios_args(args) {
         Ok(words) => words,
         Err(error) => {
             Console::new(Verbosity::Normal).failure(&error);

@@ -2,13 +2,10 @@
 
 use super::args::PackArgs;
 use super::run::job::material_rules;
-use super::run::speed::builder;
 use super::{Console, info};
 use crate::error::{Error, Result};
-use crate::pulse::Corrections;
 use crate::quantity::amount;
-use crate::scene::{self, LoadOptions, Sharing};
-use crate::survey::parse_seed;
+use crate::scene::{self, LoadOptions};
 use crate::tree::BuildOptions;
 use std::path::Path;
 use std::time::Instant;
@@ -23,22 +20,16 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     if out.exists() && !args.force {
         return Err(Error::input(format!("{} exists; --force overwrites it", out.display())));
     }
-    let seed = match args.seed.as_deref() {
-        Some(text) => parse_seed(text).map_err(|e| Error::input(format!("--seed: {e}")))?,
-        None => found.seed.unwrap_or(0),
-    };
-    let corrections = match args.physics {
-        Some(super::PhysicsProfile::Refined) => Corrections::REFINED,
-        _ => Corrections::NONE,
-    };
+    let seed = args.seed.map(|seed| seed.0).or(found.seed).unwrap_or(0);
+    let corrections = args.physics.unwrap_or_default().corrections();
     let options = LoadOptions {
         wavelength_nm: args.wavelength.unwrap_or(found.wavelength_nm),
         seed,
         rules: material_rules(&corrections),
-        sharing: sharing(args.instances.as_deref()),
+        sharing: args.instances.unwrap_or_default(),
         ..LoadOptions::default()
     };
-    let tree = args.tree.map_or_else(BuildOptions::default, |kind| BuildOptions::of(builder(kind)));
+    let tree = BuildOptions::of(args.tree.unwrap_or_default());
     let (packed, warnings) = scene::pack(&recipe, &options, &tree, &out)?;
     console.warnings(&warnings);
     let loaded = started.elapsed().as_secs_f64();
@@ -53,15 +44,6 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
         started.elapsed().as_secs_f64() * 1e3
     ));
     Ok(())
-}
-
-/// What `--instances` means.
-pub fn sharing(wanted: Option<&str>) -> Sharing {
-    match wanted {
-        Some("always") => Sharing::Always,
-        Some("never") => Sharing::Never,
-        _ => Sharing::Auto,
-    }
 }
 
 /// What a run does with the file at first.

@@ -17,9 +17,6 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     if let Some(pulse) = args.pulse {
         return plot(args, pulse, console);
     }
-    let most_points = super::run::count(&args.most_points).filter(|n| *n > 0).ok_or_else(|| {
-        Error::input(format!("--most-points: expected a number such as 500k, found {:?}", args.most_points))
-    })?;
     let points = read_points(&args.points)?;
     let colour = match args.colour {
         Colour::Height => ColourBy::Height,
@@ -39,7 +36,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         return Ok(());
     }
     let options =
-        PageOptions { colour, title, max_points: usize::try_from(most_points).unwrap_or(usize::MAX) };
+        PageOptions { colour, title, max_points: usize::try_from(args.most_points.0).unwrap_or(usize::MAX) };
     let page = write(&args.out, |out| write_page(&points, &options, out))?;
     let sampled = if page.shown < page.total {
         format!("{} of {count} points, evenly chosen (--most-points)", amount(page.shown as f64))

@@ -1,7 +1,6 @@
 //! `vlscan run`: a survey is flown and measured.
 
 pub mod job;
-pub mod speed;
 
 use super::args::RunArgs;
 use super::watch::watched;
@@ -11,14 +10,14 @@ use crate::output::FileKind;
 use crate::pipeline::{Control, Progress, Report, Session};
 use crate::quantity::{amount, duration};
 use crate::schedule::Recorder;
-pub use job::{Job, count};
+pub use job::Job;
 use std::time::Instant;
 
 /// Runs `vlscan run`.
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     interrupt::listen();
     let started = Instant::now();
-    let (job, warnings) = Job::resolve(args)?;
+    let (job, warnings) = Job::resolve(&args.file, &args.options)?;
     console.warnings(&warnings);
     let Job { settings, output, schedule_log, progress_lines } = job;
     let mut session = Session::open(settings, console.observer())?;

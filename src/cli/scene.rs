@@ -2,7 +2,7 @@
 
 use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
 use super::{Console, info, pack};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::generate::{Kind, SceneOptions, write_scene};
 use crate::quantity::amount;
 
@@ -21,19 +21,15 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         SceneKind::Terrain => Kind::Terrain,
         SceneKind::Room => Kind::Room,
     };
-    let count = |text: &Option<String>, option: &str, example: &str| {
-        text.as_deref().map(|text| parse_count(text, option, example)).transpose()
-    };
-    let triangles = parse_count(&args.triangles, "--triangles", "250k")?;
     let options = SceneOptions {
         kind,
-        triangles,
+        triangles: args.triangles.0,
         seed: args.seed,
         extent_m: args.extent,
-        pulses: count(&args.pulses, "--pulses", "2M")?,
+        pulses: args.pulses.map(|count| count.0),
         separate_trees: args.separate_trees,
         instances: args.models.map(|models| (models, args.copies.unwrap_or(100))),
-        voxels: count(&args.voxels, "--voxels", "40k")?,
+        voxels: args.voxels.map(|count| count.0),
         overwrite: args.force,
     };
     let made = write_scene(&options, &args.out)?;
@@ -46,9 +42,4 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         made.survey.display()
     ));
     Ok(())
-}
-
-fn parse_count(text: &str, option: &str, example: &str) -> Result<u64> {
-    super::run::count(text)
-        .ok_or_else(|| Error::input(format!("{option}: expected a number such as {example}, found {text:?}")))
 }

@@ -44,6 +44,14 @@ pub struct GridPoint {
     pub convergence: f64,
 }
 
+impl std::str::FromStr for UtmZone {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<UtmZone, String> {
+        UtmZone::parse(text).ok_or_else(|| format!("expected a UTM zone such as 32N or 55S, found {text:?}"))
+    }
+}
+
 impl UtmZone {
     /// Zone `number` (1 to 60).
     pub fn new(number: u8, south: bool) -> Option<UtmZone> {

@@ -1,34 +1,70 @@
 //! What a run is asked to write.
 
 use super::Column;
-use std::path::PathBuf;
+use clap::ValueEnum;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
 
 /// Format of a point file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum PointFormat {
-    /// Eleven columns of text as HELIOS++ writes them (spec outputs §3).
+    /// Eleven columns of text as HELIOS++ writes them.
+    ///
+    /// Spec outputs §3.
+    #[value(alias = "txt")]
     Xyz,
-    /// The same text compressed (spec outputs §8).
+    /// Comma-separated values with a line of names.
+    ///
+    /// See [`Column`].
+    Csv,
+    /// The text of xyz, compressed.
+    ///
+    /// Spec outputs §8.
     Bin,
-    /// LAS, see [`LasSettings`].
+    /// LAS.
+    ///
+    /// See [`LasSettings`].
     Las,
     /// LAS compressed as LAZ.
     Laz,
-    /// LAZ whose chunks are the nodes of an octree (COPC).
+    /// LAZ whose chunks are the nodes of an octree; files end in .copc.laz.
+    #[value(alias = "copc.laz")]
     Copc,
     /// PLY, little-endian.
+    #[value(name = "ply")]
+    #[serde(rename = "ply")]
     PlyBinary,
     /// PLY as text.
     PlyAscii,
-    /// Comma-separated values with a line of names, see [`Column`].
-    Csv,
-    /// Arrow IPC stream with the same columns.
+    /// Arrow IPC stream with the columns of csv.
+    #[value(alias = "arrows")]
     Arrow,
-    /// Parquet with the same columns.
+    /// Parquet with the columns of csv.
     Parquet,
 }
 
 impl PointFormat {
+    /// The format that the extension of a file's name tells; `None` for names without extension.
+    ///
+    /// # Errors
+    /// The extension, where no format is called so.
+    pub fn of_file(path: &Path) -> Option<Result<PointFormat, &str>> {
+        let name = path.file_name()?.to_str()?;
+        let copc = name.len().checked_sub(".copc.laz".len()).and_then(|at| name.get(at..));
+        let extension = match copc {
+            Some(end) if end.eq_ignore_ascii_case(".copc.laz") => "copc.laz",
+            _ => path.extension()?.to_str()?,
+        };
+        Some(PointFormat::from_str(extension, true).map_err(|_| extension))
+    }
+
+    /// All names, with commas between them.
+    pub fn names() -> String {
+        let names = PointFormat::value_variants().iter().filter_map(ValueEnum::to_possible_value);
+        names.map(|value| value.get_name().to_owned()).collect::<Vec<_>>().join(", ")
+    }
+
     /// Extension of its files.
     pub fn extension(self) -> &'static str {
         match self {
@@ -213,10 +249,11 @@ pub struct LasSettings {
 }
 
 /// Where the waveform packets of LAS stand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum PacketPlace {
-    /// In the same file, as an extended variable length record after the points.
+    /// In the file of the points, as an extended variable length record after them.
     Inside,
-    /// In a file of the same name with the extension `.wdp`.
+    /// In a file of the same name with the extension .wdp.
     Beside,
 }

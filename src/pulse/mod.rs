@@ -65,7 +65,7 @@ mod waveform;
 pub use batch::Batch;
 pub use echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
 pub use instrument::InstrumentTable;
-pub use options::{Corrections, PhysicsOptions};
+pub use options::{Corrections, PhysicsOptions, PhysicsProfile};
 pub use physics::Physics;
 pub use recorded::{RecordedEcho, recorded_echoes};
 pub use simulator::{Phase, PulseSimulator};

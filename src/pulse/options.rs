@@ -2,6 +2,27 @@
 
 use crate::survey::Kinematics;
 
+/// Which corrections of the reference's physics are on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PhysicsProfile {
+    /// Reproduce HELIOS++.
+    #[default]
+    Helios,
+    /// Switch on the corrections of its known weaknesses.
+    Refined,
+}
+
+impl PhysicsProfile {
+    /// The corrections that belong to the profile.
+    pub fn corrections(self) -> Corrections {
+        match self {
+            PhysicsProfile::Helios => Corrections::NONE,
+            PhysicsProfile::Refined => Corrections::REFINED,
+        }
+    }
+}
+
 /// Options of the pulse physics. [`PhysicsOptions::helios`] reproduces the reference's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PhysicsOptions {
@@ -81,6 +102,26 @@ macro_rules! corrections {
             /// The corrections that are on in either.
             pub fn or(self, other: Corrections) -> Corrections {
                 Corrections { $($name: self.$name || other.$name),* }
+            }
+
+            /// Switches one correction on by its name with hyphens or underscores, or off where `no-` precedes the name.
+            /// A correction whose own name begins with `no-` is switched on by that name.
+            ///
+            /// # Errors
+            /// An unknown name, with all known ones.
+            pub fn switch(&mut self, name: &str) -> Result<(), String> {
+                let exact = Corrections::NAMES.contains(&name.replace('-', "_").as_str());
+                let bare = name.strip_prefix("no-").filter(|_| !exact).unwrap_or(name);
+                match self.by_name(&bare.replace('-', "_")) {
+                    Some(correction) => {
+                        *correction = bare == name;
+                        Ok(())
+                    }
+                    None => {
+                        let known = Corrections::NAMES.join(", ").replace('_', "-");
+                        Err(format!("no correction is called {bare:?}; there are {known}"))
+                    }
+                }
             }
 
             /// The correction of that name, to be read or changed; `None` for an unknown name.

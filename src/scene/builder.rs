@@ -57,7 +57,8 @@ impl Default for LoadOptions {
 }
 
 /// When parts share the mesh of a file that several of them name. The points of a survey do not depend on it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Sharing {
     /// When it saves much memory: rays traverse stored triangles faster than instances.
     #[default]

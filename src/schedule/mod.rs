@@ -40,7 +40,7 @@ mod workload;
 
 pub use feed::{Feed, Outcome, Tasks};
 pub use jobs::{Job, JobQueue};
-pub use policy::{Policy, Schedule};
+pub use policy::{Policy, PolicyKind, Schedule};
 pub use record::{Log, Recorder, SizeChange};
 pub use replay::replay;
 pub use run::{Collect, run};

@@ -27,6 +27,21 @@ pub enum Policy {
     },
 }
 
+/// The kinds of [`Policy`], without their parameters. The points are the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PolicyKind {
+    /// Chunks wait in a bounded queue; while it is full the producer computes a chunk itself.
+    #[default]
+    Warehouse,
+    /// Chunks go to free workers, and grow or shrink with the workers' idle times.
+    Dynamic,
+    /// Chunks of one size go to free workers; while all are busy the producer computes single pulses.
+    Static,
+    /// Pulses go to free workers one by one; the producer computes none.
+    Single,
+}
+
 impl Policy {
     /// The name on the command line.
     pub fn name(self) -> &'static str {

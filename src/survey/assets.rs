@@ -4,7 +4,7 @@
 //! directory, then in the asset folders in their order, then in `assets/`, then in the folder of the file that names it.
 //! Last comes the catalogue that is built in.
 
-use super::catalogue::{self, BuiltIn};
+use super::shipped::{self, BuiltIn};
 use regex_lite::Regex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -76,7 +76,7 @@ impl Assets {
     /// As [`Assets::file`], with the built-in catalogue as last resort.
     pub fn document(&self, name: &str, referring: &Path) -> Option<Found> {
         let file = self.file(name, referring).map(Found::File);
-        file.or_else(|| catalogue::find(name).map(Found::BuiltIn))
+        file.or_else(|| shipped::find(name).map(Found::BuiltIn))
     }
 
     /// All files whose names match the expression after the last `/` (`efilepath`): sorted by name, each name once. A

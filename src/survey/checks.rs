@@ -1,4 +1,4 @@
-//! What can only be judged when the whole survey is read: limits of the scanner, legs that would never end.
+//! Checks of the whole survey: limits of the scanner, legs that would never end.
 
 use super::context::Context;
 use super::xml::Element;

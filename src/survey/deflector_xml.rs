@@ -41,7 +41,7 @@ const WEDGE: [&str; 3] = ["angle1_deg", "angle2_deg", "angle3_deg"];
 const INDEX: [&str; 3] = ["refrIndex1", "refrIndex2", "refrIndex3"];
 
 impl DeflectorSettings {
-    /// What holds when nothing is said.
+    /// Default settings.
     pub fn new(optics: Optics) -> DeflectorSettings {
         DeflectorSettings {
             optics,
@@ -56,7 +56,7 @@ impl DeflectorSettings {
         }
     }
 
-    /// These settings with what the element says on top.
+    /// These settings, changed by the attributes of the element.
     pub fn with(&self, fields: &mut Fields) -> DeflectorSettings {
         let mut prisms = self.prisms;
         for (i, prism) in prisms.iter_mut().enumerate() {

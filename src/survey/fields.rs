@@ -1,6 +1,6 @@
 //! Typed attributes of one element (spec input-formats §1.3).
 //!
-//! Every attribute that is asked for is known; [`Fields::done`] reports the others. Strict values must parse completely
+//! Every attribute that is read is known; [`Fields::done`] reports the others. Strict values must parse completely
 //! and are replaced by their default with a warning; of lenient ones a numeric beginning is enough.
 
 use super::context::Context;
@@ -14,25 +14,25 @@ use std::fmt::Display;
 pub(super) struct Fields<'c> {
     pub element: &'c Element,
     context: &'c Context,
-    asked: Vec<&'static str>,
+    known: Vec<&'static str>,
 }
 
 impl<'c> Fields<'c> {
     pub fn new(context: &'c Context, element: &'c Element) -> Fields<'c> {
-        Fields { element, context, asked: Vec::new() }
+        Fields { element, context, known: Vec::new() }
     }
 
     /// Marks attributes as known that have no effect.
     pub fn ignore(&mut self, names: &[&'static str]) {
-        self.asked.extend(names);
+        self.known.extend(names);
     }
 
-    /// Warns about attributes that nobody asked for and about child elements other than `children`.
+    /// Warns about attributes that have not been read and about child elements other than `children`.
     pub fn done(self, children: &[&'static str]) {
         let tag = self.element.name();
-        for name in self.element.attribute_names().filter(|n| !self.asked.contains(n)) {
+        for name in self.element.attribute_names().filter(|n| !self.known.contains(n)) {
             let message = format!("unknown attribute `{name}` of <{tag}> is ignored");
-            let help = meant(name, &self.asked);
+            let help = meant(name, &self.known);
             self.context.warn_help(self.element.name_place(name), message, help);
         }
         for child in self.element.children().filter(|c| !children.contains(&c.name())) {
@@ -43,7 +43,7 @@ impl<'c> Fields<'c> {
 
     /// The text of an attribute.
     pub fn text(&mut self, name: &'static str) -> Option<&'c str> {
-        self.asked.push(name);
+        self.known.push(name);
         self.element.value(name)
     }
 
@@ -281,13 +281,14 @@ pub(super) fn meant(word: &str, known: &[&'static str]) -> String {
 
 /// Three finite numbers with semicolons.
 pub(super) fn parse_vector(text: &str) -> Option<DVec3> {
-    let mut parts = text.split(';').map(|p| p.trim().parse::<f64>().ok().filter(|v| v.abs() <= FARTHEST));
+    let mut parts =
+        text.split(';').map(|p| p.trim().parse::<f64>().ok().filter(|v| v.abs() <= MAX_COMPONENT));
     let vector = DVec3::new(parts.next()??, parts.next()??, parts.next()??);
     parts.next().is_none().then_some(vector)
 }
 
 /// Largest component of a vector: beyond it double precision no longer resolves millimetres.
-pub(super) const FARTHEST: f64 = 1e12;
+pub(super) const MAX_COMPONENT: f64 = 1e12;
 
 /// The longest beginning that is a finite number.
 fn numeric_beginning(text: &str) -> Option<f64> {
@@ -296,7 +297,7 @@ fn numeric_beginning(text: &str) -> Option<f64> {
     (1..=end).rev().find_map(|n| text[..n].parse::<f64>().ok().filter(|v| v.is_finite()))
 }
 
-/// Offset and rotation group of an element with `x`, `y`, `z`, `rotations` and `<rot>` children (spec §1.4, §1.5).
+/// Offset and rotation group of an element with `x`, `y`, `z`, `rotations` and `<rot>` children (spec input-formats §1.4, §1.5).
 pub(super) fn read_mount(context: &Context, element: &Element) -> Mount {
     let mut fields = Fields::new(context, element);
     let offset = fields.xyz();

@@ -49,63 +49,30 @@ enum Step {
     Power,
     /// Repeated multiplication, which the reference uses for whole exponents.
     WholePower(u32),
-    Call(Function),
+    /// A function by its place in [`FUNCTIONS`].
+    Call(usize),
     Atan2,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Function {
-    Exp,
-    Ln,
-    Sqrt,
-    Abs,
-    Cos,
-    Sin,
-    Tan,
-    Acos,
-    Asin,
-    Atan,
-    Cosh,
-    Sinh,
-    Tanh,
-}
+/// A function of one argument.
+type Function = fn(f64) -> f64;
 
-/// Names of the functions of one argument.
+/// The functions of one argument by their names.
 const FUNCTIONS: [(&str, Function); 13] = [
-    ("exp", Function::Exp),
-    ("ln", Function::Ln),
-    ("sqrt", Function::Sqrt),
-    ("abs", Function::Abs),
-    ("cos", Function::Cos),
-    ("sin", Function::Sin),
-    ("tan", Function::Tan),
-    ("acos", Function::Acos),
-    ("asin", Function::Asin),
-    ("atan", Function::Atan),
-    ("cosh", Function::Cosh),
-    ("sinh", Function::Sinh),
-    ("tanh", Function::Tanh),
+    ("exp", libm::exp),
+    ("ln", libm::log),
+    ("sqrt", f64::sqrt),
+    ("abs", f64::abs),
+    ("cos", libm::cos),
+    ("sin", libm::sin),
+    ("tan", libm::tan),
+    ("acos", libm::acos),
+    ("asin", libm::asin),
+    ("atan", libm::atan),
+    ("cosh", libm::cosh),
+    ("sinh", libm::sinh),
+    ("tanh", libm::tanh),
 ];
-
-impl Function {
-    fn of(self, x: f64) -> f64 {
-        match self {
-            Function::Exp => libm::exp(x),
-            Function::Ln => libm::log(x),
-            Function::Sqrt => x.sqrt(),
-            Function::Abs => x.abs(),
-            Function::Cos => libm::cos(x),
-            Function::Sin => libm::sin(x),
-            Function::Tan => libm::tan(x),
-            Function::Acos => libm::acos(x),
-            Function::Asin => libm::asin(x),
-            Function::Atan => libm::atan(x),
-            Function::Cosh => libm::cosh(x),
-            Function::Sinh => libm::sinh(x),
-            Function::Tanh => libm::tanh(x),
-        }
-    }
-}
 
 impl Formula {
     /// Parses `text`; the error marks the first wrong place.
@@ -136,7 +103,7 @@ impl Formula {
                 }
                 Step::Negate => stack[top - 1] = -stack[top - 1],
                 Step::WholePower(n) => stack[top - 1] = whole_power(stack[top - 1], n),
-                Step::Call(function) => stack[top - 1] = function.of(stack[top - 1]),
+                Step::Call(function) => stack[top - 1] = FUNCTIONS[function].1(stack[top - 1]),
                 Step::Add | Step::Subtract | Step::Multiply | Step::Divide | Step::Power | Step::Atan2 => {
                     top -= 1;
                     let (a, b) = (stack[top - 1], stack[top]);
@@ -227,7 +194,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Skips signs and says whether they make the operand negative.
+    /// Skips signs and returns whether they make the operand negative.
     fn signs(&mut self) -> Result<bool, FormulaError> {
         let mut negative = false;
         while let Token::Symbol(sign @ ('+' | '-')) = self.token {
@@ -263,7 +230,7 @@ impl<'a> Parser<'a> {
             self.advance()?;
             return self.emit(step);
         }
-        let function = FUNCTIONS.iter().find(|f| f.0 == name).map(|f| f.1);
+        let function = FUNCTIONS.iter().position(|f| f.0 == name);
         if function.is_none() && name != "atan2" {
             let known = FUNCTIONS.iter().map(|f| f.0).chain(["atan2", "pi", "THETA"]);
             let meant = crate::diag::nearest(name, known);

@@ -16,7 +16,7 @@
 //! all instances together.
 
 use super::context::Context;
-use super::fields::FARTHEST;
+use super::fields::MAX_COMPONENT;
 use super::{Loader, Transform, UpAxis};
 use crate::diag::Place;
 use crate::geom::{DVec3, Rotation, radians};
@@ -113,7 +113,7 @@ fn read_numbers(context: &Context, fields: &[&str], place: &dyn Fn(&str) -> Plac
     let mut numbers = [0.0, 0.0, 0.0, 0.0, 1.0];
     let mut sound = true;
     for (number, field) in numbers.iter_mut().zip(&fields[1..]) {
-        match field.parse::<f64>().ok().filter(|n| n.abs() <= FARTHEST) {
+        match field.parse::<f64>().ok().filter(|n| n.abs() <= MAX_COMPONENT) {
             Some(n) => *number = n,
             None => {
                 context.error_help(place(field), format!("expected a number, found \"{field}\""), HELP);
@@ -131,7 +131,7 @@ fn read_numbers(context: &Context, fields: &[&str], place: &dyn Fn(&str) -> Plac
 }
 
 impl Transform {
-    /// First `first`, then this one, which also says how the part is grounded.
+    /// First `first`, then this one, which also decides how the part is grounded.
     pub(super) fn after(&self, first: &Transform) -> Transform {
         Transform {
             rotation: self.rotation.after(first.rotation),

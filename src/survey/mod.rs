@@ -3,15 +3,17 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `model` | the plain values that everything below produces |
+//! | `model` | the plain values that every reader produces |
 //! | `text`, `xml` | bytes to text; XML as owned elements that know their places |
-//! | `assets`, `catalogue` | where files are looked for; the scanners and platforms that ship |
-//! | `context`, `fields` | problems met, documents opened, references; typed attributes of one element |
-//! | `survey_xml`, `settings`, `legs`, `trajectories` | the `<survey>` element, templates, merging, interpolated platforms |
-//! | `checks` | what can only be judged when all is read: limits, endless runs |
-//! | `scanner_xml`, `deflector_xml`, `receiver_xml`, `pulse_file`, `platform_xml` | instruments and what carries them |
-//! | `scene_xml`, `filters`, `loaders`, `motions` | parts of a scene |
-//! | `pipeline` | our own pipeline files |
+//! | `shipped`, `assets`, `catalogue` | the files that are built in; where files are looked for; the scanners and platforms that ship |
+//! | `context`, `fields`, `documents` | the problems of one reading; typed attributes of an element; documents and references |
+//! | `read` | the entry points: a survey, a scene, a scanner |
+//! | `survey_xml`, `settings`, `templates`, `legs`, `trajectories` | the `<survey>` element: templates, merged settings, interpolated platforms |
+//! | `follow` | surveys that follow a stream of poses |
+//! | `checks` | limits and endless legs, which can be judged only when everything is read |
+//! | `scanner_xml`, `deflector_xml`, `receiver_xml`, `pulse_file`, `platform_xml` | instruments and platforms |
+//! | `scene_xml`, `params`, `loaders`, `instances`, `motions` | the parts of a scene |
+//! | `pipeline` | pipeline files |
 //! | `formula`, `seed` | formulas of calibration errors; the forms of a seed |
 
 mod assets;
@@ -19,8 +21,9 @@ mod catalogue;
 mod checks;
 mod context;
 mod deflector_xml;
+mod documents;
 mod fields;
-mod fly;
+mod follow;
 pub mod formula;
 mod instances;
 mod legs;
@@ -37,6 +40,7 @@ mod scanner_xml;
 mod scene_xml;
 mod seed;
 mod settings;
+mod shipped;
 mod survey_xml;
 mod templates;
 #[cfg(test)]
@@ -51,6 +55,7 @@ pub use catalogue::catalogue;
 pub use context::ReadOptions;
 pub use formula::Formula;
 pub use model::*;
-pub use pipeline::{OutputSettings, RunSettings, read_pipeline};
+pub(crate) use pipeline::key_table;
+pub use pipeline::{KeyTable, SURVEY_TABLES, Source, Tables, field_names, read_pipeline_survey};
 pub use read::{find_scanner, read_scene, read_survey};
 pub use seed::parse_seed;

@@ -1,7 +1,7 @@
 //! Moving parts (spec input-formats §3.7).
 
 use super::context::Context;
-use super::fields::{FARTHEST, Fields};
+use super::fields::{Fields, MAX_COMPONENT};
 use super::xml::Element;
 use super::{Motion, MotionKind, MotionSequence, MotionTiming};
 use crate::diag::nearest;
@@ -111,7 +111,7 @@ fn axis_and_angle(fields: &mut Fields) -> (Option<DVec3>, Option<f64>) {
 /// A number without which the part would not move as it should: what cannot be read is an error.
 fn required_number(fields: &mut Fields, name: &'static str) -> Option<f64> {
     let text = fields.required(name)?;
-    let number = text.trim().parse::<f64>().ok().filter(|v| v.abs() <= FARTHEST);
+    let number = text.trim().parse::<f64>().ok().filter(|v| v.abs() <= MAX_COMPONENT);
     if number.is_none() {
         fields.refuse(name, "a number");
     }

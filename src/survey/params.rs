@@ -13,7 +13,7 @@ pub(super) struct Params<'c> {
     pub context: &'c Context,
     pub filter: &'c Element,
     params: Vec<Element>,
-    asked: Vec<&'static str>,
+    known: Vec<&'static str>,
 }
 
 const TEXT: &[&str] = &["string", ""];
@@ -45,27 +45,27 @@ impl<'c> Params<'c> {
                 params.push(param);
             }
         }
-        Params { context, filter, params, asked: Vec::new() }
+        Params { context, filter, params, known: Vec::new() }
     }
 
-    /// Warns about parameters that nobody asked for.
+    /// Warns about parameters that have not been read.
     pub fn done(self) {
         for param in &self.params {
-            let Some(key) = param.value("key").filter(|k| !self.asked.contains(k)) else { continue };
+            let Some(key) = param.value("key").filter(|k| !self.known.contains(k)) else { continue };
             let kind = self.filter.value("type").unwrap_or_default();
             let message = format!("unknown parameter `{key}` of `{kind}` is ignored");
-            self.context.warn_help(param.value_place("key"), message, meant(key, &self.asked));
+            self.context.warn_help(param.value_place("key"), message, meant(key, &self.known));
         }
     }
 
     /// Marks parameters as known that have no effect.
     pub fn ignore(&mut self, keys: &[&'static str]) {
-        self.asked.extend(keys);
+        self.known.extend(keys);
     }
 
     /// The parameter as it stands, if there is one; its declared type is compared with those expected.
     fn find(&mut self, key: &'static str, types: &[&str]) -> Option<Element> {
-        self.asked.push(key);
+        self.known.push(key);
         let param = self.params.iter().find(|p| p.value("key") == Some(key))?.clone();
         let declared = param.value("type").unwrap_or_default();
         if !types.contains(&declared) {

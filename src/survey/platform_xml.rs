@@ -1,4 +1,4 @@
-//! Platforms (spec input-formats §7) and noise (§2.10).
+//! Platforms (spec input-formats §7) and noise (spec input-formats §2.10).
 
 use super::context::Context;
 use super::fields::{Fields, read_mount};
@@ -32,7 +32,7 @@ pub(super) fn read_platform(context: &Context, element: &Element) -> Option<Plat
 }
 
 fn read_kind(fields: &mut Fields, kind: Option<&str>, context: &Context) -> Option<PlatformKind> {
-    // all of them are asked for whatever the kind, because shipped platforms list more than they need
+    // Every attribute is read for every kind: shipped platforms list more than they need.
     let drag = fields.lenient_number("drag", 1.0);
     let multicopter = Multicopter {
         drag,

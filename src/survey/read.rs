@@ -1,11 +1,11 @@
-//! The entrances: a survey, a scene.
+//! The entry points: a survey, a scene, a scanner.
 
 use super::assets::Found;
-use super::catalogue::FILES;
 use super::context::{Context, ReadOptions};
 use super::instances::{Base, read_table};
 use super::scanner_xml::read_scanner;
 use super::scene_xml::read_scene_element;
+use super::shipped::FILES;
 use super::survey_xml::read_survey_document;
 use super::{
     Loader, MaterialChoice, MotionTiming, PartRecipe, Scanner, SceneRecipe, Survey, Transform, UpAxis,
@@ -27,8 +27,7 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
         true => context.open(&Found::File(path.to_path_buf())),
         false => context.referred_document(&path.to_string_lossy(), Path::new(""), None),
     };
-    let survey =
-        root.and_then(|root| read_survey_document(&context, &root, options.trajectory.clone().stream()));
+    let survey = root.and_then(|root| read_survey_document(&context, &root, options.trajectory.clone()));
     context.finish(survey)
 }
 

@@ -74,14 +74,14 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
 /// The pulse length that waveform settings of a multi-channel scanner believe in, ns (spec input-formats §2.11).
 pub(super) const MULTI_CHANNEL_PULSE_LENGTH: f64 = 4.0;
 
-/// Waveform settings when no element says otherwise.
+/// Default waveform settings.
 pub(super) const WAVEFORM: WaveformSettings =
     WaveformSettings { bin: 0.25, window: 1.0, quality: 3, max_range: 0.0 };
 
 /// Most rings of subrays; a pulse of that many has about 3 million subrays.
 pub(super) const MAX_QUALITY: u32 = 1000;
 
-/// Detector settings when nothing is said.
+/// Default detector settings.
 pub(super) const DETECTOR: Detector = Detector {
     accuracy: 0.0,
     range_min: 0.0,
@@ -92,7 +92,7 @@ pub(super) const DETECTOR: Detector = Detector {
     distance_error: None,
 };
 
-/// The beam when nothing is said.
+/// Default beam.
 pub(super) const DEVICE_BEAM: Beam = Beam {
     divergence: 0.0003,
     divergence_y: None,

@@ -1,4 +1,4 @@
-//! The forms of a seed (spec outputs-and-cli §9.3).
+//! The forms of a seed (spec outputs §9.3).
 
 /// Seconds of a year, month, day, hour and minute as seeds count them: every month has 30 days.
 const YEAR: i64 = 31_104_000;
@@ -8,7 +8,7 @@ const HOUR: i64 = 3_600;
 const MINUTE: i64 = 60;
 
 /// Reads a seed: a whole number; a decimal number, whose bit pattern is the seed; or a time stamp
-/// `YYYY-MM-DD hh:mm:ss`, counted in seconds with months of 30 days. The error says what was expected.
+/// `YYYY-MM-DD hh:mm:ss`, counted in seconds with months of 30 days. The error names what was expected.
 ///
 /// ```
 /// use vlscan::parse_seed;

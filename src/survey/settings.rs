@@ -1,5 +1,5 @@
-//! Settings of a leg: what the scanner and the platform are told, with templates and the scanner's own values merged
-//! (spec input-formats §2.4–2.5, kinematics §1.7).
+//! Settings of scanner and platform in a leg, merged from the leg, its template and the scanner (spec input-formats §2.4–2.5,
+//! spec kinematics §1.7).
 
 use super::context::Context;
 use super::fields::Fields;
@@ -30,7 +30,7 @@ pub(super) struct ScannerLayer {
 }
 
 impl ScannerLayer {
-    /// What holds without a template: the values that count as "not given".
+    /// Values without a template, which count as "not given".
     pub const DEFAULT: ScannerLayer = ScannerLayer {
         active: true,
         pulse_freq: 0,
@@ -60,7 +60,7 @@ impl ScannerLayer {
     pub fn read(context: &Context, element: &Element, base: &ScannerLayer) -> ScannerLayer {
         let mut fields = Fields::new(context, element);
         let mut angle_or_nan = |name: &'static str, base: f64| match fields.has(name) {
-            // NaN is the way to take back what a template says
+            // NaN takes back the value of a template.
             true if fields.element.value(name).is_some_and(is_nan) => {
                 fields.ignore(&[name]);
                 f64::NAN
@@ -242,7 +242,7 @@ pub(super) struct TrajectoryLayer {
 }
 
 impl PlatformLayer {
-    /// What holds without a template.
+    /// Values without a template.
     pub fn unset() -> PlatformLayer {
         PlatformLayer {
             position: DVec3::ZERO,
@@ -297,7 +297,7 @@ impl PlatformLayer {
 
 /// Column attributes and their positions when only some are given.
 const COLUMNS: [&str; 7] = ["tIndex", "rollIndex", "pitchIndex", "yawIndex", "xIndex", "yIndex", "zIndex"];
-/// The separator; the first spelling is the one that the format started with.
+/// Spellings of the separator; the first is the format's original one.
 const SEPARATOR: [&str; 2] = ["trajectory_seperator", "trajectory_separator"];
 
 impl TrajectoryLayer {

@@ -24,7 +24,7 @@ pub(super) fn read_survey_document(
     let (mut survey, legs) = read_survey_parts(context, root)?;
     match trajectory {
         Some(stream) => {
-            survey.fly(stream);
+            survey.follow(stream);
             check_legs(context, &survey, &[]);
         }
         None if legs.is_empty() => {

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub(super) struct Templates<L> {
     /// Tag of the elements.
     tag: &'static str,
-    /// Reads an element on top of what holds without it.
+    /// Reads an element on top of settings.
     read: fn(&Context, &Element, &L) -> L,
     known: HashMap<(PathBuf, usize), L>,
 }
@@ -19,8 +19,8 @@ impl<L: Clone> Templates<L> {
         Templates { tag, read, known: HashMap::new() }
     }
 
-    /// What the element's template says, resting on its own template and so on, down to `default`; nothing without a
-    /// `template` attribute or when it leads nowhere.
+    /// The settings of the element's template on top of those of the template's own template and so on, down to `default`;
+    /// `None` without a `template` attribute or when it leads nowhere.
     pub fn of(&mut self, context: &Context, element: &Element, default: &L) -> Option<L> {
         let mut chain = Vec::new();
         let mut seen = vec![element.key()];

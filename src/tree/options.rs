@@ -1,19 +1,43 @@
 //! Settings of a build, and statistics of its result.
 
 /// How a tree chooses its splits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Builder {
-    /// Kd-tree by the object median, axes in turn (spec tree-and-schedule §1.8, "simple").
+    /// kd-tree by the object median, axes in turn; 1 in HELIOS++.
+    ///
+    /// Spec tree-and-schedule §1.8, "simple".
+    #[value(alias = "1")]
     Median,
-    /// Kd-tree by the surface area heuristic between the medians, axes in turn (spec tree-and-schedule §1.10).
+    /// kd-tree by the surface area heuristic between the medians, axes in turn; 2 in HELIOS++.
+    ///
+    /// Spec tree-and-schedule §1.10.
+    #[value(alias = "2")]
     Sah,
-    /// [`Builder::Sah`] on the best of the three axes.
+    /// kd-tree by the surface area heuristic on the best of the three axes; 3 in HELIOS++.
+    #[value(alias = "3")]
     AxisSah,
-    /// Kd-tree by the surface area heuristic over min/max histograms, axes in turn (spec tree-and-schedule §1.11).
+    /// kd-tree by the surface area heuristic over min/max histograms, axes in turn; 4 in HELIOS++.
+    ///
+    /// Spec tree-and-schedule §1.11.
+    #[value(alias = "4")]
     Fsah,
     /// Hierarchy of bounding boxes with sixteen children per node: the fastest and smallest.
     #[default]
     Bvh,
+}
+
+impl Builder {
+    /// The name on the command line and in pipeline files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Builder::Median => "median",
+            Builder::Sah => "sah",
+            Builder::AxisSah => "axis-sah",
+            Builder::Fsah => "fsah",
+            Builder::Bvh => "bvh",
+        }
+    }
 }
 
 /// How a split's gain is judged (spec tree-and-schedule §1.12).

@@ -2,27 +2,18 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `groups` | options that several commands take |
-//! | `poses` | how a recorded trajectory is read |
-//! | `river` | `run` and its stages: `trajectory`, `pulses`, `trace` |
+//! | `simulate` | `run` and its stages: `trajectory`, `pulses`, `trace` |
 //! | `scenes` | `scene make`, `scene info`, `scene pack` |
 //! | `tools` | everything else |
 
-mod groups;
-mod poses;
-mod river;
 mod scenes;
+mod simulate;
 mod tools;
 
-pub use groups::{
-    FlightArgs, InputArgs, InstrumentArgs, OriginArgs, OutputArgs, PhysicsArgs, PhysicsProfile, ProfileArgs,
-    ScheduleArgs, ScheduleKind, TreeArgs, TreeKind,
-};
-pub use poses::PoseArgs;
-pub use river::{
-    CommonArgs, EmitArgs, EmitFormat, PulsesArgs, RunArgs, SurveyArgs, TraceArgs, TrajectoryArgs,
-};
 pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, SceneKind};
+pub use simulate::{
+    EmitArgs, EmitFormat, InstrumentArgs, PulsesArgs, RunArgs, SurveyArgs, TraceArgs, TrajectoryArgs,
+};
 pub use tools::{BenchArgs, CatalogueArgs, Colour, CompletionsArgs, ManArgs, PreviewArgs, UnzipArgs};
 
 use super::{LogTo, Verbosity};
@@ -88,10 +79,34 @@ pub enum Command {
     /// Compare trees, schedules, chunk sizes and numbers of threads on a survey.
     Bench(Box<BenchArgs>),
     /// Fly a survey or pipeline and write the platform's poses to stdout.
+    ///
+    /// One line per pose after a header: time[s] of the GPS week, x[m],y[m],z[m] of the platform in world
+    /// coordinates, roll[deg],pitch[deg],yaw[deg] as in aeronautics (yaw clockwise from +y, right wing down and nose
+    /// up positive, roll innermost), which is what --trajectory reads. Legs whose scanner is switched off have no
+    /// poses.
+    ///
+    /// With --format arrow an Arrow IPC stream with columns of these names, which --trajectory reads, too.
     Trajectory(Box<TrajectoryArgs>),
     /// Fly a survey or pipeline and write every pulse to stdout instead of tracing it.
+    ///
+    /// One line per pulse after a header that names the columns and their units: time, origin and direction in world
+    /// coordinates, leg, device, number of the pulse, and what `vlscan trace` needs to get the same echoes bit for
+    /// bit: the beam's quaternion, the scan angle, the last bits of the coordinates. With --format arrow an Arrow IPC
+    /// stream with the same columns, which is smaller and quicker. The scene is loaded too, for its frame and for
+    /// legs on the ground.
     Pulses(Box<PulsesArgs>),
     /// Read pulses, trace them through a scene and write the echoes.
+    ///
+    /// The pulses come from `vlscan pulses` or from any program that writes them: comma-separated or
+    /// blank-separated values with a header of names, of which x, y, z and dx, dy, dz are needed; without a header the
+    /// columns are time, x, y, z, dx, dy, dz. Units stand behind the names, as in time[ns] or scan_angle[deg];
+    /// without one they are s, m and rad. An uncompressed Arrow IPC stream or file with columns of these names, whole
+    /// or floating-point, is recognised by its first bytes; units are in the names or in the columns' metadata (key
+    /// unit).
+    ///
+    /// With a survey as --scanner the echoes are those of `vlscan run`, bit for bit; seed, legs and strips come from
+    /// it. With the scanner alone they are, too, when --seed and the options of the physics are those of the run;
+    /// --physics and --correct are for `vlscan pulses` as well, whose kinematics they change.
     Trace(Box<TraceArgs>),
     /// Make scenes to try things with.
     Scene(SceneArgs),

@@ -1,6 +1,9 @@
 //! The command line of `vlscan scene`.
 
-use super::{PhysicsProfile, TreeKind};
+use crate::options::{Count, Seed};
+use crate::pulse::PhysicsProfile;
+use crate::scene::Sharing;
+use crate::tree::Builder;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -39,16 +42,16 @@ pub struct PackArgs {
     pub wavelength: Option<f64>,
     /// Seed of random materials and voxel places. [default: the survey's, else 0]
     #[arg(long, value_name = "SEED")]
-    pub seed: Option<String>,
+    pub seed: Option<Seed>,
     /// The physics that it will be scanned with; decides about specular shares. [default: helios]
     #[arg(long, value_name = "PROFILE")]
     pub physics: Option<PhysicsProfile>,
     /// The tree to pack. [default: bvh]
     #[arg(long, value_name = "TREE")]
-    pub tree: Option<TreeKind>,
-    /// Whether parts of one mesh file share it; the points are the same.
-    #[arg(long, value_name = "WHEN", hide = true, value_parser = ["auto", "always", "never"])]
-    pub instances: Option<String>,
+    pub tree: Option<Builder>,
+    /// Whether parts of one mesh file share it; the points are the same. [default: auto]
+    #[arg(long, value_name = "WHEN")]
+    pub instances: Option<Sharing>,
     /// Overwrite a file that exists.
     #[arg(long)]
     pub force: bool,
@@ -92,7 +95,7 @@ pub struct MakeArgs {
     pub out: PathBuf,
     /// Number of triangles, met within about one per cent; 250k and 10M are understood.
     #[arg(short = 'n', long, value_name = "N", default_value = "100k")]
-    pub triangles: String,
+    pub triangles: Count,
     /// Another seed makes another scene.
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     pub seed: u64,
@@ -101,7 +104,7 @@ pub struct MakeArgs {
     pub extent: Option<f64>,
     /// Roughly how many pulses the survey emits.
     #[arg(long, value_name = "N")]
-    pub pulses: Option<String>,
+    pub pulses: Option<Count>,
     /// Forest: every tree is a part of its own, so that echoes carry the tree's number.
     #[arg(long)]
     pub separate_trees: bool,
@@ -111,7 +114,7 @@ pub struct MakeArgs {
     pub models: Option<u64>,
     /// Forest: so many opaque voxels of 0.25 m in the crowns, besides the triangles.
     #[arg(long, value_name = "N", conflicts_with = "models")]
-    pub voxels: Option<String>,
+    pub voxels: Option<Count>,
     /// Forest with --models: places of each tree. [default: 100]
     #[arg(long, value_name = "N", requires = "models")]
     pub copies: Option<u64>,

@@ -1,6 +1,9 @@
-//! The command line of what stands beside the river: comparing, listing, looking, helping.
+//! The command line of `bench`, `catalogue`, `unzip`, `preview`, `completions` and `man`.
 
-use super::{ScheduleKind, TreeKind};
+use crate::error::{Error, Result};
+use crate::options::{ChunkSize, Count, NotNegative, Vector};
+use crate::schedule::PolicyKind;
+use crate::tree::{BuildOptions, Builder};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -26,6 +29,54 @@ impl Barriers {
     }
 }
 
+/// Rules of the tree builders; the points are the same.
+#[derive(Clone, Debug, Default, Args)]
+pub struct TreeRules {
+    /// Build the kd-trees by the paper's rules: unit costs, 5 primitives, axes in turn, every split booked in the cost of the
+    /// whole tree; the other --tree options change single rules.
+    #[arg(long)]
+    pub tree_strict: bool,
+    /// Histogram bins (fsah) or candidates (sah, axis-sah) of the tree builder. [default: 32, 21]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1024))]
+    pub tree_bins: Option<u32>,
+    /// Threads that work together on a kd-tree's large upper nodes; 1 = none help. [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub tree_geom_jobs: Option<u32>,
+    /// kd-trees: cost of visiting an interior node, visiting a leaf and testing a primitive. [default: 8,1,1]
+    #[arg(long, value_name = "CI,CL,CO")]
+    pub tree_costs: Option<Vector>,
+    /// kd-trees: smallest number of primitives that may be split. [default: 17]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
+    pub tree_min_primitives: Option<u32>,
+    /// kd-trees: deepest level. [default: 8 + 1.3 log2 of the primitives]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=64))]
+    pub tree_depth: Option<u32>,
+}
+
+impl TreeRules {
+    /// The options of a builder under these rules.
+    ///
+    /// # Errors
+    /// Costs below 0, or tests of primitives that cost nothing.
+    pub fn build_options(&self, builder: Builder) -> Result<BuildOptions> {
+        let strict = self.tree_strict && builder != Builder::Bvh;
+        let mut options = if strict { BuildOptions::strict(builder) } else { BuildOptions::of(builder) };
+        if let Some(Vector([interior, leaf, primitive])) = self.tree_costs {
+            if interior < 0.0 || leaf < 0.0 || primitive <= 0.0 {
+                return Err(Error::input("--tree-costs: expected numbers of at least 0, the last above 0"));
+            }
+            (options.cost_interior, options.cost_leaf, options.cost_primitive) = (interior, leaf, primitive);
+        }
+        if let Some(bins) = self.tree_bins {
+            (options.bins, options.candidates) = (bins as usize, bins as usize);
+        }
+        options.geometry_jobs = self.tree_geom_jobs.map_or(0, |jobs| jobs as usize);
+        options.min_primitives = self.tree_min_primitives.map_or(options.min_primitives, |n| n as usize);
+        options.max_depth = self.tree_depth.or(options.max_depth);
+        Ok(options)
+    }
+}
+
 /// `vlscan bench`.
 #[derive(Debug, Args)]
 pub struct BenchArgs {
@@ -33,10 +84,10 @@ pub struct BenchArgs {
     pub survey: PathBuf,
     /// Trees to compare.
     #[arg(long, value_name = "TREE,…", value_delimiter = ',', default_value = "median,sah,fsah,bvh")]
-    pub tree: Vec<TreeKind>,
-    /// Build the kd-trees by the paper's rules: unit costs, 5 primitives, axes in turn.
-    #[arg(long)]
-    pub tree_strict: bool,
+    pub tree: Vec<Builder>,
+    /// Rules of the tree builders.
+    #[command(flatten)]
+    pub rules: TreeRules,
     /// Schedules to compare.
     #[arg(
         long,
@@ -44,10 +95,10 @@ pub struct BenchArgs {
         value_delimiter = ',',
         default_value = "single,static,dynamic,warehouse"
     )]
-    pub schedule: Vec<ScheduleKind>,
+    pub schedule: Vec<PolicyKind>,
     /// Pulses per chunk; single pulses and sequential runs aside.
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "32")]
-    pub chunk_size: Vec<u32>,
+    pub chunk_size: Vec<ChunkSize>,
     /// Chunks per worker that may wait in the warehouse.
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "4")]
     pub warehouse_factor: Vec<usize>,
@@ -59,7 +110,7 @@ pub struct BenchArgs {
     pub leg_barrier: Barriers,
     /// Dynamic chunks: idle times shorter than this mean nothing, in milliseconds. [default: 0.1]
     #[arg(long, value_name = "MS")]
-    pub idle_threshold: Option<f64>,
+    pub idle_threshold: Option<NotNegative>,
     /// How often everything is measured; the least time counts.
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub repetitions: usize,
@@ -154,7 +205,7 @@ pub struct PreviewArgs {
     pub height: u32,
     /// Points that a page shows at most; of more, an even sample is taken. 500k is understood.
     #[arg(long, value_name = "N", default_value = "5M")]
-    pub most_points: String,
+    pub most_points: Count<1>,
     /// Overwrite a file that exists, and write a picture to a terminal.
     #[arg(long)]
     pub force: bool,
@@ -172,4 +223,37 @@ pub struct CompletionsArgs {
 pub struct ManArgs {
     /// The folder that gets the pages; pages of the same names are replaced.
     pub dir: PathBuf,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+    use clap::Parser;
+
+    #[test]
+    fn every_rule_of_a_tree_can_be_changed() {
+        let rules = |line: &str| {
+            let words = ["vlscan", "bench", "a.toml"].into_iter().chain(line.split_whitespace());
+            let Command::Bench(args) = Cli::parse_from(words).command else { panic!("no bench") };
+            args.rules.build_options(Builder::Fsah)
+        };
+        let line = "--tree-strict --tree-costs 1,2,3 --tree-min-primitives 9 --tree-depth 12 --tree-bins 40 --tree-geom-jobs 2";
+        let expected = BuildOptions {
+            cost_interior: 1.0,
+            cost_leaf: 2.0,
+            cost_primitive: 3.0,
+            min_primitives: 9,
+            max_depth: Some(12),
+            bins: 40,
+            candidates: 40,
+            geometry_jobs: 2,
+            ..BuildOptions::strict(Builder::Fsah)
+        };
+        assert_eq!(rules(line).unwrap(), expected);
+        assert_eq!(rules("").unwrap(), BuildOptions::of(Builder::Fsah));
+        for wrong in ["1,1,0", "-1,1,1"] {
+            assert!(rules(&format!("--tree-costs={wrong}")).is_err(), "{wrong}");
+        }
+    }
 }

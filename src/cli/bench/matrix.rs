@@ -1,9 +1,10 @@
 //! The combinations of trees, schedules and threads that are compared.
 
-use crate::cli::args::{BenchArgs, ScheduleKind, TreeKind};
-use crate::cli::run::speed;
+use crate::cli::args::BenchArgs;
+use crate::cli::run::job::policy;
 use crate::error::{Error, Result};
-use crate::schedule::{Policy, Schedule};
+use crate::options::ChunkSize;
+use crate::schedule::{Policy, PolicyKind, Schedule};
 use crate::tree::{BuildOptions, Builder};
 use serde::Serialize;
 
@@ -64,14 +65,8 @@ impl Combination {
 impl Matrix {
     /// The combinations that the command line asks for.
     pub fn new(args: &BenchArgs) -> Result<Matrix> {
-        let tree = |&kind: &TreeKind| {
-            let builder = speed::builder(kind);
-            let strict = args.tree_strict && builder != Builder::Bvh;
-            let options = if strict { BuildOptions::strict(builder) } else { BuildOptions::of(builder) };
-            (name(kind), options)
-        };
-        let size = |&n: &u32| speed::chunk_size(Some(i64::from(n)));
-        let sizes = args.chunk_size.iter().map(size).collect::<Result<Vec<_>>>()?;
+        let tree = |&builder: &Builder| Ok((builder.name(), args.rules.build_options(builder)?));
+        let trees = args.tree.iter().map(tree).collect::<Result<Vec<_>>>()?;
         let mut wanted = thread_counts(&args.threads)?;
         if wanted.is_empty() {
             wanted = (0..).map(|i| 1 << i).take_while(|&n| n < cores()).chain([cores()]).collect();
@@ -84,13 +79,13 @@ impl Matrix {
         for &threads in &wanted {
             for &leg_barrier in args.leg_barrier.values() {
                 for &kind in &args.schedule {
-                    for &chunk in &sizes {
+                    for &ChunkSize(chunk) in &args.chunk_size {
                         for &factor in &args.warehouse_factor {
                             let policy = match threads {
                                 1 => Policy::Static { size: chunk },
-                                _ => speed::policy(kind, chunk, factor, args.idle_threshold)?,
+                                _ => policy(kind, chunk, factor, args.idle_threshold.map(|ms| ms.0)),
                             };
-                            let chunk = if kind == ScheduleKind::Single && threads > 1 { 1 } else { chunk };
+                            let chunk = if kind == PolicyKind::Single && threads > 1 { 1 } else { chunk };
                             let leg_barrier = leg_barrier && threads > 1;
                             let variant =
                                 Variant { schedule: Schedule { threads, policy, leg_barrier }, chunk };
@@ -102,12 +97,7 @@ impl Matrix {
                 }
             }
         }
-        Ok(Matrix {
-            trees: args.tree.iter().map(tree).collect(),
-            variants,
-            repetitions: args.repetitions.max(1),
-            warm_up: args.warm_up,
-        })
+        Ok(Matrix { trees, variants, repetitions: args.repetitions.max(1), warm_up: args.warm_up })
     }
 }
 
@@ -128,15 +118,4 @@ pub fn thread_counts(wanted: &[usize]) -> Result<Vec<usize>> {
 /// Cores of this machine.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
-}
-
-/// The name of a tree on the command line.
-fn name(kind: TreeKind) -> &'static str {
-    match kind {
-        TreeKind::Bvh => "bvh",
-        TreeKind::Fsah => "fsah",
-        TreeKind::AxisSah => "axis-sah",
-        TreeKind::Sah => "sah",
-        TreeKind::Median => "median",
-    }
 }

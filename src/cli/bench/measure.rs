@@ -89,7 +89,7 @@ pub struct Cell {
 impl Bench {
     /// Reads the survey and loads its scene.
     pub fn prepare(args: &RunArgs, format: &str, console: &Console) -> Result<Bench> {
-        let (job, warnings) = Job::resolve(args)?;
+        let (job, warnings) = Job::resolve(&args.file, &args.options)?;
         console.warnings(&warnings);
         let Job { settings, output, .. } = job;
         if matches!(settings.survey.platform.kind, PlatformKind::Stream(_)) {
@@ -365,7 +365,8 @@ fn cell(
 }
 
 fn with_jobs(options: &BuildOptions, jobs: usize) -> BuildOptions {
-    BuildOptions { jobs, geometry_jobs: jobs, ..options.clone() }
+    let geometry_jobs = if options.geometry_jobs == 0 { jobs } else { options.geometry_jobs };
+    BuildOptions { jobs, geometry_jobs, ..options.clone() }
 }
 
 /// The largest resident size of this process so far.

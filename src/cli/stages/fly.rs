@@ -1,9 +1,6 @@
 //! `vlscan trajectory` and `vlscan pulses`: a survey is flown, and its poses or pulses go to stdout.
 
-use crate::cli::args::{
-    EmitArgs, EmitFormat, OutputArgs, PhysicsArgs, ProfileArgs, PulsesArgs, RunArgs, SurveyArgs,
-    TrajectoryArgs, TreeArgs,
-};
+use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryArgs};
 use crate::cli::run::Job;
 use crate::cli::watch::watched;
 use crate::cli::{Console, Verbosity, interrupt};
@@ -25,19 +22,14 @@ const INTERVAL: f64 = 0.05;
 
 /// Runs `vlscan trajectory`.
 pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
-    let interval = match args.interval {
-        Some(s) if !(s.is_finite() && s > 0.0) => {
-            return Err(Error::input(format!("--interval: expected seconds above 0, found {s}")));
-        }
-        other => other,
-    };
+    let interval = args.interval.map(|seconds| seconds.0);
     let change = |survey: &mut Survey| {
         for leg in &mut survey.legs {
             let own = leg.scanner.trajectory_interval;
             leg.scanner.trajectory_interval = interval.unwrap_or(if own > 0.0 { own } else { INTERVAL });
         }
     };
-    fly(&as_run(&args.survey, &args.profile), &args.emit, args.flown, console, change, Rows::Poses)
+    fly(&args.survey, &args.emit, args.flown, console, change, Rows::Poses)
 }
 
 /// Runs `vlscan pulses`.
@@ -46,7 +38,7 @@ pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
     let change = |survey: &mut Survey| {
         survey.legs.iter_mut().for_each(|leg| leg.scanner.trajectory_interval = 0.0);
     };
-    fly(&as_run(&args.survey, &args.profile), &args.emit, false, console, change, Rows::Pulses)
+    fly(&args.survey, &args.emit, false, console, change, Rows::Pulses)
 }
 
 /// The rows that are written of a flight.
@@ -135,7 +127,7 @@ impl Flight {
 }
 
 fn fly(
-    args: &RunArgs,
+    args: &SurveyArgs,
     emit_args: &EmitArgs,
     as_flown: bool,
     console: &Console,
@@ -148,7 +140,7 @@ fn fly(
             "an Arrow stream would go to the terminal; redirect standard output, or insist with --force",
         ));
     }
-    let (job, warnings) = Job::resolve(args)?;
+    let (job, warnings) = Job::resolve(&args.file, &args.options())?;
     console.warnings(&warnings);
     let Job { mut settings, progress_lines, .. } = job;
     change(&mut settings.survey);
@@ -185,15 +177,4 @@ fn fly(
     let pulses = amount(progress.snapshot().pulses as f64);
     console.took(Verbosity::Verbose, format!("{pulses} pulses flown in {}", duration(seconds)));
     Ok(())
-}
-
-/// The same choices as those of a run without points.
-fn as_run(args: &SurveyArgs, profile: &ProfileArgs) -> RunArgs {
-    RunArgs {
-        output: OutputArgs::default(),
-        survey: args.clone(),
-        physics: PhysicsArgs { profile: profile.clone(), ..PhysicsArgs::default() },
-        tree: TreeArgs::default(),
-        trajectory_out: None,
-    }
 }

@@ -1,4 +1,4 @@
-//! The stages of the river as commands: `vlscan trajectory` and `vlscan pulses` fly, `vlscan trace` looks.
+//! The stages of a run as commands: `vlscan trajectory` and `vlscan pulses` fly, `vlscan trace` traces.
 
 mod fly;
 mod trace;

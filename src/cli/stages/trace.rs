@@ -1,18 +1,18 @@
 //! `vlscan trace`: pulses from a stream meet a scene, and their echoes go wherever those of `vlscan run` may go.
 
-use crate::cli::args::{FlightArgs, RunArgs, SurveyArgs, TraceArgs};
-use crate::cli::inputs::{holds_survey, read_survey};
+use crate::cli::args::{InstrumentArgs, TraceArgs};
 use crate::cli::run::{Job, show_report};
 use crate::cli::watch::watched;
 use crate::cli::{Console, interrupt};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
+use crate::options::{InputOptions, NotNegative, Options, holds_survey, read_survey};
 use crate::output::Target;
 use crate::pipeline::{Control, LegRule, Progress, Session};
 use crate::streams::PulseReader;
 use crate::survey::{
-    self, Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, ReadOptions, RunSettings,
-    Scanner, ScannerSettings, SceneRecipe, Survey,
+    self, Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, ReadOptions, Scanner,
+    ScannerSettings, SceneRecipe, Survey,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -23,9 +23,9 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let (mut setting, warnings) = Setting::read(args)?;
     console.warnings(&warnings);
-    setting.change_instrument(args)?;
+    change_instrument(&mut setting.survey, &args.instrument);
     let known = setting.known;
-    let job = Job::settle(&as_run(args), setting.survey, &setting.settings)?;
+    let job = Job::new(setting.survey, &setting.options)?;
     let Job { mut settings, output, progress_lines, .. } = job;
     settings.survey.legs.iter_mut().for_each(|leg| leg.scanner.active = true);
     let has_folder = |(t, _): &(Target, _)| matches!(t, Target::Directory(_) | Target::Helios(_));
@@ -49,85 +49,72 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     show_report(console, &report, started)
 }
 
-/// What the pulses meet and what receives their echoes.
+/// The scene that the pulses meet, and the instrument that receives their echoes.
 struct Setting {
     survey: Survey,
-    settings: RunSettings,
+    options: Options,
     /// The survey is one that a file describes.
     known: bool,
 }
 
 impl Setting {
     fn read(args: &TraceArgs) -> Result<(Setting, Diagnostics)> {
-        let reading = ReadOptions {
-            assets: args.common.input.assets.clone(),
-            strict: args.common.input.strict,
-            ..ReadOptions::default()
-        };
+        let mut options = args.options();
+        let scene = options.input.scene.take();
+        let reading = options.read_options();
         let path = Path::new(&args.scanner);
         if holds_survey(path) {
-            let (mut survey, settings, mut warnings) = read_survey(path, &reading)?;
-            if let Some(name) = &args.common.input.scene {
+            let (mut survey, options, mut warnings) = read_survey(path, options)?;
+            if let Some(name) = &scene {
                 let (scene, found) = scene_of(name, &reading)?;
                 survey.scene = scene;
                 warnings.extend(found);
             }
-            return Ok((Setting { survey, settings, known: true }, warnings));
+            return Ok((Setting { survey, options, known: true }, warnings));
         }
         let (scanner, mut warnings) = survey::find_scanner(&args.scanner, &reading)?;
-        let Some(name) = &args.common.input.scene else {
+        let Some(name) = &scene else {
             return Err(Error::input(
                 "--scene is missing: what do the pulses meet? (only a survey as --scanner brings its own)",
             ));
         };
         let (scene, found) = scene_of(name, &reading)?;
         warnings.extend(found);
-        let survey = bare_survey(scanner, scene);
-        Ok((Setting { survey, settings: RunSettings::default(), known: false }, warnings))
+        Ok((Setting { survey: bare_survey(scanner, scene), options, known: false }, warnings))
     }
+}
 
-    /// Changes the instrument as the command line asks.
-    fn change_instrument(&mut self, args: &TraceArgs) -> Result<()> {
-        let i = &args.instrument;
-        let not_negative = |name: &str, value: Option<f64>| match value {
-            Some(v) if !(v.is_finite() && v >= 0.0) => {
-                Err(Error::input(format!("{name}: expected a number of at least 0, found {v}")))
-            }
-            other => Ok(other),
-        };
-        let divergence = not_negative("--divergence", i.divergence)?;
-        let pulse_length = not_negative("--pulse-length", i.pulse_length)?;
-        let accuracy = not_negative("--accuracy", i.accuracy)?;
-        let range_min = not_negative("--range-min", i.range_min)?;
-        let range_max = not_negative("--range-max", i.range_max)?;
-        let bin = not_negative("--bin", i.bin)?;
-        let window = not_negative("--window", i.window)?;
-        for device in &mut self.survey.scanner.devices {
-            let set = |target: &mut f64, value: Option<f64>| *target = value.unwrap_or(*target);
-            set(&mut device.beam.divergence, divergence);
-            set(&mut device.beam.pulse_length, pulse_length);
-            set(&mut device.detector.accuracy, accuracy);
-            set(&mut device.detector.range_min, range_min);
-            set(&mut device.detector.range_max, range_max);
-            set(&mut device.waveform.bin, bin);
-            set(&mut device.waveform.window, window);
-            device.waveform.quality = i.beam_quality.unwrap_or(device.waveform.quality);
-            device.detector.max_returns = i.max_returns.unwrap_or(device.detector.max_returns);
+/// Changes the instrument as the command line asks.
+fn change_instrument(survey: &mut Survey, args: &InstrumentArgs) {
+    let set = |target: &mut f64, value: Option<NotNegative>| *target = value.map_or(*target, |value| value.0);
+    for device in &mut survey.scanner.devices {
+        set(&mut device.beam.divergence, args.divergence);
+        set(&mut device.beam.pulse_length, args.pulse_length);
+        set(&mut device.detector.accuracy, args.accuracy);
+        set(&mut device.detector.range_min, args.range_min);
+        set(&mut device.detector.range_max, args.range_max);
+        set(&mut device.waveform.bin, args.bin);
+        set(&mut device.waveform.window, args.window);
+        device.waveform.quality = args.beam_quality.unwrap_or(device.waveform.quality);
+        device.detector.max_returns = args.max_returns.unwrap_or(device.detector.max_returns);
+    }
+    for leg in &mut survey.legs {
+        if let Some(divergence) = args.divergence {
+            (leg.scanner.beam_divergence, leg.scanner.written_divergence) = (divergence.0, None);
         }
-        for leg in &mut self.survey.legs {
-            if let Some(divergence) = divergence {
-                (leg.scanner.beam_divergence, leg.scanner.written_divergence) = (divergence, None);
-            }
-            leg.scanner.pulse_freq = i.pulse_rate.unwrap_or(leg.scanner.pulse_freq);
-        }
-        Ok(())
+        leg.scanner.pulse_freq = args.pulse_rate.unwrap_or(leg.scanner.pulse_freq);
     }
 }
 
 /// The scene of a survey, or of whatever else names one.
 fn scene_of(name: &str, reading: &ReadOptions) -> Result<(SceneRecipe, Diagnostics)> {
     if holds_survey(Path::new(name)) {
-        let (survey, _, warnings) = read_survey(Path::new(name), reading)?;
+        let input = InputOptions {
+            assets: reading.assets.clone(),
+            strict: reading.strict,
+            ..InputOptions::default()
+        };
+        let (survey, _, warnings) = read_survey(Path::new(name), Options { input, ..Options::default() })?;
         return Ok((survey.scene, warnings));
     }
     survey::read_scene(name, reading)
@@ -159,15 +146,4 @@ fn bare_survey(scanner: Scanner, scene: SceneRecipe) -> Survey {
         leg_offset: None,
         crs_wkt: None,
     }
-}
-
-/// The same choices as those of a run; points go to stdout unless told otherwise.
-fn as_run(args: &TraceArgs) -> RunArgs {
-    let mut output = args.output.clone();
-    if output.out.is_empty() && output.output.is_none() {
-        output.out.push(PathBuf::from("-"));
-    }
-    let survey =
-        SurveyArgs { file: args.stream.clone(), flight: FlightArgs::default(), common: args.common.clone() };
-    RunArgs { output, survey, physics: args.physics.clone(), tree: args.tree.clone(), trajectory_out: None }
 }

@@ -1,5 +1,12 @@
 //! What a survey says, after every template, default and unit has been resolved. Angles are radians, lengths metres,
 //! frequencies hertz, positions world coordinates.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `scene` | parts of a scene: loaders, transforms, motions, swaps |
+//! | `poses` | recorded trajectories |
+//! | `navigation`, `kinematics` | errors of navigation; departures from the reference's kinematics |
+//! | `receiver` | pulse shape, noise and detector of a receiver |
 
 mod kinematics;
 mod navigation;
@@ -168,7 +175,7 @@ pub struct Noise {
     pub kind: NoiseKind,
     /// Limits to clamp to.
     pub clip: Option<(f64, f64)>,
-    /// How many consecutive uses one drawn value serves; 0 = one unclipped value for ever.
+    /// How many consecutive uses one drawn value serves; 0 = one unclipped value throughout.
     pub lifespan: u32,
 }
 

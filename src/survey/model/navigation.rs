@@ -30,19 +30,25 @@ pub struct NavigationErrors {
     pub lever_arm_sigma: [f64; 3],
 }
 
-/// The ways to change a table of errors: keys of `[navigation_errors]` and of `--navigation-error`.
-const KEYS: [&str; 11] = [
-    "position_m",
-    "position_correlation_s",
-    "position_bias_m",
-    "attitude_deg",
-    "attitude_correlation_s",
-    "attitude_bias_deg",
-    "attitude_drift_deg_per_h",
-    "boresight_deg",
-    "boresight_sigma_deg",
-    "lever_arm_m",
-    "lever_arm_sigma_m",
+/// Keys of `[navigation_errors]` and of `--navigation-error`, and their meanings.
+const KEYS: [(&str, &str); 11] = [
+    ("position_m", "Standard deviation of the position to the east, north and up, m."),
+    ("position_correlation_s", "Correlation time of the position's errors, s. Default: 300."),
+    ("position_bias_m", "Constant error of the position to the east, north and up, m."),
+    ("attitude_deg", "Standard deviation of roll, pitch and heading, degrees."),
+    ("attitude_correlation_s", "Correlation time of the attitude's errors, s. Default: 60."),
+    ("attitude_bias_deg", "Constant error of roll, pitch and heading, degrees."),
+    (
+        "attitude_drift_deg_per_h",
+        "Growth of the error of roll, pitch and heading from the flight's start, degrees per hour.",
+    ),
+    ("boresight_deg", "Error of the boresight, degrees: roll, pitch, heading."),
+    (
+        "boresight_sigma_deg",
+        "Standard deviation of a boresight error that is drawn once for the run, degrees.",
+    ),
+    ("lever_arm_m", "Error of the lever arm to the right, forward and up, m."),
+    ("lever_arm_sigma_m", "Standard deviation of a lever arm error that is drawn once for the run, m."),
 ];
 
 impl NavigationErrors {
@@ -61,8 +67,10 @@ impl NavigationErrors {
         lever_arm_sigma: [0.0; 3],
     };
 
-    /// Names of all keys.
-    pub const KEYS: &[&str] = &KEYS;
+    /// Names of all keys, and their meanings. Standard deviations belong to first-order Gauss-Markov processes, whose
+    /// correlation falls by a factor e in the correlation time. Every key but the correlation times takes one number for all
+    /// three components, or three.
+    pub const KEYS: &[(&str, &str)] = &KEYS;
 
     /// Whether there are any errors.
     pub fn any(&self) -> bool {
@@ -116,7 +124,7 @@ impl NavigationErrors {
             _ => {
                 return Err(format!(
                     "no error of navigation is called `{key}`; there are {}",
-                    KEYS.join(", ")
+                    KEYS.map(|(name, _)| name).join(", ")
                 ));
             }
         }
@@ -138,7 +146,7 @@ mod tests {
     fn keys_set_one_number_or_three_in_their_units() {
         let mut e = NavigationErrors::NONE;
         assert!(!e.any());
-        for key in NavigationErrors::KEYS {
+        for (key, _) in NavigationErrors::KEYS {
             assert!(e.set(key, &[1.0]).is_ok(), "{key}");
             assert!(e.set(key, &[f64::NAN]).is_err() && e.set(key, &[1.0, 2.0]).is_err(), "{key}");
         }

@@ -34,7 +34,7 @@ pub struct PoseStream {
 }
 
 impl PoseStream {
-    /// A trajectory about which nothing is said but where it is.
+    /// The trajectory at `path` with all defaults.
     pub fn at(path: impl Into<PathBuf>) -> PoseStream {
         PoseStream {
             path: path.into(),
@@ -53,7 +53,8 @@ impl PoseStream {
 }
 
 /// The layout of a trajectory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum PoseFormat {
     /// Lines of numbers.
     Text,
@@ -62,59 +63,36 @@ pub enum PoseFormat {
     /// Applanix' smoothed best estimate of trajectory: records of 17 doubles.
     Sbet,
     /// TerraScan's binary trajectory (.trj).
+    #[value(name = "terrascan")]
     TerraScan,
 }
 
-impl PoseFormat {
-    /// Names on the command line and in pipeline files.
-    pub const NAMES: [&str; 4] = ["text", "helios", "sbet", "terrascan"];
-
-    /// The format of that name.
-    pub fn named(name: &str) -> Option<PoseFormat> {
-        Some(match name {
-            "text" => PoseFormat::Text,
-            "helios" => PoseFormat::Helios,
-            "sbet" => PoseFormat::Sbet,
-            "terrascan" => PoseFormat::TerraScan,
-            _ => return None,
-        })
-    }
-}
-
 /// What the three angles of a pose mean.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum AngleConvention {
     /// Yaw is the heading, clockwise from +y (north), pitch has the nose up, roll the right side down; roll is the innermost
-    /// rotation (ARINC 705, see [`crate::geom::Rotation::of_heading`]).
+    /// rotation (ARINC 705).
+    ///
+    /// See [`crate::geom::Rotation::of_heading`].
+    #[value(alias = "arinc705")]
+    #[serde(alias = "arinc705")]
     Heading,
     /// Yaw turns counter-clockwise from +x (east); pitch, roll and order as with headings.
     Yaw,
-    /// `Rz(yaw) Ry(pitch) Rx(roll)` of the axes forward, left, up, as in ROS (REP 103): yaw turns counter-clockwise from +x
+    /// Rz(yaw) Ry(pitch) Rx(roll) of the axes forward, left, up, as in ROS (REP 103): yaw turns counter-clockwise from +x
     /// (east), pitch is positive with the nose down, roll with the right side down.
     Ros,
-    /// The angles of headings in the reference's order, pitch innermost: `Rz(−yaw) Ry(roll) Rx(pitch)` of the axes right,
-    /// forward, up (spec kinematics §2.6).
+    /// The angles of headings in the order of HELIOS++, pitch innermost: Rz(−yaw) Ry(roll) Rx(pitch) of the axes right,
+    /// forward, up.
+    ///
+    /// Spec kinematics §2.6.
     Helios,
     /// Rotations about x, y and z in this order, as HELIOS++ writes them for platforms that fly from waypoint to waypoint.
     Canonical,
 }
 
 impl AngleConvention {
-    /// Names on the command line and in pipeline files; `arinc705` is another one for `heading`.
-    pub const NAMES: [&str; 6] = ["heading", "arinc705", "yaw", "ros", "helios", "canonical"];
-
-    /// The convention of that name.
-    pub fn named(name: &str) -> Option<AngleConvention> {
-        Some(match name {
-            "heading" | "arinc705" => AngleConvention::Heading,
-            "yaw" => AngleConvention::Yaw,
-            "ros" => AngleConvention::Ros,
-            "helios" => AngleConvention::Helios,
-            "canonical" => AngleConvention::Canonical,
-            _ => return None,
-        })
-    }
-
     /// How HELIOS++ reports these angles in its trajectory files.
     pub fn rotation_spec(self) -> RotationSpec {
         match self {
@@ -122,6 +100,16 @@ impl AngleConvention {
             _ => RotationSpec::Arinc705,
         }
     }
+}
+
+/// The unit of angles in text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AngleUnit {
+    /// Degrees.
+    Deg,
+    /// Radians.
+    Rad,
 }
 
 /// The rectangular grid to which latitudes and longitudes are projected.
@@ -136,75 +124,11 @@ pub enum Grid {
 }
 
 impl Grid {
-    /// The grid of a scene whose coordinate reference system may be known; what `self` says already stays.
+    /// The grid of a scene whose coordinate reference system may be known; a zone that is chosen stays.
     pub fn of_scene(self, crs_wkt: Option<&str>) -> Grid {
         match (self, crs_wkt) {
             (Grid::FirstFix, Some(wkt)) => UtmZone::of_wkt(wkt).map_or(Grid::Foreign, Grid::Utm),
             _ => self,
         }
-    }
-}
-
-/// What a command line or a pipeline file says of a trajectory; the meanings are those of [`PoseStream`].
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PoseChoices {
-    /// Where the poses come from.
-    pub path: Option<PathBuf>,
-    /// The layout.
-    pub format: Option<PoseFormat>,
-    /// How the angles compose.
-    pub rotation: Option<AngleConvention>,
-    /// Angles are degrees.
-    pub degrees: Option<bool>,
-    /// Columns of text.
-    pub columns: Option<Vec<String>>,
-    /// Column separator.
-    pub separator: Option<char>,
-    /// The UTM zone.
-    pub utm_zone: Option<UtmZone>,
-    /// Added to all heights, m.
-    pub height_offset: Option<f64>,
-    /// Offset of the scanner, m.
-    pub lever_arm: Option<DVec3>,
-    /// Misalignment of the scanner, rad.
-    pub boresight: Option<[f64; 3]>,
-    /// Longest gap within which pulses are fired, s.
-    pub max_gap: Option<f64>,
-}
-
-impl PoseChoices {
-    /// These choices, and those of `other` where nothing is chosen.
-    pub fn or(self, other: PoseChoices) -> PoseChoices {
-        PoseChoices {
-            path: self.path.or(other.path),
-            format: self.format.or(other.format),
-            rotation: self.rotation.or(other.rotation),
-            degrees: self.degrees.or(other.degrees),
-            columns: self.columns.or(other.columns),
-            separator: self.separator.or(other.separator),
-            utm_zone: self.utm_zone.or(other.utm_zone),
-            height_offset: self.height_offset.or(other.height_offset),
-            lever_arm: self.lever_arm.or(other.lever_arm),
-            boresight: self.boresight.or(other.boresight),
-            max_gap: self.max_gap.or(other.max_gap),
-        }
-    }
-
-    /// The trajectory with the defaults of what is not chosen; `None` where nobody says where it is.
-    pub fn stream(self) -> Option<PoseStream> {
-        let usual = PoseStream::at(self.path?);
-        Some(PoseStream {
-            format: self.format,
-            rotation: self.rotation,
-            degrees: self.degrees.unwrap_or(usual.degrees),
-            columns: self.columns,
-            separator: self.separator,
-            grid: self.utm_zone.map_or(usual.grid, Grid::Utm),
-            height_offset: self.height_offset.unwrap_or(usual.height_offset),
-            lever_arm: self.lever_arm.unwrap_or(usual.lever_arm),
-            boresight: self.boresight.unwrap_or(usual.boresight),
-            max_gap: self.max_gap.unwrap_or(usual.max_gap),
-            path: usual.path,
-        })
     }
 }

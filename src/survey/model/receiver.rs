@@ -4,7 +4,8 @@
 use std::sync::Arc;
 
 /// Profile of the beam across its axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum BeamProfile {
     /// Gaussian; divergences are full angles at 1/e² of the intensity on the axis.
     #[default]
@@ -80,7 +81,8 @@ pub struct ShotNoise {
 }
 
 /// How the range of an echo is read from the waveform.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Ranging {
     /// The largest sample and its neighbours.
     #[default]

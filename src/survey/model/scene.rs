@@ -1,4 +1,4 @@
-//! The scene as its file describes it: recipes that the scene room follows when it loads the geometry.
+//! The scene as its file describes it: what the module `scene` loads, and how it places it.
 
 use crate::diag::Place;
 use crate::geom::{DVec3, Rotation};

@@ -5,18 +5,15 @@ use super::super::context::{Context, ReadOptions};
 use super::super::platform_xml::read_platform;
 use super::super::read::find_scene;
 use super::super::survey_xml::read_survey_parts;
-use super::super::xml::Element;
 use super::super::{
     Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, PoseStream, Scanner,
     ScannerSettings, Survey,
 };
-use super::PipelineKeys;
-use super::instrument::{Values, read_instrument};
-use super::keys::{LegKeys, PlatformKeys, PoseKeys, SettingsKeys};
-use super::run::one_of;
-use super::source::Source;
-use super::trajectory::read_trajectory;
-use crate::geom::{DVec3, Rotation, radians};
+use super::instrument::read_instrument;
+use super::keys::{LegKeys, Movement, PlatformKeys, SettingsKeys, SurveyKeys};
+use super::source::{Source, near};
+use super::values::Values;
+use crate::geom::DVec3;
 use std::path::Path;
 use toml::Spanned;
 
@@ -24,7 +21,7 @@ use toml::Spanned;
 pub(super) fn read_survey(
     context: &Context,
     source: &Source,
-    keys: &PipelineKeys,
+    keys: &SurveyKeys,
     options: &ReadOptions,
 ) -> Option<Survey> {
     let values = Values { context, source };
@@ -58,7 +55,6 @@ pub(super) fn read_survey(
         None => base.as_ref().map(|b| b.scanner.clone()),
     };
     let platform = read_carrier(&values, keys.platform.as_ref(), base.as_ref().map(|b| b.platform.clone()));
-    let stream = read_trajectory(&values, keys.trajectory.as_ref(), &options.trajectory)?;
     let (scene, mut scanner, platform) = (scene?, scanner?, platform?);
     change_detection(&values, &mut scanner, keys);
     let mut survey = base.unwrap_or_else(|| Survey {
@@ -76,7 +72,7 @@ pub(super) fn read_survey(
     if let Some(name) = &keys.name {
         survey.name.clone_from(name);
     }
-    build_legs(&values, &mut survey, keys, stream);
+    build_legs(&values, &mut survey, keys, options.trajectory.clone());
     check_legs(context, &survey, &[]);
     Some(survey)
 }
@@ -89,60 +85,6 @@ fn survey_file(context: &Context, source: &Source, name: &Spanned<String>) -> Op
 
 fn scene_of(context: &Context, source: &Source, name: &Spanned<String>) -> Option<super::super::SceneRecipe> {
     find_scene(context, &near(source, name.get_ref()), source.folder(), Some(source.place(name.span())))
-}
-
-/// A file beside the pipeline file comes before those of the search list.
-pub(super) fn near(source: &Source, reference: &str) -> String {
-    let (file, id) = match reference.split_once('#') {
-        Some((file, id)) => (file, Some(id)),
-        None => (reference, None),
-    };
-    let beside = source.folder().join(file);
-    match (beside.is_file(), id) {
-        (false, _) => reference.to_owned(),
-        (true, None) => beside.to_string_lossy().into_owned(),
-        (true, Some(id)) => format!("{}#{id}", beside.to_string_lossy()),
-    }
-}
-
-/// The asset that a `catalogue` key names.
-pub(super) fn reference(
-    context: &Context,
-    source: &Source,
-    name: &Spanned<String>,
-    kind: &str,
-) -> Option<Element> {
-    let text = near(source, name.get_ref());
-    let (file, id) = match text.split_once('#') {
-        Some((file, id)) => (file, Some(id)),
-        None => (text.as_str(), None),
-    };
-    let place = source.place(name.span());
-    let root = context.referred_document(file, source.folder(), Some(place.clone()))?;
-    context.pick(&root, kind, id, Some(place))
-}
-
-/// A pose from its offset and rotations.
-pub(super) fn pose(values: &Values, keys: &PoseKeys) -> Mount {
-    let mut mount = Mount::IDENTITY;
-    if let Some(offset) = values.vector(&keys.offset_m) {
-        mount.offset = offset;
-    }
-    for turn in &keys.rotate_deg {
-        let axes = turn.get_ref();
-        let rotation = match (axes.x, axes.y, axes.z) {
-            (Some(x), None, None) if x.is_finite() => Rotation::about_x(radians(x)),
-            (None, Some(y), None) if y.is_finite() => Rotation::about_y(radians(y)),
-            (None, None, Some(z)) if z.is_finite() => Rotation::about_z(radians(z)),
-            _ => {
-                values.refuse(turn, "one finite angle about one axis, such as { x = -90 }");
-                continue;
-            }
-        };
-        mount.rotation =
-            if keys.local { mount.rotation.after(rotation) } else { rotation.after(mount.rotation) };
-    }
-    mount
 }
 
 fn read_carrier(
@@ -159,24 +101,24 @@ fn read_carrier(
     let Some(keys) = table.map(Spanned::get_ref) else { return Some(inherited.unwrap_or_else(standing)) };
     let mut platform = match &keys.catalogue {
         Some(name) => {
-            let element = reference(values.context, values.source, name, "platform")?;
+            let element = values.reference(name, "platform")?;
             read_platform(values.context, &element)?
         }
         None => inherited.unwrap_or_else(standing),
     };
-    match one_of(values.context, values.source, &keys.kind, &["static", "linear_path"]).as_deref() {
-        Some("static") => platform.kind = PlatformKind::Static,
-        Some("linear_path") => platform.kind = PlatformKind::LinearPath,
-        _ => {}
+    match keys.kind {
+        Some(Movement::Static) => platform.kind = PlatformKind::Static,
+        Some(Movement::LinearPath) => platform.kind = PlatformKind::LinearPath,
+        None => {}
     }
     if let Some(mount) = &keys.mount {
-        platform.mount = pose(values, mount);
+        platform.mount = values.pose(mount);
     }
     Some(platform)
 }
 
 /// `[waveform]` and `[detector]` change every device.
-fn change_detection(values: &Values, scanner: &mut Scanner, keys: &PipelineKeys) {
+fn change_detection(values: &Values, scanner: &mut Scanner, keys: &SurveyKeys) {
     let waveform = keys.waveform.clone().unwrap_or_default();
     let detector = keys.detector.clone().unwrap_or_default();
     let distance_error = values.formula(&detector.distance_error);
@@ -202,15 +144,15 @@ fn change_detection(values: &Values, scanner: &mut Scanner, keys: &PipelineKeys)
     }
 }
 
-/// The legs: those of a stream, of `[[leg]]` tables, or of the survey.
-fn build_legs(values: &Values, survey: &mut Survey, keys: &PipelineKeys, stream: Option<PoseStream>) {
+/// Sets the legs: one that follows a stream, the `[[leg]]` tables, or the legs of the survey file.
+fn build_legs(values: &Values, survey: &mut Survey, keys: &SurveyKeys, stream: Option<PoseStream>) {
     if !keys.leg.is_empty() {
         survey.legs =
             keys.leg.iter().zip(0..).map(|(leg, number)| read_leg(values, survey, leg, number)).collect();
     }
     let streamed = stream.is_some();
     if let Some(stream) = stream {
-        survey.fly(stream);
+        survey.follow(stream);
     }
     if survey.legs.is_empty() {
         let message = "a pipeline needs a way to move: [trajectory], [[leg]] tables or a `survey`";

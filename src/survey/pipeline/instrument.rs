@@ -1,80 +1,12 @@
 //! The `[scanner]` table.
 
-use super::super::context::Context;
 use super::super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM, read_scanner};
-use super::super::{Deflector, Device, Formula, Head, MechanicalErrors, Mount, Prism, Receiver, Scanner};
-use super::build::{pose, reference};
-use super::keys::{InstrumentKeys, Key};
+use super::super::{Deflector, Device, Head, MechanicalErrors, Mount, Prism, Receiver, Scanner};
+use super::keys::{InstrumentKeys, Key, Optics};
 use super::receiver::{change_emission, change_receiver};
-use super::source::Source;
+use super::values::Values;
 use crate::geom::{DVec3, radians, unit};
 use toml::Spanned;
-
-/// What tables are read with.
-pub(super) struct Values<'c> {
-    pub context: &'c Context,
-    pub source: &'c Source,
-}
-
-impl Values<'_> {
-    /// Sets `target` if the key is given; it must be a finite number for which `holds`.
-    pub fn set(&self, target: &mut f64, key: &Key<f64>, expected: &str, holds: fn(f64) -> bool) {
-        let Some(key) = key else { return };
-        let value = *key.get_ref();
-        if value.is_finite() && holds(value) {
-            *target = value;
-        } else {
-            self.refuse(key, expected);
-        }
-    }
-
-    pub fn positive(&self, target: &mut f64, key: &Key<f64>) {
-        self.set(target, key, "a number above 0", |v| v > 0.0);
-    }
-
-    pub fn not_negative(&self, target: &mut f64, key: &Key<f64>) {
-        self.set(target, key, "a number of at least 0", |v| v >= 0.0);
-    }
-
-    pub fn number(&self, target: &mut f64, key: &Key<f64>) {
-        self.set(target, key, "a finite number", |_| true);
-    }
-
-    /// Degrees in the file, radians in `target`.
-    pub fn angle(&self, target: &mut f64, key: &Key<f64>) {
-        if key.is_some() {
-            let mut degrees = crate::geom::degrees(*target);
-            self.number(&mut degrees, key);
-            *target = radians(degrees);
-        }
-    }
-
-    /// Three finite numbers.
-    pub fn vector(&self, key: &Key<[f64; 3]>) -> Option<DVec3> {
-        let key = key.as_ref()?;
-        let vector = DVec3::from(*key.get_ref());
-        if vector.is_finite() {
-            return Some(vector);
-        }
-        self.refuse(key, "three finite numbers");
-        None
-    }
-
-    pub fn formula(&self, key: &Key<String>) -> Option<Formula> {
-        let key = key.as_ref()?;
-        match Formula::parse(key.get_ref()) {
-            Ok(formula) => Some(formula),
-            Err(e) => {
-                self.context.error(self.source.part_of(key, &e.at), e.message);
-                None
-            }
-        }
-    }
-
-    pub fn refuse<T>(&self, key: &Spanned<T>, expected: &str) {
-        self.context.error(self.source.place(key.span()), format!("expected {expected}"));
-    }
-}
 
 /// The instrument of a `[scanner]` table, based on `inherited` (that of a survey) or its catalogue entry.
 pub(super) fn read_instrument(
@@ -87,7 +19,7 @@ pub(super) fn read_instrument(
     let catalogue = match &keys.catalogue {
         None => inherited,
         Some(name) => {
-            let element = reference(context, values.source, name, "scanner")?;
+            let element = values.reference(name, "scanner")?;
             Some(read_scanner(context, &element)?)
         }
     };
@@ -149,7 +81,7 @@ fn read_channel(values: &Values, base: &Device, index: usize, table: &Spanned<In
     device
 }
 
-/// A device about which nothing is said.
+/// A device with all defaults.
 fn bare_device() -> Device {
     Device {
         id: String::new(),
@@ -180,7 +112,7 @@ fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     values.angle(&mut device.head.max_rate, &keys.head_rate_max_deg_per_s);
     device.head.max_rate = device.head.max_rate.abs();
     if let Some(keys) = &keys.beam_origin {
-        device.beam_origin = pose(values, keys);
+        device.beam_origin = values.pose(keys);
     }
     change_beam(values, device, keys);
     change_emission(values, device, keys);
@@ -215,28 +147,27 @@ fn change_beam(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
 }
 
 fn change_deflector(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
-    let known = ["rotating", "oscillating", "conic", "line", "risley"];
-    let optics = super::run::one_of(values.context, values.source, &keys.optics, &known);
-    match optics.as_deref() {
-        Some("rotating") => device.deflector = Deflector::Polygon { effective_max: device.scan_angle_max },
-        Some("oscillating") => device.deflector = Deflector::Oscillating { scan_product: 1_000_000.0 },
-        Some("conic") => device.deflector = Deflector::Conic,
-        Some("line") => device.deflector = Deflector::Fibres { count: 1 },
-        Some("risley") => {
+    match keys.optics {
+        Some(Optics::Rotating) => {
+            device.deflector = Deflector::Polygon { effective_max: device.scan_angle_max };
+        }
+        Some(Optics::Oscillating) => device.deflector = Deflector::Oscillating { scan_product: 1_000_000.0 },
+        Some(Optics::Conic) => device.deflector = Deflector::Conic,
+        Some(Optics::Line) => device.deflector = Deflector::Fibres { count: 1 },
+        Some(Optics::Risley) => {
             device.deflector = Deflector::Risley { prisms: Vec::new(), air: 1.0, incident: DVec3::Y };
         }
-        _ => {}
+        None => {}
     }
-    let mut unused = Unused { values, optics: "" };
     match &mut device.deflector {
         Deflector::Polygon { effective_max } => {
             values.angle(effective_max, &keys.scan_angle_effective_max_deg)
         }
-        _ => unused.of("rotating", &keys.scan_angle_effective_max_deg),
+        _ => refuse_unused(values, "rotating", &keys.scan_angle_effective_max_deg),
     }
     match &mut device.deflector {
         Deflector::Oscillating { scan_product } => values.positive(scan_product, &keys.scan_product_deg_hz),
-        _ => unused.of("oscillating", &keys.scan_product_deg_hz),
+        _ => refuse_unused(values, "oscillating", &keys.scan_product_deg_hz),
     }
     match &mut device.deflector {
         Deflector::Fibres { count } => {
@@ -247,31 +178,23 @@ fn change_deflector(values: &Values, device: &mut Device, keys: &InstrumentKeys)
                 }
             }
         }
-        _ => unused.of("line", &keys.fibres),
+        _ => refuse_unused(values, "line", &keys.fibres),
     }
     match &mut device.deflector {
         Deflector::Risley { prisms, air, incident } => change_risley(values, keys, prisms, air, incident),
         _ => {
-            unused.of("risley", &keys.prisms);
-            unused.of("risley", &keys.air_index);
-            unused.of("risley", &keys.incident_beam);
+            refuse_unused(values, "risley", &keys.prisms);
+            refuse_unused(values, "risley", &keys.air_index);
+            refuse_unused(values, "risley", &keys.incident_beam);
         }
     }
 }
 
-/// Reports keys that belong to other optics.
-struct Unused<'a> {
-    values: &'a Values<'a>,
-    optics: &'static str,
-}
-
-impl Unused<'_> {
-    fn of<T>(&mut self, optics: &'static str, key: &Key<T>) {
-        self.optics = optics;
-        if let Some(key) = key {
-            let message = format!("this key needs optics = \"{}\"", self.optics);
-            self.values.context.error(self.values.source.place(key.span()), message);
-        }
+/// Reports a key that belongs to other optics.
+fn refuse_unused<T>(values: &Values, optics: &str, key: &Key<T>) {
+    if let Some(key) = key {
+        let place = values.source.place(key.span());
+        values.context.error(place, format!("this key needs optics = \"{optics}\""));
     }
 }
 
@@ -314,9 +237,8 @@ fn change_errors(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
         errors.head = Some((formula, 0.0));
     }
     if !matches!(device.deflector, Deflector::Polygon { .. }) {
-        for key in [&keys.deflection_error_rad, &keys.head_error_rad].into_iter().flatten() {
-            values.context.error(values.source.place(key.span()), "this key needs optics = \"rotating\"");
-        }
+        refuse_unused(values, "rotating", &keys.deflection_error_rad);
+        refuse_unused(values, "rotating", &keys.head_error_rad);
         (errors.deflection, errors.head) = (None, None);
     }
 }

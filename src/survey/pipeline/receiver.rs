@@ -1,12 +1,9 @@
 //! Keys of `[scanner]` and its channels that describe pulse and receiver.
 
 use super::super::pulse_file::read_pulse_file;
-use super::super::{
-    AmplifierNoise, BeamProfile, Device, Ranging, Receiver, ReferenceTarget, ShotNoise, pulse_length_of_width,
-};
-use super::instrument::Values;
+use super::super::{AmplifierNoise, Device, Receiver, ReferenceTarget, ShotNoise, pulse_length_of_width};
 use super::keys::{InstrumentKeys, Key};
-use super::run::one_of;
+use super::values::Values;
 use toml::Spanned;
 
 /// Changes pulse energy, width, shape, profile and aperture. The pulse length and the divergence have been changed before.
@@ -27,11 +24,7 @@ pub(super) fn change_emission(values: &Values, device: &mut Device, keys: &Instr
         beam.divergence_y = Some(divergence);
     }
     values.not_negative(&mut beam.aperture, &keys.exit_aperture_m);
-    match one_of(values.context, values.source, &keys.beam_profile, &["gaussian", "top_hat"]).as_deref() {
-        Some("gaussian") => beam.profile = BeamProfile::Gaussian,
-        Some("top_hat") => beam.profile = BeamProfile::TopHat,
-        _ => {}
-    }
+    beam.profile = keys.beam_profile.unwrap_or(beam.profile);
     if let Some(key) = &keys.pulse_shape {
         let place = values.source.place(key.span());
         let samples = read_pulse_file(values.context, key.get_ref(), values.source.folder(), place);
@@ -72,13 +65,7 @@ pub(super) fn change_receiver(values: &Values, device: &mut Device, keys: &Instr
     }
     values.number(&mut receiver.range_walk, &keys.range_walk_m);
     receiver.digitiser_clock = keys.digitiser_clock.unwrap_or(receiver.digitiser_clock);
-    match one_of(values.context, values.source, &keys.detector, &["peak", "centroid", "gaussian"]).as_deref()
-    {
-        Some("peak") => receiver.ranging = Ranging::Peak,
-        Some("centroid") => receiver.ranging = Ranging::Centroid,
-        Some("gaussian") => receiver.ranging = Ranging::Gaussian,
-        _ => {}
-    }
+    receiver.ranging = keys.detector.unwrap_or(receiver.ranging);
 }
 
 fn change_shot(values: &Values, receiver: &mut Receiver, keys: &InstrumentKeys) {

@@ -1,31 +1,43 @@
-//! The text of a pipeline file with its places.
+//! The text of a pipeline file, and its tables, from which readers take their keys.
 
+use super::super::assets::Assets;
+use super::super::context::ReadOptions;
 use super::super::text::{decode, line_of_bytes};
-use super::PipelineKeys;
-use crate::diag::{Diagnostics, Place, nearest};
+use super::keys::SurveyKeys;
+use crate::diag::{Diagnostic, Diagnostics, Place, nearest};
+use crate::error::{Error, Result};
 use serde::Deserialize;
+use serde::de::Visitor;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
-use toml::de::{DeTable, DeValue, Deserializer};
+use toml::de::{DeString, DeTable, DeValue, Deserializer, ValueDeserializer};
 
-/// A pipeline file's text.
-pub(super) struct Source {
+/// The text of a pipeline file.
+#[derive(Debug)]
+pub struct Source {
     path: PathBuf,
     text: String,
 }
 
-/// No file is asked to give more answers than that.
+/// Problems of one file that are reported at most.
 const MAX_PROBLEMS: usize = 200;
 
 impl Source {
-    pub fn new(path: &Path, bytes: &[u8], problems: &mut Diagnostics) -> Option<Source> {
-        match decode(bytes) {
-            Ok(text) => Some(Source { path: path.to_path_buf(), text }),
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`Error::Io`], or [`Error::Input`] for bytes that are no text.
+    pub fn read(path: &Path) -> Result<Source> {
+        let bytes = std::fs::read(path).map_err(|e| Error::io("read", path, e))?;
+        match decode(&bytes) {
+            Ok(text) => Ok(Source { path: path.to_path_buf(), text }),
             Err(e) => {
-                let (line, excerpt) = line_of_bytes(bytes, e.at);
+                let (line, excerpt) = line_of_bytes(&bytes, e.at);
+                let mut problems = Diagnostics::default();
                 problems.error(Some(Place::in_line(path, line, &excerpt, 0..0)), e.message);
-                None
+                Err(Error::Input(Box::new(problems)))
             }
         }
     }
@@ -57,23 +69,90 @@ impl Source {
         }
     }
 
-    /// All keys. Every key that cannot be read is reported and left out, so that all of them are found at once; nothing
-    /// only if the text is no TOML at all.
-    pub fn keys(&self, problems: &mut Diagnostics) -> Option<PipelineKeys> {
-        let (mut tree, errors) = DeTable::parse_recoverable(&self.text);
+    /// The tables of the file.
+    ///
+    /// # Errors
+    /// A text that is no TOML.
+    pub fn tables(&self) -> Result<Tables<'_>> {
+        let (root, errors) = DeTable::parse_recoverable(&self.text);
+        let mut problems = Diagnostics::default();
         for error in &errors {
             let place = error.span().map(|at| self.place(at));
             problems.error(place, format!("not well-formed TOML: {}", error.message()));
         }
-        if !errors.is_empty() {
-            return None;
+        problems.finish(false)?;
+        let problems = Diagnostics::default();
+        Ok(Tables { source: self, root, known: BTreeMap::new(), spans: HashMap::new(), problems })
+    }
+}
+
+/// The tables of a pipeline file, from which every reader takes its keys.
+#[derive(Debug)]
+pub struct Tables<'t> {
+    source: &'t Source,
+    /// What nothing has been taken from yet.
+    root: Spanned<DeTable<'t>>,
+    /// Keys that are read, by table; the top of the file is the table of the name "".
+    known: BTreeMap<&'static str, Vec<&'static str>>,
+    /// Where the values of keys are that were taken, by table and key.
+    spans: HashMap<(&'static str, String), Range<usize>>,
+    problems: Diagnostics,
+}
+
+impl<'t> Tables<'t> {
+    /// Takes the keys of a table that are fields of `T`. Problems are recorded and what they concern is left out.
+    pub fn take<T: Deserialize<'t> + Default>(&mut self, table: &'static str) -> T {
+        let fields = field_names::<T>();
+        self.known.entry(table).or_default().extend(fields);
+        let mut taken = DeTable::new();
+        let root = self.root.get_mut();
+        let entries = match table {
+            "" => Some(root),
+            _ => match root.get_mut(table).map(Spanned::get_mut) {
+                Some(DeValue::Table(entries)) => Some(entries),
+                _ => None,
+            },
+        };
+        if let Some(entries) = entries {
+            let own: Vec<_> =
+                entries.keys().filter(|key| fields.contains(&key.get_ref().as_ref())).cloned().collect();
+            for key in own {
+                if let Some(value) = entries.remove(&key) {
+                    self.spans.insert((table, key.get_ref().to_string()), value.span());
+                    taken.insert(key, value);
+                }
+            }
         }
+        self.read(Spanned::new(0..0, taken)).unwrap_or_default()
+    }
+
+    /// Takes one key of a table.
+    pub fn take_key<T: Deserialize<'t>>(&mut self, table: &'static str, key: &'static str) -> Option<T> {
+        self.known.entry(table).or_default().push(key);
+        let Some(DeValue::Table(entries)) = self.root.get_mut().get_mut(table).map(Spanned::get_mut) else {
+            return None;
+        };
+        let value = entries.remove(key)?;
+        let span = value.span();
+        self.spans.insert((table, key.to_owned()), span.clone());
+        match T::deserialize(ValueDeserializer::from(value)) {
+            Ok(value) => Some(value),
+            Err(error) => {
+                self.report(&error, Some(span));
+                None
+            }
+        }
+    }
+
+    /// Reads `T` from a table. Every key that cannot be read is reported and left out, so that all of them are found at
+    /// once.
+    fn read<T: Deserialize<'t>>(&mut self, mut table: Spanned<DeTable<'t>>) -> Option<T> {
         for _ in 0..MAX_PROBLEMS {
-            match PipelineKeys::deserialize(Deserializer::from(tree.clone())) {
-                Ok(keys) => return Some(keys),
+            match T::deserialize(Deserializer::from(table.clone())) {
+                Ok(value) => return Some(value),
                 Err(error) => {
-                    self.report(&error, problems);
-                    if !error.span().is_some_and(|at| remove(tree.get_mut(), &at)) {
+                    self.report(&error, None);
+                    if !error.span().is_some_and(|at| remove(table.get_mut(), &at)) {
                         return None;
                     }
                 }
@@ -82,23 +161,143 @@ impl Source {
         None
     }
 
-    fn report(&self, error: &toml::de::Error, problems: &mut Diagnostics) {
-        let place = error.span().map(|at| self.place(at));
-        let message = error.message();
-        let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-        let (Some(unknown), Some(known)) = (names.first(), names.get(1..)) else {
-            problems.error(place, in_plain_words(message));
-            return;
-        };
-        if !message.starts_with("unknown field") {
-            problems.error(place, in_plain_words(message));
-            return;
+    /// Reads the keys of the survey and reports all that nothing has taken. The caller shows the problems.
+    pub(super) fn finish(mut self) -> (Option<SurveyKeys>, Diagnostics) {
+        let tables: Vec<&'static str> =
+            self.known.keys().copied().filter(|table| !table.is_empty()).collect();
+        for table in tables {
+            let Some(rest) = self.root.get_mut().remove(table) else { continue };
+            match rest.get_ref() {
+                DeValue::Table(entries) => {
+                    let known = self.known[table].clone();
+                    entries.keys().for_each(|key| self.report_unknown(key, &known));
+                }
+                _ => {
+                    let place = self.source.place(rest.span());
+                    self.error(Some(place), format!("expected a table [{table}]"));
+                }
+            }
         }
-        let help = match nearest(unknown, known.iter().copied()) {
+        let mut known = self.known.remove("").unwrap_or_default();
+        known.extend(field_names::<SurveyKeys>());
+        known.extend(self.known.keys().copied());
+        let unknown: Vec<_> = self
+            .root
+            .get_ref()
+            .keys()
+            .filter(|key| !known.contains(&key.get_ref().as_ref()))
+            .cloned()
+            .collect();
+        for key in unknown {
+            self.report_unknown(&key, &known);
+            self.root.get_mut().remove(&key);
+        }
+        let root = std::mem::replace(&mut self.root, Spanned::new(0..0, DeTable::new()));
+        (self.read(root), self.problems)
+    }
+
+    /// Whether the file has a table of that name.
+    pub fn has(&self, table: &str) -> bool {
+        self.root.get_ref().contains_key(table)
+    }
+
+    /// The place of a value that was taken.
+    pub fn place(&self, table: &'static str, key: &str) -> Option<Place> {
+        self.spans.get(&(table, key.to_owned())).map(|span| self.source.place(span.clone()))
+    }
+
+    /// The text of the file.
+    pub fn source(&self) -> &'t Source {
+        self.source
+    }
+
+    /// Records a problem that ends the run.
+    pub fn error(&mut self, place: Option<Place>, message: impl Into<String>) -> &mut Diagnostic {
+        self.problems.error(place, message)
+    }
+
+    /// The existing file that a key names: beside the pipeline file, or in the folders that are searched. A missing file is
+    /// recorded as a problem.
+    pub fn find_file(&mut self, name: &Path, place: Option<Place>, options: &ReadOptions) -> Option<PathBuf> {
+        let assets = Assets::new(&options.assets);
+        let name = name.to_string_lossy();
+        let found = assets.file(&near(self.source, &name), self.source.folder());
+        if found.is_none() {
+            let problem = self.problems.error(place, format!("cannot find the file `{name}`"));
+            problem.help(assets.searched(&name, self.source.folder()));
+        }
+        found
+    }
+
+    fn report_unknown(&mut self, key: &Spanned<DeString>, known: &[&str]) {
+        let help = match nearest(key.get_ref(), known.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("the keys here are {}", known.join(", ")),
         };
-        problems.error(place, format!("unknown key `{unknown}`")).help(help);
+        let place = self.source.place(key.span());
+        self.problems.error(Some(place), format!("unknown key `{}`", key.get_ref())).help(help);
+    }
+
+    /// Records an error of serde, whose message names keys and variants in backticks. `span` is where it is unless the error
+    /// knows better.
+    fn report(&mut self, error: &toml::de::Error, span: Option<Range<usize>>) {
+        let place = error.span().or(span).map(|at| self.source.place(at));
+        let message = error.message();
+        let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        let (unknown, known) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
+        let (message, list) = if message.starts_with("unknown field") {
+            (format!("unknown key `{unknown}`"), Some("the keys here are"))
+        } else if message.starts_with("unknown variant") {
+            (format!("expected {}, found `{unknown}`", known.join(", ")), None)
+        } else if message.starts_with("missing field") {
+            (format!("the key `{unknown}` is missing"), None)
+        } else {
+            self.problems.error(place, in_plain_words(message));
+            return;
+        };
+        let problem = self.problems.error(place, message);
+        match (nearest(unknown, known.iter().copied()), list) {
+            (Some(near), _) => {
+                problem.help(format!("did you mean `{near}`?"));
+            }
+            (None, Some(list)) => {
+                problem.help(format!("{list} {}", known.join(", ")));
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The names of the fields that `T` is deserialised from.
+pub fn field_names<'de, T: Deserialize<'de>>() -> &'static [&'static str] {
+    let mut names: &'static [&'static str] = &[];
+    let _ = T::deserialize(FieldNames(&mut names));
+    names
+}
+
+/// Keeps the names of the fields of a struct and gives no values.
+struct FieldNames<'a>(&'a mut &'static [&'static str]);
+
+impl<'de> serde::Deserializer<'de> for FieldNames<'_> {
+    type Error = serde::de::value::Error;
+
+    fn deserialize_any<V: Visitor<'de>>(self, _: V) -> std::result::Result<V::Value, Self::Error> {
+        Err(serde::de::Error::custom("no struct"))
+    }
+
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> std::result::Result<V::Value, Self::Error> {
+        *self.0 = fields;
+        self.deserialize_any(visitor)
+    }
+
+    serde::forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf option unit unit_struct newtype_struct seq
+        tuple tuple_struct map enum identifier ignored_any
     }
 }
 
@@ -148,5 +347,19 @@ fn remove_within(value: &mut DeValue, wanted: &dyn Fn(&Range<usize>, &Range<usiz
         DeValue::Table(table) => remove_where(table, wanted),
         DeValue::Array(items) => items.iter_mut().any(|item| remove_within(item.get_mut(), wanted)),
         _ => false,
+    }
+}
+
+/// A reference to a file: one beside the pipeline file comes before those of the search list.
+pub(super) fn near(source: &Source, reference: &str) -> String {
+    let (file, id) = match reference.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None => (reference, None),
+    };
+    let beside = source.folder().join(file);
+    match (beside.is_file(), id) {
+        (false, _) => reference.to_owned(),
+        (true, None) => beside.to_string_lossy().into_owned(),
+        (true, Some(id)) => format!("{}#{id}", beside.to_string_lossy()),
     }
 }

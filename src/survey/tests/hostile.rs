@@ -56,7 +56,7 @@ proptest! {
         let end = text.floor_char_boundary((start + cut).min(text.len())).max(start);
         let text = format!("{}{put}{}", &text[..start], &text[end..]);
         let folder = Folder::new(&[("p.toml", &text), ("a.obj", "")]);
-        if let Err(e) = read_pipeline(&folder.path("p.toml"), &ReadOptions::default()) {
+        if let Err(e) = read_pipeline(&folder.path("p.toml")) {
             drop(report(&e));
         }
     }

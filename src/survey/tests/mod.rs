@@ -3,6 +3,7 @@
 use super::*;
 use crate::diag::{Diagnostics, Severity};
 use crate::error::Error;
+use crate::options::Options;
 use std::path::{Path, PathBuf};
 
 mod conformance;
@@ -69,6 +70,14 @@ fn clean(extra: &str, content: &str) -> Survey {
         survey_of(extra, "platform='plane'", content).unwrap_or_else(|e| panic!("{}", report(&e)));
     assert!(warnings.is_empty(), "{}", warnings.render(false));
     survey
+}
+
+/// A survey of a pipeline file, and the options of the file.
+type Pipeline = (Survey, Options);
+
+fn read_pipeline(path: &Path) -> crate::Result<(Pipeline, Diagnostics)> {
+    let (survey, options, warnings) = crate::options::read_survey(path, Options::default())?;
+    Ok(((survey, options), warnings))
 }
 
 /// The report of a refused input.

@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::geom::{DVec3, radians};
-use crate::survey::pipeline::Pipeline;
+use crate::options::outputs::OutputContent;
+use crate::options::values::{Bytes, Crs, Seed};
+use crate::tree::Builder;
 
 /// A pipeline with an instrument of its own and every table.
 pub(super) const EVERYTHING: &str = r#"
@@ -88,7 +90,7 @@ fn read(text: &str) -> crate::Result<(Pipeline, Diagnostics)> {
             "<leg><platformSettings x='1'/><scannerSettings scanFreq_hz='50'/></leg>",
         ),
     );
-    read_pipeline(&folder.path("p.toml"), &ReadOptions::default())
+    read_pipeline(&folder.path("p.toml"))
 }
 
 fn fine(text: &str) -> Pipeline {
@@ -99,8 +101,9 @@ fn fine(text: &str) -> Pipeline {
 
 #[test]
 fn every_table() {
-    let Pipeline { survey, settings } = fine(EVERYTHING);
-    assert_eq!((survey.name.as_str(), survey.crs_wkt.as_deref()), ("mine", Some("PROJCS[\"x\"]")));
+    let (survey, options) = fine(EVERYTHING);
+    assert_eq!(survey.name, "mine");
+    assert_eq!(options.output.crs, Some(Crs::Wkt("PROJCS[\"x\"]".to_owned())));
     assert!(matches!(survey.platform.kind, PlatformKind::LinearPath));
     assert!((survey.platform.mount.rotation.forward() + DVec3::Z).length() < 1e-12);
     let [first, second] = &survey.scanner.devices[..] else { panic!("two channels") };
@@ -113,22 +116,22 @@ fn every_table() {
     let [one, two] = &survey.legs[..] else { panic!("two legs") };
     assert_eq!((one.scanner.pulse_freq, one.scanner.scan_freq, one.platform.speed), (2000, 50.0, 30.0));
     assert_eq!((two.scanner.active, two.scanner.scan_freq, two.platform.position.x), (false, 60.0, 100.0));
-    assert_eq!((settings.threads, settings.tree.as_deref()), (Some(3), Some("sah")));
-    assert_eq!(
-        (settings.max_memory, settings.legacy_energy, settings.echo_width),
-        (Some(2 << 30), Some(true), None)
-    );
-    assert_eq!(settings.seed, parse_seed("2020-01-01 00:00:00").ok());
-    let sinks: Vec<_> =
-        settings.sinks.iter().map(|s| (s.path.to_str().unwrap(), s.content.as_str(), s.per_leg)).collect();
-    assert_eq!(sinks, [("points.laz", "points", Some(true)), ("-", "trajectory", None)]);
+    assert_eq!((options.schedule.threads, options.tree.tree), (Some(3), Some(Builder::Sah)));
+    assert_eq!(options.schedule.max_memory, Some(Bytes(2 << 30)));
+    assert!(options.echoes.legacy_energy && !options.echoes.echo_width);
+    assert!(options.noise.no_platform_noise && !options.noise.no_leg_noise);
+    assert_eq!(options.origin.seed, "2020-01-01 00:00:00".parse().ok());
+    let outputs: Vec<_> =
+        options.outputs.iter().map(|o| (o.path.to_str().unwrap(), o.content, o.per_leg)).collect();
+    let expected = [("points.laz", OutputContent::Points, true), ("-", OutputContent::Trajectory, false)];
+    assert_eq!(outputs, expected);
 }
 
 const FLIGHT: &str = "scene = 'a.obj'\n[trajectory]\npath = '-'\n[scanner]\ncatalogue = 'data/scanners_als.xml#riegl_vux-1uav'\n[settings]\nscan_freq_hz = 100\n";
 
 #[test]
 fn a_stream_of_poses() {
-    let Pipeline { survey, .. } = fine(FLIGHT);
+    let (survey, _) = fine(FLIGHT);
     let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
     assert_eq!((stream.path.as_path(), stream.degrees, stream.rotation), (Path::new("-"), true, None));
     assert_eq!(
@@ -141,7 +144,7 @@ fn a_stream_of_poses() {
         "path = '-'",
         "path = 't.csv'\nseparator = ';'\ndegrees = false\nrotation = 'canonical'\ncolumns = ['time', 'x']",
     );
-    let Pipeline { survey, .. } = fine(&format!("{text}{more}"));
+    let (survey, _) = fine(&format!("{text}{more}"));
     let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
     assert!(stream.path.ends_with("t.csv") && stream.path.is_file() == stream.path.exists());
     assert_eq!(
@@ -155,13 +158,13 @@ fn a_stream_of_poses() {
 fn a_survey_with_changes() {
     let text =
         "survey = 'survey.xml'\nseed = 5\n[settings]\npulse_freq_hz = 300000\n[scanner]\naccuracy_m = 0.5\n";
-    let Pipeline { survey, settings } = fine(text);
+    let (survey, options) = fine(text);
     assert_eq!(
-        (survey.legs[0].scanner.pulse_freq, survey.legs[0].scanner.scan_freq, settings.seed),
-        (300_000, 50.0, Some(5))
+        (survey.legs[0].scanner.pulse_freq, survey.legs[0].scanner.scan_freq, options.origin.seed),
+        (300_000, 50.0, Some(Seed(5)))
     );
     assert_eq!((survey.scanner.id.as_str(), survey.scanner.devices[0].detector.accuracy), ("mirror", 0.5));
-    let Pipeline { survey, .. } = fine("survey = 'survey.xml'\n[trajectory]\npath = '-'\n");
+    let (survey, _) = fine("survey = 'survey.xml'\n[trajectory]\npath = '-'\n");
     assert!(matches!(survey.platform.kind, PlatformKind::Stream(_)));
     assert_eq!(survey.platform.mount.offset.z, 2.0);
 }
@@ -204,7 +207,10 @@ fn what_is_missing_is_said() {
         &["cannot find the file `b.obj`", "p.toml:1:9"],
     );
     contains(&refused(read("scene = ")), &["not well-formed TOML", "p.toml:1:"]);
-    contains(&refused(read("survey = 'survey.xml'\n[[output]]\n")), &["an [[output]] needs the key `path`"]);
+    contains(
+        &refused(read("survey = 'survey.xml'\n[[output]]\n")),
+        &["the key `path` is missing", "p.toml:2:1"],
+    );
 }
 
 #[test]
@@ -220,7 +226,7 @@ fn wrong_values_are_marked() {
     contains(&wrong("[platform]\nmount = { offset_m = [1, 2] }"), &["expected three numbers"]);
     contains(&wrong("[settings]\nvertical_resolution_deg = 0.1"), &["give both"]);
     contains(&wrong("seed = [1]"), &["is no seed"]);
-    contains(&wrong("crs = 'EPSG:25832'"), &["no coordinate reference system"]);
+    contains(&wrong("crs = 'EPSG:25832'"), &["expected a coordinate reference system"]);
     contains(&wrong("[schedule]\nmax_memory = '5 bananas'"), &["expected a number of bytes"]);
     let limit = read("survey = 'survey.xml'\n[settings]\nscan_freq_hz = 500");
     assert_eq!(limit.unwrap_err().exit_status(), 3);
@@ -233,7 +239,7 @@ fn shipped_pipelines_are_read_without_a_warning() {
     for file in
         shipped.read_dir().unwrap().flatten().filter(|f| f.path().extension().is_some_and(|e| e == "toml"))
     {
-        match read_pipeline(&file.path(), &ReadOptions::default()) {
+        match read_pipeline(&file.path()) {
             Ok((_, warnings)) => assert!(warnings.is_empty(), "{}", warnings.render(false)),
             Err(e) => panic!("{}\n{}", file.path().display(), report(&e)),
         }
@@ -246,7 +252,7 @@ fn shipped_pipelines_are_read_without_a_warning() {
 fn a_trajectory_with_everything() {
     let keys = "path = 'STDIN'\nformat = 'sbet'\nangles = 'rad'\nrotation = 'yaw'\nutm_zone = '32N'\nheight_offset_m = -48\n\
         lever_arm_m = [1, 2, 3]\nboresight_deg = [0, 0, 180]\nmax_gap_s = 2\nlatency_s = 0.5\ncolumns = ['time=1']";
-    let Pipeline { survey, settings } = fine(&FLIGHT.replace("path = '-'", keys));
+    let (survey, options) = fine(&FLIGHT.replace("path = '-'", keys));
     let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
     let expected = PoseStream {
         format: Some(PoseFormat::Sbet),
@@ -260,7 +266,7 @@ fn a_trajectory_with_everything() {
         max_gap: 2.0,
         ..PoseStream::at("-")
     };
-    assert_eq!((stream, settings.latency), (&expected, Some(0.5)));
+    assert_eq!((stream, options.trajectory.latency), (&expected, "0.5".parse().ok()));
     let wrong = "path = '-'\nformat = 'sbt'\nangles = 'gon'\nutm_zone = '32U'\nlever_arm_m = [1, 2, nan]\nmax_gap_s = 0\n\
         latency_s = -1";
     contains(

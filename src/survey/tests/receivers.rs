@@ -23,7 +23,7 @@ fn of_toml(keys: &str) -> crate::Result<(Scanner, Diagnostics)> {
     );
     let folder =
         Folder::new(&[("p.toml", &text), ("a.obj", ""), ("pulse.csv", PULSE), ("bad.csv", "0 1\n1\n")]);
-    read_pipeline(&folder.path("p.toml"), &ReadOptions::default()).map(|(p, w)| (p.survey.scanner, w))
+    read_pipeline(&folder.path("p.toml")).map(|((survey, _), w)| (survey.scanner, w))
 }
 
 fn fine(scanner: crate::Result<(Scanner, Diagnostics)>) -> Vec<Device> {
@@ -157,7 +157,7 @@ fn settings_that_cannot_be_are_named_with_their_place() {
         ("nep_w = 1e-9\nsnr = { range_m = 1, reflectance = 1, value = 1 }\n", "either `nep_w` or `snr`"),
         ("received_energy_min_w = 1\nmax_range = { range_m = 1, reflectance = 1 }\n", "or `max_range`"),
         ("max_range = { range_m = 1, reflectance = 20 }\n", "a fraction above 0, at most 1"),
-        ("max_range = { range_m = 1 }\n", "missing field `reflectance`"),
+        ("max_range = { range_m = 1 }\n", "the key `reflectance` is missing"),
         ("snr = { range_m = 1, reflectance = 1, value = 1, freq = 3 }\n", "unknown key `freq`"),
         ("pulse_shape = \"none.csv\"\n", "cannot find the file `none.csv`"),
         ("pulse_shape = \"bad.csv\"\n", "expected two finite numbers"),

@@ -386,10 +386,7 @@ fn a_stream_replaces_platform_and_legs() {
         <leg><platformSettings x='4'/><scannerSettings scanFreq_hz='70'/></leg>";
     let folder = Folder::new(&[("survey.xml", &document("", "platform='tripod'", legs)), ("a.obj", "")]);
     assert!(folder.read(&ReadOptions::default()).is_err());
-    let options = ReadOptions {
-        trajectory: PoseChoices { path: Some(PathBuf::from("-")), ..PoseChoices::default() },
-        ..ReadOptions::default()
-    };
+    let options = ReadOptions { trajectory: Some(PoseStream::at("-")), ..ReadOptions::default() };
     let (survey, _) = folder.read(&options).unwrap_or_else(|e| panic!("{}", report(&e)));
     assert!(matches!(&survey.platform.kind, PlatformKind::Stream(s) if s.path == Path::new("-")));
     assert_eq!((survey.legs.len(), survey.legs[0].scanner.scan_freq, survey.legs[0].number), (1, 70.0, 0));

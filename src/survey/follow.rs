@@ -1,4 +1,4 @@
-//! A survey flown along a stream of poses.
+//! Surveys that follow a stream of poses; default settings of legs.
 
 use super::{Leg, PlatformKind, PlatformSettings, PoseStream, ScannerSettings, Survey};
 use crate::geom::DVec3;
@@ -6,8 +6,8 @@ use crate::geom::DVec3;
 impl Survey {
     /// Replaces the platform by a stream of poses; mount and noise stay. The legs become one active leg with the scanner
     /// settings of the first active leg (of the first leg, or the scanner's own, if there is none), without a limit of
-    /// its duration: the stream says when the flight ends.
-    pub fn fly(&mut self, stream: PoseStream) {
+    /// its duration: the flight ends with the stream.
+    pub fn follow(&mut self, stream: PoseStream) {
         self.platform.kind = PlatformKind::Stream(stream);
         let model = self.legs.iter().find(|leg| leg.scanner.active).or(self.legs.first());
         let settings = model.map_or_else(|| self.scanner.own_settings(), |leg| leg.scanner.clone());
@@ -23,7 +23,7 @@ impl Survey {
 }
 
 impl super::Scanner {
-    /// The settings of a leg that says nothing: the first pulse frequency and the first device's divergence, all angles
+    /// Default settings of a leg: the first pulse frequency and the first device's divergence, all angles
     /// and frequencies 0, no vertical limits.
     pub fn own_settings(&self) -> ScannerSettings {
         let beam = self.devices.first().map(|d| d.beam.divergence);
@@ -36,7 +36,7 @@ impl super::Scanner {
 }
 
 impl PlatformSettings {
-    /// The settings of a leg that says nothing but where it starts.
+    /// Default settings of a leg that starts at `position`.
     pub fn at(position: DVec3) -> PlatformSettings {
         PlatformSettings { position, ..super::settings::PlatformLayer::unset().resolved(None) }
     }

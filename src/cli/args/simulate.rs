@@ -1,0 +1,195 @@
+//! The command line of `vlscan run` and of its stages: `vlscan trajectory`, `vlscan pulses`, `vlscan trace`.
+
+use crate::options::{
+    EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, Options, OriginOptions,
+    OutputOptions, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions, TreeOptions,
+};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// The survey, and where, when and how it is flown.
+#[derive(Clone, Debug, Args)]
+pub struct SurveyArgs {
+    /// The survey (.xml) or pipeline (.toml).
+    pub file: PathBuf,
+    /// A recorded trajectory.
+    #[command(flatten)]
+    pub trajectory: TrajectoryOptions,
+    /// Errors of navigation.
+    #[command(flatten)]
+    pub navigation: NavigationOptions,
+    /// Noise of platform and legs.
+    #[command(flatten)]
+    pub noise: NoiseOptions,
+    /// Input files.
+    #[command(flatten)]
+    pub input: InputOptions,
+    /// Seed and clock.
+    #[command(flatten)]
+    pub origin: OriginOptions,
+    /// Threads and chunks.
+    #[command(flatten)]
+    pub schedule: ScheduleOptions,
+    /// Where the kinematics depart from the reference's.
+    #[command(flatten)]
+    pub profile: ProfileOptions,
+}
+
+impl SurveyArgs {
+    /// The options of a run without points.
+    pub fn options(&self) -> Options {
+        let SurveyArgs { trajectory, navigation, noise, input, origin, schedule, profile, .. } = self.clone();
+        Options { trajectory, navigation, noise, input, origin, schedule, profile, ..Options::default() }
+    }
+}
+
+/// `vlscan run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The survey (.xml) or pipeline (.toml).
+    pub file: PathBuf,
+    /// All options.
+    #[command(flatten)]
+    pub options: Options,
+}
+
+/// How poses and pulses are written.
+#[derive(Clone, Debug, Default, Args)]
+pub struct EmitArgs {
+    /// Lines of comma-separated values, or an Arrow IPC stream with the same columns.
+    #[arg(long, value_name = "FORMAT", value_enum, default_value = "csv", help_heading = "Output")]
+    pub format: EmitFormat,
+    /// Write Arrow to a terminal.
+    #[arg(long, help_heading = "Output")]
+    pub force: bool,
+}
+
+/// Format of what stages hand to one another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum EmitFormat {
+    /// Comma-separated values after a line of names and units.
+    #[default]
+    Csv,
+    /// Arrow IPC stream; each column's unit is in its metadata.
+    Arrow,
+}
+
+/// `vlscan trajectory`.
+#[derive(Debug, Args)]
+pub struct TrajectoryArgs {
+    /// What is flown and how.
+    #[command(flatten)]
+    pub survey: SurveyArgs,
+    /// Seconds from pose to pose. [default: the survey's trajectoryTimeInterval_s, else 0.05]
+    #[arg(long, value_name = "SECONDS", help_heading = "Output")]
+    pub interval: Option<Positive>,
+    /// Write the poses that were flown, not those that are reported with --navigation-error or [navigation_errors].
+    #[arg(long = "true", help_heading = "Output")]
+    pub flown: bool,
+    /// How poses are written.
+    #[command(flatten)]
+    pub emit: EmitArgs,
+}
+
+/// `vlscan pulses`.
+#[derive(Debug, Args)]
+pub struct PulsesArgs {
+    /// What is flown and how.
+    #[command(flatten)]
+    pub survey: SurveyArgs,
+    /// How pulses are written.
+    #[command(flatten)]
+    pub emit: EmitArgs,
+}
+
+/// `vlscan trace`.
+#[derive(Debug, Args)]
+pub struct TraceArgs {
+    /// The pulses; - for stdin.
+    #[arg(value_name = "PULSES", default_value = "-")]
+    pub stream: PathBuf,
+    /// What receives the echoes: the id of a scanner that ships (see vlscan catalogue), file.xml#id, or a survey (.xml) or
+    /// pipeline (.toml) with everything that it says.
+    #[arg(long, value_name = "SCANNER")]
+    pub scanner: String,
+    /// Changes of the instrument.
+    #[command(flatten)]
+    pub instrument: InstrumentArgs,
+    /// Points and what is written beside them.
+    #[command(flatten)]
+    pub output: OutputOptions,
+    /// Input files.
+    #[command(flatten)]
+    pub input: InputOptions,
+    /// Seed and clock.
+    #[command(flatten)]
+    pub origin: OriginOptions,
+    /// Threads and chunks.
+    #[command(flatten)]
+    pub schedule: ScheduleOptions,
+    /// Departures from the reference's physics and kinematics.
+    #[command(flatten)]
+    pub profile: ProfileOptions,
+    /// Detection of echoes.
+    #[command(flatten)]
+    pub echoes: EchoOptions,
+    /// The tree over the scene.
+    #[command(flatten)]
+    pub tree: TreeOptions,
+}
+
+impl TraceArgs {
+    /// The options of a run; points go to stdout unless the command line says otherwise.
+    pub fn options(&self) -> Options {
+        let mut options = Options {
+            output: self.output.clone(),
+            input: self.input.clone(),
+            origin: self.origin.clone(),
+            schedule: self.schedule.clone(),
+            profile: self.profile.clone(),
+            echoes: self.echoes.clone(),
+            tree: self.tree.clone(),
+            ..Options::default()
+        };
+        if options.output.out.is_empty() && options.output.output.is_none() {
+            options.output.out.push(PathBuf::from("-"));
+        }
+        options
+    }
+}
+
+/// Changes of the instrument, for all of its devices.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Instrument")]
+pub struct InstrumentArgs {
+    /// Divergence of the beam in rad, whatever the stream says. [default: the stream's, else the scanner's]
+    #[arg(long, value_name = "RAD")]
+    pub divergence: Option<NotNegative>,
+    /// Length of the outgoing pulse in ns.
+    #[arg(long, value_name = "NS")]
+    pub pulse_length: Option<NotNegative>,
+    /// Pulses per second: moving scenes whose steps are given in seconds go by it. [default: the scanner's first]
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..))]
+    pub pulse_rate: Option<u32>,
+    /// Concentric rings of subrays per pulse (beamSampleQuality).
+    #[arg(long, value_name = "RINGS", value_parser = clap::value_parser!(u32).range(1..=512))]
+    pub beam_quality: Option<u32>,
+    /// Width of the waveform's bins in ns (binSize_ns).
+    #[arg(long, value_name = "NS")]
+    pub bin: Option<NotNegative>,
+    /// Peak search window in ns (winSize_ns).
+    #[arg(long, value_name = "NS")]
+    pub window: Option<NotNegative>,
+    /// Standard deviation of the range noise in metres.
+    #[arg(long, value_name = "METRES")]
+    pub accuracy: Option<NotNegative>,
+    /// Nearest range in metres.
+    #[arg(long, value_name = "METRES")]
+    pub range_min: Option<NotNegative>,
+    /// Farthest range in metres.
+    #[arg(long, value_name = "METRES")]
+    pub range_max: Option<NotNegative>,
+    /// Most returns per pulse; 0 is unlimited.
+    #[arg(long, value_name = "N")]
+    pub max_returns: Option<u32>,
+}

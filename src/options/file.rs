@@ -1,0 +1,172 @@
+//! Surveys and pipeline files, read together with the options that they hold.
+
+use super::groups::Options;
+use super::outputs::OutputKeys;
+use super::over::Over;
+use super::trajectory::TrajectoryOptions;
+use super::values::{Crs, NavigationError};
+use crate::diag::Diagnostics;
+use crate::error::{Error, Result};
+use crate::input::is_stdin;
+use crate::survey::{self, Grid, NavigationErrors, PlatformKind, ReadOptions, Source, Survey, Tables};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// Reads a survey (.xml) or a pipeline (.toml). The options returned are those typed over those of the file; the last value
+/// holds warnings to be shown.
+///
+/// # Errors
+/// All problems of all files at once; options of trajectories where there is none.
+pub fn read_survey(path: &Path, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
+    let chosen = typed.trajectory.clone();
+    let (mut survey, options, warnings) = if is_pipeline(path) {
+        read_pipeline(path, typed)?
+    } else {
+        let (survey, warnings) = survey::read_survey(path, &typed.read_options())?;
+        (survey, typed, warnings)
+    };
+    check_trajectory_options(chosen, &mut survey)?;
+    Ok((survey, options, warnings))
+}
+
+/// Whether the file is a pipeline, or an XML file with a survey in it.
+pub fn holds_survey(path: &Path) -> bool {
+    let is_xml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
+    is_pipeline(path)
+        || is_xml && std::fs::read(path).is_ok_and(|bytes| memchr::memmem::find(&bytes, b"<survey").is_some())
+}
+
+fn is_pipeline(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+impl Options {
+    /// How the survey's files are read.
+    pub fn read_options(&self) -> ReadOptions {
+        ReadOptions {
+            assets: self.input.assets.clone(),
+            strict: self.input.strict,
+            scene: self.input.scene.clone(),
+            trajectory: self.trajectory.stream(),
+            max_memory: self.schedule.max_memory.map(|bytes| bytes.0),
+        }
+    }
+}
+
+/// The `[[output]]` tables.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Outputs {
+    output: Vec<OutputKeys>,
+}
+
+fn read_pipeline(path: &Path, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
+    let source = Source::read(path)?;
+    let mut tables = source.tables()?;
+    let file = take_options(&mut tables);
+    // The folders of the command line are searched first, then that of the file and those that it names.
+    let folder = source.folder();
+    let mut assets = typed.input.assets.clone();
+    assets.push(folder.to_path_buf());
+    assets.extend(file.input.assets.iter().map(|dir| folder.join(dir)));
+
+    let replaces_outputs = !typed.output.out.is_empty() || typed.output.output.is_some();
+    let (typed_crs, typed_columns) = (typed.output.crs.is_some(), typed.output.columns.is_some());
+    let replaces_trajectory = typed.trajectory.path.is_some();
+    let mut options = typed.over(file);
+    options.input.assets = assets;
+    // Columns that the file chooses are for its own outputs.
+    if replaces_outputs && !typed_columns && !options.sinks()?.iter().any(|(_, format)| format.has_columns())
+    {
+        options.output.columns = None;
+    }
+    let mut reading = ReadOptions { trajectory: None, ..options.read_options() };
+    if let (Some(Crs::File(name)), false) = (&options.output.crs, typed_crs) {
+        let place = tables.place("", "crs");
+        options.output.crs = tables.find_file(name, place, &reading).map(Crs::File);
+    }
+    if let (Some(name), false) = (&options.trajectory.path, replaces_trajectory) {
+        let place = tables.place("trajectory", "path");
+        let found = match is_stdin(name) {
+            true => Some(PathBuf::from("-")),
+            false => tables.find_file(name, place, &reading),
+        };
+        options.trajectory.path = Some(found.unwrap_or_default());
+    }
+    if options.trajectory.path.is_none() && tables.has("trajectory") {
+        let place = Some(source.place(0..0));
+        tables.error(place, "[trajectory] needs the key `path`").help("path = \"-\" is standard input");
+    }
+    reading.trajectory = options.trajectory.stream();
+    let (read, warnings) = survey::read_pipeline_survey(tables, &reading)?;
+    options.has_own_flight = read.has_own_flight;
+    Ok((read.survey, options, warnings))
+}
+
+/// Takes all options from a pipeline file.
+fn take_options(tables: &mut Tables) -> Options {
+    let mut options = Options {
+        output: tables.take(""),
+        input: tables.take(""),
+        origin: tables.take(""),
+        outputs: tables.take::<Outputs>("").output,
+        trajectory: tables.take("trajectory"),
+        noise: tables.take("physics"),
+        profile: tables.take("physics"),
+        echoes: tables.take("physics"),
+        schedule: tables.take("schedule"),
+        tree: tables.take("schedule"),
+        ..Options::default()
+    };
+    if options.trajectory.angles.is_some() && options.trajectory.degrees.is_some() {
+        let place = tables.place("trajectory", "angles");
+        tables.error(place, "give either `angles` or `degrees`");
+    }
+    for (key, _) in NavigationErrors::KEYS {
+        let Some(numbers) = tables.take_key::<OneOrMore>("navigation_errors", key) else { continue };
+        let numbers = numbers.into_vec();
+        match NavigationErrors::default().set(key, &numbers) {
+            Ok(()) => options.navigation.errors.push(NavigationError { key: (*key).to_owned(), numbers }),
+            Err(message) => {
+                let place = tables.place("navigation_errors", key);
+                tables.error(place, message);
+            }
+        }
+    }
+    options
+}
+
+/// A number, or a list of numbers.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected one number or three")]
+enum OneOrMore {
+    One(f64),
+    More(Vec<f64>),
+}
+
+impl OneOrMore {
+    fn into_vec(self) -> Vec<f64> {
+        match self {
+            OneOrMore::One(number) => vec![number],
+            OneOrMore::More(numbers) => numbers,
+        }
+    }
+}
+
+/// Refuses options that tell how a trajectory is read where there is none. The UTM zone is for trajectory files of surveys,
+/// too.
+fn check_trajectory_options(typed: TrajectoryOptions, survey: &mut Survey) -> Result<()> {
+    let typed = TrajectoryOptions { latency: None, ..typed };
+    let without_zone = TrajectoryOptions { utm_zone: None, ..typed.clone() };
+    match &mut survey.platform.kind {
+        PlatformKind::Stream(_) => Ok(()),
+        PlatformKind::Interpolated(files) if without_zone == TrajectoryOptions::default() => {
+            files.grid = typed.utm_zone.map_or(files.grid, Grid::Utm);
+            Ok(())
+        }
+        _ if typed == TrajectoryOptions::default() => Ok(()),
+        _ => Err(Error::input(
+            "options under \"Trajectory\" tell how a trajectory is read, and there is none; name it with --trajectory",
+        )),
+    }
+}

@@ -1,0 +1,306 @@
+//! The groups of options.
+
+use super::outputs::OutputKeys;
+use super::over::group;
+use super::trajectory::TrajectoryOptions;
+use super::values::{Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Seed};
+use crate::output::{PacketPlace, PointFormat};
+use crate::pulse::PhysicsProfile;
+use crate::scene::Sharing;
+use crate::schedule::PolicyKind;
+use crate::tree::Builder;
+use clap::Args;
+use serde::{Deserialize, Deserializer};
+use std::path::PathBuf;
+
+group! {
+/// All options of a run.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Options {
+    /// Points and what is written beside them.
+    #[command(flatten)]
+    pub output: OutputOptions,
+    /// A recorded trajectory.
+    #[command(flatten)]
+    pub trajectory: TrajectoryOptions,
+    /// Errors of navigation.
+    #[command(flatten)]
+    pub navigation: NavigationOptions,
+    /// Noise of platform and legs.
+    #[command(flatten)]
+    pub noise: NoiseOptions,
+    /// Input files.
+    #[command(flatten)]
+    pub input: InputOptions,
+    /// Seed and clock.
+    #[command(flatten)]
+    pub origin: OriginOptions,
+    /// Threads and chunks.
+    #[command(flatten)]
+    pub schedule: ScheduleOptions,
+    /// Departures from the reference's physics and kinematics.
+    #[command(flatten)]
+    pub profile: ProfileOptions,
+    /// Detection of echoes.
+    #[command(flatten)]
+    pub echoes: EchoOptions,
+    /// The tree over the scene.
+    #[command(flatten)]
+    pub tree: TreeOptions,
+    /// Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as --trajectory reads
+    /// it).
+    #[arg(long, value_name = "PATH", help_heading = "Output")]
+    pub trajectory_out: Option<PathBuf>,
+    /// Outputs of a pipeline file, which those of the command line replace.
+    #[arg(skip)]
+    pub outputs: Vec<OutputKeys>,
+    /// Whether a pipeline file describes a flight of its own, whose kinematics are always the corrected ones.
+    #[arg(skip)]
+    pub has_own_flight: bool,
+}
+}
+
+group! {
+/// Points and what is written beside them.
+#[derive(Clone, Debug, Default, Args, Deserialize)]
+#[command(next_help_heading = "Output")]
+#[serde(default)]
+pub struct OutputOptions {
+    /// Where the points go: a file (format from its extension; all legs in one), a folder (one file per leg), or - for
+    /// stdout. May be given more than once.
+    #[arg(short = 'o', long = "out", value_name = "PATH")]
+    #[serde(skip)]
+    pub out: Vec<PathBuf>,
+    /// Format of the points, where no extension tells it.
+    #[arg(long, value_name = "FORMAT")]
+    #[serde(skip)]
+    pub format: Option<PointFormat>,
+    /// Write as HELIOS++ does: DIR/SURVEY/TIME/leg000_points.xyz and so on. [default without -o: output]
+    #[arg(long, value_name = "DIR", conflicts_with = "out")]
+    #[serde(skip)]
+    pub output: Option<PathBuf>,
+    /// Replace files that exist, once their successors are complete: a run that is interrupted or fails leaves them, and what
+    /// it measured as NAME.partial.laz beside them. Also write binary data to a terminal.
+    #[arg(long)]
+    pub force: bool,
+    /// Write every digitised waveform, beside the first output that is a file or folder.
+    #[arg(long)]
+    pub waveforms: bool,
+    /// Write every emitted pulse, beside the first output that is a file or folder.
+    #[arg(long)]
+    pub pulses: bool,
+    /// Columns of csv, arrow and parquet, and of xyz, which gets a header then: X,Y,Z,Intensity,GpsTime and so on. An
+    /// unknown name lists them all.
+    #[arg(long, value_name = "NAMES")]
+    pub columns: Option<ColumnList>,
+    /// Write part, primitive and true range into las, laz and ply, too; csv, arrow and parquet have them anyway.
+    #[arg(long)]
+    pub labels: bool,
+    /// Write positions without errors of navigation (TrueX, TrueY, TrueZ) into las and laz, too; the columns of csv, arrow and
+    /// parquet are chosen with --columns.
+    #[arg(long)]
+    pub true_positions: bool,
+    /// Write what each subray met instead of points, at its place on the surface, with the number of the return that it is part
+    /// of (0 = none): for leaf area and machine learning. The columns Subray, SurfaceX, NormalX, FootprintFraction and their
+    /// like are chosen with --columns, with and without this.
+    #[arg(long)]
+    pub subrays: bool,
+    /// Write pulses without echoes, too: 0 returns, at the beam's origin, with the beam's direction.
+    #[arg(long)]
+    pub misses: bool,
+    /// Let LAS leave through a pipe at once, with N as the number of points in its header (250k, 1G); readers bear fewer
+    /// points, more are an error. Without it LAS is completed in a temporary file first.
+    #[arg(long, value_name = "N")]
+    pub las_at_most: Option<Count<1>>,
+    /// Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside that file or
+    /// beside it as .wdp.
+    #[arg(long, value_name = "WHERE")]
+    pub wave_packets: Option<PacketPlace>,
+    /// One point file per device of a multi-channel scanner.
+    #[arg(long)]
+    pub split_by_channel: bool,
+    /// Coordinate reference system of the scene as WKT, or a file that holds it; goes into LAS and LAZ headers.
+    #[arg(long, value_name = "WKT|FILE")]
+    pub crs: Option<Crs>,
+    /// With --output: LAS 1.4 instead of text.
+    #[arg(long)]
+    pub las_output: bool,
+    /// LAS 1.0 instead of 1.4; with --output also instead of text.
+    #[arg(long)]
+    pub las10: bool,
+    /// Waveforms and pulses as compressed text (.bin); with --output also LAZ instead of LAS, and compressed text instead of
+    /// text.
+    #[arg(long)]
+    pub zip_output: bool,
+    /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser where the scene is too wide for it]
+    #[arg(long, value_name = "METRES")]
+    pub las_scale: Option<f64>,
+}
+}
+
+group! {
+/// Input files.
+#[derive(Clone, Debug, Default, Args, Deserialize)]
+#[command(next_help_heading = "Input")]
+#[serde(default)]
+pub struct InputOptions {
+    /// Replace the scene: a packed one (.vlscene), file.xml#id, or a file of geometry.
+    #[arg(long, value_name = "SCENE")]
+    #[serde(skip)]
+    pub scene: Option<String>,
+    /// Leave out OBJ faces with more than four corners, as HELIOS++ does.
+    #[arg(long)]
+    pub drop_polygons: bool,
+    /// Folder to look for scenes, scanners, platforms, geometry and spectra in; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub assets: Vec<PathBuf>,
+    /// Treat every warning about the input as an error.
+    #[arg(long)]
+    pub strict: bool,
+}
+}
+
+group! {
+/// Errors of navigation.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Simulation")]
+pub struct NavigationOptions {
+    /// Let what is reported of the platform's pose differ from what was flown, so that points move: a key of
+    /// [navigation_errors] in pipeline files and one number or three, such as position_m=0.02,0.02,0.05, attitude_deg=0.004,
+    /// boresight_deg=0,0.01,0; may be given more than once.
+    #[arg(long = "navigation-error", value_name = "KEY=NUMBERS")]
+    pub errors: Vec<NavigationError>,
+}
+}
+
+group! {
+/// Noise of platform and legs.
+#[derive(Clone, Debug, Default, Args, Deserialize)]
+#[command(next_help_heading = "Simulation")]
+#[serde(default)]
+pub struct NoiseOptions {
+    /// Ignore the platform's position and attitude noise.
+    #[arg(id = "platform_noise", long = "no-platform-noise")]
+    #[serde(rename = "platform_noise", deserialize_with = "negated")]
+    pub no_platform_noise: bool,
+    /// Ignore the survey's random leg offsets.
+    #[arg(id = "leg_noise", long = "no-leg-noise")]
+    #[serde(rename = "leg_noise", deserialize_with = "negated")]
+    pub no_leg_noise: bool,
+}
+}
+
+/// Keys say that a noise is on, options that it is off.
+fn negated<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
+    bool::deserialize(deserializer).map(|on| !on)
+}
+
+group! {
+/// Seed of the random draws and start of the clock.
+#[derive(Clone, Debug, Default, Args, Deserialize)]
+#[command(next_help_heading = "Simulation")]
+#[serde(default)]
+pub struct OriginOptions {
+    /// Seed of all noise: an integer, a decimal number or "YYYY-MM-DD hh:mm:ss". [default: the survey's, else 0]
+    #[arg(long, value_name = "SEED")]
+    pub seed: Option<Seed>,
+    /// Start of the GPS clock: "YYYY-MM-DD hh:mm:ss" (UTC), POSIX seconds, or "now". [default: 2024-01-01 00:00:00]
+    #[arg(long, value_name = "TIME")]
+    pub gps_start: Option<GpsStart>,
+}
+}
+
+group! {
+/// Departures from the physics and kinematics of HELIOS++.
+#[derive(Clone, Debug, Default, Args, Deserialize)]
+#[command(next_help_heading = "Simulation")]
+#[serde(default)]
+pub struct ProfileOptions {
+    /// Reproduce HELIOS++, or switch its known weaknesses off. [default: helios]
+    #[arg(id = "profile", long = "physics", value_name = "PROFILE")]
+    #[serde(alias = "physics")]
+    pub profile: Option<PhysicsProfile>,
+    /// Switch single corrections on, by name with hyphens, e.g. sum-equal-ranges; a name after no- switches one off. They
+    /// are listed at the end of --help.
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub correct: Vec<String>,
+}
+}
+
+group! {
+/// Detection of echoes.
+#[derive(Clone, Debug, Default, Args, Deserialize)]
+#[command(next_help_heading = "Simulation")]
+#[serde(default)]
+pub struct EchoOptions {
+    /// Fit a Gaussian to every echo and report its width; echoes narrower than 0.1 ns are dropped.
+    #[arg(long)]
+    pub echo_width: bool,
+    /// Add noise to the written waveforms.
+    #[arg(long)]
+    pub waveform_noise: bool,
+    /// Take every surface as hit at right angles.
+    #[arg(long)]
+    pub fixed_incidence: bool,
+    /// Echo strengths by the older energy model.
+    #[arg(long)]
+    pub legacy_energy: bool,
+}
+}
+
+group! {
+/// Threads and chunks; the points are the same.
+#[derive(Clone, Debug, Default, Args, Deserialize)]
+#[command(next_help_heading = "Speed")]
+#[serde(default)]
+pub struct ScheduleOptions {
+    /// Threads that compute; 0 or nothing = all. The points are the same for any number.
+    #[arg(short = 'j', long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Pulses per chunk. [default: 1024]
+    #[arg(long, value_name = "N")]
+    pub chunk_size: Option<ChunkSize>,
+    /// Chunks per worker that may wait. [default: 4]
+    #[arg(long, value_name = "N")]
+    pub warehouse_factor: Option<usize>,
+    /// How pulses are handed out to the threads; the points are the same. [default: warehouse]
+    #[arg(id = "policy", long = "schedule", value_name = "SCHEDULE")]
+    #[serde(alias = "schedule")]
+    pub policy: Option<PolicyKind>,
+    /// Dynamic chunks: idle times shorter than this mean nothing, in milliseconds. [default: 0.1]
+    #[arg(id = "idle_threshold_ms", long = "idle-threshold", value_name = "MS")]
+    #[serde(rename = "idle_threshold_ms", alias = "idle_threshold")]
+    pub idle_threshold: Option<NotNegative>,
+    /// Begin a leg only when everything of the one before is done, as in the paper; slower.
+    #[arg(long)]
+    pub leg_barrier: bool,
+    /// Write what the schedule did as JSON: idle times, queue depths, chunk sizes, leg ends.
+    #[arg(long, value_name = "FILE")]
+    pub schedule_log: Option<PathBuf>,
+    /// Refuse scenes that need more memory than this, e.g. 4G.
+    #[arg(long, value_name = "SIZE")]
+    pub max_memory: Option<Bytes>,
+    /// Show the progress as plain lines when stderr is no terminal.
+    #[arg(long, help_heading = "Messages")]
+    #[serde(skip)]
+    pub progress: bool,
+}
+}
+
+group! {
+/// The tree over the scene; the points are the same.
+#[derive(Clone, Debug, Default, Args, Deserialize)]
+#[command(next_help_heading = "Speed")]
+#[serde(default)]
+pub struct TreeOptions {
+    /// The tree that traces the rays; the points are the same. [default: bvh]
+    #[arg(long, value_name = "TREE")]
+    pub tree: Option<Builder>,
+    /// Threads that build the tree; 0 or nothing = as --threads.
+    #[arg(long, value_name = "N")]
+    pub tree_jobs: Option<usize>,
+    /// Whether parts of one mesh file share it; the points are the same. [default: auto]
+    #[arg(long, value_name = "WHEN")]
+    pub instances: Option<Sharing>,
+}
+}

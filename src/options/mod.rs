@@ -1,0 +1,30 @@
+//! The options of a run, each defined once: its doc comment is the help of the command line, the manual page and the
+//! documentation of the key in a pipeline file; its type parses the value wherever it is written.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `values` | types of values with a syntax of their own: counts, bytes, seeds, vectors |
+//! | `over` | the command line over the file over the default |
+//! | `groups` | the groups of options, each a table of a pipeline file or a part of one |
+//! | `trajectory` | options of recorded trajectories |
+//! | `outputs` | the outputs of a pipeline file; from options to what is written |
+//! | `file` | reads surveys and pipeline files together with the options that they hold |
+//! | `keys` | the documentation of every key of a pipeline file |
+
+mod file;
+mod groups;
+mod keys;
+pub mod outputs;
+mod over;
+mod trajectory;
+pub mod values;
+
+pub use file::{holds_survey, read_survey};
+pub use groups::{
+    EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,
+    ProfileOptions, ScheduleOptions, TreeOptions,
+};
+pub use keys::pipeline_keys;
+pub use over::Over;
+pub use trajectory::TrajectoryOptions;
+pub use values::{ChunkSize, Count, NotNegative, Positive, Seed, Vector};

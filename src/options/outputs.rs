@@ -1,0 +1,197 @@
+//! What is written: the outputs of a pipeline file, and the request that follows from all options.
+
+use super::groups::{Options, OutputOptions};
+use crate::error::{Error, Result};
+use crate::output::{LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat};
+use crate::survey::{PlatformKind, Survey};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+crate::survey::key_table! {
+/// An output. Points go to HELIOS++'s layout in the folder `output` when none is named.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputKeys = "[[output]]" {
+    /// The file, relative to the working directory, or `-` for standard output; a folder with `per_leg`.
+    pub path: PathBuf,
+    /// `points`, or `trajectory`: the platform's poses as CSV, in the layout that `--trajectory` reads. Default: `points`.
+    #[serde(default)]
+    pub content: OutputContent,
+    /// Format of the points, a name of `--format`. Default: from the extension, else `xyz`.
+    #[serde(default)]
+    pub format: Option<PointFormat>,
+    /// One file for each leg or strip. Default: false.
+    #[serde(default)]
+    pub per_leg: bool,
+    /// The folder gets HELIOS++'s layout, `PATH/SURVEY/TIME/leg000_points.xyz` and so on. Default: false.
+    #[serde(default)]
+    pub helios: bool,
+}
+}
+
+/// What goes to an output.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OutputContent {
+    /// The point cloud.
+    #[default]
+    Points,
+    /// The platform's poses.
+    Trajectory,
+}
+
+impl Options {
+    /// What is written. `creation` is the day for the headers of files.
+    ///
+    /// # Errors
+    /// Names of files that tell no format.
+    pub fn output_request(&self, survey: &Survey, creation: (u16, u16)) -> Result<OutputRequest> {
+        let output = &self.output;
+        let sinks = self.sinks()?;
+        let trajectory = match &self.trajectory_out {
+            Some(path) => Some((path, false)),
+            None => {
+                let mut outputs = self.outputs.iter().filter(|o| o.content == OutputContent::Trajectory);
+                outputs.next().map(|o| (&o.path, o.per_leg))
+            }
+        };
+        let trajectory = trajectory.map(|(path, per_leg)| {
+            let target = if is_stdout(path) { Target::Stdout } else { Target::File(path.clone()) };
+            (if per_leg { with_file_per_leg(target) } else { target }, TrajectoryFormat::Csv)
+        });
+        Ok(OutputRequest {
+            sinks,
+            waveforms: output.waveforms,
+            pulses: output.pulses,
+            zip: output.zip_output,
+            split_by_channel: output.split_by_channel,
+            trajectory,
+            columns: output.columns.clone().map(|columns| columns.0),
+            misses: output.misses,
+            labels: output.labels,
+            true_positions: output.true_positions,
+            live: matches!(survey.platform.kind, PlatformKind::Stream(_)),
+            las: LasSettings {
+                version: if output.las10 { LasVersion::V10 } else { LasVersion::V14 },
+                scale: output.las_scale,
+                at_most: output.las_at_most.map(|count| count.0),
+                packets: output.wave_packets,
+                ..LasSettings::default()
+            },
+            force: output.force,
+            crs_wkt: survey.crs_wkt.clone(),
+            creation,
+            ..OutputRequest::default()
+        })
+    }
+
+    /// Targets and formats of the points.
+    pub(super) fn sinks(&self) -> Result<Vec<(Target, PointFormat)>> {
+        let output = &self.output;
+        let default_format = output.helios_format();
+        if let Some(folder) = &output.output {
+            return Ok(vec![(Target::Helios(folder.clone()), default_format)]);
+        }
+        if !output.out.is_empty() {
+            return output.out.iter().map(|path| sink(path, output.format, default_format)).collect();
+        }
+        let points = self.outputs.iter().filter(|o| o.content == OutputContent::Points);
+        let mut sinks = points
+            .map(|o| {
+                let (target, format) = sink(&o.path, output.format.or(o.format), default_format)?;
+                let target = match (o.helios, o.per_leg) {
+                    (true, _) => Target::Helios(o.path.clone()),
+                    (_, true) => with_file_per_leg(target),
+                    _ => target,
+                };
+                Ok((target, format))
+            })
+            .collect::<Result<Vec<_>>>()?;
+        if sinks.is_empty() {
+            sinks.push((Target::Helios(PathBuf::from("output")), default_format));
+        }
+        Ok(sinks)
+    }
+}
+
+impl OutputOptions {
+    /// The format of points in HELIOS++'s layout, and of files whose names tell none.
+    fn helios_format(&self) -> PointFormat {
+        match (self.las_output || self.las10, self.zip_output) {
+            (true, true) => PointFormat::Laz,
+            (true, false) => PointFormat::Las,
+            (false, zip) => self.format.unwrap_or(if zip { PointFormat::Bin } else { PointFormat::Xyz }),
+        }
+    }
+}
+
+fn with_file_per_leg(target: Target) -> Target {
+    match target {
+        Target::File(path) => Target::Directory(path),
+        other => other,
+    }
+}
+
+fn is_stdout(path: &Path) -> bool {
+    ["-", "STDOUT", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"]
+        .iter()
+        .any(|name| path.as_os_str() == *name)
+}
+
+/// Where a path leads, and its format: the one that its extension tells, else the one asked for, else `default`.
+fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result<(Target, PointFormat)> {
+    if is_stdout(path) {
+        return Ok((Target::Stdout, asked.unwrap_or(default)));
+    }
+    let told = if path.is_dir() { None } else { PointFormat::of_file(path) };
+    let is_special_file = path.exists() && !path.is_dir() && !path.is_file();
+    // A named pipe, or what the shell makes of >(...), has no extension.
+    let target = match told.is_some() || is_special_file {
+        true => Target::File(path.to_path_buf()),
+        false => Target::Directory(path.to_path_buf()),
+    };
+    let format = match (told, asked) {
+        // Two formats share an extension.
+        (Some(Ok(PointFormat::PlyBinary)), Some(PointFormat::PlyAscii)) => PointFormat::PlyAscii,
+        (Some(Ok(PointFormat::Laz)), Some(PointFormat::Copc)) => PointFormat::Copc,
+        (Some(Ok(format)), _) => format,
+        (_, Some(asked)) => asked,
+        (None, None) => default,
+        (Some(Err(name)), None) => {
+            return Err(Error::input(format!(
+                "{}: no format is called {name:?}; choose {}",
+                path.display(),
+                PointFormat::names()
+            )));
+        }
+    };
+    Ok((target, format))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sink_is_a_stream_a_file_or_a_folder() {
+        use PointFormat::{Copc, Las, Laz, PlyAscii, PlyBinary, Xyz};
+        let file = |path: &str| Target::File(path.into());
+        let folder = Target::Directory("folder".into());
+        for (path, asked, expected) in [
+            ("-", Some(Laz), (Target::Stdout, Laz)),
+            ("a/b.PLY", None, (file("a/b.PLY"), PlyBinary)),
+            ("folder", Some(Las), (folder.clone(), Las)),
+            ("folder", None, (folder, Xyz)),
+            // A name never lies.
+            ("a.laz", Some(Xyz), (file("a.laz"), Laz)),
+            ("a.copc.laz", Some(Xyz), (file("a.copc.laz"), Copc)),
+            // Two formats share an extension.
+            ("a.ply", Some(PlyAscii), (file("a.ply"), PlyAscii)),
+            ("a.laz", Some(Copc), (file("a.laz"), Copc)),
+            ("a.dat", Some(Las), (file("a.dat"), Las)),
+        ] {
+            assert_eq!(sink(Path::new(path), asked, Xyz).unwrap(), expected, "{path}");
+        }
+        assert!(sink(Path::new("a.e57"), None, Xyz).is_err());
+    }
+}

@@ -1,0 +1,89 @@
+//! Options of recorded trajectories.
+
+use super::over::group;
+use super::values::{Finite, Latency, Positive, Vector};
+use crate::geom::{DVec3, UtmZone, radians};
+use crate::survey::{AngleConvention, AngleUnit, Grid, PoseFormat, PoseStream};
+use clap::Args;
+use serde::Deserialize;
+use std::path::PathBuf;
+
+group! {
+/// A recorded trajectory instead of the survey's platform.
+#[derive(Clone, Debug, Default, PartialEq, Args, Deserialize)]
+#[command(next_help_heading = "Trajectory")]
+#[serde(default)]
+pub struct TrajectoryOptions {
+    /// Replace the platform by a recorded trajectory: text (time,x,y,z,roll,pitch,yaw), an Arrow stream with such columns,
+    /// SBET or TerraScan .trj; - or STDIN reads it from stdin as it arrives.
+    #[arg(id = "trajectory.path", long = "trajectory", value_name = "PATH", help_heading = "Input")]
+    pub path: Option<PathBuf>,
+    /// Layout of the trajectory. [default: found out from its content]
+    #[arg(id = "trajectory.format", long = "trajectory-format", value_name = "FORMAT")]
+    pub format: Option<PoseFormat>,
+    /// Columns of text: names in their order (time, x, y, z, roll, pitch, yaw, lat, lon; others are passed over) or
+    /// name=number from 1; a unit may stand behind a name: roll[rad]. [default: the first line, else time,x,y,z,roll,pitch,yaw]
+    #[arg(id = "trajectory.columns", long = "trajectory-columns", value_name = "NAMES", value_delimiter = ',')]
+    pub columns: Option<Vec<String>>,
+    /// Character between columns of text. [default: found out from the first line]
+    #[arg(id = "separator", long = "trajectory-separator", value_name = "CHARACTER")]
+    pub separator: Option<char>,
+    /// Unit of angles in text behind whose names none stands. [default: deg]
+    #[arg(id = "angles", long = "trajectory-angles", value_name = "UNIT")]
+    pub angles: Option<AngleUnit>,
+    /// Whether angles are degrees, an older form of `angles`.
+    #[arg(skip)]
+    pub degrees: Option<bool>,
+    /// Meaning of the angles of text. [default: helios for files as HELIOS++ reads and writes them, else heading]
+    #[arg(id = "rotation", long = "trajectory-rotation", value_name = "MEANING")]
+    pub rotation: Option<AngleConvention>,
+    /// UTM zone to which latitudes and longitudes are projected, such as 32N. [default: that of --crs, else that of the
+    /// first pose]
+    #[arg(long, value_name = "ZONE")]
+    pub utm_zone: Option<UtmZone>,
+    /// Added to all heights of the trajectory, in metres: from those above the ellipsoid to those of the scene.
+    #[arg(id = "height_offset_m", long = "height-offset", value_name = "METRES", allow_hyphen_values = true)]
+    #[serde(rename = "height_offset_m", alias = "height_offset")]
+    pub height_offset: Option<Finite>,
+    /// Lever arm: where the scanner's platform frame is as seen from what was recorded, in metres to the right, forward and
+    /// up of the recorded body. It turns with the attitude, not with the boresight.
+    #[arg(id = "lever_arm_m", long = "lever-arm", value_name = "X,Y,Z", allow_hyphen_values = true)]
+    #[serde(rename = "lever_arm_m", alias = "lever_arm")]
+    pub lever_arm: Option<Vector>,
+    /// Boresight: how the scanner's platform frame is turned in the recorded body: roll (right side down), pitch (nose up)
+    /// and heading (clockwise from above) in degrees, roll innermost. A point is at position + attitude (lever arm +
+    /// boresight (point as the platform's scanner sees it)).
+    #[arg(id = "boresight_deg", long = "boresight", value_name = "R,P,H", allow_hyphen_values = true)]
+    #[serde(rename = "boresight_deg", alias = "boresight")]
+    pub boresight: Option<Vector>,
+    /// Fire nothing between poses that are more seconds apart than this.
+    #[arg(id = "max_gap_s", long = "max-gap", value_name = "SECONDS")]
+    #[serde(rename = "max_gap_s", alias = "max_gap")]
+    pub max_gap: Option<Positive>,
+    /// How long, in seconds, points of a live trajectory may wait for others to be computed together. [default: 0.25]
+    #[arg(id = "latency_s", long = "latency", value_name = "SECONDS")]
+    #[serde(rename = "latency_s", alias = "latency")]
+    pub latency: Option<Latency>,
+}
+}
+
+impl TrajectoryOptions {
+    /// The trajectory, with the defaults of what is not chosen; `None` without a path.
+    pub fn stream(&self) -> Option<PoseStream> {
+        let default = PoseStream::at(self.path.clone()?);
+        let degrees = self.angles.map(|unit| unit == AngleUnit::Deg).or(self.degrees);
+        Some(PoseStream {
+            format: self.format,
+            rotation: self.rotation,
+            degrees: degrees.unwrap_or(default.degrees),
+            columns: self.columns.clone(),
+            separator: self.separator,
+            grid: self.utm_zone.map_or(default.grid, Grid::Utm),
+            height_offset: self.height_offset.map_or(default.height_offset, |offset| offset.0),
+            lever_arm: self.lever_arm.map_or(default.lever_arm, |arm| DVec3::from(arm.0)),
+            boresight: self.boresight.map_or(default.boresight, |angles| angles.0.map(radians)),
+            max_gap: self.max_gap.map_or(default.max_gap, |gap| gap.0),
+            path: default.path,
+        })
+    }
+}

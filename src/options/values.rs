@@ -1,0 +1,384 @@
+//! Values with a syntax of their own. Each is parsed by [`FromStr`], on the command line as in a pipeline file, where a
+//! number may stand for its text.
+
+use crate::error::Error;
+use crate::flight::{calendar_day, gps_start};
+use crate::geom::UtmZone;
+use crate::output::Column;
+use crate::survey::{NavigationErrors, parse_seed};
+use serde::{Deserialize, Deserializer};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Duration;
+use toml::Value;
+
+/// Reads a value from its text or from a number; `LIST`: or from a list, whose text joins the elements with commas.
+fn from_text<'de, const LIST: bool, D, T>(deserializer: D) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    T: FromStr<Err = String>,
+{
+    let text = |value: &Value| match value {
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    let text = match Value::deserialize(deserializer)? {
+        Value::Array(items) if LIST => items.iter().map(text).collect::<Vec<_>>().join(","),
+        value => text(&value),
+    };
+    text.parse().map_err(serde::de::Error::custom)
+}
+
+/// Implements `Deserialize` by `FromStr`.
+macro_rules! deserialize_from_text {
+    ($list:literal, $($name:ty),*) => {$(
+        impl<'de> Deserialize<'de> for $name {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                from_text::<$list, D, Self>(deserializer)
+            }
+        }
+    )*};
+}
+
+deserialize_from_text!(false, Seed, Bytes, ChunkSize, Finite, NotNegative, Positive, GpsStart, Latency, Crs);
+deserialize_from_text!(false, UtmZone, Count<1>);
+deserialize_from_text!(true, Vector, ColumnList);
+
+/// Seed of all random draws, see [`parse_seed`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seed(pub u64);
+
+impl FromStr for Seed {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Seed, String> {
+        parse_seed(text).map(Seed)
+    }
+}
+
+/// A whole number of at least `MIN` with an optional unit prefix: 250k, 1.5M, 4G.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Count<const MIN: u64 = 0>(pub u64);
+
+impl<const MIN: u64> FromStr for Count<MIN> {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (digits, unit) = split_unit(text);
+        let factor = match unit {
+            "" => Some(1.0),
+            "k" | "K" => Some(1e3),
+            "m" | "M" => Some(1e6),
+            "g" | "G" => Some(1e9),
+            _ => None,
+        };
+        let n = factor.and_then(|factor| Some(digits.parse::<f64>().ok()? * factor));
+        match n.filter(|n| (0.0..1e18).contains(n)).map(|n| n.round() as u64) {
+            Some(n) if n >= MIN => Ok(Count(n)),
+            _ => Err(format!("expected a number such as 250000 or 250k, found {text:?}")),
+        }
+    }
+}
+
+/// A number of bytes with an optional unit: K, M, G and T are powers of 1024.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bytes(pub u64);
+
+impl FromStr for Bytes {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Bytes, String> {
+        let (digits, unit) = split_unit(text);
+        let unit = unit.to_ascii_uppercase();
+        let exponent = match unit.strip_suffix("IB").or(unit.strip_suffix('B')).unwrap_or(&unit) {
+            "" => Some(0),
+            "K" => Some(10),
+            "M" => Some(20),
+            "G" => Some(30),
+            "T" => Some(40),
+            _ => None,
+        };
+        let bytes = exponent.and_then(|e| Some(digits.parse::<f64>().ok()? * (1u64 << e) as f64));
+        match bytes.filter(|bytes| (0.0..1e19).contains(bytes)) {
+            Some(bytes) => Ok(Bytes(bytes as u64)),
+            None => Err(format!("expected a number of bytes such as 8000000000 or 8G, found {text:?}")),
+        }
+    }
+}
+
+/// The number at the start of a text, and its unit.
+fn split_unit(text: &str) -> (&str, &str) {
+    let text = text.trim();
+    let digits = text.bytes().take_while(|b| b.is_ascii_digit() || *b == b'.').count();
+    (&text[..digits], text[digits..].trim())
+}
+
+/// Pulses per chunk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChunkSize(pub u32);
+
+impl FromStr for ChunkSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<ChunkSize, String> {
+        match text.parse() {
+            Ok(n @ 1..=16_777_216) => Ok(ChunkSize(n)),
+            _ => Err(format!("expected 1 to 16777216 pulses, found {text}")),
+        }
+    }
+}
+
+/// Defines a number with a condition.
+macro_rules! number {
+    ($(#[$doc:meta])* $name:ident, $expected:literal, $holds:expr) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $name(pub f64);
+
+        impl FromStr for $name {
+            type Err = String;
+
+            fn from_str(text: &str) -> Result<$name, String> {
+                let holds: fn(f64) -> bool = $holds;
+                match text.trim().parse::<f64>() {
+                    Ok(value) if value.is_finite() && holds(value) => Ok($name(value)),
+                    _ => Err(format!(concat!("expected ", $expected, ", found {}"), text)),
+                }
+            }
+        }
+    };
+}
+
+number! {
+    /// A finite number.
+    Finite, "a finite number", |_| true
+}
+number! {
+    /// A finite number above 0.
+    Positive, "a number above 0", |v| v > 0.0
+}
+number! {
+    /// A finite number of at least 0.
+    NotNegative, "a number of at least 0", |v| v >= 0.0
+}
+
+/// Three finite numbers: `0,-0.5,1.2`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vector(pub [f64; 3]);
+
+impl FromStr for Vector {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Vector, String> {
+        let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+        match numbers.map(<[f64; 3]>::try_from) {
+            Some(Ok(three)) if three.iter().all(|v| v.is_finite()) => Ok(Vector(three)),
+            _ => Err(format!("expected three finite numbers such as 0,-0.5,1.2, found {text:?}")),
+        }
+    }
+}
+
+/// Names of columns, with commas between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColumnList(pub Vec<Column>);
+
+impl FromStr for ColumnList {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<ColumnList, String> {
+        Column::list(text).map(ColumnList)
+    }
+}
+
+/// Start of the GPS clock as written; `now` and an empty text are the system's clock.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GpsStart(String);
+
+impl GpsStart {
+    /// The start, ns of the GPS week, see [`gps_start`], and the year and the day of the year, see [`calendar_day`].
+    ///
+    /// # Errors
+    /// A text that is no time.
+    pub fn resolve(&self, leap_seconds: bool) -> Result<(f64, (u16, u16)), Error> {
+        let failed = |e| Error::input(format!("GPS start: {e}"));
+        let text = match self.0.trim() {
+            "" | "now" => {
+                let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+                since.map_or(0, |d| d.as_secs()).to_string()
+            }
+            text => text.to_owned(),
+        };
+        Ok((gps_start(&text, leap_seconds).map_err(failed)?, calendar_day(&text).map_err(failed)?))
+    }
+}
+
+impl Default for GpsStart {
+    /// A fixed time, so that equal runs give equal bytes.
+    fn default() -> GpsStart {
+        GpsStart("2024-01-01 00:00:00".to_owned())
+    }
+}
+
+impl FromStr for GpsStart {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<GpsStart, String> {
+        if text.trim() != "now" {
+            gps_start(text, false)?;
+        }
+        Ok(GpsStart(text.to_owned()))
+    }
+}
+
+/// How long points may wait, at most an hour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Latency(pub Duration);
+
+impl FromStr for Latency {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Latency, String> {
+        let seconds = text.trim().parse().ok().filter(|s| (0.0..=3600.0).contains(s));
+        let latency = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+        latency.map(Latency).ok_or_else(|| format!("expected seconds from 0 to 3600, found {text}"))
+    }
+}
+
+/// A coordinate reference system.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Crs {
+    /// Well-known text.
+    Wkt(String),
+    /// A file that holds it.
+    File(PathBuf),
+}
+
+impl Crs {
+    /// The well-known text, read from the file if need be.
+    ///
+    /// # Errors
+    /// A file that cannot be read or holds something else.
+    pub fn wkt(&self) -> Result<String, Error> {
+        let path = match self {
+            Crs::Wkt(text) => return Ok(text.clone()),
+            Crs::File(path) => path,
+        };
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io("read", path, e))?;
+        if is_wkt(&text) {
+            return Ok(text.trim().to_owned());
+        }
+        Err(Error::input(format!("{} holds no WKT such as PROJCRS[...]", path.display())))
+    }
+}
+
+impl FromStr for Crs {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Crs, String> {
+        let path = Path::new(text.trim());
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        if is_wkt(text) {
+            Ok(Crs::Wkt(text.trim().to_owned()))
+        } else if path.is_file() || matches!(extension, "wkt" | "prj") {
+            Ok(Crs::File(path.to_path_buf()))
+        } else {
+            Err(format!(
+                "expected a coordinate reference system as WKT such as PROJCRS[...], or a file that holds it, found {text:?}"
+            ))
+        }
+    }
+}
+
+fn is_wkt(text: &str) -> bool {
+    text.trim_start().starts_with(|c: char| c.is_ascii_alphabetic()) && text.contains('[')
+}
+
+/// One error of navigation: a key of [`NavigationErrors::set`] and its numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NavigationError {
+    /// The key.
+    pub key: String,
+    /// One number or three.
+    pub numbers: Vec<f64>,
+}
+
+impl FromStr for NavigationError {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<NavigationError, String> {
+        let numbers =
+            |list: &str| list.split(',').map(|n| n.trim().parse().ok()).collect::<Option<Vec<f64>>>();
+        let parts = text.split_once('=').and_then(|(key, list)| Some((key.trim(), numbers(list)?)));
+        let Some((key, numbers)) = parts else {
+            return Err(format!("expected KEY=NUMBERS such as position_m=0.02,0.02,0.05, found {text:?}"));
+        };
+        NavigationErrors::default().set(key, &numbers)?;
+        Ok(NavigationError { key: key.to_owned(), numbers })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Compares texts with the values that they stand for; `None` must be refused.
+    #[track_caller]
+    fn check<T: FromStr<Err = String> + PartialEq + std::fmt::Debug>(cases: &[(&str, Option<T>)]) {
+        for (text, expected) in cases {
+            assert_eq!(&text.parse::<T>().ok(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn values_are_parsed() {
+        let count = |n| Some(Count::<0>(n));
+        check(&[("250k", count(250_000)), ("1.5M", count(1_500_000)), ("12", count(12)), ("0", count(0))]);
+        check::<Count>(&[("-3", None), ("k", None), ("", None), ("5 bananas", None)]);
+        check::<Count<1>>(&[("0", None), ("1G", Some(Count(1_000_000_000)))]);
+        let bytes = |n| Some(Bytes(n));
+        check(&[
+            ("4GiB", bytes(4 << 30)),
+            ("2G", bytes(2 << 30)),
+            ("8000", bytes(8000)),
+            ("1kB", bytes(1024)),
+        ]);
+        check::<Bytes>(&[("5 bananas", None), ("", None), ("-1", None)]);
+        check(&[("-0.5, 1,2e-1", Some(Vector([-0.5, 1.0, 0.2]))), ("nan,0,0", None), ("", None)]);
+        check::<Vector>(&[("1,2", None), ("1,2,x", None), ("1,2,3,4", None), ("1,,2,3", None)]);
+        check(&[("0", Some(NotNegative(0.0))), ("-1", None), ("nan", None), ("inf", None)]);
+        check(&[("0.5", Some(Positive(0.5))), ("0", None)]);
+        check(&[("1", Some(ChunkSize(1))), ("0", None), ("-32", None), ("16777217", None)]);
+        check(&[
+            ("0.25", Some(Latency(Duration::from_millis(250)))),
+            ("-1", None),
+            ("3601", None),
+            ("nan", None),
+        ]);
+        check(&[("a.wkt", Some(Crs::File("a.wkt".into()))), ("EPSG:25832", None)]);
+        check(&[(" PROJCS[\"x\"] ", Some(Crs::Wkt("PROJCS[\"x\"]".to_owned()))), ("[", None)]);
+        let error = |key: &str, numbers: &[f64]| {
+            Some(NavigationError { key: key.to_owned(), numbers: numbers.to_vec() })
+        };
+        check(&[("position_m=0.1, 0.2,0.3", error("position_m", &[0.1, 0.2, 0.3]))]);
+        check::<NavigationError>(&[("position_m", None), ("position_m=", None), ("position_m=a", None)]);
+        check::<NavigationError>(&[("position_m=1,2", None), ("position=1", None)]);
+    }
+
+    #[test]
+    fn numbers_and_lists_stand_for_their_texts() {
+        #[derive(serde::Deserialize)]
+        struct Table {
+            seed: Seed,
+            other: Seed,
+            lever_arm: Vector,
+            columns: ColumnList,
+            memory: Bytes,
+        }
+        let text = "seed = 5\nother = 1.5\nlever_arm = [1, 2.5, -3]\ncolumns = ['X', 'Y']\nmemory = 8000";
+        let table: Table = toml::from_str(text).unwrap();
+        assert_eq!((table.seed, table.other), (Seed(5), Seed(1.5f64.to_bits())));
+        assert_eq!((table.lever_arm, table.memory), (Vector([1.0, 2.5, -3.0]), Bytes(8000)));
+        assert_eq!(table.columns.0.len(), 2);
+        assert!(toml::from_str::<Table>(&text.replace("[1, 2.5, -3]", "[1, 2]")).is_err());
+    }
+}

@@ -1,0 +1,110 @@
+//! Values of keys: numbers within their bounds, vectors, formulas, poses, references.
+
+use super::super::context::Context;
+use super::super::xml::Element;
+use super::super::{Formula, Mount};
+use super::keys::{Key, PoseKeys};
+use super::source::{Source, near};
+use crate::geom::{DVec3, Rotation, radians};
+use toml::Spanned;
+
+/// What tables are read with.
+pub(super) struct Values<'c> {
+    pub context: &'c Context,
+    pub source: &'c Source,
+}
+
+impl Values<'_> {
+    /// Sets `target` if the key is given; it must be a finite number for which `holds`.
+    pub fn set(&self, target: &mut f64, key: &Key<f64>, expected: &str, holds: fn(f64) -> bool) {
+        let Some(key) = key else { return };
+        let value = *key.get_ref();
+        if value.is_finite() && holds(value) {
+            *target = value;
+        } else {
+            self.refuse(key, expected);
+        }
+    }
+
+    pub fn positive(&self, target: &mut f64, key: &Key<f64>) {
+        self.set(target, key, "a number above 0", |v| v > 0.0);
+    }
+
+    pub fn not_negative(&self, target: &mut f64, key: &Key<f64>) {
+        self.set(target, key, "a number of at least 0", |v| v >= 0.0);
+    }
+
+    pub fn number(&self, target: &mut f64, key: &Key<f64>) {
+        self.set(target, key, "a finite number", |_| true);
+    }
+
+    /// Degrees in the file, radians in `target`.
+    pub fn angle(&self, target: &mut f64, key: &Key<f64>) {
+        if key.is_some() {
+            let mut degrees = crate::geom::degrees(*target);
+            self.number(&mut degrees, key);
+            *target = radians(degrees);
+        }
+    }
+
+    /// Three finite numbers.
+    pub fn vector(&self, key: &Key<[f64; 3]>) -> Option<DVec3> {
+        let key = key.as_ref()?;
+        let vector = DVec3::from(*key.get_ref());
+        if vector.is_finite() {
+            return Some(vector);
+        }
+        self.refuse(key, "three finite numbers");
+        None
+    }
+
+    pub fn formula(&self, key: &Key<String>) -> Option<Formula> {
+        let key = key.as_ref()?;
+        match Formula::parse(key.get_ref()) {
+            Ok(formula) => Some(formula),
+            Err(e) => {
+                self.context.error(self.source.part_of(key, &e.at), e.message);
+                None
+            }
+        }
+    }
+
+    pub fn refuse<T>(&self, key: &Spanned<T>, expected: &str) {
+        self.context.error(self.source.place(key.span()), format!("expected {expected}"));
+    }
+
+    /// The asset that a `catalogue` key names.
+    pub fn reference(&self, name: &Spanned<String>, kind: &str) -> Option<Element> {
+        let text = near(self.source, name.get_ref());
+        let (file, id) = match text.split_once('#') {
+            Some((file, id)) => (file, Some(id)),
+            None => (text.as_str(), None),
+        };
+        let place = self.source.place(name.span());
+        let root = self.context.referred_document(file, self.source.folder(), Some(place.clone()))?;
+        self.context.pick(&root, kind, id, Some(place))
+    }
+
+    /// A pose from its offset and rotations.
+    pub fn pose(&self, keys: &PoseKeys) -> Mount {
+        let mut mount = Mount::IDENTITY;
+        if let Some(offset) = self.vector(&keys.offset_m) {
+            mount.offset = offset;
+        }
+        for turn in &keys.rotate_deg {
+            let axes = turn.get_ref();
+            let rotation = match (axes.x, axes.y, axes.z) {
+                (Some(x), None, None) if x.is_finite() => Rotation::about_x(radians(x)),
+                (None, Some(y), None) if y.is_finite() => Rotation::about_y(radians(y)),
+                (None, None, Some(z)) if z.is_finite() => Rotation::about_z(radians(z)),
+                _ => {
+                    self.refuse(turn, "one finite angle about one axis, such as { x = -90 }");
+                    continue;
+                }
+            };
+            mount.rotation =
+                if keys.local { mount.rotation.after(rotation) } else { rotation.after(mount.rotation) };
+        }
+        mount
+    }
+}
