@@ -16,7 +16,7 @@ mod source;
 mod values;
 
 pub(crate) use keys::key_table;
-pub use keys::{KeyTable, SURVEY_TABLES, SurveyKeys};
+pub use keys::{KeyTable, SURVEY_TABLES};
 pub use source::{Source, Tables, field_names};
 
 use super::Survey;
