@@ -94,7 +94,7 @@ impl Stages<'_> {
     fn over_the_scene(&self) -> Result<FlightState> {
         let mut state = FlightState::start(self.flight);
         let (mut skipped, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });
-        let mut simulator = PulseSimulator::new(&self.physics);
+        let mut simulator = PulseSimulator::new(self.physics);
         loop {
             let mut batch = Batch::default();
             replay.step(&mut state.clone(), self.flight, CHUNK)?;
@@ -114,7 +114,7 @@ impl Stages<'_> {
         let mut pass = Pass::default();
         let (mut counter, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });
         let mut counting = self.over_the_scene()?;
-        let mut simulator = PulseSimulator::new(&self.physics);
+        let mut simulator = PulseSimulator::new(self.physics);
         let mut batches = Vec::new();
         for _ in 0..PULSES / CHUNK {
             let mut state = counting.clone();

@@ -18,34 +18,34 @@
 //!
 //! | module | what it does | imports |
 //! |---|---|---|
-//! | [`error`], [`diag`] | errors; diagnostics with file, line and caret | |
-//! | [`geom`], [`rng`] | rotations, boxes, map projection; counter-based random numbers | |
+//! | `error`, `diag` | errors; diagnostics with file, line and caret | |
+//! | `geom`, `rng` | rotations, boxes, map projection; counter-based random numbers | |
 //! | `quantity`, `columns` | counts and sizes as text; headings and separators of columns | |
-//! | `files`, `damage`, [`input`] | files named when complete; panics of decoders caught; byte streams and Arrow tables read while they arrive | |
-//! | [`store`] | arrays in memory or in a mapped file, and that file | geom |
+//! | `files`, `damage`, `input` | files named when complete; panics of decoders caught; byte streams and Arrow tables read while they arrive | |
+//! | `store` | arrays in memory or in a mapped file, and that file | geom |
 //! | `points` | reads point clouds: LAS and LAZ, PLY, columns of text | geom |
-//! | [`survey`] | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, input |
-//! | [`tree`] | primitives and rays: builders, traversal, watertight tests; nothing of LiDAR | geom, store |
-//! | [`scene`] | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree, points |
-//! | [`generate`] | procedural scenes with the surveys that scan them | geom, rng |
-//! | [`platform`] | position and attitude per step; recorded trajectories in every layout | survey, geom |
-//! | [`scanner`] | heads and deflectors per step | survey, geom |
-//! | [`flight`] | the clock: legs, steps, pulses; replayed from a snapshot | platform, scanner |
-//! | [`pulse`] | subrays, energy, waveform, detection: a pulse becomes returns | flight, scene, tree |
-//! | [`schedule`] | four ways to distribute chunks to workers; records and replays | nothing of LiDAR |
-//! | [`output`] | writers, one file per format | pulse, flight, scene, survey |
-//! | [`streams`] | pulses and poses between commands, as rows of text or of Arrow streams | flight, platform, schedule |
-//! | [`preview`] | draws point clouds as PNG and as pages for a browser, and waveforms | points, geom |
-//! | [`options`] | the options of a run, for the command line and pipeline files alike | output, pulse, schedule, survey, tree |
-//! | [`pipeline`] | the session that joins all of them | all above |
-//! | [`cli`] | the command line | all above |
+//! | `survey` | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, input |
+//! | `tree` | primitives and rays: builders, traversal, watertight tests; nothing of LiDAR | geom, store |
+//! | `scene` | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree, points |
+//! | `generate` | procedural scenes with the surveys that scan them | geom, rng |
+//! | `platform` | position and attitude per step; recorded trajectories in every layout | survey, geom |
+//! | `scanner` | heads and deflectors per step | survey, geom |
+//! | `flight` | the clock: legs, steps, pulses; replayed from a snapshot | platform, scanner |
+//! | `pulse` | subrays, energy, waveform, detection: a pulse becomes returns | flight, scene, tree |
+//! | `schedule` | four ways to distribute chunks to workers; records and replays | nothing of LiDAR |
+//! | `output` | writers, one file per format | pulse, flight, scene, survey |
+//! | `streams` | pulses and poses between commands, as rows of text or of Arrow streams | flight, platform, schedule |
+//! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms | points, geom |
+//! | `options` | the options of a run, for the command line and pipeline files alike | output, pulse, schedule, survey, tree |
+//! | `pipeline` | the session that joins all of them | all above |
+//! | `cli` | the command line | all above |
 //!
 //! No module imports one from a row below its own; `tests/structure.rs` holds it.
 //!
 //! What holds everywhere:
 //! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and tree: every
-//!   random draw is a function of what it is for ([`rng`]), and what a ray hits is decided by that ray and that primitive
-//!   alone ([`tree`]);
+//!   random draw is a function of what it is for (`rng`), and what a ray hits is decided by that ray and that primitive
+//!   alone (`tree`);
 //! * a scene is never changed: a chunk holds the state of its moving parts as it holds that of the platform, workers replay
 //!   both, and every epoch of a scene with swapped parts has a scene of its own;
 //! * coordinates are `f64` in the scene frame, which is the world frame minus the scene's centre;

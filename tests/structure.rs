@@ -241,7 +241,7 @@ impl Imports<'_> {
             }
             _ => None,
         });
-        found.last().or(Some(file))
+        found.reduce(|_, later| later).or(Some(file))
     }
 
     /// The files from which file `from` imports.

@@ -12,7 +12,6 @@
 //! | `scene`, `info`, `pack` | `vlscan scene make`, `info` and `pack` |
 //! | `preview`, `unzip`, `catalogue` | the commands of these names |
 //! | `completions`, `manual` | help, man pages, shell completions |
-//! | `inputs` | surveys and pipelines told apart |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
 mod args;

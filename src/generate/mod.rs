@@ -139,14 +139,17 @@ pub fn write_scene(options: &SceneOptions, folder: &Path) -> Result<GeneratedSce
         refuse_existing(folder)?;
     }
     std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))?;
-    let (material_file, materials, write): (_, _, fn(&SceneOptions, f64, &Path) -> Result<SceneFiles>) =
-        match options.kind {
-            Kind::Forest => (forest::MATERIAL_FILE, forest::MATERIALS, forest::write),
-            Kind::Terrain => (terrain::MATERIAL_FILE, terrain::MATERIALS, terrain::write),
-            Kind::Room => (room::MATERIAL_FILE, room::MATERIALS, room::write),
-        };
+    let (material_file, materials) = match options.kind {
+        Kind::Forest => (forest::MATERIAL_FILE, forest::MATERIALS),
+        Kind::Terrain => (terrain::MATERIAL_FILE, terrain::MATERIALS),
+        Kind::Room => (room::MATERIAL_FILE, room::MATERIALS),
+    };
     let materials = write_text(folder, material_file, &materials.text())?;
-    let mut scene = write(options, extent, folder)?;
+    let mut scene = match options.kind {
+        Kind::Forest => forest::write(options, extent, folder)?,
+        Kind::Terrain => terrain::write(options, extent, folder)?,
+        Kind::Room => room::write(options, extent, folder)?,
+    };
     let texts = survey::survey_texts(options.kind, extent, scene.ground_height, options.pulses);
     scene.files.push(materials);
     scene.files.push(write_text(folder, "scene.xml", &survey::scene_text(options.kind, &scene.parts))?);

@@ -11,6 +11,11 @@
 //! | `file` | reads surveys and pipeline files together with the options that they hold |
 //! | `keys` | the documentation of every key of a pipeline file |
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are shown as help, where units stand in brackets"
+)]
+
 mod file;
 mod groups;
 mod keys;

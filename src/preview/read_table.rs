@@ -84,9 +84,8 @@ pub(super) fn read_parquet(path: &Path) -> Result<Points> {
                     Error::input(format!("{}: column {name} holds no usual numbers", path.display()))
                 })?;
         }
-        for row in 0..batch.num_rows() {
-            push_row(&mut points, &columns.row(|column| values[column][row]), None);
-        }
+        (0..batch.num_rows())
+            .for_each(|row| push_row(&mut points, &columns.row(|column| values[column][row]), None));
     }
     not_empty(points, path)
 }

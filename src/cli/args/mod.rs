@@ -6,6 +6,11 @@
 //! | `scenes` | `scene make`, `scene info`, `scene pack` |
 //! | `tools` | everything else |
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are shown as help, where units stand in brackets"
+)]
+
 mod scenes;
 mod simulate;
 mod tools;

@@ -12,7 +12,7 @@
 //! * `PointSourceId`: number of the leg plus one, because 0 means "unknown";
 //! * `ScannerChannel` (format 6): device modulo 4; the extra dimension `device` holds the index itself;
 //! * `ScanAngle`: deflection of the beam on the scanner, in 0.006° (format 6) or integral degrees (format 1);
-//! * `Intensity`: see [`IntensityMapping`](super::IntensityMapping);
+//! * `Intensity`: see [`IntensityMapping`](super::request::IntensityMapping);
 //! * `Classification`: 0 where the material's class exceeds 255 (31 in format 1) or is negative;
 //! * return numbers above 15 (7) are stored as 15 (7), and counted so in the header.
 

@@ -39,7 +39,7 @@ impl RowFormat {
     pub fn find_truncation(&self, bytes: &[u8], last: &[u8]) -> Option<(usize, usize)> {
         let is_heading = |line: &[u8]| is_heading(line, &self.split(line).collect::<Vec<_>>());
         let mut lines = Lines::new(bytes, false);
-        let first = lines.find(|l| !is_skipped(&l.text) && !(l.number == 1 && is_heading(&l.text)))?;
+        let first = lines.find(|l| !(is_skipped(&l.text) || l.number == 1 && is_heading(&l.text)))?;
         let (first, found) = (self.split(&first.text).count(), self.split(last).count());
         (!is_skipped(last) && found >= 3 && found < first).then_some((first, found))
     }

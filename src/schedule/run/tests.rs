@@ -132,7 +132,7 @@ fn jobs_of_the_collector_are_run_whatever_the_number_of_threads() {
             }
             Ok(())
         };
-        let collector = Each(compress, || waiting.lock().unwrap().drain(..).map(add).count());
+        let collector = Each(compress, || waiting.lock().unwrap().drain(..).for_each(|rx| _ = add(rx)));
         let produce = |feed: &mut Feed<'_, _, _, _>| distribute(feed, 0..1000);
         run(schedule, &jobs, &Stop::new(), None, || |x: u64| Ok(x), produce, collector).unwrap();
         assert_eq!(sum.into_inner(), (0..1000).map(|x| x + 1).sum::<u64>());

@@ -1,5 +1,5 @@
 //! The distances of a pulse's rays to one primitive, eight rays at a time: the arithmetic of
-//! [`intersect`](crate::tree::intersect), operation by operation, so that the bits are the same. Rays for which that
+//! [`intersect`](mod@crate::tree::intersect), operation by operation, so that the bits are the same. Rays for which that
 //! arithmetic takes one of its rare turns are referred to it.
 
 use crate::geom::DVec3;

@@ -1,7 +1,5 @@
 //! A lane per pulse of a packet.
 
-#![expect(clippy::needless_range_loop, reason = "lanes are counted")]
-
 /// Pulses in a packet.
 pub(crate) const PACKET_SIZE: usize = 16;
 

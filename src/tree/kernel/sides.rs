@@ -102,8 +102,8 @@ impl Sides {
             let mut spread = (c1.abs() + c2.abs()) * width + error;
             if MERGED {
                 let edge = each_of!([0, 1, 2], n => q[n] - p[n]);
-                for n in 0..3 {
-                    edge[n].store(&mut self.edges[e][n]);
+                for (edge, to) in edge.iter().zip(&mut self.edges[e]) {
+                    edge.store(to);
                 }
                 let moved = edge[0].abs() + edge[1].abs() + edge[2].abs() * twice;
                 spread = spread + moved * (reach * simd.splat(1.00001));
