@@ -2,9 +2,7 @@
 
 use jiff::{Timestamp, civil::DateTime, tz::TimeZone};
 
-/// Nanoseconds in a GPS week.
 pub(super) const WEEK_NS: f64 = 604_800e9;
-/// Seconds in a GPS week.
 const WEEK_S: i64 = 604_800;
 /// POSIX seconds of the GPS epoch that the reference uses, 9 s after the true one.
 const GPS_EPOCH: i64 = 315_964_809;
@@ -35,12 +33,13 @@ const LEAP_SECONDS: [i64; 18] = [
     1_483_228_800, // 2017-01-01
 ];
 
-/// The GPS time of week in ns at which a run starts: now where `text` is empty, a UTC time `YYYY-MM-DD hh:mm:ss`, or POSIX
-/// seconds, whose fraction is ignored (spec outputs §2.4). With `leap_seconds` it counts from the true epoch and includes the
-/// leap seconds of UTC, which POSIX time does not count (IS-GPS-200, §20.3.3.5.2.4); otherwise it is the reference's.
+/// GPS time of week, ns, at which a run starts: now if `text` is empty, otherwise a UTC time `YYYY-MM-DD hh:mm:ss` or
+/// POSIX seconds, whose fraction is ignored (spec outputs §2.4). With `leap_seconds` it counts from the true epoch and
+/// includes the leap seconds of UTC, which POSIX time does not count (IS-GPS-200, §20.3.3.5.2.4); without, it counts
+/// from the reference's epoch and has none.
 ///
 /// # Errors
-/// What was found and what was expected, in one sentence.
+/// A sentence that states what was found and what was expected.
 pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, String> {
     let posix = posix_seconds(text)?;
     let since_epoch = if leap_seconds {

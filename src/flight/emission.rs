@@ -24,7 +24,7 @@ impl FlightPlan {
         let exact_deflection = state.deflector.exact_rotation(plan);
         let deflection =
             if state.deflector.has_error() { state.deflector.rotation(plan) } else { exact_deflection };
-        // Attitudes of the beam with and without mechanical errors and noise, by the platform's attitude.
+        // Beam attitudes for a platform attitude: with mechanical errors and noise, and without.
         let beam = |pointing: Rotation| {
             let carrier = noisy_platform(pointing).after(self.mount.rotation);
             let clean = carrier.after(state.emitter(plan)).after(deflection);

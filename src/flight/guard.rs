@@ -35,7 +35,7 @@ impl ProgressGuard {
         let ticks = if plan.is_physical() {
             detour_seconds(plan, leg) * course.frequency
         } else {
-            // Straight flight takes this many steps but for rounding, and some to turn.
+            // Steps of straight flight, with margins for rounding and for turns.
             distance / course.step_length * 1.001 + 1000.0
         };
         let interval = ticks as u64;
@@ -68,7 +68,6 @@ impl ProgressGuard {
         true
     }
 
-    /// The smallest distance so far, m.
     pub fn nearest(&self) -> f64 {
         self.nearest
     }

@@ -6,7 +6,6 @@ use crate::geom::DVec3;
 use crate::platform::{LegCourse, Span, TrajectoryTable};
 use crate::survey::{Interpolated, Leg, LegTrajectory, ScannerSettings, Survey};
 
-/// One leg of a flight.
 #[derive(Clone, Debug)]
 pub(super) struct PlannedLeg {
     /// Number of the leg in the survey.
@@ -17,7 +16,7 @@ pub(super) struct PlannedLeg {
     pub still: bool,
     /// Maximum duration, s; 0 = none.
     pub max_duration: f64,
-    /// Steps per second of the step clock and the period of the GPS clock, ns: always those of the first leg, unless
+    /// Steps per second of the step clock, and the period of the GPS clock, ns: the first leg's for all legs, unless
     /// [`Kinematics::leg_pulse_rate`](crate::survey::Kinematics::leg_pulse_rate) is on.
     pub frequency: f64,
     pub increment_ns: f64,
@@ -46,8 +45,8 @@ impl PlannedLeg {
     }
 }
 
-/// The courses of the legs in the scene frame: shifted, put on the ground, displaced at random where a seed is
-/// given, in this order.
+/// Courses of the legs in the scene frame. Positions are shifted, dropped to the ground and, given a seed, displaced at
+/// random, in this order.
 pub(super) fn courses(
     survey: &Survey,
     shift: DVec3,
@@ -125,7 +124,7 @@ pub(super) fn trajectory_legs(
     legs
 }
 
-/// The flown part of the table; without start or end it begins at the first or ends at the last row.
+/// The flown part of the table; a missing start or end is the first or last row.
 fn span(trajectory: Option<&LegTrajectory>, table: &TrajectoryTable) -> Span {
     let first = table.first_time();
     Span {

@@ -1,4 +1,4 @@
-//! Errors of navigation: the pose that is reported, from the pose that was flown.
+//! Navigation errors: computes the reported pose from the true pose.
 //!
 //! The errors are functions of seed and time alone, so that any worker computes them at any time.
 
@@ -70,13 +70,11 @@ impl GaussMarkov {
     }
 }
 
-/// The errors of a flight.
 #[derive(Clone, Debug)]
 pub(super) struct Navigation {
     errors: NavigationErrors,
     position: GaussMarkov,
     attitude: GaussMarkov,
-    /// Error of the boresight.
     boresight: Rotation,
     /// From the navigation system's body to the scanner's platform frame, and back.
     mounting: [Rotation; 2],
@@ -131,9 +129,10 @@ impl Navigation {
         })
     }
 
-    /// The reported position and attitude of the scanner's platform frame, which was at `position` with `attitude`, `time`
-    /// seconds after the start of the flight: r' = r_nav + ε + R'(l + δl), R'_platform = R' B δB, where R' has the angles of R
-    /// with their errors (Glennie 2007, Rigorous 3D error analysis of kinematic scanning lidar systems, eq. 1).
+    /// Reported position and attitude of the scanner's platform frame, given its true `position` and `attitude` at
+    /// `time` seconds after the start of the flight: r' = r_nav + ε + R'(l + δl), R'_platform = R' B δB, where R' has
+    /// the angles of R with their errors (Glennie 2007, Rigorous 3D error analysis of kinematic scanning lidar systems,
+    /// eq. 1).
     pub fn reported(&self, position: DVec3, attitude: Rotation, time: f64) -> (DVec3, Rotation) {
         let [mounting, back] = self.mounting;
         let body = attitude.after(back);

@@ -14,25 +14,20 @@ use crate::survey::{
     AngleConvention, Interpolated, Kinematics, Mount, NavigationErrors, PlatformKind, RotationSpec, Survey,
 };
 
-/// Settings of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlightOptions {
-    /// Seed of all noise.
     pub seed: u64,
-    /// Draw the platform's noise.
     pub platform_noise: bool,
-    /// Draw the survey's random offsets of legs.
     pub leg_noise: bool,
     /// Start of the GPS clock, ns of the week, unless a trajectory determines it.
     pub gps_start_ns: f64,
     /// Differences of platform, clock and optics from the reference.
     pub kinematics: Kinematics,
-    /// Errors of the navigation system.
     pub navigation: NavigationErrors,
 }
 
 impl Default for FlightOptions {
-    /// As the reference, with seed 0 and GPS time 0.
+    /// The reference's kinematics, with seed 0 and GPS time 0.
     fn default() -> FlightOptions {
         FlightOptions {
             seed: 0,
@@ -64,8 +59,8 @@ pub struct FlightPlan {
 }
 
 impl FlightPlan {
-    /// Plans `survey` in the scene frame (world minus `shift`). `ground` gives the height of the lowest ground surface at x and
-    /// y, all in the scene frame. Also returns the warnings.
+    /// Plans `survey` in the scene frame (world minus `shift`). `ground` returns the height of the lowest ground
+    /// surface at x and y, all in the scene frame. Also returns the warnings.
     ///
     /// # Errors
     /// [`Error::Input`] with all problems: invalid numbers, legs that cannot end, malformed trajectories; [`Error::Io`] for
@@ -202,7 +197,8 @@ impl FlightPlan {
     }
 }
 
-/// The table of an interpolated platform in the scene frame, corrected as `kinematics` say; `None` if its files have problems.
+/// Table of an interpolated platform in the scene frame, corrected according to `kinematics`; `None` if its files have
+/// problems.
 fn load_table(
     settings: &Interpolated,
     shift: DVec3,

@@ -9,7 +9,8 @@ pub struct Pulse {
     pub origin: DVec3,
     /// Rotation from the beam frame to the scene, with errors and noise; the beam leaves along the image of +Y.
     pub attitude: Rotation,
-    /// `attitude` as the instrument knows it: where there are mechanical errors, without these and without attitude noise.
+    /// Attitude known to the instrument: if there are mechanical errors, `attitude` without them and without attitude
+    /// noise; otherwise `attitude`.
     pub exact_attitude: Rotation,
     /// `exact_attitude` relative to the platform's attitude that the navigation system reports; points are reported along it.
     pub reported_attitude: Rotation,
@@ -17,7 +18,7 @@ pub struct Pulse {
     pub origin_error: DVec3,
     /// Emission time, ns of the GPS week.
     pub time_ns: f64,
-    /// Number of the pulse among those of its device, from 1, over all legs.
+    /// Pulse number of its device, from 1, over all legs.
     pub number: u64,
     /// Index of the device.
     pub device: u32,
@@ -42,7 +43,7 @@ pub struct PoseSample {
     pub yaw: f64,
     /// The attitude that the angles describe in the platform's own convention.
     pub attitude: Rotation,
-    /// True position and attitude; the reported ones unless there are errors of navigation.
+    /// True position and attitude; equal to the reported ones if there are no navigation errors.
     pub flown: (DVec3, Rotation),
 }
 

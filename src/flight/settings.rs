@@ -118,8 +118,8 @@ pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &
     }
 }
 
-/// Why leg `index` cannot end and what helps, as far as that is known before it is flown; `None` for legs with a maximum
-/// duration.
+/// Explains why leg `index` cannot end and how to fix it, as far as this is known before the flight; `None` for legs
+/// with a maximum duration.
 pub(super) fn why_endless(
     index: usize,
     legs: &[PlannedLeg],

@@ -38,7 +38,6 @@ pub struct FlightState {
     elapsed_base_ns: f64,
     /// The GPS clock, ns of the week: a running sum, which rounds, in the reference, and a product with the exact clock.
     time_ns: f64,
-    /// The GPS clock at the first step.
     start_ns: f64,
     /// The GPS clock when the leg's maximum duration began.
     timer_start_ns: f64,
@@ -92,8 +91,8 @@ impl FlightState {
         self.timer_is_pending &= plan.kinematics.legs_on_time;
     }
 
-    /// The step clock, s: as far as these corrections are on, every leg at its own period, and without the steps that changes of
-    /// legs take in the reference.
+    /// Step clock, s. Depending on the corrections, every leg has its own period, and the steps that leg changes take
+    /// in the reference do not count.
     #[inline]
     fn clock(&self, plan: &FlightPlan) -> f64 {
         let Kinematics { leg_pulse_rate, legs_on_time, .. } = plan.kinematics;
@@ -104,7 +103,7 @@ impl FlightState {
         }
     }
 
-    /// Seconds since the first step, of which the errors of navigation are functions. A flight takes less than half a week.
+    /// Seconds since the first step; navigation errors are functions of it. A flight takes less than half a week.
     #[inline]
     fn since_start(&self) -> f64 {
         let elapsed = self.time_ns - self.start_ns;
@@ -118,7 +117,7 @@ impl FlightState {
         self.leg_ticks = 0;
     }
 
-    /// Advances time by one step: by a running sum, or with the exact clock by a product.
+    /// Advances time by one step: a running sum, or a product with the exact clock.
     #[inline]
     fn tick(&mut self, plan: &FlightPlan) {
         (self.ticks, self.leg_ticks) = (self.ticks + 1, self.leg_ticks + 1);
@@ -223,7 +222,8 @@ impl FlightState {
         }
     }
 
-    /// Starts the timer if it is pending; whether the leg's maximum duration is over (spec kinematics §1.3, items 1 and 2).
+    /// Starts the timer if it is pending. Returns whether the leg's maximum duration is over (spec kinematics §1.3,
+    /// items 1 and 2).
     fn check_duration(&mut self, leg: &PlannedLeg, legs_on_time: bool) -> bool {
         let waiting = self.devices[0].pulses == self.pulses_before;
         if self.timer_is_pending {
@@ -281,7 +281,6 @@ impl FlightState {
         };
     }
 
-    /// Fails if the leg makes no progress.
     #[cold]
     fn check_progress(&mut self, plan: &FlightPlan) -> Result<()> {
         let waiting = !self.devices[0].head.is_completed();

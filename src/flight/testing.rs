@@ -36,7 +36,6 @@ pub fn turn_head(leg: &mut Leg, rate: f64, stop: f64) {
     leg.scanner.head_stop = radians(stop);
 }
 
-/// A mount without rotation.
 pub fn mount(offset: [f64; 3]) -> Mount {
     Mount { offset: DVec3::from(offset), rotation: Rotation::IDENTITY }
 }
@@ -79,7 +78,7 @@ pub fn recorded_leg(start: f64, end: f64, teleport: bool) -> Leg {
     })
 }
 
-/// The options of the examples: as the reference, from [`START_NS`] on.
+/// Options of the worked examples: the reference's, starting at [`START_NS`].
 pub fn options() -> FlightOptions {
     FlightOptions { gps_start_ns: START_NS, ..FlightOptions::default() }
 }
@@ -89,12 +88,10 @@ pub fn plan_of(survey: &Survey) -> Result<(FlightPlan, Diagnostics)> {
     FlightPlan::new(survey, DVec3::ZERO, &|_, _| None, &options())
 }
 
-/// The plan of an acceptable survey.
 pub fn plan_with(survey: &Survey, options: FlightOptions) -> FlightPlan {
     FlightPlan::new(survey, DVec3::ZERO, &|_, _| None, &options).expect("the survey is accepted").0
 }
 
-/// The error for an unacceptable survey.
 pub fn refusal(survey: &Survey) -> String {
     match plan_of(survey) {
         Err(Error::Input(d) | Error::Limits(d)) => d.render(false),
@@ -103,7 +100,6 @@ pub fn refusal(survey: &Survey) -> String {
     }
 }
 
-/// Keeps pulses and poses.
 #[derive(Default)]
 pub struct Keep {
     pub pulses: Vec<Pulse>,
@@ -119,7 +115,6 @@ impl FlightSink for Keep {
     }
 }
 
-/// Counts pulses and poses.
 #[derive(Default)]
 pub struct Count {
     pub pulses: u64,
@@ -135,7 +130,6 @@ impl FlightSink for Count {
     }
 }
 
-/// One leg as it was flown.
 #[derive(Default)]
 pub struct FlownLeg {
     pub steps: usize,
@@ -143,17 +137,14 @@ pub struct FlownLeg {
     pub poses: Vec<PoseSample>,
 }
 
-/// Flies `survey` to its end.
 pub fn fly(survey: &Survey) -> Vec<FlownLeg> {
     fly_plan(&plan_with(survey, options()))
 }
 
-/// Flies `plan` to its end.
 pub fn fly_plan(plan: &FlightPlan) -> Vec<FlownLeg> {
     fly_on(plan, &mut FlightState::start(plan))
 }
 
-/// Flies from `state` to the end.
 pub fn fly_on(plan: &FlightPlan, state: &mut FlightState) -> Vec<FlownLeg> {
     let mut legs = vec![FlownLeg::default()];
     loop {

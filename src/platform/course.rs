@@ -14,7 +14,7 @@ pub enum LegEntry {
     Continuing,
 }
 
-/// A leg as its platform needs it.
+/// Parameters of a leg that its platform needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegCourse {
     /// Where the leg starts, m, scene frame.
@@ -40,9 +40,7 @@ pub struct LegCourse {
 /// A part of a trajectory table, in seconds after its first row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
-    /// Start.
     pub start: f64,
-    /// End.
     pub end: f64,
 }
 
@@ -92,7 +90,7 @@ impl Course {
         q.length() / v.length() < 1.0
     }
 
-    /// The fraction of the next step that remains after it has reached the target; `None` if it does not get there.
+    /// Fraction of the next step that remains after it reaches the target; `None` if it does not reach it.
     pub fn time_left_at_target(&self) -> Option<f64> {
         let needed = self.to_target().length() / self.velocity.length();
         (needed < 1.0).then_some(1.0 - needed)

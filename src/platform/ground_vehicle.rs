@@ -30,7 +30,6 @@ enum Manoeuvre {
     BackUp,
 }
 
-/// A moving vehicle.
 #[derive(Clone, Debug)]
 pub struct GroundVehicle {
     pub(super) course: Course,
@@ -119,14 +118,14 @@ impl GroundVehicle {
         }
     }
 
-    /// On which side of the nose `q` is: axis and angle of the rotation that takes `q` to the nose.
+    /// Side of the nose on which `q` lies: axis and angle of the rotation from `q` to the nose.
     fn bearing(&self, q: DVec3) -> Bearing {
         let nose = horizontal_unit(self.attitude.forward()).unwrap_or(DVec3::ZERO);
         let lengths = (q.dot(q) * nose.dot(nose)).sqrt();
         if lengths == 0.0 {
             return Bearing { side: -1.0, wide: false };
         }
-        // The cosine decides, except so close to the limit that its rounding could matter.
+        // The cosine decides, unless it is so close to the limit that rounding could matter.
         let margin = q.dot(nose) / lengths - COS_WIDE_ANGLE;
         let wide = if margin.abs() > 1e-9 {
             margin < 0.0
@@ -140,7 +139,7 @@ impl GroundVehicle {
 struct Bearing {
     /// +1: to the left, −1: straight ahead or to the right.
     side: f64,
-    /// Farther aside than [`WIDE_ANGLE`].
+    /// Whether the angle exceeds [`WIDE_ANGLE`].
     wide: bool,
 }
 

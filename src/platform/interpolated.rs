@@ -17,7 +17,7 @@ pub struct InterpolatedState {
     /// The step clock at the leg's start, and the leg's duration, s.
     leg_start: f64,
     leg_duration: f64,
-    /// How much too early the leg may end, s.
+    /// Tolerance by which the leg may end too early, s.
     slack: f64,
 }
 

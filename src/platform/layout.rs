@@ -1,10 +1,9 @@
-//! Which column of a row of numbers holds which component of a pose, in what unit.
+//! Columns of poses: which column of a row holds which component, and its unit.
 
 use crate::columns::{Dimension, Heading, HeadingError, Separator, parse_heading};
 use crate::geom::radians;
 use std::ops::Range;
 
-/// A component of a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PoseColumn {
     Time,
@@ -29,11 +28,9 @@ pub(super) const POSE_COLUMNS: [PoseColumn; 7] = [
     PoseColumn::Z,
 ];
 
-/// Roll, pitch and yaw.
 pub(super) const ANGLES: [PoseColumn; 3] = [PoseColumn::Roll, PoseColumn::Pitch, PoseColumn::Yaw];
 
 impl PoseColumn {
-    /// The name in messages.
     fn name(self) -> &'static str {
         match self {
             PoseColumn::Time => "time",
@@ -71,7 +68,7 @@ impl PoseColumn {
         })
     }
 
-    /// Parses a heading; `Ok(None)` for names of other things, an error for units that do not fit.
+    /// Parses a heading; `Ok(None)` for other quantities, an error for an unsuitable unit.
     pub fn parse(heading: &str) -> Result<Option<Heading<PoseColumn>>, String> {
         let known = |name: &str| PoseColumn::named(name).map(|column| (column, column.dimension()));
         match parse_heading(heading, known) {
@@ -104,7 +101,7 @@ impl Headings {
         }
     }
 
-    /// The layout. Projected coordinates take precedence over latitude and longitude.
+    /// Returns the layout. Projected coordinates take precedence over latitude and longitude.
     fn finish(self) -> PoseLayout {
         let [time, roll, pitch, yaw, x, y, z, longitude, latitude] = self.0;
         let geographic = longitude.is_some() && latitude.is_some() && (x.is_none() || y.is_none());
@@ -118,7 +115,7 @@ impl Headings {
     }
 }
 
-/// What is wrong with a line, and where.
+/// An error in a line and its location.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RowError {
     pub at: Range<usize>,
@@ -131,7 +128,7 @@ impl PoseLayout {
         PoseLayout { columns: columns.map(Some), factors: [None; 7], geographic: false }
     }
 
-    /// The given columns in the places 0, 1, 2 …, without `time`, whose place is `time` where that is given.
+    /// Columns in the order of `order`. If `time` is given, it is the index of the time column, and the others skip it.
     pub fn in_order(order: &[PoseColumn], time: Option<usize>) -> PoseLayout {
         let mut layout = PoseLayout { columns: [None; 7], factors: [None; 7], geographic: false };
         let places = (0..).filter(|place| Some(*place) != time);
@@ -143,7 +140,7 @@ impl PoseLayout {
         layout
     }
 
-    /// Puts the time into column `time` where that is given.
+    /// Sets the index of the time column, if one is given.
     pub fn set_time(&mut self, time: Option<usize>) {
         if time.is_some() {
             self.columns[PoseColumn::Time as usize] = time;
@@ -215,8 +212,8 @@ impl PoseLayout {
         if missing.is_empty() { Ok(self) } else { Err(format!("no column for {}", missing.join(", "))) }
     }
 
-    /// The numbers of `line` as they are written, in the order of [`POSE_COLUMNS`], and where the time is. Components without
-    /// a column are 0.
+    /// Parses `line`: its numbers, not converted, in the order of [`POSE_COLUMNS`], and the byte range of the time.
+    /// Components without a column are 0.
     pub fn read(&self, line: &str, separator: Separator) -> Result<([f64; 7], Range<usize>), RowError> {
         let fields = separator.split(line);
         let (mut values, mut time) = ([0.0; 7], 0..0);
@@ -246,7 +243,7 @@ impl PoseLayout {
         Ok((values, time))
     }
 
-    /// `values` in seconds, metres and radians. Angles without a unit are degrees where `degrees` says so.
+    /// Converts `values` to seconds, metres and radians. Angles without a unit are degrees if `degrees` is set.
     pub fn in_si(&self, mut values: [f64; 7], degrees: bool) -> [f64; 7] {
         for column in POSE_COLUMNS {
             let is_angle = column.dimension() == Dimension::Angle
@@ -262,7 +259,7 @@ impl PoseLayout {
     }
 }
 
-/// What the comments of a HELIOS++ trajectory file say about its columns.
+/// Directives about columns in the comments of a HELIOS++ trajectory file.
 #[derive(Debug, Default)]
 pub(super) struct Directives {
     /// `#HEADER:`
@@ -272,7 +269,7 @@ pub(super) struct Directives {
 }
 
 impl Directives {
-    /// Parses a comment line; whether it was a directive.
+    /// Parses a comment line; returns whether it was a directive.
     pub fn parse(&mut self, comment: &str) -> Result<bool, String> {
         if let Some(names) = comment.strip_prefix("#HEADER:") {
             let layout = PoseLayout::from_headings(names, Separator::guess(names));
@@ -289,7 +286,7 @@ impl Directives {
     }
 }
 
-/// Whether `line` consists of headings: no column is a number, and one at least names a component of a pose.
+/// Whether `line` consists of headings: no column is a number, and at least one names a component of a pose.
 pub(super) fn is_header(line: &str, separator: Separator) -> bool {
     let fields = separator.split(line);
     fields.iter().all(|f| line[f.clone()].parse::<f64>().map_or(true, |v| !v.is_finite()))

@@ -4,7 +4,6 @@ use super::course::{Course, LegCourse, LegEntry, align, facing};
 use crate::geom::{DVec3, Rotation, unit};
 use crate::survey::Kinematics;
 
-/// A platform on a straight path.
 #[derive(Clone, Debug)]
 pub struct LinearPath {
     pub(super) course: Course,
@@ -34,7 +33,7 @@ impl LinearPath {
             && assigned
             && let (Some(left), Some(before)) = (left, leg.checked_sub(1))
         {
-            // The rest of the step is flown along the new leg, at most to its end.
+            // Flies the rest of the step along the new leg, at most to its end.
             way = self.course.target - corner;
             let beyond = (left * legs[leg].speed / legs[before].frequency).min(way.length());
             let ahead = if beyond > 0.0 { unit(way) * beyond } else { DVec3::ZERO };

@@ -153,12 +153,11 @@ impl MulticopterState {
         self.mount_pointing = start.mount_pointing;
     }
 
-    /// The reported attitude.
     pub(super) fn attitude(&self) -> Rotation {
         Rotation::about_x(self.roll).after(Rotation::about_y(self.pitch)).after(Rotation::about_z(self.yaw))
     }
 
-    /// Counts down a smooth turn; whether that or the distance ends the leg.
+    /// Counts down a smooth turn; returns whether the turn or the distance ends the leg.
     pub(super) fn check_arrival(&mut self, leg: &LegCourse) -> bool {
         let mut there = false;
         if leg.smooth_turn && self.turning {
@@ -288,7 +287,7 @@ impl MulticopterState {
         }
     }
 
-    /// The current direction: horizontally that of the nose, with the slope of the way to the target.
+    /// Current direction: horizontally that of the nose, with the slope of the path to the target.
     fn direction(&self, q: DVec3) -> DVec3 {
         let ahead = unit(q);
         let level = horizontal(ahead).length();

@@ -1,4 +1,4 @@
-//! What is fixed of a platform before it moves.
+//! Constants of a platform during a run.
 
 use super::course::LegCourse;
 use super::ground_vehicle;
@@ -10,7 +10,6 @@ use crate::survey::{Kinematics, Multicopter, RotationSpec};
 /// A platform and the course of its legs.
 #[derive(Clone, Debug)]
 pub struct PlatformPlan {
-    /// How it moves.
     pub motion: Motion,
     /// The legs that it visits, including those that interpolated platforms add.
     pub legs: Vec<LegCourse>,
@@ -65,7 +64,6 @@ impl PlatformPlan {
         matches!(self.motion, Motion::Linear) || self.is_physical()
     }
 
-    /// Whether the platform follows a stream of poses.
     pub fn is_stream(&self) -> bool {
         matches!(self.motion, Motion::Stream(_))
     }

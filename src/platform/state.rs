@@ -1,4 +1,4 @@
-//! Where a platform is and how it moves: one type for all kinds of platforms.
+//! State of a platform of any kind: position, attitude and motion.
 
 use super::course::{Course, LegEntry, reported_angles};
 use super::ground_vehicle::GroundVehicle;

@@ -15,7 +15,7 @@ pub enum Readiness {
     Ended,
 }
 
-/// How a stream of poses is followed.
+/// Parameters of following a stream of poses.
 #[derive(Clone, Copy, Debug)]
 pub struct StreamPlan {
     /// Steps per second.
@@ -24,7 +24,6 @@ pub struct StreamPlan {
     pub max_gap: f64,
 }
 
-/// Nanoseconds in a GPS week.
 const WEEK_NS: f64 = 604_800e9;
 
 /// Position in a stream of poses. Steps are numbered from the first pose, and the time of a step is a function of its number
@@ -84,9 +83,9 @@ struct Knot {
     /// Seconds after the first pose.
     elapsed: f64,
     position: DVec3,
-    /// The sign of the quaternion that is nearer to the one before.
+    /// Quaternion with the sign that is nearer to the previous one.
     attitude: Rotation,
-    /// Angle from the quaternion before, rad.
+    /// Angle from the previous quaternion, rad.
     turn: f64,
 }
 
@@ -122,7 +121,6 @@ impl StreamState {
         self.window = window.into();
     }
 
-    /// Marks the stream as complete.
     pub fn end(&mut self) {
         self.complete = true;
     }
@@ -132,7 +130,6 @@ impl StreamState {
         !self.window.is_empty()
     }
 
-    /// Whether the next step can be taken.
     #[inline]
     pub(super) fn readiness(&self, plan: &StreamPlan) -> Readiness {
         match self.window.last() {
@@ -142,7 +139,6 @@ impl StreamState {
         }
     }
 
-    /// Time of the next step, ns of the GPS week.
     #[inline]
     pub(super) fn next_time_ns(&self, plan: &StreamPlan) -> f64 {
         let week = WEEK_NS * 1e-9;
@@ -153,8 +149,8 @@ impl StreamState {
         if time > WEEK_NS { time % WEEK_NS } else { time }
     }
 
-    /// The number of the next step: the due one, or the first one after the gap in which that falls. A function of the poses
-    /// around it alone, independent of when they arrive.
+    /// Number of the next step: the due one, or the first one after the gap that contains it. It is a function of the
+    /// surrounding poses alone, independent of when they arrive.
     #[inline]
     fn next_number(&self, plan: &StreamPlan) -> StepNumber {
         if plan.max_gap == f64::INFINITY { self.next } else { self.next_beyond_gaps(plan) }

@@ -48,7 +48,8 @@ impl TrajectoryTable {
         Some(TrajectoryTable { first_time, rows: table })
     }
 
-    /// This table with every angle within half a turn of the one before it, so that no rotation takes the longer way.
+    /// This table with every angle within half a turn of the previous one, so that rotations take the shorter
+    /// direction.
     pub fn unwrapped(self) -> TrajectoryTable {
         self.map_rows(|rows| {
             for i in 1..rows.len() {
@@ -58,8 +59,8 @@ impl TrajectoryTable {
         })
     }
 
-    /// This table with yaws along the way from the row before to the row after, for tables of positions only. `sense` is 1
-    /// where yaw is a heading, −1 where it is counter-clockwise.
+    /// This table with yaws along the path from the previous row to the next, for tables of positions only. `sense` is
+    /// 1 where yaw is a heading, −1 where it is counter-clockwise.
     pub fn heading_along(self, sense: f64) -> TrajectoryTable {
         self.map_rows(|rows| {
             let positions: Vec<[f64; 2]> = rows.iter().map(|r| [r.1[3], r.1[4]]).collect();

@@ -6,12 +6,9 @@ use super::plan::DevicePlan;
 use crate::geom::Rotation;
 use crate::survey::ScannerSettings;
 
-/// The moving parts of one device.
 #[derive(Clone, Debug)]
 pub struct DeviceState {
-    /// The head.
     pub head: HeadState,
-    /// The deflector.
     pub deflector: DeflectorState,
     /// Pulses emitted so far, over all legs.
     pub pulses: u64,

@@ -1,6 +1,6 @@
 //! The instrument's moving optics: heads and deflectors per step (spec kinematics §4, §5).
 //!
-//! States hold angles and counters only; rotations are composed when a pulse asks for them.
+//! States hold angles and counters only; rotations are composed only for steps with a pulse.
 //!
 //! | file | what it does |
 //! |---|---|

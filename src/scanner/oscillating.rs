@@ -5,7 +5,6 @@ use crate::geom::degrees;
 /// An oscillating mirror. Angles are rad.
 #[derive(Clone, Debug, Default)]
 pub struct Oscillating {
-    /// The deflection.
     pub angle: f64,
     /// Pulses since the start of the period; in the corrected motion, of the leg.
     pub count: i64,

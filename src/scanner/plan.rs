@@ -4,10 +4,8 @@ use super::risley::PrismTrain;
 use crate::geom::{DVec3, unit};
 use crate::survey::{Deflector, Device, Kinematics, MechanicalErrors, Mount};
 
-/// The constants of one device.
 #[derive(Clone, Debug)]
 pub struct DevicePlan {
-    /// Beam deflector.
     pub deflector: Deflector,
     /// Mechanical scan angle limit (half angle), rad.
     pub scan_angle_max: f64,
@@ -19,11 +17,9 @@ pub struct DevicePlan {
     pub head_max_rate: f64,
     /// The emitter's pose on the head.
     pub beam_origin: Mount,
-    /// Calibration errors.
     pub errors: MechanicalErrors,
     /// Differences from the reference.
     pub kinematics: Kinematics,
-    /// Risley prisms.
     pub(super) prisms: Option<PrismTrain>,
 }
 
@@ -54,7 +50,7 @@ impl DevicePlan {
         if limit.is_nan() { 0.0 } else { wanted.clamp(-limit, limit) }
     }
 
-    /// The half angle, rad, that a leg uses on this device if it asks for `wanted` (spec kinematics §4.1). The reference does
+    /// Half angle, rad, that this device uses when a leg requests `wanted` (spec kinematics §4.1). The reference does
     /// not limit oscillating mirrors.
     pub fn scan_angle(&self, wanted: f64) -> f64 {
         let limits = self.kinematics.oscillation_at_leg_frequency && self.scan_angle_max > 0.0;

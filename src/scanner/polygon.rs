@@ -37,7 +37,6 @@ impl Polygon {
         Polygon { angle: 0.0, exact: 0.0, step, lower, upper }
     }
 
-    /// Whether the device emits a pulse at the current angle.
     #[inline]
     pub fn is_firing(&self) -> bool {
         self.lower < self.angle && self.angle <= self.upper

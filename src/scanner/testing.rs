@@ -5,7 +5,7 @@ use crate::survey::testkit;
 pub use crate::survey::testkit::scanner_settings as settings;
 use crate::survey::{Deflector, Device, Head};
 
-/// A device with the given deflector, 120° mechanical half angle and a free head.
+/// A device with that deflector, a mechanical half angle of 120° and a head of up to 3600°/s.
 pub fn device(deflector: Deflector) -> Device {
     Device {
         deflector,

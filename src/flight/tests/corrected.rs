@@ -148,7 +148,7 @@ fn a_tilted_multicopter_tilts_its_scanner() {
     };
     let tilted = copter(legs(), Kinematics::CORRECTED);
     let first = &tilted[0].pulses;
-    // Towards (40, 10): 75.96° from the first pulse on; after a second the nose is down as far as it goes, −40°.
+    // Towards (40, 10): 75.96° from the first pulse on; after a second the pitch is at its limit, −40°.
     assert!((azimuth(first[0].attitude) - 75.963_757).abs() < 1e-3, "{}", azimuth(first[0].attitude));
     let nose = first[100].attitude.forward();
     assert!((degrees(libm::asin(nose.z)) + 40.0).abs() < 1e-6, "{nose}");
@@ -163,8 +163,8 @@ fn a_tilted_multicopter_tilts_its_scanner() {
 
 #[test]
 fn attitude_noise_turns_platform_and_mount() {
-    // A constant 0.1 rad about the platform's y: the platform rolls to the right. A scanner that looks down sees it as
-    // a swing of the beam to the left; in the reference the beam turns about itself.
+    // A constant 0.1 rad about the platform's y: the platform rolls to the right. The beam of a downward-looking
+    // scanner swings to the left; in the reference the beam turns about its own axis.
     let mut s = path(&[[0.0; 3], [0.0, 30.0, 0.0]], 100);
     s.platform.mount =
         Mount { offset: DVec3::new(0.0, 0.0, -2.0), rotation: Rotation::about_x(radians(-90.0)) };

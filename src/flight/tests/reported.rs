@@ -39,7 +39,7 @@ fn true_poses_do_not_depend_on_errors() {
 
 #[test]
 fn errors_move_points_as_computed() {
-    // 1 mrad of roll to the right, 500 m above: what is below is reported 0.5 m to the left.
+    // 1 mrad of roll to the right, 500 m above ground: points at nadir are reported 0.5 m to the left.
     let roll = libm::atan(1e-3).to_degrees();
     let pulse = fly_with(&[("boresight_deg", &[roll, 0.0, 0.0])])[0].pulses[0];
     let point = |p: &Pulse| p.origin + p.origin_error + p.reported_attitude.forward() * 500.0;

@@ -46,7 +46,7 @@ impl TextInput {
         Ok(())
     }
 
-    /// Whether more bytes are needed to tell what they are.
+    /// Whether more bytes are needed to detect the format.
     pub fn is_unknown(&self) -> bool {
         matches!(self, TextInput::Unknown)
     }
@@ -73,7 +73,6 @@ pub struct ArrowToText {
 }
 
 impl ArrowToText {
-    /// `path` is the name of the stream in messages.
     fn new(path: &Path) -> ArrowToText {
         ArrowToText { decoder: ArrowDecoder::new(path), path: path.to_path_buf(), columns: None }
     }

@@ -25,11 +25,10 @@ const RECORD_SIZES: std::ops::RangeInclusive<usize> = 56..=4096;
 #[derive(Debug)]
 pub struct RecordDecoder {
     format: RecordFormat,
-    /// RecordDecoder so far.
+    /// Records decoded so far.
     read: u64,
-    /// Bytes so far.
+    /// Bytes decoded so far.
     byte: u64,
-    /// The header of TerraScan.
     header: Option<Header>,
     /// Bytes of the header that are still to be skipped.
     skip: usize,
@@ -58,7 +57,6 @@ impl RecordDecoder {
         RecordDecoder { format: RecordFormat::TerraScan, ..RecordDecoder::sbet() }
     }
 
-    /// The format's name in messages.
     pub fn name(&self) -> &'static str {
         match self.format {
             RecordFormat::Sbet => "SBET",
@@ -161,7 +159,6 @@ fn doubles<const N: usize>(bytes: &[u8]) -> [f64; N] {
     })
 }
 
-/// Checks that the values are numbers.
 fn check_finite(values: &[(&str, f64)]) -> Result<(), RecordError> {
     match values.iter().find(|(_, value)| !value.is_finite()) {
         Some((name, value)) => Err(RecordError::new(format!("{name} is {value}, expected a number"))),
@@ -220,7 +217,7 @@ pub fn looks_like_sbet(bytes: &[u8]) -> bool {
         && [roll, pitch, heading, wander].iter().all(|a| a.abs() <= 2.0 * TAU)
 }
 
-/// RecordDecoder for tests.
+/// Encodes records for tests.
 #[cfg(test)]
 pub mod testing {
     /// Rows of time, latitude, longitude (rad), height, roll, pitch, heading (rad).

@@ -60,7 +60,6 @@ impl PoseDecoder {
         }
     }
 
-    /// The format's name in messages.
     pub fn name(&self) -> &'static str {
         match self {
             PoseDecoder::Unknown(_) => "nothing",
@@ -76,7 +75,7 @@ enum Detection {
     Text,
     Sbet,
     TerraScan,
-    /// None of the formats, and what can be done.
+    /// An unknown format, with a hint for the message.
     Unsupported(&'static str),
 }
 

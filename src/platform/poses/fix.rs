@@ -6,7 +6,6 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 
-/// One pose of a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Seconds in the trajectory's own scale.
@@ -29,7 +28,7 @@ pub struct Fix {
     pub unitless_angles: Option<[f64; 3]>,
 }
 
-/// Where a fix is.
+/// Position of a fix, in local or geographic coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FixPlace {
     /// x, y, z, m.
@@ -38,10 +37,10 @@ pub enum FixPlace {
     Geographic([f64; 3]),
 }
 
-/// What the next bytes of a trajectory are. Counts are bytes.
+/// Result of decoding the next bytes of a trajectory. Counts are bytes.
 #[derive(Debug)]
 pub enum Decoded<'t> {
-    /// The beginning of a record: more bytes are needed.
+    /// The beginning of a record; more bytes are needed.
     Incomplete,
     /// Bytes without a fix.
     Skipped(usize),
@@ -51,7 +50,6 @@ pub enum Decoded<'t> {
     Invalid(RecordPlace<'t>, RecordError),
 }
 
-/// The place of a record in its trajectory.
 #[derive(Clone, Debug)]
 pub enum RecordPlace<'t> {
     /// A line, numbered from 1, and where its time is.
@@ -60,7 +58,7 @@ pub enum RecordPlace<'t> {
     Record { number: u64, byte: u64 },
 }
 
-/// What is wrong with a record.
+/// An error in a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordError {
     pub message: String,
@@ -80,7 +78,7 @@ impl RecordError {
 }
 
 impl RecordPlace<'_> {
-    /// Where the time is, if that is known.
+    /// Byte range of the time, if it is known.
     pub fn time(&self) -> Option<Range<usize>> {
         match self {
             RecordPlace::Line { time, .. } => Some(time.clone()),

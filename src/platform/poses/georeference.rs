@@ -24,7 +24,6 @@ impl Georeference {
         }
     }
 
-    /// Projection only.
     pub fn of_grid(grid: Grid) -> Georeference {
         Georeference { grid, height_offset: 0.0, lever_arm: DVec3::ZERO, boresight: None }
     }
@@ -42,7 +41,7 @@ impl Georeference {
         }
     }
 
-    /// The pose of the scanner's platform.
+    /// Pose of the scanner's platform at `fix`.
     pub fn pose(&mut self, fix: &Fix) -> Result<Pose, RecordError> {
         let (mut position, mut attitude) = match fix.place {
             FixPlace::Local(place) => (DVec3::from(place), fix.attitude),

@@ -6,7 +6,7 @@
 //! | `arrow` | an Arrow stream as lines of text |
 //! | `decoder` | detects the format; bytes to fixes |
 //! | `text`, `binary` | decoders of text, and of SBET and TerraScan records |
-//! | `fix` | fixes, poses, and what can be wrong with a record |
+//! | `fix` | fixes, poses, and errors in records |
 //! | `georeference` | a fix to a pose: projection, lever arm, boresight |
 //! | `sequence` | checks of consecutive fixes: times, gaps, headings |
 

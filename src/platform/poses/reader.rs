@@ -25,7 +25,7 @@ pub enum PollResult {
     End,
 }
 
-/// What an observer of a trajectory is called with.
+/// An event that the observer of a trajectory receives.
 #[derive(Clone, Copy, Debug)]
 pub enum PoseEvent {
     /// The next pose, and its angles as written in text that states no unit for them.
@@ -34,7 +34,7 @@ pub enum PoseEvent {
     End,
 }
 
-/// Why no more poses can be read. Unlike [`Error`] it can be returned repeatedly.
+/// Reason that no more poses can be read. Unlike [`Error`] it can be returned repeatedly.
 enum Failure {
     Input(Box<Diagnostics>),
     Io(std::io::ErrorKind, String),
@@ -126,7 +126,6 @@ impl PoseReader {
         PoseReader { observe: Box::new(observe), ..self }
     }
 
-    /// Limit of the time that pulses may wait for further poses.
     pub fn max_latency(&self) -> Duration {
         self.max_latency
     }
@@ -157,7 +156,7 @@ impl PoseReader {
         }
     }
 
-    /// Processes the bytes of one read; `false` if none arrived before the timeout.
+    /// Processes the bytes of one read; returns `false` if none arrived before the timeout.
     fn receive(&mut self, timeout: Duration) -> bool {
         let mut bytes = std::mem::take(&mut self.rest);
         match self.input.next(Some(timeout)) {
@@ -234,7 +233,7 @@ impl PoseReader {
         Ok(())
     }
 
-    /// Notes how the first pose was understood.
+    /// Reports how the first pose was interpreted.
     fn describe_first(&mut self, pose: &Pose, geographic: bool) {
         let (path, p) = (self.path.display(), pose.position);
         if let Some(zone) = self.georeference.zone().filter(|_| self.zone_is_detected) {
@@ -273,7 +272,6 @@ impl PoseReader {
         }
     }
 
-    /// Reports the end of the trajectory.
     fn finish(&mut self) {
         self.report(PoseEvent::End);
         if self.poses > 0 {

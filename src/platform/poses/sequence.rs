@@ -3,15 +3,15 @@
 use super::fix::{Fix, Pose, RecordError};
 use crate::geom::DVec3;
 
-/// A gap is an interval longer than this, s, …
+/// Minimum length of a gap, s.
 const MIN_GAP: f64 = 1.0;
-/// … and than this multiple of the interval before it.
+/// Minimum length of a gap as a multiple of the interval before it.
 const MIN_GAP_INTERVALS: f64 = 10.0;
 /// Limit of warnings.
 const MAX_WARNINGS: usize = 20;
 /// Distance after which headings are compared with the course, m.
 const COMPARED_DISTANCE: f64 = 20.0;
-/// Cosine of the largest angle between heading and course that is not worth a note: 60°.
+/// Minimum cosine of the angle between heading and course that causes no note: 60°.
 const MIN_COURSE_COSINE: f64 = 0.5;
 
 /// Compares each fix with those before it.

@@ -10,12 +10,11 @@ use crate::survey::PoseStream;
 use std::io::{Cursor, Read};
 use std::time::Duration;
 
-/// Default settings.
 pub fn settings() -> PoseStream {
     PoseStream::at("-")
 }
 
-/// Returns its text in pieces of `size` bytes.
+/// A reader that returns its text in pieces of `size` bytes.
 struct Trickle {
     text: Vec<u8>,
     size: usize,

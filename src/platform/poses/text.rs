@@ -11,7 +11,6 @@ use crate::survey::{AngleConvention, PoseFormat, PoseStream, RotationSpec};
 use std::borrow::Cow;
 use std::f64::consts::FRAC_PI_2;
 
-/// Longer lines are an error.
 const MAX_LINE_BYTES: usize = 1 << 16;
 /// Decimals of the columns of HELIOS++'s trajectory files: x, y, z, t, roll, pitch, yaw.
 const HELIOS_DECIMALS: [usize; 7] = [4, 4, 4, 9, 4, 4, 4];
@@ -41,7 +40,6 @@ impl TextDecoder {
         }
     }
 
-    /// The format's name in messages.
     pub fn name(&self) -> &'static str {
         if self.helios { "HELIOS++ text" } else { "text" }
     }
