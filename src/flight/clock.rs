@@ -9,9 +9,9 @@ const GPS_EPOCH: i64 = 315_964_809;
 
 /// POSIX seconds of 1980-01-06 00:00:00 UTC, when GPS time began.
 const TRUE_GPS_EPOCH: i64 = 315_964_800;
-/// POSIX seconds of the first second after each leap second since the GPS epoch (IERS Bulletin C). GPS time is ahead of UTC by
-/// the number of leap seconds so far. None has been announced since the last one, and UTC will have none after 2035 at the
-/// latest (CGPM 2022, resolution 4).
+/// POSIX seconds of the first second after each leap second since the GPS epoch (IERS Bulletin C). GPS time is ahead of
+/// UTC by the number of leap seconds so far. None has been announced since the last one, and UTC will have none after
+/// 2035 at the latest (CGPM 2022, resolution 4).
 const LEAP_SECONDS: [i64; 18] = [
     362_793_600,   // 1981-07-01
     394_329_600,   // 1982-07-01
@@ -53,8 +53,8 @@ pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, String> {
     Ok(since_epoch.rem_euclid(WEEK_S) as f64 * 1e9)
 }
 
-/// Year and day of the year (from 1), in UTC, of a time as [`gps_start`] parses it: the creation date of files, which must not
-/// depend on when a run is repeated. (0, 0) before 1970 and after 9999.
+/// Year and day of the year (from 1), in UTC, of a time as [`gps_start`] parses it: the creation date of files, which
+/// must not depend on when a run is repeated. (0, 0) before 1970 and after 9999.
 ///
 /// # Errors
 /// As [`gps_start`].

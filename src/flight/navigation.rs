@@ -11,16 +11,17 @@ use libm::{cosh, exp, tanh};
 const NODE_SPACING: f64 = 8.0;
 /// Draws that contribute to a node. Older ones weigh less than exp(−3·8) < 1e-10.
 const NODE_TERMS: i64 = 3;
-/// Bisections of the interval between two nodes, below which the process is interpolated linearly. The smallest interval is
-/// 8/2¹⁵ of the correlation time, which lowers the variance in its middle by 1/8192.
+/// Bisections of the interval between two nodes, below which the process is interpolated linearly. The smallest
+/// interval is 8/2¹⁵ of the correlation time, which lowers the variance in its middle by 1/8192.
 const BISECTIONS: u32 = 15;
 
-/// A first-order Gauss–Markov (Ornstein–Uhlenbeck) process of unit variance: mean 0, covariance exp(−|Δt|/τ) (Gelb 1974,
-/// Applied Optimal Estimation, §3.8).
+/// A first-order Gauss–Markov (Ornstein–Uhlenbeck) process of unit variance: mean 0, covariance exp(−|Δt|/τ) (Gelb
+/// 1974, Applied Optimal Estimation, §3.8).
 ///
-/// Nodes that are `NODE_SPACING` correlation times apart are x(k) = w Σ aʲ n(k−j) with a = exp(−NODE_SPACING) and standard normal draws n,
-/// which is the process sampled there. Between two nodes it is found by bisection: given its values x and y at either end
-/// of an interval of length 2δ, the value in the middle is normal with mean (x + y)/(2 cosh(δ/τ)) and variance tanh(δ/τ).
+/// Nodes that are `NODE_SPACING` correlation times apart are x(k) = w Σ aʲ n(k−j) with a = exp(−NODE_SPACING) and
+/// standard normal draws n, which is the process sampled there. Between two nodes it is found by bisection: given its
+/// values x and y at either end of an interval of length 2δ, the value in the middle is normal with mean (x + y)/(2
+/// cosh(δ/τ)) and variance tanh(δ/τ).
 #[derive(Clone, Debug)]
 struct GaussMarkov {
     stream: Stream,
@@ -212,8 +213,8 @@ mod tests {
         let n = Navigation::new(errors, 1, DVec3::new(2.0, 0.0, 0.0), [0.0; 3]);
         let attitude = Rotation::of_heading(0.0, 0.0, radians(90.0));
         let (position, reported) = n.reported(DVec3::new(10.0, 20.0, 30.0), attitude, 60.0);
-        // The antenna is at (10, 22, 30), reported at (10.1, 22.2, 30.3); the reported heading is south, so that right is west
-        // and forward south, 30° up: its arm is (2, 1, 0).
+        // The antenna is at (10, 22, 30), reported at (10.1, 22.2, 30.3); the reported heading is south, so that right
+        // is west and forward south, 30° up: its arm is (2, 1, 0).
         let c = 3f64.sqrt() / 2.0;
         assert!((position - DVec3::new(8.1, 22.2 - c, 30.8)).length() < 1e-9, "{position}");
         assert!((reported.forward() - DVec3::new(0.0, -c, 0.5)).length() < 1e-9);

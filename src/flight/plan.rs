@@ -40,8 +40,8 @@ impl Default for FlightOptions {
     }
 }
 
-/// A survey ready to be flown: its legs, including those that interpolated trajectories add, and all constants of platform and
-/// devices.
+/// A survey ready to be flown: its legs, including those that interpolated trajectories add, and all constants of
+/// platform and devices.
 #[derive(Clone, Debug)]
 pub struct FlightPlan {
     pub(super) platform: PlatformPlan,
@@ -63,8 +63,8 @@ impl FlightPlan {
     /// surface at x and y, all in the scene frame. Also returns the warnings.
     ///
     /// # Errors
-    /// [`Error::Input`] with all problems: invalid numbers, legs that cannot end, malformed trajectories; [`Error::Io`] for
-    /// trajectory files that cannot be read.
+    /// [`Error::Input`] with all problems: invalid numbers, legs that cannot end, malformed trajectories; [`Error::Io`]
+    /// for trajectory files that cannot be read.
     pub fn new(
         survey: &Survey,
         shift: DVec3,

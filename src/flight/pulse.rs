@@ -12,7 +12,8 @@ pub struct Pulse {
     /// Attitude known to the instrument: if there are mechanical errors, `attitude` without them and without attitude
     /// noise; otherwise `attitude`.
     pub exact_attitude: Rotation,
-    /// `exact_attitude` relative to the platform's attitude that the navigation system reports; points are reported along it.
+    /// `exact_attitude` relative to the platform's attitude that the navigation system reports; points are reported
+    /// along it.
     pub reported_attitude: Rotation,
     /// Reported minus true origin, m.
     pub origin_error: DVec3,
@@ -55,8 +56,8 @@ impl PoseSample {
     }
 }
 
-/// Receives the output of steps. Values are passed as closures, because the producer of chunks only counts them while workers
-/// compute them.
+/// Receives the output of steps. Values are passed as closures, because the producer of chunks only counts them while
+/// workers compute them.
 pub trait FlightSink {
     /// A pulse is emitted.
     fn pulse(&mut self, pulse: impl FnOnce() -> Pulse);

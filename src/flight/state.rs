@@ -36,7 +36,8 @@ pub struct FlightState {
     leg_ticks: u64,
     /// Time from the start of the run to that of the leg, ns.
     elapsed_base_ns: f64,
-    /// The GPS clock, ns of the week: a running sum, which rounds, in the reference, and a product with the exact clock.
+    /// The GPS clock, ns of the week: a running sum, which rounds, in the reference, and a product with the exact
+    /// clock.
     time_ns: f64,
     start_ns: f64,
     /// The GPS clock when the leg's maximum duration began.
@@ -76,8 +77,8 @@ impl FlightState {
         state
     }
 
-    /// Restarts the flight while clock and pulse numbers continue (spec kinematics §1.6, repetitions). Streams of poses cannot
-    /// be repeated.
+    /// Restarts the flight while clock and pulse numbers continue (spec kinematics §1.6, repetitions). Streams of poses
+    /// cannot be repeated.
     pub fn repeat(&mut self, plan: &FlightPlan) {
         self.platform.restore(&FlightState::start(plan).platform);
         self.ended = false;

@@ -60,8 +60,8 @@ pub struct Course {
 }
 
 impl Course {
-    /// Sets the waypoints of leg `leg`, and the position if it is the first of a run. The last leg keeps the waypoints of the
-    /// one before; returns whether a target was assigned.
+    /// Sets the waypoints of leg `leg`, and the position if it is the first of a run. The last leg keeps the waypoints
+    /// of the one before; returns whether a target was assigned.
     pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry) -> bool {
         if entry == LegEntry::Initial {
             self.position = legs[leg].position;
@@ -161,8 +161,8 @@ pub(super) fn align(attitude: Rotation, q: DVec3) -> Rotation {
     aligned
 }
 
-/// Roll, pitch and yaw of `attitude`: the XYZ triple, or the ZYX triple with clockwise yaw for ARINC trajectories. At gimbal
-/// lock the angle about the first axis is 0.
+/// Roll, pitch and yaw of `attitude`: the XYZ triple, or the ZYX triple with clockwise yaw for ARINC trajectories. At
+/// gimbal lock the angle about the first axis is 0.
 pub(super) fn reported_angles(attitude: Rotation, recorded: Option<RotationSpec>) -> [f64; 3] {
     if recorded == Some(RotationSpec::Arinc705) {
         let [y, roll, pitch] = attitude.angles_zyx().unwrap_or_else(|| locked_zyx(attitude));

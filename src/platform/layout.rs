@@ -171,8 +171,8 @@ impl PoseLayout {
         Ok(headings.finish())
     }
 
-    /// The layout that a user chooses: headings in their order, where unknown names skip a column, or `heading=number` with
-    /// numbers from 1.
+    /// The layout that a user chooses: headings in their order, where unknown names skip a column, or `heading=number`
+    /// with numbers from 1.
     pub fn chosen(columns: &[String]) -> Result<PoseLayout, String> {
         let mut headings = Headings::default();
         let numbered = columns.iter().any(|column| column.contains('='));

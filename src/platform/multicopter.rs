@@ -142,8 +142,8 @@ impl MulticopterState {
         Rotation::about_z(self.yaw)
     }
 
-    /// The attitude with its tilt about the craft's own axes: pitch with the nose up, and roll, which is positive in turns to
-    /// the left here, so that the craft banks into them.
+    /// The attitude with its tilt about the craft's own axes: pitch with the nose up, and roll, which is positive in
+    /// turns to the left here, so that the craft banks into them.
     pub(super) fn tilted(&self) -> Rotation {
         self.level().after(Rotation::about_x(self.pitch)).after(Rotation::about_y(-self.roll))
     }

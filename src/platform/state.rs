@@ -92,7 +92,8 @@ impl PlatformState {
         }
     }
 
-    /// Checks whether the end of the leg is reached (spec kinematics §1.5). Each check counts down a multicopter's smooth turn.
+    /// Checks whether the end of the leg is reached (spec kinematics §1.5). Each check counts down a multicopter's
+    /// smooth turn.
     #[inline]
     pub fn check_arrival(&mut self, plan: &PlatformPlan, leg: usize, clock: f64) -> bool {
         match self {
@@ -132,8 +133,8 @@ impl PlatformState {
         }
     }
 
-    /// The attitude that trajectories report: the mount's, except for the reference's multicopter, whose tilt is reported but
-    /// never reaches the beam.
+    /// The attitude that trajectories report: the mount's, except for the reference's multicopter, whose tilt is
+    /// reported but never reaches the beam.
     pub fn reported_attitude(&self, plan: &PlatformPlan) -> Rotation {
         match self {
             PlatformState::Multicopter(s) if !plan.kinematics.multicopter_tilt => s.attitude(),
@@ -141,8 +142,8 @@ impl PlatformState {
         }
     }
 
-    /// `attitude` as roll, pitch and yaw in rad in the convention of the platform's trajectories, yaw within [0, 2π] (spec
-    /// kinematics §9).
+    /// `attitude` as roll, pitch and yaw in rad in the convention of the platform's trajectories, yaw within [0, 2π]
+    /// (spec kinematics §9).
     pub fn angles(&self, plan: &PlatformPlan, attitude: Rotation) -> [f64; 3] {
         let recorded = matches!(self, PlatformState::Interpolated(_) | PlatformState::Stream(_));
         reported_angles(attitude, recorded.then_some(plan.rotation_spec))

@@ -26,8 +26,8 @@ pub struct StreamPlan {
 
 const WEEK_NS: f64 = 604_800e9;
 
-/// Position in a stream of poses. Steps are numbered from the first pose, and the time of a step is a function of its number
-/// alone.
+/// Position in a stream of poses. Steps are numbered from the first pose, and the time of a step is a function of its
+/// number alone.
 #[derive(Clone, Debug)]
 pub struct StreamState {
     /// The poses around the current step and all later ones that have arrived.
@@ -103,7 +103,8 @@ impl Default for StreamState {
 }
 
 impl StreamState {
-    /// Appends poses, whose positions `shift` takes to the scene frame. Poses that are not later than the last one are dropped.
+    /// Appends poses, whose positions `shift` takes to the scene frame. Poses that are not later than the last one are
+    /// dropped.
     pub fn feed(&mut self, poses: Vec<Pose>, shift: DVec3) {
         let keep = self.segment.saturating_sub(1);
         let mut window = Vec::with_capacity(self.window.len() - keep + poses.len());

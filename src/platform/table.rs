@@ -24,8 +24,8 @@ pub(super) struct TableRow {
 }
 
 impl TrajectoryTable {
-    /// The table of `rows` (time in the files' own scale, values) in any order. Rows of equal time keep their order and make a
-    /// jump. `None` if there is no row.
+    /// The table of `rows` (time in the files' own scale, values) in any order. Rows of equal time keep their order and
+    /// make a jump. `None` if there is no row.
     pub fn new(mut rows: Vec<(f64, PoseValues)>) -> Option<TrajectoryTable> {
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
         TrajectoryTable::from_sorted(rows)
@@ -132,9 +132,9 @@ pub(super) fn unwrap_angles(values: &mut PoseValues, before: &PoseValues) {
     }
 }
 
-/// The slope filter (spec kinematics §2.6): drops rows where slopes hardly change. A row stays if the sum of the changes of
-/// slope since the last kept row exceeds `threshold` in any column; the first, the last and rows of jumps stay. `rows` are
-/// sorted by time.
+/// The slope filter (spec kinematics §2.6): drops rows where slopes hardly change. A row stays if the sum of the
+/// changes of slope since the last kept row exceeds `threshold` in any column; the first, the last and rows of jumps
+/// stay. `rows` are sorted by time.
 pub(super) fn filter_slopes(rows: &[(f64, PoseValues)], threshold: f64) -> Vec<(f64, PoseValues)> {
     let slope = |i: usize| -> Option<PoseValues> {
         let (a, b) = (&rows[i], &rows[i + 1]);

@@ -16,8 +16,8 @@ use std::path::Path;
 /// Wrong rows that are listed; further ones are only counted.
 const MAX_LISTED_ROWS: usize = 20;
 
-/// Reads all files of `settings` into one table in world coordinates and radians. All problems of a file go into `problems`
-/// with line and column; `None` if any of them prevents the run.
+/// Reads all files of `settings` into one table in world coordinates and radians. All problems of a file go into
+/// `problems` with line and column; `None` if any of them prevents the run.
 ///
 /// # Errors
 /// Files that cannot be read.
@@ -185,8 +185,8 @@ fn read_rows(
     Some((rows, reading?.0))
 }
 
-/// Chooses by precedence: the survey's column numbers, the file's `#HEADER`, a first line of headings, the order roll, pitch,
-/// yaw, x, y, z around a `#TIME_COLUMN`.
+/// Chooses by precedence: the survey's column numbers, the file's `#HEADER`, a first line of headings, the order roll,
+/// pitch, yaw, x, y, z around a `#TIME_COLUMN`.
 fn choose_layout(
     file: &TrajectoryFile,
     directives: &Directives,

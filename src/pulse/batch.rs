@@ -12,7 +12,7 @@ pub struct Batch {
     pub leg_number: Option<u32>,
     /// Echoes, pulse by pulse, by return number within a pulse.
     pub echoes: Vec<Echo>,
-    /// What really caused echoes, if it is recorded or differs from what they report; see [`Echo::truth_index`].
+    /// True causes of echoes, if they are recorded or differ from the reported values; see [`Echo::truth_index`].
     pub truths: Vec<EchoTruth>,
     /// Waveforms, when they are recorded.
     pub waveforms: Vec<WaveformRecord>,

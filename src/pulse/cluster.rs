@@ -1,8 +1,8 @@
-//! The fast path where ranges are read between bins: no waveform, only the samples where there is light.
+//! Fast path where ranges are read between bins: no waveform, only the samples around the light.
 //!
-//! Reflections whose pulses overlap form a cluster. Most clusters are so shallow that their sum has a single peak: only the
-//! samples around it are computed, for other clusters all samples. They equal those of [`super::waveform::Waveform`] bit for
-//! bit.
+//! Reflections whose pulses overlap form a cluster. Most clusters are so shallow that their sum has a single peak: only
+//! the samples around it are computed, for other clusters all samples. They equal those of
+//! [`super::waveform::Waveform`] bit for bit.
 
 use super::detector::{DetectorSettings, PeakRule, Return};
 use super::pulse_starts::PulseStarts;
@@ -12,15 +12,15 @@ use super::shape::PulseShape;
 /// Precomputed properties of clusters.
 #[derive(Clone, Debug)]
 pub(super) struct ClusterRule {
-    /// Greatest distance between the first and the last start of a pulse with which there is a single peak, bins.
+    /// Maximum distance between the first and the last start of a pulse with which there is a single peak, bins.
     reach: i64,
-    /// Smallest distance between the starts of pulses of different clusters, bins.
+    /// Minimum distance between the starts of pulses of different clusters, bins.
     gap: i64,
     threshold: f64,
     window: usize,
 }
 
-/// Longest [`ClusterRule::reach`] that is used, bins.
+/// Maximum of [`ClusterRule::reach`], bins.
 const MAX_REACH: i64 = 6;
 /// Windows of this length and longer have no fast path, bins.
 const MAX_WINDOW: u64 = 1 << 16;
@@ -44,7 +44,6 @@ impl ClusterRule {
     }
 }
 
-/// Scratch memory for clusters.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ClusterDetector {
     starts: PulseStarts,
@@ -60,8 +59,8 @@ struct SampledPeak {
 }
 
 impl ClusterDetector {
-    /// Appends the returns of `profile`, nearest first, up to the detector's maximum: those whose range `is_kept` accepts.
-    /// `false`, and nothing appended, if an intensity is not finite.
+    /// Appends the returns of `profile`, nearest first, up to the detector's maximum: those whose range `is_kept`
+    /// accepts. `false`, and nothing appended, if an intensity is not finite.
     #[inline(always)]
     pub fn detect(
         &mut self,

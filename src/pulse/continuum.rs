@@ -1,17 +1,16 @@
-//! Light from all along the paths of subrays through foliage.
+//! Light that foliage returns from everywhere along the paths of subrays.
 //!
-//! A subray stands for a part of the footprint that holds many leaves, so that the light which it loses to foliage returns
-//! from everywhere along its path: by the density σ·exp(−τ) of the range at which light is intercepted first (Beer and
-//! Lambert). For a subray that is known to be intercepted it is that density over 1 − exp(−T), with the optical depth T of
-//! the whole path. The light of a pulse is collected in cells of range that all of its subrays share: as wide as the bins
-//! of the waveform, so that a homogeneous medium leaves no ripples there.
+//! A subray represents a part of the footprint that holds many leaves, so the light that it loses to foliage returns
+//! from everywhere along its path, with the density σ·exp(−τ) of the range at which light is intercepted first (Beer
+//! and Lambert). For a subray that is known to be intercepted it is that density over 1 − exp(−T), with the optical
+//! depth T of the path. The light of a pulse is collected in range cells that all of its subrays share. They are as
+//! wide as the bins of the waveform, so that a homogeneous medium leaves no ripples there.
 
 use super::detector::DetectorSettings;
 use super::energy::Energy;
 use super::reflections::Reflections;
 use super::view::Interaction;
 
-/// Foliage along a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MediumSegment {
     /// Where the ray enters it.
@@ -38,10 +37,10 @@ pub(super) struct LeafResponse {
     pub factor: f64,
 }
 
-/// Optical depth behind which the search for light ends: less than the 2⁻⁵³ that a draw resolves gets there.
+/// Optical depth behind which the search for light ends: less light than the 2⁻⁵³ that a draw resolves reaches it.
 pub(super) const MAX_DEPTH: f64 = 40.0;
 
-/// Cells per width of the pulse at half maximum that are enough to leave no ripples in a waveform of finer bins.
+/// Cells per full width of the pulse at half maximum that leave no ripples in a waveform of finer bins.
 const CELLS_PER_WIDTH: f64 = 32.0;
 
 /// The light of a pulse from foliage by range, and scratch memory.
@@ -62,7 +61,6 @@ pub(super) struct FoliageContinuum {
 
 const CELLS_PER_PAGE: usize = 64;
 
-/// Consecutive cells.
 #[derive(Clone, Debug)]
 struct Page {
     /// Number of the first cell, divided by [`CELLS_PER_PAGE`].
@@ -74,7 +72,7 @@ struct Page {
     source: [Source; CELLS_PER_PAGE],
 }
 
-/// What reflects light in a cell.
+/// Reflector of the light in a cell.
 #[derive(Clone, Copy, Debug, Default)]
 struct Source {
     primitive: u32,
@@ -90,7 +88,8 @@ impl FoliageContinuum {
         self.cell = cell_width(detector);
     }
 
-    /// Adds the light of the current subray, which is intercepted before `end` m; `response` tells how a segment reflects.
+    /// Adds the light of the current subray, which is intercepted before `end` m; `response` returns how a segment
+    /// reflects.
     pub fn scatter(
         &mut self,
         (energy, detector): (&Energy, &DetectorSettings),
@@ -137,7 +136,8 @@ impl FoliageContinuum {
         }
     }
 
-    /// Splits a homogeneous interval into cells, each with the factor by which it reflects. Returns the light left behind it.
+    /// Splits a homogeneous interval into cells, each with the factor by which it reflects. Returns the light left
+    /// behind it.
     fn fill(
         &mut self,
         (from, to): (f64, f64),
@@ -228,7 +228,8 @@ mod tests {
         MediumSegment { entry, from, to, sigma }
     }
 
-    /// Light by range, primitive and as a share of that of a mirror there: what reflects has a factor of 1.
+    /// Returns (range, primitive, share) of the light; shares are relative to a mirror at that range, as the
+    /// reflectance factor is 1.
     fn light(segments: &[MediumSegment], end: f64, instrument: &Instrument) -> Vec<(f64, u32, f64)> {
         let (mut continuum, mut out) = (FoliageContinuum::default(), Reflections::default());
         continuum.clear(&instrument.detector);

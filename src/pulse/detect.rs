@@ -184,7 +184,7 @@ mod tests {
         }
     }
 
-    /// The spec's procedure word by word, on an array of all bins.
+    /// The procedure of the spec, transcribed literally, on an array of all bins.
     fn plain(map: &[(f64, f64)], detector: &DetectorSettings) -> (Vec<f64>, Vec<usize>) {
         let (shape, c, bin) = (&detector.shape, detector.light_speed, detector.shape.bin);
         let lead = shape.peak as f64 * bin;

@@ -141,8 +141,8 @@ impl Detection {
         found.is_some()
     }
 
-    /// Appends an echo for each return: its range error and the surface it is attributed to (spec pulse-physics §4.7–4.9).
-    /// `traced` is given if the truth of the echoes is recorded.
+    /// Appends an echo for each return: its range error and the surface it is attributed to (spec pulse-physics
+    /// §4.7–4.9). `traced` is given if the truth of the echoes is recorded.
     #[inline(always)]
     fn emit_echoes(
         &mut self,
@@ -204,8 +204,8 @@ impl Detection {
         }
     }
 
-    /// The reflection that a return is attributed to; `None` if it lies farther from all of them than the pulse is long, so
-    /// that only noise of the receiver can have caused it.
+    /// The reflection that a return is attributed to; `None` if it lies farther from all of them than the pulse is
+    /// long, so that only noise of the receiver can have caused it.
     #[inline(always)]
     fn source_of(&self, r: &Return, instrument: &Instrument) -> Option<usize> {
         let source = attribute(&self.reflections, r.range);

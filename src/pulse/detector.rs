@@ -1,9 +1,9 @@
-//! What the detection reads of an instrument, and what it finds.
+//! Settings of the detection, and the returns that it finds.
 
 use super::options::Corrections;
 use super::shape::PulseShape;
 
-/// What makes a bin a peak.
+/// Conditions for a bin to be a peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PeakRule {
     /// Minimum amplitude.
@@ -12,8 +12,8 @@ pub(super) struct PeakRule {
     pub window: u64,
     /// Neighbours may lie below the threshold.
     pub weak_neighbours: bool,
-    /// Bin 0 is a neighbour like any other. The reference never compares it on the left, which makes no difference as long
-    /// as it holds the dark start of a pulse.
+    /// Bin 0 is a neighbour like any other. The reference never compares it on the left, which makes no difference as
+    /// long as it holds the dark start of a pulse.
     pub first_bin: bool,
 }
 
@@ -26,19 +26,17 @@ impl PeakRule {
     }
 }
 
-/// Settings of a device's detector.
 #[derive(Clone, Debug)]
 pub(super) struct DetectorSettings {
-    /// Outgoing pulse.
     pub shape: PulseShape,
     pub rule: PeakRule,
-    /// Most returns per pulse, 0 = unlimited.
+    /// Maximum number of returns per pulse, 0 = unlimited.
     pub max_returns: u32,
-    /// Nearest range R0, m.
+    /// Minimum range R0, m.
     pub range_min: f64,
-    /// Farthest range, m.
+    /// Maximum range, m.
     pub range_max: f64,
-    /// Longest waveform, ns; 0 = unlimited.
+    /// Maximum duration of a waveform, ns; 0 = unlimited.
     pub max_duration: f64,
     /// Metres of range per nanosecond of travel time.
     pub light_speed: f64,
@@ -48,7 +46,6 @@ pub(super) struct DetectorSettings {
 }
 
 impl DetectorSettings {
-    /// Whether a range lies between the nearest and the farthest one.
     #[inline(always)]
     pub fn is_in_range(&self, range: f64) -> bool {
         range >= self.range_min && range <= self.range_max
@@ -58,9 +55,8 @@ impl DetectorSettings {
 /// A peak that counts as an echo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Return {
-    /// Range by the waveform, m: without errors and noise.
+    /// Range read from the waveform, m, without errors and noise.
     pub range: f64,
-    /// Amplitude of the peak.
     pub amplitude: f64,
     /// Width of the fit, ns, or 0.
     pub width: f64,

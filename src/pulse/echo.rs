@@ -13,23 +13,20 @@ pub struct Echo {
     pub direction: DVec3,
     /// Measured range, m, noise and errors included.
     pub range: f64,
-    /// Distance along its subray to what was hit, m: no noise, no errors, no bins.
+    /// Distance along the subray to the hit, m, without noise, errors or bins.
     pub true_range: f64,
     /// Waveform amplitude at the peak.
     pub intensity: f64,
-    /// Width of the fitted Gaussian, ns; 0 when not asked for.
+    /// Width of the fitted Gaussian, ns; 0 unless requested.
     pub echo_width: f64,
     /// Number of the return, from 1.
     pub return_number: u32,
-    /// Returns of the pulse.
     pub number_of_returns: u32,
-    /// Number of the pulse among those of its device, from 1.
+    /// Pulse number of its device, from 1.
     pub pulse_number: u64,
-    /// Index of the device.
     pub device: u32,
-    /// Part that was hit: index into the scene's parts.
+    /// Index into the scene's parts.
     pub part: u32,
-    /// Primitive that was hit.
     pub primitive: u32,
     /// Class of the material.
     pub classification: i32,
@@ -43,13 +40,14 @@ pub struct Echo {
     pub truth_index: u32,
 }
 
-/// What really caused an echo.
+/// The true cause of an echo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EchoTruth {
-    /// Origin and direction of the beam from the pose that was flown, scene frame: those reported unless there are
-    /// errors of navigation.
+    /// True origin and direction of the beam, scene frame; equal to the reported ones if there are no navigation
+    /// errors.
     pub beam: [DVec3; 2],
-    /// Where its strongest subray hit a surface, m, scene frame: beside the beam's axis, on which the point lies.
+    /// Point where the strongest subray hit the surface, m, scene frame. The point of the echo lies on the beam's axis
+    /// instead.
     pub surface: DVec3,
     /// Unit normal there, towards the instrument; 0 in voxels.
     pub normal: DVec3,
@@ -63,7 +61,7 @@ impl Echo {
     /// [`Echo::truth_index`] of echoes whose truth is not recorded and whose pulse has no errors of navigation.
     pub const NO_TRUTH: u32 = u32::MAX;
 
-    /// The record of a pulse without echoes: no part and no primitive, numbers of returns of 0, at the beam's origin.
+    /// The record of a pulse without echoes, at the beam's origin: no part, no primitive, return numbers of 0.
     pub fn miss(pulse: &PulseRecord) -> Echo {
         Echo {
             position: pulse.origin,
@@ -87,17 +85,17 @@ impl Echo {
         }
     }
 
-    /// What really caused the echo, zeros if that is not recorded; `truths` are those of its batch.
+    /// The true cause of the echo, zeros if it is not recorded; `truths` belong to its batch.
     pub fn truth(&self, truths: &[EchoTruth]) -> EchoTruth {
         truths.get(self.truth_index as usize).copied().unwrap_or_default()
     }
 
-    /// Position with the pose that was flown, m, scene frame; `truths` are those of the echo's batch.
+    /// True position, m, scene frame; `truths` belong to the echo's batch.
     pub fn true_position(&self, truths: &[EchoTruth]) -> DVec3 {
         truths.get(self.truth_index as usize).map_or(self.position, |t| t.beam[0] + t.beam[1] * self.range)
     }
 
-    /// Whether it stands for a pulse without echoes.
+    /// Whether it represents a pulse without echoes.
     pub fn is_miss(&self) -> bool {
         self.number_of_returns == 0
     }
@@ -106,9 +104,8 @@ impl Echo {
 /// One digitised waveform (spec pulse-physics §4.11); its samples lie in the batch's pool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaveformRecord {
-    /// Number of the pulse among those of its device.
+    /// Pulse number of its device.
     pub pulse_number: u64,
-    /// Index of the device.
     pub device: u32,
     /// Beam origin, m, scene frame.
     pub origin: DVec3,
@@ -122,7 +119,6 @@ pub struct WaveformRecord {
     pub time_ns: f64,
     /// First sample within [`crate::pulse::Batch::samples`].
     pub first_sample: usize,
-    /// Number of samples.
     pub samples: usize,
 }
 
@@ -135,9 +131,8 @@ pub struct PulseRecord {
     pub direction: DVec3,
     /// ns of the GPS week.
     pub time_ns: f64,
-    /// Number of the pulse among those of its device.
+    /// Pulse number of its device.
     pub number: u64,
-    /// Index of the device.
     pub device: u32,
     /// Deflection angle of the beam, rad.
     pub scan_angle: f64,

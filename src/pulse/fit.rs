@@ -11,8 +11,8 @@ const MAX_REACH: u64 = 1 << 16;
 /// e^(−x) is exactly zero from here on.
 const UNDERFLOW: f64 = 746.0;
 
-/// Half width at 1/e, in bins, of the Gaussian on a pedestal that fits `waveform` around its peak of height `top` in bin
-/// `peak`. Only bins up to `reach` from the peak take part, if given. The width may be negative, absurd or NaN.
+/// Half width at 1/e, in bins, of the Gaussian on a pedestal that fits `waveform` around its peak of height `top` in
+/// bin `peak`. Only bins up to `reach` from the peak take part, if given. The width may be negative, absurd or NaN.
 pub(super) fn width(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> f64 {
     fit_gaussian(waveform, peak, top, reach)[3]
 }
@@ -73,8 +73,8 @@ impl NormalEquations {
         sums
     }
 
-    /// Adds bins `start` up to `end` with the heights `f`. The Gaussian is computed by recurrence from the bin nearest to its
-    /// centre outwards in both directions, so that rounding errors do not grow.
+    /// Adds bins `start` up to `end` with the heights `f`. The Gaussian is computed by recurrence from the bin nearest
+    /// to its centre outwards in both directions, so that rounding errors do not grow.
     fn add_run(&mut self, start: u64, end: u64, f: impl Fn(u64) -> f64, gaussian: &Gaussian) {
         if start >= end {
             return;

@@ -11,13 +11,11 @@ use std::f64::consts::TAU;
 /// Projection G of spherically distributed leaves.
 const SPHERICAL_PROJECTION: f64 = 0.5;
 
-/// The free paths of a pulse: one draw per voxel of foliage that a subray enters, in the order of subrays.
+/// Draws the free paths of a pulse: one per voxel of foliage that a subray enters, in the order of subrays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FreePaths {
     pub stream: Stream,
-    /// Index of the device.
     pub device: u32,
-    /// Number of the pulse.
     pub pulse: u64,
     /// Draws so far.
     pub drawn: u32,
@@ -32,18 +30,18 @@ impl FreePaths {
     }
 }
 
-/// What a voxel does to a ray that enters it.
+/// Effect of a voxel on a ray that enters it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum MediumEvent {
-    /// The ray is scattered that many metres after its entry.
+    /// The ray is scattered this many metres after its entry.
     Scatter(f64),
-    /// The ray leaves the voxel that many metres from the start of its current segment.
+    /// The ray leaves the voxel this many metres from the start of its current segment.
     Exit(f64),
     /// The ray is lost: the voxel has no exit ahead.
     Lost,
 }
 
-/// What primitive `i` does to a ray from `from` along `direction` that enters it at `entry` metres.
+/// Effect of primitive `i` on a ray from `from` along `direction` that enters it at `entry` metres.
 pub(super) fn medium_event(
     scene: &Scene,
     corrections: &Corrections,
@@ -94,15 +92,15 @@ pub(super) fn leaf_extinction(
     (sigma > 0.0 && exit > 0.0).then_some((exit, sigma))
 }
 
-/// Mean cosine of the incidence on the leaves of voxel `i`: by the leaf angle table of its part, otherwise for leaves that
-/// face all directions alike.
+/// Mean cosine of the incidence on the leaves of voxel `i`: by the leaf angle table of its part, otherwise for leaves
+/// that face all directions alike.
 pub(super) fn mean_cosine(scene: &Scene, corrections: &Corrections, i: u32, direction: DVec3) -> f64 {
     let table = leaf_angles(scene, i).filter(|_| corrections.leaf_table_law);
     table.map_or(SPHERICAL_MEAN_COSINE, |t| t.mean_cosine(direction))
 }
 
-/// Cross-section of the foliage of a voxel with a leaf angle table in the radar equation (spec pulse-physics §3.5); `None`
-/// if the voxel reflects like a surface.
+/// Cross-section of the foliage of a voxel with a leaf angle table in the radar equation (spec pulse-physics §3.5);
+/// `None` if the voxel reflects like a surface.
 pub(super) fn cross_section(
     scene: &Scene,
     corrections: &Corrections,
@@ -149,8 +147,8 @@ fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
     nearest
 }
 
-/// The voxels of foliage that contain or touch `point`: rays that start there never enter them. `size` is the edge of the
-/// scene's largest cube.
+/// The voxels of foliage that contain or touch `point`: rays that start there never enter them. `size` is the edge of
+/// the scene's largest cube.
 pub(super) fn voxels_around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Vec<u32> {
     let first_cube = scene.geometry.triangles.len();
     let contains = |i: u32| {

@@ -1,14 +1,14 @@
 //! Patterns of subrays of equal energy across the footprint of a beam.
 //!
-//! The energy within a radius r of the footprint is F(r): 1 − e^(−2r²/w²) of a Gaussian beam of 1/e² radius w, (r/w)² of a top
-//! hat. N subrays stand for N annuli of equal energy, each at the root mean square radius of its annulus and turned against
-//! the previous one by the golden angle (Vogel 1979, "A better way to construct the sunflower head") or a similar one, so that
-//! the subrays spread evenly over radii and directions: what an edge, a wire or a plate cuts off is known to a fraction of a
-//! subray. Finally the pattern is moved and stretched by a few per cent so that its centre is on the axis and its second moments are
-//! exactly the beam's, in all directions: then the mean range of a plane and the broadening of its echo are exact for any
-//! number of subrays.
+//! The energy within a radius r of the footprint is F(r): 1 − e^(−2r²/w²) of a Gaussian beam of 1/e² radius w, (r/w)²
+//! of a top hat. N subrays represent N annuli of equal energy. Each lies at the root mean square radius of its annulus
+//! and is turned against the previous one by the golden angle (Vogel 1979, "A better way to construct the sunflower
+//! head") or a similar one, so that the subrays spread evenly over radii and directions: the share that an edge, a wire
+//! or a plate cuts off is accurate to a fraction of a subray. Finally the pattern is moved and stretched by a few per
+//! cent so that its centre is on the axis and its second moments are exactly the beam's in all directions. Then the
+//! mean range of a plane and the broadening of its echo are exact for any number of subrays.
 //!
-//! From pulse to pulse the pattern is turned, so that neighbouring pulses hit what one of them misses.
+//! The pattern is turned from pulse to pulse, so that targets missed by one pulse are hit by its neighbours.
 
 use crate::survey::BeamProfile;
 use libm::{cos, log, sin};
@@ -18,7 +18,8 @@ use std::f64::consts::{PI, TAU};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Footprint {
     pub profile: BeamProfile,
-    /// Half angle (rad) at which a Gaussian beam has fallen to 1/e², or a top hat ends: along x and along z of the beam frame.
+    /// Half angle (rad) at which a Gaussian beam has fallen to 1/e², or a top hat ends: along x and along z of the beam
+    /// frame.
     pub half_angles: [f64; 2],
     /// Radius of the beam where it leaves the instrument, m.
     pub exit_radius: f64,
@@ -33,16 +34,16 @@ pub(super) struct Subray {
     pub exit: [f64; 2],
 }
 
-/// Number of patterns for beams of few subrays.
+/// Number of patterns of beams with few subrays.
 const PATTERNS: usize = 16;
-/// Beams of more subrays have one pattern: it covers any footprint, and patterns need memory.
+/// Maximum number of subrays for more than one pattern. Larger patterns cover any footprint, and patterns need memory.
 const MAX_PATTERNED_SUBRAYS: usize = 1000;
 
 /// `count` subrays of equal energy, for each pattern. A single subray is the axis.
 ///
-/// The point at which a subray leaves the instrument is its angle turned by a quarter about the axis: so position and angle are
-/// uncorrelated and the squares of both radii add up, w(R)² = w(0)² + (R·θ/2)², as those of a Gaussian beam do from its
-/// waist on.
+/// The point at which a subray leaves the instrument is its angle turned by a quarter about the axis: so position and
+/// angle are uncorrelated and the squares of both radii add up, w(R)² = w(0)² + (R·θ/2)², as those of a Gaussian beam
+/// do from its waist on.
 pub(super) fn patterns(beam: &Footprint, count: usize) -> impl Iterator<Item = Vec<Subray>> {
     let base = match count {
         1 => vec![[0.0; 2]],
@@ -94,8 +95,8 @@ fn annulus_radius(profile: BeamProfile, i: usize, count: usize) -> f64 {
     }
 }
 
-/// Standard deviation of the energy of either profile along any axis, in units of the beam's radius: ∫ r² dF = 1/2, half of it
-/// along each axis.
+/// Standard deviation of the energy of either profile along any axis, in units of the beam's radius: ∫ r² dF = 1/2,
+/// half of it along each axis.
 const DEVIATION: f64 = 0.5;
 
 /// Moves and stretches points so that their mean is 0, their covariance 0 and their standard deviation along each axis

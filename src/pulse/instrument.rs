@@ -18,19 +18,18 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
-/// Most rings of subrays: 512 rings are 822,000 rays per pulse.
+/// Maximum number of rings of subrays: 512 rings are 822,000 rays per pulse.
 const MAX_RINGS: u32 = 512;
-/// The threshold of instruments that name none. Taken as watts, 1e-4 W would hide everything: it counts as not given, and is
+/// Threshold of instruments that state none, nW. As 1e-4 W it would hide every echo, so it counts as not given and is
 /// in nanowatts with and without the correction of the unit.
 const DEFAULT_THRESHOLD: f64 = 1e-4;
-/// Most bins of an outgoing pulse.
+/// Maximum number of bins of an outgoing pulse.
 const MAX_PULSE_BINS: f64 = (1u32 << 20) as f64;
 
 /// A device with one divergence.
 #[derive(Clone, Debug)]
 pub(super) struct Instrument {
     pub subrays: Subrays,
-    /// Radar equation.
     pub energy: Energy,
     /// Half angle of the beam, the larger one of an elliptical beam, rad.
     pub footprint_angle: f64,
@@ -152,8 +151,9 @@ fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
     }
 }
 
-/// Detection threshold, nW: the peak of an echo at the instrument's maximum range, if it names one; a multiple of its noise,
-/// if it has noise and names no threshold; else that of `rule`. `amplitude_of` computes the peak of a target's echo, nW.
+/// Detection threshold, nW: the peak of an echo at the instrument's maximum range, if it states one; a multiple of its
+/// noise, if it has noise and states no threshold; otherwise the threshold of `rule`. `amplitude_of` computes the peak
+/// of a target's echo, nW.
 fn threshold(
     device: &Device,
     receiver: &Receiver,
@@ -203,7 +203,7 @@ struct Context<'a> {
     options: &'a PhysicsOptions,
     multi_channel: bool,
     first_accuracy: f64,
-    /// Pulse rate of figures in data sheets that name none, Hz.
+    /// Pulse rate of data sheet figures that state none, Hz.
     first_frequency: f64,
 }
 
@@ -220,8 +220,8 @@ impl InstrumentTable {
     /// Computes the instruments that `survey` uses.
     ///
     /// # Errors
-    /// Settings that no instrument can have (bins without width), or that need too much memory (millions of subrays or of
-    /// pulse samples).
+    /// Settings that no instrument can have (bins without width), or that need too much memory (millions of subrays or
+    /// of pulse samples).
     pub fn new(survey: &Survey, options: &PhysicsOptions) -> Result<InstrumentTable> {
         let devices = &survey.scanner.devices;
         devices.iter().try_for_each(check)?;
@@ -256,12 +256,11 @@ impl InstrumentTable {
         })
     }
 
-    /// Number of devices.
     pub(super) fn devices(&self) -> usize {
         self.devices
     }
 
-    /// Number of subrays of the device that has the most.
+    /// Maximum number of subrays of a device.
     pub(super) fn max_rays(&self) -> usize {
         self.instruments.iter().map(|i| i.subrays.len()).max().unwrap_or(0)
     }

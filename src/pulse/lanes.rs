@@ -2,7 +2,7 @@
 
 use crate::tree::RayGroup;
 
-/// Subrays of a block.
+/// Subrays per block.
 pub(super) const LANES: usize = RayGroup::WIDTH;
 /// A number for each subray of a block.
 pub(super) type Block = [f64; LANES];

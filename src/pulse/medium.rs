@@ -1,10 +1,10 @@
 //! Rays through foliage as a participating medium: the refined counterpart of spec pulse-physics §2.7.
 //!
-//! Voxels are visited in the order of their entries, and each draws one free path. The nearest scattering point of all of
-//! them counts, provided that nothing opaque lies before it; or all foliage along the ray is listed (see
-//! [`super::continuum`]). So neighbouring voxels are never skipped, voxels that overlap add their extinctions, and a trunk
-//! within a voxel is seen through its leaves. A voxel does not own its upper faces: a ray along a face belongs to one of
-//! the neighbours only.
+//! Voxels are visited in the order of their entries, and each draws one free path. The nearest scattering point counts,
+//! provided that nothing opaque lies before it; or all foliage along the ray is listed (see [`super::continuum`]). So
+//! neighbouring voxels are never skipped, voxels that overlap add their extinctions, and a trunk within a voxel is
+//! visible through its leaves. A voxel does not own its upper faces: a ray along a face belongs to only one of the
+//! neighbours.
 
 use super::continuum::{MAX_DEPTH, MediumSegment, depth};
 use super::detector::DetectorSettings;
@@ -14,7 +14,7 @@ use crate::geom::DVec3;
 use crate::scene::VoxelKind;
 use crate::tree::Hits;
 
-/// A ray on its way through foliage.
+/// A ray on its path through foliage.
 struct MediumWalk<'v, 'a> {
     view: &'v SceneView<'a>,
     detector: &'v DetectorSettings,
@@ -28,24 +28,24 @@ struct MediumWalk<'v, 'a> {
     passed: Vec<(u32, f64)>,
 }
 
-/// What is wanted of the foliage along the ray.
+/// What the walk collects along the ray.
 enum Search<'v> {
-    /// The nearest of the scattering points that are drawn for each voxel.
+    /// The nearest of the scattering points, one of which is drawn per voxel.
     ScatterPoint(&'v mut FreePaths),
     /// All voxels, by ascending entry.
     Segments(&'v mut Vec<MediumSegment>),
 }
 
-/// How the walk goes on after an interaction.
+/// Continuation of the walk after an interaction.
 enum Step {
-    /// With the search from this point.
+    /// Search on from this point.
     Continue(DVec3),
     End(Option<Interaction>),
 }
 
 impl SceneView<'_> {
-    /// Follows a subray from its first interaction through foliage to the one that reflects it, or `None`. `around` are the
-    /// voxels of foliage that contain its origin.
+    /// Follows a subray from its first interaction through foliage to the one that reflects it, or `None`. `around` are
+    /// the voxels of foliage that contain its origin.
     #[inline(never)]
     pub(super) fn walk_medium(
         &self,
@@ -58,7 +58,8 @@ impl SceneView<'_> {
         self.run_walk(detector, ray, first, around, Search::ScatterPoint(paths))
     }
 
-    /// Follows a subray through foliage to a solid surface, or `None`, and lists the foliage on its way by ascending entry.
+    /// Follows a subray through foliage to a solid surface, or `None`, and lists the foliage on its path by ascending
+    /// entry.
     #[inline(never)]
     pub(super) fn collect_medium(
         &self,
@@ -124,7 +125,7 @@ impl MediumWalk<'_, '_> {
             return Step::End(self.measured_scatter());
         }
         if at.range < detector.range_min && !by_scatter_range {
-            // What is too near occludes the rest, unless rays see through it.
+            // An object nearer than the minimum range occludes the rest, unless rays see through it.
             let behind = at.point(self.direction) + self.direction * STEP_BEHIND;
             let is_transparent = detector.corrections.see_through_near;
             return if is_transparent { Step::Continue(behind) } else { Step::End(None) };

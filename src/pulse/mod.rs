@@ -9,14 +9,14 @@
 //! | `subray`, `footprint` | directions of subrays: rings, and patterns of equal energy |
 //! | `traced`, `energy`, `lanes` | ranges of the hits and the energy received from there, a block of subrays at a time |
 //! | `detection` | from the hits of a pulse to its records |
-//! | `view`, `reflect`, `reflections`, `triangle_cache` | the scene as the pulse sees it, and what it reflects |
+//! | `view`, `reflect`, `reflections`, `triangle_cache` | the scene at the time of a pulse, and its reflections |
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
 //! | `receiver`, `noise`, `ranging` | receivers that are not ideal |
 //! | `detector`, `detect`, `peaks`, `fit`, `recorded` | settings of the detection; returns of a waveform; echoes of recorded ones |
-//! | `sources`, `range_noise` | what really caused an echo; noise of ranges |
+//! | `sources`, `range_noise` | true causes of echoes; noise of ranges |
 //! | `echo`, `batch` | the records |
 
 mod batch;

@@ -1,14 +1,15 @@
 //! Noise of the receiver: normal, limited to its bandwidth, a function of device, pulse and sample.
 //!
 //! A receiver with the Gaussian response |H(f)|² = 2^(−(f/B)²) turns white noise into noise of autocorrelation
-//! exp(−t²/(4σ_h²)), where σ_h = √(ln 2)/(2πB) is the width of its impulse response. Samples are therefore white draws under a
-//! Gaussian window of that width: neighbouring samples share most of their noise, as behind a real amplifier, and an echo is
-//! one crossing of the threshold and not a cluster of them.
+//! exp(−t²/(4σ_h²)), where σ_h = √(ln 2)/(2πB) is the width of its impulse response. Samples are therefore white draws
+//! under a Gaussian window of that width: neighbouring samples share most of their noise, as behind a real amplifier,
+//! and an echo is one crossing of the threshold and not a cluster of crossings.
 //!
-//! Between the echoes only noise crosses the threshold T. A stationary normal process of standard deviation σ does so
-//! ν = √(−ρ''(0))/(2π)·exp(−T²/(2σ²)) times per time (Rice 1945, "Mathematical analysis of random noise", eq. 3.3-14), here
-//! with −ρ''(0) = 1/(2σ_h²); crossings of a high threshold form a Poisson process whose peaks x have the tail
-//! exp(−(x² − T²)/(2σ²)) (Cramér & Leadbetter 1967, ch. 12). So they are drawn one after the other, not sample by sample.
+//! Between the echoes only noise crosses the threshold T. A stationary normal process of standard deviation σ does so ν
+//! = √(−ρ''(0))/(2π)·exp(−T²/(2σ²)) times per time (Rice 1945, "Mathematical analysis of random noise", eq. 3.3-14),
+//! here with −ρ''(0) = 1/(2σ_h²); crossings of a high threshold form a Poisson process whose peaks x have the tail
+//! exp(−(x² − T²)/(2σ²)) (Cramér & Leadbetter 1967, ch. 12). So they are drawn one after the other, not sample by
+//! sample.
 
 use crate::rng::{self, Stream};
 use libm::{erfc, exp, log, sqrt};
@@ -18,15 +19,15 @@ use std::f64::consts::{LN_2, PI, SQRT_2};
 const ELECTRON: f64 = 1.602_176_634e-19;
 /// Half width of the window of draws, in units of σ_h.
 const HALF_WINDOW: f64 = 4.0;
-/// Most draws on either side of a sample that make its noise.
+/// Maximum number of draws on either side of a sample that contribute to its noise.
 const MAX_TAPS: usize = 1024;
-/// Threshold over noise of instruments that name no threshold: at most one false alarm in ten thousand pulses.
+/// Threshold over noise of instruments that state none: at most one false alarm in ten thousand pulses.
 const THRESHOLD_OVER_NOISE: f64 = 6.0;
 /// Bandwidth of a matched receiver times the full width at half maximum of its Gaussian pulse: 2·ln 2/π.
 const MATCHED_BANDWIDTH_WIDTH: f64 = 2.0 * LN_2 / PI;
 
-/// Bandwidth (GHz) of the receiver that is matched to a pulse of `fwhm` ns: its noise is correlated over the length of the
-/// pulse.
+/// Bandwidth (GHz) of the receiver that is matched to a pulse of `fwhm` ns: its noise is correlated over the length of
+/// the pulse.
 pub(super) fn matched_bandwidth(fwhm: f64) -> f64 {
     MATCHED_BANDWIDTH_WIDTH / fwhm
 }
@@ -37,8 +38,8 @@ pub(super) fn shot_variance(bandwidth: f64, responsivity: f64) -> f64 {
     2.0 * ELECTRON * bandwidth / responsivity
 }
 
-/// Signal-to-noise ratio at which a pulse of `depth` m at half maximum has a range noise of `sigma` m: σ_p/σ, the Cramér–Rao
-/// bound of a Gaussian pulse of standard deviation σ_p behind a matched receiver.
+/// Signal-to-noise ratio at which a pulse of `depth` m at half maximum has a range noise of `sigma` m: σ_p/σ, the
+/// Cramér–Rao bound of a Gaussian pulse of standard deviation σ_p behind a matched receiver.
 pub(super) fn signal_to_noise(depth: f64, sigma: f64) -> f64 {
     depth / (sqrt(8.0 * LN_2) * sigma)
 }
@@ -79,8 +80,8 @@ pub(super) struct FalseAlarm {
 }
 
 impl ReceiverNoise {
-    /// Noise of those variances (squared amplitude, and per amplitude of an echo) behind a bandwidth (GHz), in bins of
-    /// `bin` ns.
+    /// Noise of the given variances (squared amplitude, and per amplitude of an echo) behind a bandwidth (GHz), in bins
+    /// of `bin` ns.
     pub fn new(dark_variance: f64, signal_variance: f64, bandwidth: f64, bin: f64) -> ReceiverNoise {
         let response = sqrt(LN_2) / (2.0 * PI * bandwidth);
         let width = response / bin;
@@ -100,7 +101,7 @@ impl ReceiverNoise {
         sqrt(self.dark_variance)
     }
 
-    /// Threshold of instruments that name none.
+    /// Threshold of instruments that state none.
     pub fn default_threshold(&self) -> f64 {
         THRESHOLD_OVER_NOISE * self.dark_sigma()
     }
@@ -130,7 +131,8 @@ impl ReceiverNoise {
         crossings.min(tail)
     }
 
-    /// Appends the false alarms in `gate` (ns) outside of the `lit` intervals (ns, ascending, disjoint), by ascending time.
+    /// Appends the false alarms in `gate` (ns) outside of the `lit` intervals (ns, ascending, disjoint), by ascending
+    /// time.
     pub fn add_alarms(
         &self,
         threshold: f64,
@@ -236,7 +238,7 @@ mod tests {
         noise.add(&mut part, 77, &draws(9), &mut Vec::new());
         assert_eq!(part, whole[77..127]);
         assert_ne!(sampled(&noise, 300, 10), whole);
-        // Bin numbers beyond 32 bits count on.
+        // Bin numbers above 32 bits continue the sequence.
         let mut far = vec![0.0; 8];
         noise.add(&mut far, (1 << 32) + 77, &draws(9), &mut Vec::new());
         assert_eq!(far, whole[77..85]);

@@ -40,7 +40,7 @@ pub struct PhysicsOptions {
     pub record_waveforms: bool,
     /// Append a record to the batch for every pulse, with or without echoes.
     pub record_pulses: bool,
-    /// Append a record to the batch of what really caused every echo ([`super::EchoTruth`]).
+    /// Append a record to the batch of the true cause of every echo ([`super::EchoTruth`]).
     pub record_truth: bool,
     /// Append the reflections of all subrays to the batch instead of echoes.
     pub record_subrays: bool,

@@ -1,11 +1,11 @@
-//! Which bins of a waveform are echoes (spec pulse-physics §4.4).
+//! Finds the bins of a waveform that are echoes (spec pulse-physics §4.4).
 
 use super::detector::PeakRule;
 use super::lanes::LANES;
 use super::waveform::Waveform;
 use crate::tree::simd::{F64Ops, MaskOps, Simd, each_of};
 
-/// Which of eight bins may be peaks as far as their direct neighbours tell: bit `i` is that of `around[i + 1]`.
+/// Mask of the eight bins that may be peaks, judging by their direct neighbours: bit `i` belongs to `around[i + 1]`.
 #[inline(always)]
 fn candidates<S: Simd>(simd: S, around: &[f64; LANES + 2], rule: &PeakRule) -> u8 {
     let [before, top, after] = each_of!([0, 1, 2], i => {
@@ -20,8 +20,8 @@ fn candidates<S: Simd>(simd: S, around: &[f64; LANES + 2], rule: &PeakRule) -> u
     !(higher | below).bits() as u8
 }
 
-/// The peaks of a waveform in ascending time, as (bin, amplitude). Bins that are not stored are never peaks: they received no
-/// light.
+/// The peaks of a waveform in ascending time, as (bin, amplitude). Bins that are not stored are never peaks: they
+/// received no light.
 pub(super) struct Peaks<'a, S: Simd> {
     simd: S,
     waveform: &'a Waveform,
@@ -36,7 +36,7 @@ impl<'a, S: Simd> Peaks<'a, S> {
         Peaks { simd, waveform, rule, segment: 0, offset: 0 }
     }
 
-    /// Whether a direct neighbour of bin `i` = `bins[offset]` rules out a peak, as it mostly does.
+    /// Whether a direct neighbour of bin `i` = `bins[offset]` rules out a peak, which is the usual case.
     fn is_ruled_out(&self, bins: &[f64], offset: usize, i: u64) -> bool {
         let top = bins[offset];
         let rules_out = |other: &f64| !self.rule.admits(*other, top);
@@ -45,8 +45,8 @@ impl<'a, S: Simd> Peaks<'a, S> {
                 || (i > self.first_neighbour() && offset >= 1 && rules_out(&bins[offset - 1])))
     }
 
-    /// Skips bins below the threshold or ruled out by a direct neighbour, eight at a time, as far as both neighbours are
-    /// stored.
+    /// Skips bins below the threshold or ruled out by a direct neighbour, eight at a time, as far as both neighbours
+    /// are stored.
     #[inline(always)]
     fn skip_ruled_out(&mut self, bins: &[f64]) {
         if self.rule.window < 2 {

@@ -51,7 +51,7 @@ impl<'a> Physics<'a> {
         })
     }
 
-    /// Rays per pulse of the device that has the most.
+    /// Maximum number of rays per pulse of a device.
     pub fn max_rays(&self) -> usize {
         self.instruments.max_rays()
     }
@@ -68,7 +68,8 @@ impl<'a> Physics<'a> {
     }
 }
 
-/// The scene's box if primitives may lie outside of it, where they are invisible: those that move once the scene is loaded.
+/// The scene's box, outside of which primitives are invisible; `None` unless some may lie there because they move once
+/// the scene is loaded.
 fn visible_bounds(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
     let (b, g) = (scene.bounds, &scene.geometry);
     let within = |p: DVec3, half: f64| (p - half).cmpge(b.min).all() && (p + half).cmple(b.max).all();

@@ -1,4 +1,4 @@
-//! Where the pulses of reflections start in a waveform, if they may start between two bins.
+//! Starts of the pulses of reflections in a waveform, for pulses that may start between two bins.
 
 use super::detector::DetectorSettings;
 use super::lanes::{Block, LANES};

@@ -5,8 +5,8 @@ use super::instrument::InstrumentTable;
 use crate::Result;
 use crate::rng::{NORMALS_PER_BLOCK, Stream};
 
-/// Adds noise to the ranges of at most [`NORMALS_PER_BLOCK`] echoes and computes their positions. The noise is a function
-/// of device, pulse and return number alone.
+/// Adds noise to the ranges of at most [`NORMALS_PER_BLOCK`] echoes and computes their positions. The noise is a
+/// function of device, pulse and return number alone.
 #[inline(always)]
 pub(super) fn apply_noise(
     echoes: &mut [Echo],

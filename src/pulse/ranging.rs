@@ -1,9 +1,10 @@
 //! Ranging between bins: the position of an echo by its peak, its centroid or a Gaussian, for pulses of any shape.
 //!
-//! Each method reads a position from the samples around the largest one that differs from the position of the pulse, by an
-//! amount that depends on the pulse's shape and on its start within a bin. So the instrument is calibrated: the reading is
-//! tabulated for a pulse of its own shape in small shifts, and the table is inverted. Noiseless single echoes then have
-//! exact positions by any method; the methods differ in their response to noise and to echoes that overlap.
+//! Each method reads a position from the samples around the largest one that differs from the position of the pulse, by
+//! an amount that depends on the pulse's shape and on its start within a bin. So the instrument is calibrated: the
+//! reading is tabulated for a pulse of its own shape in small shifts, and the table is inverted. Noiseless single
+//! echoes then have exact positions by any method; the methods differ in their response to noise and to echoes that
+//! overlap.
 
 use crate::survey::Ranging;
 
@@ -27,8 +28,8 @@ pub(super) struct RangeReader {
 }
 
 impl RangeReader {
-    /// The detector for pulses that are `width` bins wide at half maximum. `pulse(k, by)` is sample `k` relative to the peak
-    /// of a pulse that begins `by` bins (0 to 1) late, 0 where there is none.
+    /// The detector for pulses that are `width` bins wide at half maximum. `pulse(k, by)` is sample `k` relative to the
+    /// peak of a pulse that begins `by` bins (0 to 1) late, 0 where there is none.
     pub fn new(ranging: Ranging, width: f64, pulse: impl Fn(i64, f64) -> f64) -> RangeReader {
         let reach = match ranging {
             Ranging::Peak => 1,
@@ -94,8 +95,9 @@ impl RangeReader {
         if sum > 0.0 { moment / sum } else { f64::NAN }
     }
 
-    /// Centre of the Gaussian that fits the samples in the sense of least squares (Gauss–Newton; Wagner et al. 2006, "Gaussian
-    /// decomposition and calibration of a novel small-footprint full-waveform digitising airborne laser scanner", §3).
+    /// Centre of the Gaussian that fits the samples in the sense of least squares (Gauss–Newton; Wagner et al. 2006,
+    /// "Gaussian decomposition and calibration of a novel small-footprint full-waveform digitising airborne laser
+    /// scanner", §3).
     fn gaussian(&self, sample: impl Fn(i64) -> f64) -> f64 {
         let top = sample(0);
         let [mut height, mut centre, mut width] = [1.0, 0.0, self.width];
@@ -175,7 +177,7 @@ mod tests {
         RangeReader::new(ranging, width, |k, by| shape((PEAK + k) as f64 - by))
     }
 
-    /// What the reader says of samples: the start of the pulse in bins, 0 if it begins with its bin.
+    /// Start of the pulse as read from samples, bins; 0 if it begins with its bin.
     fn start(reader: &RangeReader, samples: &[f64]) -> f64 {
         let peak = (0..samples.len()).max_by(|a, b| samples[*a].total_cmp(&samples[*b])).unwrap() as i64;
         let at = |k: i64| usize::try_from(peak + k).ok().and_then(|i| samples.get(i)).copied().unwrap_or(0.0);
@@ -202,9 +204,9 @@ mod tests {
 
     #[test]
     fn noise_shifts_a_range_by_the_pulse_length_over_the_signal_to_noise_ratio() {
-        // The Cramér–Rao bound of the time of a Gaussian pulse behind a matched receiver is σ_p/SNR (Van Trees 1968, part
-        // I, ch. 4: √(σ²/Σ(s')²) on white noise before the filter); the peak detector reaches it, as it is the maximum
-        // of the matched filter's output. No detector may beat it.
+        // The Cramér–Rao bound of the time of a Gaussian pulse behind a matched receiver is σ_p/SNR (Van Trees 1968,
+        // part I, ch. 4: √(σ²/Σ(s')²) on white noise before the filter); the peak detector reaches it, as it is the
+        // maximum of the matched filter's output. No detector may beat it.
         let (bin, fwhm) = (0.25, 2.0);
         let sigma = fwhm / bin / (8.0 * 2f64.ln()).sqrt();
         let shape = gaussian(sigma);

@@ -9,7 +9,7 @@ use std::ops::Range;
 pub(super) struct RayBatch {
     pub rays: RayGroup,
     pub hits: Hits,
-    /// Where each ray leaves the instrument, pulse by pulse, m; empty where all rays of a pulse leave its origin.
+    /// Point where each ray leaves the instrument, pulse by pulse, m; empty where all rays of a pulse leave its origin.
     pub exits: Vec<DVec3>,
     /// Rays with exits as groups of one ray each, and their hits.
     single: Box<(RayGroup, Hits)>,

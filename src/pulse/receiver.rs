@@ -1,7 +1,7 @@
 //! Receivers that are not ideal: noise, saturation, range walk, and ranging between bins.
 //!
-//! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise is added to the
-//! samples, then the receiver saturates, then echoes are detected.
+//! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise is added to
+//! the samples, then the receiver saturates, then echoes are detected.
 
 use super::detector::{DetectorSettings, Return};
 use super::energy::NANO;
@@ -14,9 +14,9 @@ use crate::rng::{Purpose, Stream};
 use crate::survey::{AmplifierNoise, Ranging, Receiver, ReferenceTarget};
 use libm::sqrt;
 
-/// Most false alarms per pulse on average.
+/// Maximum number of false alarms per pulse, on average.
 const MAX_ALARMS: f64 = 10_000.0;
-/// Longest waveform with noise on all bins; longer ones have noise where light is stored.
+/// Maximum length of a waveform with noise on all bins; longer ones have noise where light is stored.
 const MAX_FILLED_BINS: u64 = 4096;
 
 /// Noise of a receiver in nanowatts; `None` for an ideal one. `amplitude_of` computes the peak of a target's echo, nW.
@@ -38,23 +38,23 @@ pub(super) fn receiver_noise(
     (dark > 0.0 || per_light > 0.0).then(|| ReceiverNoise::new(dark, per_light, bandwidth * 1e-9, shape.bin))
 }
 
-/// Output of a receiver that saturates at `limit`: v/√(1 + (v/limit)²), linear below and never above (Rapp 1991, "Effects of
-/// HPA-nonlinearity on a 4-DPSK/OFDM-signal for a digital sound broadcasting system", with the smoothness 1). The order of
-/// amplitudes stays, so that a peak stays a peak.
+/// Output of a receiver that saturates at `limit`: v/√(1 + (v/limit)²), linear below and never above (Rapp 1991,
+/// "Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal for a digital sound broadcasting system", with the smoothness
+/// 1). The order of amplitudes stays, so that a peak stays a peak.
 pub(super) fn saturated(value: f64, limit: f64) -> f64 {
     let ratio = value / limit;
     if ratio > 0.0 { value / sqrt(1.0 + ratio * ratio) } else { value }
 }
 
-/// Shift of a measured range by the amplitude, m: a timer that stops where a linearly rising edge crosses the threshold stops
-/// the later the weaker the echo is, in proportion to threshold over amplitude (Amann et al. 2001, "Laser ranging: a critical
-/// review of usual techniques for distance measurement", Optical Engineering 40(1), walk error). `walk` is the shift of
-/// an echo right at the threshold.
+/// Shift of a measured range by the amplitude, m: a timer that stops where a linearly rising edge crosses the threshold
+/// stops the later the weaker the echo is, in proportion to threshold over amplitude (Amann et al. 2001, "Laser
+/// ranging: a critical review of usual techniques for distance measurement", Optical Engineering 40(1), walk error).
+/// `walk` is the shift of an echo right at the threshold.
 pub(super) fn range_walk(walk: f64, threshold: f64, amplitude: f64) -> f64 {
     if amplitude > threshold { walk * threshold / amplitude } else { walk }
 }
 
-/// The receiver of a device, as far as it is not ideal.
+/// The receiver of a device that is not ideal.
 #[derive(Clone, Debug)]
 pub(super) struct ReceiverModel {
     noise: Option<ReceiverNoise>,
@@ -116,8 +116,8 @@ impl ReceiverModel {
         self.noise.as_ref().is_some_and(|noise| noise.alarm_rate(self.threshold) > 0.0)
     }
 
-    /// Adds noise to the samples of a pulse and saturates them. All bins of recorded and of short waveforms have noise, of
-    /// others the stored ones.
+    /// Adds noise to the samples of a pulse and saturates them. All bins of recorded and of short waveforms have noise,
+    /// of others the stored ones.
     pub fn distort(&self, waveform: &mut Waveform, is_recorded: bool, (device, pulse): (u32, u64)) {
         if let Some(noise) = &self.noise {
             waveform.store_gaps(if is_recorded { MAX_RECORD_SAMPLES } else { MAX_FILLED_BINS });

@@ -13,14 +13,13 @@ pub struct RecordedEcho {
     pub sample: usize,
     /// Amplitude there.
     pub amplitude: f64,
-    /// Half width at 1/e of the Gaussian that fits it (spec pulse-physics §4.5), samples. May be NaN or absurd where
-    /// nothing resembles a Gaussian, as may be the following.
+    /// Half width at 1/e of the fitted Gaussian (spec pulse-physics §4.5), samples. NaN or meaningless, as are
+    /// `centre`, `height` and `pedestal`, where the samples do not resemble a Gaussian.
     pub width: f64,
-    /// Where the fitted Gaussian has its centre, samples.
+    /// Centre of the fitted Gaussian, samples.
     pub centre: f64,
-    /// Height of the Gaussian above the pedestal.
+    /// Height of the Gaussian above its pedestal.
     pub height: f64,
-    /// The pedestal on which it stands.
     pub pedestal: f64,
 }
 
@@ -29,8 +28,8 @@ const WINDOW: u64 = 5;
 /// Smallest amplitude of an echo, as a share of the highest.
 const MIN_SHARE: f64 = 0.01;
 
-/// The echoes of `samples` in their order. The whole waveform of a single echo is fitted, as by a run with echo widths;
-/// several echoes are fitted up to the nearer valley on either side.
+/// The echoes of `samples` in their order. The complete waveform of a single echo is fitted, as in a run with echo
+/// widths; several echoes are fitted up to the nearer valley on either side.
 pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     let highest = samples.iter().copied().fold(0.0, f64::max);
     if highest <= 0.0 || !highest.is_finite() {

@@ -1,4 +1,4 @@
-//! From what the subrays hit to reflections (spec pulse-physics §2).
+//! Turns the hits of subrays into reflections (spec pulse-physics §2).
 
 use super::continuum::{FoliageContinuum, LeafResponse, MediumSegment, depth};
 use super::foliage::{self, FreePaths, MediumEvent};
@@ -42,14 +42,14 @@ impl<'a> SceneView<'a> {
             && self.visible_bounds.is_none()
             && self.shade_triangles(instrument, pulse, &mut scratch.triangles, out);
         if !is_done {
-            // Drops what [`SceneView::shade_triangles`] found before it gave up.
+            // Drops the partial result of [`SceneView::shade_triangles`].
             out.clear(instrument.subrays.len());
             self.reflect_each(instrument, pulse, &around, paths, scratch, out);
         }
     }
 
-    /// [`SceneView::reflect`] for pulses that hit nothing but opaque triangles, a block of subrays at a time; `false` for
-    /// any other pulse.
+    /// [`SceneView::reflect`] for pulses that hit nothing but opaque triangles, a block of subrays at a time; `false`
+    /// for any other pulse.
     #[inline(always)]
     fn shade_triangles(
         &self,
@@ -76,7 +76,7 @@ impl<'a> SceneView<'a> {
             }
             let (mut cosine, mut intensity) = ([1.0; LANES], [0.0; LANES]);
             let mut unshaded = LaneMask::of(seen);
-            // Neighbouring subrays mostly hit the same triangle: few rounds.
+            // Neighbouring subrays mostly hit the same triangle, so there are few rounds.
             while let Some(first) = unshaded.first() {
                 let Some(triangle) = triangles.look_up(self, primitives[first]) else { return false };
                 let mut same = [0; LANES];
@@ -151,8 +151,8 @@ impl<'a> SceneView<'a> {
         }
     }
 
-    /// Follows a subray of `ring` through foliage to the solid surface that reflects it. `None` if nothing does, or if the
-    /// foliage intercepts it: then its light joins the continuum.
+    /// Follows a subray of `ring` through foliage to the solid surface that reflects it. `None` if nothing does, or if
+    /// the foliage intercepts it: then its light joins the continuum.
     fn scatter_continuously(
         &self,
         (instrument, ring): (&Instrument, u32),
@@ -240,7 +240,7 @@ impl<'a> SceneView<'a> {
     }
 }
 
-/// How the primitive of the last interaction reflects: neighbouring subrays mostly hit the same one.
+/// Reflection properties of the primitive of the last interaction: neighbouring subrays mostly hit the same one.
 struct ShadedSurface<'a> {
     primitive: u32,
     /// The scene that holds it in its current position, and its index there.
@@ -284,7 +284,7 @@ impl<'a> ShadedSurface<'a> {
         self.normal.map_or(1.0, |n| n.dot(direction).abs().min(1.0))
     }
 
-    /// How the surface or its foliage reflects a ray that meets it at `at`.
+    /// How the surface or its foliage reflects a ray that hits it at `at`.
     fn response(
         &self,
         at: &Interaction,

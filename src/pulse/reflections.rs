@@ -9,7 +9,8 @@ use crate::tree::Hits;
 pub(super) struct Reflections {
     /// Number of reflections; the fields are longer.
     count: usize,
-    /// All are on opaque triangles, at whose entries light is reflected: `entry`, `ring` and `subray` are not filled in.
+    /// All are on opaque triangles, at whose entries light is reflected: `entry`, `ring` and `subray` are not filled
+    /// in.
     is_opaque_only: bool,
     range: Vec<f64>,
     entry: Vec<f64>,
@@ -60,7 +61,8 @@ impl Reflections {
         self.count += 1;
     }
 
-    /// Appends a reflection of known intensity, after [`Reflections::apply_energy`], beyond the reserved memory if need be.
+    /// Appends a reflection of known intensity, after [`Reflections::apply_energy`], beyond the reserved memory if need
+    /// be.
     pub fn push_lit(&mut self, range: f64, primitive: u32, cosine: f64, intensity: f64) {
         if self.count == self.range.len() {
             self.reserve(2 * self.count + LANES);
@@ -113,17 +115,14 @@ impl Reflections {
         self.is_opaque_only = true;
     }
 
-    /// Whether all reflections are on opaque triangles.
     pub fn is_opaque_only(&self) -> bool {
         self.is_opaque_only
     }
 
-    /// Number of reflections.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Whether nothing was reflected.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
@@ -138,12 +137,10 @@ impl Reflections {
         if self.is_opaque_only { self.ranges() } else { &self.entry[..self.count] }
     }
 
-    /// Received intensities.
     pub fn intensities(&self) -> &[f64] {
         &self.intensity[..self.count]
     }
 
-    /// Cosines of the incidence angles.
     pub fn cosines(&self) -> &[f64] {
         &self.cosine[..self.count]
     }
@@ -153,7 +150,6 @@ impl Reflections {
         (!self.is_opaque_only).then(|| &self.subray[..self.count])
     }
 
-    /// Indices of the primitives.
     pub fn primitives(&self) -> &[u32] {
         &self.primitive[..self.count]
     }

@@ -14,12 +14,12 @@ pub(super) struct ReturnProfile {
     keys: Vec<(u64, u32)>,
 }
 
-/// Most reflections that are sorted by counting.
+/// Maximum number of reflections that are sorted by counting.
 const MAX_RANKED: usize = 32;
 
 impl ReturnProfile {
-    /// Replaces the light by that of `reflections`, sorted. Of reflections at exactly the same range only the first counts,
-    /// or their sum if `sum` is set (spec pulse-physics trap 2).
+    /// Replaces the light by that of `reflections`, sorted. Of reflections at exactly the same range only the first
+    /// counts, or their sum if `sum` is set (spec pulse-physics trap 2).
     #[inline(always)]
     pub fn sort_by_range<S: Simd>(&mut self, simd: S, reflections: &Reflections, sum: bool) {
         let (ranges, intensities) = (reflections.ranges(), reflections.intensities());
@@ -38,7 +38,8 @@ impl ReturnProfile {
         }
     }
 
-    /// Sorts by counting how many ranges are smaller than each: no branch depends on the ranges. `false` if some are equal.
+    /// Sorts by counting how many ranges are smaller than each: no branch depends on the ranges. `false` if some are
+    /// equal.
     #[inline(always)]
     fn sort_by_counting<S: Simd>(&mut self, simd: S, ranges: &[f64], intensities: &[f64]) -> bool {
         let n = ranges.len();
@@ -99,7 +100,6 @@ impl ReturnProfile {
         &self.range[..self.len.div_ceil(LANES)]
     }
 
-    /// Intensities by range.
     #[inline(always)]
     pub fn intensities(&self) -> &[f64] {
         &self.intensity[..self.len]

@@ -5,8 +5,8 @@ use super::sampled;
 use crate::survey::{PulseSamples, WaveformSettings, pulse_length_of_width, width_of_pulse_length};
 use libm::exp;
 
-/// Samples of the pulse's power over time: a gamma-like curve `(t/τ)²·exp(−t/τ)` with τ = τp/7, cut at t = τp, or a pulse of
-/// measured shape.
+/// Samples of the pulse's power over time: a gamma-like curve `(t/τ)²·exp(−t/τ)` with τ = τp/7, cut at t = τp, or a
+/// pulse of measured shape.
 #[derive(Clone, Debug)]
 pub(super) struct PulseShape {
     /// One sample per bin, from the start of the pulse.
@@ -17,7 +17,7 @@ pub(super) struct PulseShape {
     pub bin: f64,
     /// Bins per nanosecond if that is exact, so that times can be multiplied by it instead of divided by `bin`.
     pub bins_per_ns: Option<f64>,
-    /// Pulse length τp, ns; of a measured shape that of a gamma-like curve as wide at half maximum.
+    /// Pulse length τp, ns; for a measured shape, the length of the gamma-like curve of equal width at half maximum.
     pub length: f64,
     /// Duration of the samples, ns.
     pub duration: f64,
@@ -134,14 +134,15 @@ impl PulseShape {
         }
     }
 
-    /// Greatest distance between pulses, bins, with which their sum has a single peak: all of them must be concave between the
-    /// first peak and the last. (t/τ)²·e^(−t/τ) is concave for t from (2 − √2)τ to (2 + √2)τ, around its peak at 2τ.
+    /// Maximum distance between pulses, bins, with which their sum has a single peak: all of them must be concave
+    /// between the first peak and the last. (t/τ)²·e^(−t/τ) is concave for t from (2 − √2)τ to (2 + √2)τ, around its
+    /// peak at 2τ.
     pub fn concave_reach(&self) -> f64 {
         std::f64::consts::SQRT_2 / self.decay
     }
 
-    /// Delay of a pulse within its bin, bins, from the samples on both sides of the peak: √(F·e^(kx)) grows linearly from the
-    /// start of a pulse. At most one bin either way, else 0.
+    /// Delay of a pulse within its bin, bins, from the samples on both sides of the peak: √(F·e^(kx)) grows linearly
+    /// from the start of a pulse. At most one bin either way, else 0.
     pub fn offset(&self, before: f64, after: f64) -> f64 {
         let growth = (after / before).sqrt() * self.growth;
         let start = -1.0 - 2.0 / (growth - 1.0);
@@ -164,8 +165,8 @@ fn index_of_max(samples: &[f64]) -> usize {
 /// Arguments up to which [`exp_series`] is exact enough.
 const MAX_SERIES_ARGUMENT: f64 = 1.0;
 
-/// e^x for x from 0 to [`MAX_SERIES_ARGUMENT`]: a Taylor series of 12 terms, whose rest is below 3e-9, and
-/// below 2e-12 up to 0.5: ranges move by nanometres.
+/// e^x for x from 0 to [`MAX_SERIES_ARGUMENT`]: a Taylor series of 12 terms, whose remainder is below 3e-9, and below
+/// 2e-12 up to 0.5, so that ranges move by nanometres.
 #[inline(always)]
 fn exp_series(x: f64) -> f64 {
     const C: [f64; 12] = {

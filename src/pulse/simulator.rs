@@ -17,11 +17,11 @@ use crate::tree::TraceScratch;
 use crate::tree::simd::{Level, Simd, dispatch};
 use std::ops::Range;
 
-/// Most pulses that are traced together, over all devices.
+/// Maximum number of pulses traced together, over all devices.
 const MAX_BATCH_PULSES: usize = 128;
-/// Most rays that are traced together, unless one pulse has more.
+/// Maximum number of rays traced together, unless one pulse has more.
 const MAX_BATCH_RAYS: usize = 1 << 16;
-/// Pulses whose ranges and gains are computed in one go, so that the latency of square roots overlaps.
+/// Number of pulses whose ranges and gains are computed in one go, so that the latency of square roots overlaps.
 const GAIN_BATCH: usize = 8;
 
 /// Simulates pulses. One per worker: it owns the scratch memory, which is reused from pulse to pulse.
@@ -75,9 +75,9 @@ impl<'p> PulseSimulator<'p> {
         self.instruments = instruments.clone();
     }
 
-    /// Simulates `pulses` of leg `leg` (index into the survey's legs) and appends their records to `batch` in the order of
-    /// the pulses. The records of a pulse do not depend on the pulses simulated with it; many at once are traced several
-    /// times faster.
+    /// Simulates `pulses` of leg `leg` (index into the survey's legs) and appends their records to `batch` in the order
+    /// of the pulses. The records of a pulse do not depend on the pulses simulated with it; many at once are traced
+    /// several times faster.
     ///
     /// # Errors
     /// A leg or device that the survey does not have, or a waveform that is too long to be recorded.
@@ -104,9 +104,9 @@ impl<'p> PulseSimulator<'p> {
         })
     }
 
-    /// [`PulseSimulator::simulate`] over a dynamic scene in the state that the first pulse sees. `updates` are in the order
-    /// of the pulses that see them first. The static objects are traced for many pulses at once, however often the others
-    /// move.
+    /// [`PulseSimulator::simulate`] over a dynamic scene that is in the state of the first pulse. `updates` are in the
+    /// order of the pulses from which on they apply. The static objects are traced for many pulses at once, however
+    /// often the others move.
     pub fn simulate_dynamic(
         &mut self,
         leg: u32,
@@ -136,7 +136,6 @@ impl<'p> PulseSimulator<'p> {
         Ok(())
     }
 
-    /// Number of pulses that are traced together.
     fn batch_pulses(&self) -> usize {
         (MAX_BATCH_RAYS / self.instruments.max_rays().max(1)).clamp(1, MAX_BATCH_PULSES)
     }
@@ -174,7 +173,7 @@ impl<'p> PulseSimulator<'p> {
         Ok(())
     }
 
-    /// Finds what the rays hit of the static scene.
+    /// Traces the rays through the static scene.
     fn trace(&mut self) {
         let SceneView { scene, tree, .. } = self.physics.view;
         for batch in self.batches.iter_mut().filter(|b| !b.rays.is_empty()) {
@@ -267,7 +266,7 @@ impl<'p> PulseSimulator<'p> {
     }
 }
 
-/// Index of the pattern of subrays that a pulse has.
+/// Index of the subray pattern of a pulse.
 #[inline(always)]
 fn choose_pattern(physics: &Physics, subrays: &Subrays, pulse: &Pulse) -> usize {
     match subrays.patterns() {

@@ -1,5 +1,5 @@
-//! The fast path of most pulses: all their light arrives within one bin, so that the waveform is the outgoing pulse, whose
-//! single peak is precomputed.
+//! The fast path of most pulses: all their light arrives within one bin, so that the waveform is the outgoing pulse,
+//! whose single peak is precomputed.
 
 use super::detector::{DetectorSettings, PeakRule, Return};
 use super::return_profile::ReturnProfile;

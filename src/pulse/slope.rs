@@ -1,10 +1,10 @@
-//! Subrays that hit one plane, seen as the whole beam sees it.
+//! Replaces the subrays that hit one plane by the continuous light of the beam.
 //!
 //! A beam that falls on a slope returns a pulse that is stretched by the depth of its footprint, w/2·tan θ of standard
 //! deviation for a Gaussian beam of radius w. A few subrays have this depth as their standard deviation, too
-//! ([`super::footprint`]), but once the slope pulls them farther apart than the pulse is long, each becomes an echo of its
-//! own. So the subrays on one plane are replaced by the light that they sample: its ranges are normally distributed with
-//! their mean and variance, in steps of one bin.
+//! ([`super::footprint`]), but once the slope puts them farther apart than the pulse is long, each becomes a separate
+//! echo. So the subrays on one plane are replaced by the light that they sample: its ranges are normally distributed
+//! with their mean and variance, in steps of one bin.
 
 use super::instrument::Instrument;
 use super::reflections::Reflections;
@@ -25,7 +25,7 @@ const MIN_DEPTH: f64 = 0.1;
 const MIN_SUBRAYS: usize = 3;
 /// The distribution is cut off at this many standard deviations, where 6e-5 of it is left.
 const CUT_OFF: f64 = 4.0;
-/// Most steps on either side of the mean; steps of longer slopes are longer.
+/// Maximum number of steps on either side of the mean; longer slopes have longer steps.
 const MAX_STEPS: f64 = 4096.0;
 
 /// Scratch memory for merging the subrays on slopes.
@@ -49,7 +49,8 @@ struct Point {
 }
 
 impl SlopeMerger {
-    /// Replaces the light of subrays that lie on steep planes. Only pulses that hit nothing but opaque triangles change.
+    /// Replaces the light of subrays that lie on steep planes. Only pulses that hit nothing but opaque triangles
+    /// change.
     #[inline(always)]
     pub fn merge(
         &mut self,

@@ -1,4 +1,4 @@
-//! What really caused an echo: the surface of its strongest subray, and its share of the footprint.
+//! True causes of echoes: the surface of the strongest subray, and the share of the footprint.
 
 use super::detector::Return;
 use super::echo::EchoTruth;
@@ -19,7 +19,8 @@ pub(super) struct ReflectionSources {
 }
 
 impl ReflectionSources {
-    /// Finds the subray of each reflection, and the return that is nearest to it, if that is nearer than the pulse is long.
+    /// Finds the subray of each reflection, and the return that is nearest to it, if that is nearer than the pulse is
+    /// long.
     pub fn assign(
         &mut self,
         instrument: &Instrument,
@@ -47,8 +48,8 @@ impl ReflectionSources {
         self.returns.extend(reflections.entries().iter().map(nearest));
     }
 
-    /// The truth of return `number` (from 1): of the strongest of its subrays, else of the reflection `source`. `beam` is
-    /// the beam's origin and direction.
+    /// True cause of return `number` (from 1): its strongest subray, or the reflection `source` if it has none. `beam`
+    /// is the beam's origin and direction.
     pub fn of_return(
         &self,
         number: u32,
@@ -64,7 +65,7 @@ impl ReflectionSources {
         EchoTruth { fraction: own().count() as f64 / traced.primitives.len().max(1) as f64, ..of_subray }
     }
 
-    /// The truth of a single reflection.
+    /// True cause of a single reflection.
     pub fn of_reflection(
         &self,
         i: usize,
@@ -84,12 +85,11 @@ impl ReflectionSources {
         }
     }
 
-    /// The subray of a reflection.
     pub fn subray_of(&self, reflection: usize) -> u32 {
         self.subrays.get(reflection).copied().unwrap_or(0)
     }
 
-    /// The return that a reflection is part of, from 1; 0 if of none.
+    /// Return that a reflection is part of, from 1; 0 for none.
     pub fn return_of(&self, reflection: usize) -> u32 {
         self.returns[reflection]
     }

@@ -1,4 +1,5 @@
-//! The beam as subrays: the reference's rings (spec pulse-physics §1), or a pattern of equal energies ([`super::footprint`]).
+//! The beam as subrays: the reference's rings (spec pulse-physics §1), or a pattern of equal energies
+//! ([`super::footprint`]).
 
 use super::footprint::{self, Footprint, Subray};
 use super::lanes::{Block, LANES};
@@ -73,7 +74,6 @@ impl Subrays {
         self.exits.get(pattern).map(Vec::as_slice)
     }
 
-    /// Number of subrays.
     pub fn len(&self) -> usize {
         self.ring.len()
     }

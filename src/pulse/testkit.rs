@@ -21,7 +21,6 @@ pub fn tls_instrument(pulse_length: f64) -> Instrument {
     table.instrument(0, 0).unwrap().clone()
 }
 
-/// Its detector.
 pub fn tls_detector(pulse_length: f64) -> DetectorSettings {
     tls_instrument(pulse_length).detector
 }
@@ -33,7 +32,6 @@ pub fn received(returns: &[(f64, f64)], detector: &DetectorSettings) -> Waveform
     waveform
 }
 
-/// A Lambertian material of reflectance 0.5.
 pub fn half_white() -> Material {
     Material {
         reflectance: 0.5,
@@ -65,8 +63,8 @@ pub fn rectangles(material: Material, of: &[[DVec3; 3]]) -> Scene {
     scene
 }
 
-/// A scene of a column of cubes of 1 m along +y, as (start, density, kind), and of a wall at 120 m if there are more than
-/// four. All cubes are one part, with that leaf angle table.
+/// A scene of a column of cubes of 1 m along +y, as (start, density, kind), and of a wall at 120 m if there are more
+/// than four. All cubes are one part, with that leaf angle table.
 pub fn foliage(cubes: &[(f64, f64, VoxelKind)], lad: Option<LadTable>) -> Scene {
     let walls = [wall(-20.0, 20.0, 120.0)];
     let mut scene = rectangles(half_white(), if cubes.len() > 4 { &walls } else { &[] });
@@ -103,7 +101,6 @@ pub fn pulse(attitude: Rotation) -> Pulse {
     }
 }
 
-/// The tree over a scene.
 pub fn tree(scene: &Scene) -> Tree {
     Tree::build(&scene.geometry, &BuildOptions::of(Builder::Median))
 }

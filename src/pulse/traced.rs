@@ -9,15 +9,15 @@ use crate::tree::{Hits, RayGroup, prefetch};
 /// The traced subrays of a pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TracedPulse<'a> {
-    /// Where all of them start, m.
+    /// Common origin of the subrays, m.
     pub origin: DVec3,
     /// x, y and z of their directions.
     pub directions: [&'a [Block]; 3],
     /// Distances to the hits, in units of the directions.
     pub t: &'a [Block],
-    /// What each subray hit, without padding.
+    /// Primitive that each subray hit, without padding.
     pub primitives: &'a [u32],
-    /// What each subray hit, padded to whole blocks.
+    /// Primitive that each subray hit, padded to whole blocks.
     pub primitive_blocks: &'a [[u32; LANES]],
 }
 
@@ -35,7 +35,7 @@ impl<'a> TracedPulse<'a> {
         }
     }
 
-    /// Prefetches the triangles and surfaces of some of the hits, which mostly are those of their neighbours, too.
+    /// Prefetches the triangles and surfaces of some of the hits, most of which neighbouring subrays share.
     #[inline(always)]
     pub fn prefetch_surfaces(&self, scene: &Scene) {
         for primitive in self.primitives.iter().step_by(4) {
@@ -47,13 +47,11 @@ impl<'a> TracedPulse<'a> {
         }
     }
 
-    /// Number of blocks of subrays.
     #[inline(always)]
     pub fn blocks(&self) -> usize {
         self.t.len()
     }
 
-    /// Direction of a subray.
     #[inline(always)]
     pub fn direction(&self, i: usize) -> DVec3 {
         let [x, y, z] = self.directions.map(|d| d.as_flattened());
@@ -83,7 +81,6 @@ pub(super) struct GainBuffer {
 }
 
 impl GainBuffer {
-    /// Removes all pulses.
     pub fn clear(&mut self) {
         self.ranges.clear();
         self.gains.clear();

@@ -6,13 +6,12 @@ use crate::geom::{DVec3, unit};
 use crate::scene::{Material, Reflection};
 use crate::tree::Hits;
 
-/// What the shading needs of a triangle.
+/// Shading data of a triangle.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(super) struct CachedTriangle {
     /// Index of the primitive, or [`Hits::MISS`].
     primitive: u32,
-    /// Part of the scene.
     pub part: u32,
     /// Class of the material.
     pub classification: i32,
@@ -51,7 +50,7 @@ impl CachedTriangle {
         let law = match material.reflection {
             Reflection::Uniform => Law::Uniform,
             Reflection::Lambert => Law::Lambert,
-            // A lobe without light of its own is finite and adds nothing.
+            // A specular lobe without light is finite and adds nothing.
             Reflection::Phong { specularity: 0.0, exponent } if exponent >= 0.0 => Law::Lambert,
             Reflection::Lobes { specularity: 0.0, roughness: 0.0, .. } => Law::Lambert,
             Reflection::Phong { .. } | Reflection::Lobes { .. } => Law::Phong(surface.material),

@@ -1,4 +1,4 @@
-//! The scene in the state that a pulse sees, and where a ray meets it.
+//! The scene at the time of a pulse, and the interactions of rays with it.
 
 use super::foliage;
 use crate::geom::{Aabb, DVec3};
@@ -10,7 +10,7 @@ pub(super) const STEP_BEHIND: f64 = 1e-5;
 /// Tolerance of the scene's box, m.
 const BOX_SLACK: f64 = 1e-4;
 
-/// The scene in the state that a pulse sees.
+/// The scene at the time of a pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SceneView<'a> {
     pub scene: &'a Scene,
@@ -26,14 +26,13 @@ pub(super) struct SceneView<'a> {
     pub max_cube_size: f64,
 }
 
-/// Where a ray meets a primitive.
+/// Interaction of a ray with a primitive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interaction {
     /// Start of this segment of the ray.
     pub from: DVec3,
     /// Distance from there, m; 0 if the ray starts within foliage.
     pub t: f64,
-    /// The primitive, or [`Hits::MISS`].
     pub primitive: u32,
     /// Distance of the entry from the pulse's origin, m.
     pub range: f64,
@@ -47,7 +46,7 @@ impl Interaction {
     }
 }
 
-/// Where an interaction lies relative to the scene's box, see [`SceneView::side_of_bounds`].
+/// Position of an interaction relative to the scene's box, see [`SceneView::side_of_bounds`].
 pub(super) enum SideOfBounds {
     Inside,
     /// Before the box, which the ray enters at this point.
@@ -88,7 +87,8 @@ impl<'a> SceneView<'a> {
         all
     }
 
-    /// Where an interaction lies relative to the scene's box. Only moving objects ever leave it (spec pulse-physics §6).
+    /// Position of an interaction relative to the scene's box. Only moving objects ever leave it (spec pulse-physics
+    /// §6).
     pub fn side_of_bounds(&self, at: &Interaction, direction: DVec3) -> SideOfBounds {
         let Some(b) = self.visible_bounds else { return SideOfBounds::Inside };
         let point = at.point(direction);
@@ -107,8 +107,8 @@ impl<'a> SceneView<'a> {
         }
     }
 
-    /// The nearest interaction of the ray `from` + t·`direction` with a primitive that `accept` accepts; `origin` is the
-    /// pulse's.
+    /// The nearest interaction of the ray `from` + t·`direction` with a primitive that `accept` accepts; `origin` is
+    /// the pulse's origin.
     pub fn nearest(
         &self,
         from: DVec3,

@@ -5,11 +5,11 @@ use super::lanes::{Block, LANES};
 use super::pulse_starts::PulseStarts;
 use super::return_profile::ReturnProfile;
 
-/// Longest recorded waveform, samples (1,250 km of 0.25 ns bins).
+/// Maximum length of a recorded waveform, samples (1,250 km of 0.25 ns bins).
 pub(super) const MAX_RECORD_SAMPLES: u64 = 1 << 24;
 
-/// Longest gap without light that is stored, bins; longer gaps exist as differences of bin numbers only, so that a leaf at
-/// 5 m and a wall at 5 km take no more memory than two leaves.
+/// Longest gap without light that is stored, bins; longer gaps exist as differences of bin numbers only, so that a leaf
+/// at 5 m and a wall at 5 km take no more memory than two leaves.
 const MAX_STORED_GAP: u64 = 64;
 
 /// A waveform: bins of amplitude over one-way travel time, from bin 0 at [`Waveform::start`]. Bins outside the segments
@@ -42,7 +42,8 @@ pub(super) struct Segment {
 }
 
 impl Waveform {
-    /// Replaces the waveform by the sum of the pulses of `profile`. `false` if a reflection in the dead zone discards it.
+    /// Replaces the waveform by the sum of the pulses of `profile`. `false` if a reflection in the dead zone discards
+    /// it.
     #[inline(always)]
     pub fn receive(&mut self, profile: &ReturnProfile, detector: &DetectorSettings) -> bool {
         self.segments.clear();
@@ -148,8 +149,8 @@ impl Waveform {
         self.starts = starts;
     }
 
-    /// Adds `intensity` times the pulse from bin `from` on, without what lies before bin 0 or after the last. Successive
-    /// calls must not start earlier.
+    /// Adds `intensity` times the pulse from bin `from` on, without what lies before bin 0 or after the last.
+    /// Successive calls must not start earlier.
     #[inline(always)]
     fn add(&mut self, pulse: &[f64], from: i64, intensity: f64) {
         let skip = (-from).max(0) as usize;
@@ -249,7 +250,6 @@ impl Waveform {
         self.segments.iter().map(|s| (s.first, &self.samples[s.at..s.at + s.len]))
     }
 
-    /// Number of segments.
     pub fn segment_count(&self) -> usize {
         self.segments.len()
     }

@@ -145,8 +145,8 @@ impl DeflectorState {
         }
     }
 
-    /// The scan angle of a pulse, rad: the angle in the scan plane; for two-dimensional patterns the component about x of
-    /// `deflection`, the exact rotation.
+    /// The scan angle of a pulse, rad: the angle in the scan plane; for two-dimensional patterns the component about x
+    /// of `deflection`, the exact rotation.
     pub fn scan_angle(&self, deflection: &Rotation) -> f64 {
         match self {
             DeflectorState::Conic { .. } | DeflectorState::Risley { .. } => {

@@ -19,8 +19,8 @@ pub struct Oscillating {
 /// Pulses of acceleration after a turn, as in the reference.
 const TURNING_PULSES: f64 = 50.0;
 
-/// The angle, from −1 to 1, at pulse `count` of a mirror that oscillates `rate` times per pulse: constant speed between two
-/// parabolas of constant acceleration. Half periods of less than 100 pulses are two parabolas.
+/// The angle, from −1 to 1, at pulse `count` of a mirror that oscillates `rate` times per pulse: constant speed between
+/// two parabolas of constant acceleration. Half periods of less than 100 pulses are two parabolas.
 fn oscillation(count: i64, rate: f64) -> f64 {
     let phase = (count as f64 * rate).fract();
     let (x, sign) = if phase < 0.5 { (2.0 * phase, 1.0) } else { (2.0 * phase - 1.0, -1.0) };
@@ -58,8 +58,8 @@ impl Oscillating {
         self.step = 2.0 * half_angle / ((self.period / 2) as f64 - 50.5);
     }
 
-    /// Moves by one step. Within 50 pulses of each turn the speed changes linearly, in between it is constant. In periods of
-    /// less than 200 pulses these intervals overlap, and the first matching case applies.
+    /// Moves by one step. Within 50 pulses of each turn the speed changes linearly, in between it is constant. In
+    /// periods of less than 200 pulses these intervals overlap, and the first matching case applies.
     #[inline]
     pub fn step(&mut self) {
         if let Some(rate) = self.rate {

@@ -25,7 +25,8 @@ fn busy_survey() -> Survey {
     s
 }
 
-/// Steps as the producer of chunks does, cutting every `size` pulses and at legs, and replays each chunk from its snapshot.
+/// Steps as the producer of chunks does, cutting every `size` pulses and at legs, and replays each chunk from its
+/// snapshot.
 fn in_chunks(plan: &FlightPlan, size: u64) -> Keep {
     let mut state = FlightState::start(plan);
     let mut all = Keep::default();

@@ -18,8 +18,8 @@ pub enum TextInput {
 }
 
 impl TextInput {
-    /// Appends the next bytes to `text`, converted once the first bytes have shown that they are Arrow. `path`, the stream's
-    /// name in messages, then says that lines are rows.
+    /// Appends the next bytes to `text`, converted once the first bytes have shown that they are Arrow. `path`, the
+    /// stream's name in messages, then says that lines are rows.
     ///
     /// # Errors
     /// As [`ArrowToText::convert`].
@@ -80,7 +80,8 @@ impl ArrowToText {
     /// Appends the lines of all rows that are complete with `bytes`.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::error::Error::Input) for anything but an Arrow stream, and for pose columns without numbers.
+    /// [`Error::Input`](crate::error::Error::Input) for anything but an Arrow stream, and for pose columns without
+    /// numbers.
     fn convert(&mut self, bytes: &[u8], lines: &mut Vec<u8>) -> Result<()> {
         self.decoder.feed(bytes);
         loop {

@@ -6,8 +6,8 @@
 //! platform heading minus the wander angle.
 //!
 //! TerraScan (.trj): a header that begins with `TSCANTRJ`, version, its own size, the number of records and their size
-//! (32-bit, little-endian), then records of doubles: time, x, y, z (m), heading, roll, pitch (degrees), and quality flags
-//! (TerraScan User Guide, Trajectory file formats). The heading counts clockwise from the grid's north.
+//! (32-bit, little-endian), then records of doubles: time, x, y, z (m), heading, roll, pitch (degrees), and quality
+//! flags (TerraScan User Guide, Trajectory file formats). The heading counts clockwise from the grid's north.
 
 use super::fix::{Decoded, Fix, FixPlace, RecordError, RecordPlace};
 use crate::geom::{Rotation, radians};

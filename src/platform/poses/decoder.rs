@@ -79,8 +79,8 @@ enum Detection {
     Unsupported(&'static str),
 }
 
-/// Detects by content: text has no control characters, TerraScan begins with its name, and the first record of an SBET is
-/// plausible.
+/// Detects by content: text has no control characters, TerraScan begins with its name, and the first record of an SBET
+/// is plausible.
 fn detect(bytes: &[u8], ended: bool) -> Detection {
     if bytes.is_empty() || bytes.len() < MIN_POSE_BYTES && !ended {
         return Detection::NeedMoreBytes;

@@ -133,8 +133,8 @@ impl PoseReader {
     /// Waits up to `timeout` for poses and returns those that have arrived, at most 1024.
     ///
     /// # Errors
-    /// An invalid line or record, or a time that does not ascend, with its number; a trajectory that cannot be read or is
-    /// empty. Poses before the error are returned first. Every later call returns the error again.
+    /// An invalid line or record, or a time that does not ascend, with its number; a trajectory that cannot be read or
+    /// is empty. Poses before the error are returned first. Every later call returns the error again.
     pub fn poll(&mut self, timeout: Duration) -> Result<PollResult> {
         let until = Instant::now() + timeout;
         while self.pending.is_empty() && self.failure.is_none() && !self.ended {

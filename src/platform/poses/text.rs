@@ -1,6 +1,6 @@
-//! Trajectories in text: a header names columns in any order, otherwise they are time, x, y, z, roll, pitch, yaw. Blank lines
-//! and lines that begin with `#` are skipped, except the directives `#HEADER:` and `#TIME_COLUMN:` of HELIOS++'s files. Lines
-//! that HELIOS++ wrote are detected by their numbers of decimals.
+//! Trajectories in text: a header names columns in any order, otherwise they are time, x, y, z, roll, pitch, yaw. Blank
+//! lines and lines that begin with `#` are skipped, except the directives `#HEADER:` and `#TIME_COLUMN:` of HELIOS++'s
+//! files. Lines that HELIOS++ wrote are detected by their numbers of decimals.
 
 use super::fix::{Decoded, Fix, FixPlace, RecordError, RecordPlace};
 use crate::columns::Separator;

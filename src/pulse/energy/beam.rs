@@ -13,9 +13,8 @@ pub const NANO: f64 = 1e9;
 #[derive(Clone, Copy, Debug)]
 pub struct BeamState<'a> {
     pub beam: &'a Beam,
-    /// Number of rings of subrays.
     pub rings: u32,
-    /// Nearest range R0, m.
+    /// Minimum range R0, m.
     pub range_min: f64,
     /// Divergence when the simulation started, rad.
     pub start_divergence: f64,

@@ -21,7 +21,6 @@ use improved::{Improved, RingBlock};
 use legacy::{Legacy, ProfileBlock};
 use lidar::LidarEquation;
 
-/// The energy model of a device.
 #[derive(Clone, Debug)]
 pub(super) struct Energy {
     law: Law,
@@ -50,8 +49,8 @@ impl Energy {
         Energy { law, legacy: Legacy::new(state, corrections) }
     }
 
-    /// Gains of the subrays of one pulse, [`LANES`] at a time: the intensities of reflectance factors of 1 at `ranges` (m, by
-    /// subray, padded to whole blocks). Gains at ranges that are not finite are meaningless.
+    /// Gains of the subrays of one pulse, [`LANES`] at a time: the intensities of reflectance factors of 1 at `ranges`
+    /// (m, by subray, padded to whole blocks). Gains at ranges that are not finite are meaningless.
     #[inline(always)]
     pub fn gains(&self, ranges: &[Block], out: &mut [Block]) {
         match &self.law {
@@ -93,7 +92,6 @@ impl Energy {
         }
     }
 
-    /// Gains of subrays in `rings`.
     fn of_rings(&self, rings: &[u32], range: &Block) -> Block {
         let mut out = [0.0; LANES];
         match &self.law {
@@ -104,7 +102,8 @@ impl Energy {
         out
     }
 
-    /// Intensity of a reflection at `range` m in `ring` from a voxel with the cross-section `sigma` (spec pulse-physics §3.5).
+    /// Intensity of a reflection at `range` m in `ring` from a voxel with the cross-section `sigma` (spec pulse-physics
+    /// §3.5).
     pub fn of_cross_section(&self, ring: u32, range: f64, sigma: f64) -> f64 {
         let mut damping = [0.0; LANES];
         self.legacy.damping(&ProfileBlock::of(&self.legacy.profile, &[ring]), &[range; LANES], &mut damping);
@@ -134,7 +133,6 @@ mod tests {
         }
     }
 
-    /// Both models for a state of the beam.
     struct Both(Improved, Legacy);
 
     impl Both {

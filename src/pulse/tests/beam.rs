@@ -59,7 +59,7 @@ fn a_wall_returns_its_power_at_any_range_divergence_and_quality() {
 
 #[test]
 fn an_edge_cuts_off_what_it_cuts_off_of_a_gaussian_beam() {
-    // ½ erfc(√2·x/w) of the energy lies beyond x; w = 0.05 m at 100 m. The whole of it only for many subrays.
+    // ½ erfc(√2·x/w) of the energy lies beyond x; w = 0.05 m at 100 m. Only many subrays resolve that share.
     let scene =
         rectangles(half_white(), &[[DVec3::new(0.0, 100.0, -20.0), DVec3::X * 20.0, DVec3::Z * 40.0]]);
     for (quality, tolerance) in [(3, 0.13), (9, 0.03), (20, 0.01)] {
@@ -145,7 +145,7 @@ fn two_slopes_of_a_roof_are_not_taken_for_one() {
 
 #[test]
 fn the_beam_leaves_with_the_width_of_its_exit() {
-    // A slit of ± 1 cm at 1 m cuts a beam of 3 cm radius and no divergence worth the name.
+    // A slit of ± 1 cm at 1 m cuts a beam of 3 cm radius and negligible divergence.
     let below = |x: f64, w: f64| 0.5 * libm::erfc(-(2f64.sqrt()) * x / w);
     for range in [1.5, 20.0] {
         let mut survey = lab(2e-3, 12);

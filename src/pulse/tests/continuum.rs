@@ -43,8 +43,8 @@ fn a_homogeneous_slab_is_one_echo_and_the_wall_behind_another() {
     assert!(most_without > 4, "subrays are echoes without it: {most_without}");
 }
 
-/// The mean amplitude of the wall is exp(−T) of what it is without foliage, T = 0.5 · 0.4/m · 5 m, within four times its own
-/// error.
+/// The mean amplitude of the wall is exp(−T) of its amplitude without foliage, T = 0.5 · 0.4/m · 5 m, within four
+/// standard errors.
 #[test]
 fn the_wall_keeps_what_foliage_lets_through_on_average() {
     let amplitude = |density| {
@@ -88,7 +88,8 @@ fn a_leaf_angle_table_of_the_same_leaves_changes_nothing() {
     }
 }
 
-/// Level leaves that are met at 90° from the zenith project nothing; a ray 60° off it meets them at cos θ = 1/2.
+/// Horizontal leaves have no projection along a ray at 90° from the zenith; a ray 60° off the zenith hits them at cos θ
+/// = 1/2.
 #[test]
 fn leaves_of_a_table_are_met_at_their_own_angle() {
     let level = || {

@@ -10,7 +10,7 @@ fn one_ray() -> Survey {
     tls_with(|d| d.waveform.quality = 1)
 }
 
-/// How many of N pulses along +y each primitive sends back; with the batch.
+/// Share of N pulses along +y that each primitive reflects, and the batch.
 fn shares(scene: &Scene, options: PhysicsOptions) -> (Vec<f64>, Batch) {
     let batch = simulate_pulses(scene, &one_ray(), options, 0, &pulses(N as u64));
     let mut counts = vec![0.0; scene.geometry.len() - 1];
@@ -53,7 +53,7 @@ fn voxels_without_leaves_shift_the_row() {
     // spec pulse-physics §2.8 (e), with the empty voxel kept
     let (found, _) = shares(&column([f64::NAN, 1.0, 0.0, 1.0, 2.0, 2.0]), legacy());
     assert_shares(&found, &[0.137, 0.0, 0.0, 0.0, 0.0, 0.863, 0.0]);
-    // and dropped
+    // with the empty voxel dropped
     let v = VoxelKind::Transmittive;
     let dropped = [(99.0, f64::NAN, v), (100.0, 1.0, v), (102.0, 1.0, v), (103.0, 2.0, v), (104.0, 2.0, v)];
     let (found, _) = shares(&foliage(&dropped, None), legacy());

@@ -140,7 +140,7 @@ fn materials_and_angles_change_the_amplitude() {
     assert_echoes(&simulate(&plane_at_100(), &survey, legacy()), &[(100.0, 1886.1205)], 1e-7);
 }
 
-/// Two half-planes with their edge 1 mm beside the axis, which meets the one farther away.
+/// Two half-planes with their edge 1 mm beside the axis, which hits the farther one.
 fn step(near: f64, far: f64) -> Scene {
     rectangles(half_white(), &[wall(1e-3, 20.0, near), wall(-20.0, 1e-3, far)])
 }

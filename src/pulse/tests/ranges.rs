@@ -3,8 +3,8 @@
 use super::*;
 use crate::survey::{Scanner, catalogue};
 
-/// Instruments by the ids of their entries | pulse rate (Hz), reflectance of an extended target, maximum range (m) | source of
-/// these figures, or why there are none.
+/// Instruments by the ids of their entries | pulse rate (Hz), reflectance of an extended target, maximum range (m) |
+/// source of these figures, or why there are none.
 const PUBLISHED: &str = "\
 riegl_vz400 | 100000 0.9 600, 100000 0.2 280, 300000 0.9 350, 300000 0.2 160 | RIEGL VZ-400, data sheet: long range mode 100 kHz, high speed mode 300 kHz
 riegl_vz1000 | 70000 0.9 1400, 70000 0.2 700, 100000 0.9 1200, 150000 0.9 950 | RIEGL VZ-1000, data sheet
@@ -28,7 +28,7 @@ leica_als50 leica_als50-ii optech_2033 | | flying heights alone are published, w
 riegl_vq_780i riegl_vq-1560i riegl_vq-880g riegl_vq-880g-infrared | | no figures at hand that are certain; the entries are left as they are
 tractorscanner panoscanner | | prototypes without a data sheet; the entries are left as they are";
 
-/// The farthest wall of that reflectance that the scanner's first device detects at a pulse rate, m.
+/// Distance of the farthest wall of that reflectance that the scanner's first device detects at a pulse rate, m.
 fn max_range(scanner: &Scanner, pulse_freq: u32, reflectance: f64) -> f64 {
     let mut survey = survey(vec![scanner.devices[0].clone()]);
     survey.scanner.pulse_freqs.clone_from(&scanner.pulse_freqs);
@@ -64,7 +64,7 @@ fn instruments_see_as_far_as_their_data_sheets_say() {
                 row[2]
             );
         }
-        // All channels see as far as the first.
+        // All channels have the maximum range of the first.
         let first = scanner.devices[0].receiver.max_range;
         assert!(scanner.devices.iter().all(|d| d.receiver.max_range == first), "{id}");
         assert!(first.is_some() || figures.is_empty() || id == "vlp16", "{id}");

@@ -260,7 +260,7 @@ fn recorded_waveforms_have_the_noise_of_the_stated_accuracy() {
     let (_, sigma) = moments(noisy_samples.iter().zip(&clean).map(|(a, b)| a - b));
     let top = clean.iter().copied().fold(0.0, f64::max);
     assert!((top / sigma / 24.69 - 1.0).abs() < 0.02, "{}", top / sigma);
-    // A receiver with noise of its own gets no more.
+    // A receiver with noise settings gets no additional noise.
     let own = |d: &mut Device| {
         noisy(10.0)(d);
         d.detector.threshold_given = false;

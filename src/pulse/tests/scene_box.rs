@@ -1,4 +1,4 @@
-//! The scene's box, which the reference makes the beam's axis hit and hides moving parts outside of.
+//! The scene's box: in the reference the beam's axis must hit it, and moving parts outside of it are invisible.
 
 use super::*;
 

@@ -1,7 +1,7 @@
-//! Slabs of foliage in the refined physics: what gets through is exp(−σL), whatever the voxels.
+//! Slabs of foliage in the refined physics: the transmission is exp(−σL), however the voxels lie.
 //!
-//! Of n pulses with transmission probabilities pᵢ, Σpᵢ get through with a variance of Σpᵢ(1−pᵢ); counts may differ by four
-//! standard deviations. The draws are fixed by the seed, so the tests always give the same result.
+//! Of n pulses with transmission probabilities pᵢ, Σpᵢ get through with a variance of Σpᵢ(1−pᵢ); counts may differ by
+//! four standard deviations. The draws are fixed by the seed, so the tests always give the same result.
 
 use super::*;
 use crate::flight::Pulse;
@@ -23,11 +23,11 @@ const N: u64 = 1_000_000;
 const FRONT: f64 = 20.0;
 const EDGE: f64 = 0.5;
 
-/// A slab of voxels of that density across +y: `layers` voxels deep, 12 m by 12 m wide, in random order in the file, before
-/// a wall.
+/// A slab of voxels of that density across +y: `layers` voxels deep, 12 m by 12 m wide, in random order in the file,
+/// before a wall.
 fn slab(layers: usize, density: f64, lad: Option<LadTable>) -> Scene {
     const ACROSS: usize = 24;
-    // Of a material that sends light back whatever the angle.
+    // A material that reflects at any angle.
     let mut scene = rectangles(Material::unnamed("leaves", Default::default()), &[wall(-20.0, 20.0, 60.0)]);
     scene.surfaces.push(Surface { part: 1, material: 0 });
     scene.parts.push(Part { id: "foliage".to_owned(), lad: lad.map(Arc::new) });
@@ -65,7 +65,7 @@ fn assert_beer_lambert(
     let tree = tree(scene);
     let survey = tls_with(|d| {
         d.waveform.quality = 1;
-        // The reference sees nothing with a minimum range of 0.
+        // The reference receives nothing with a minimum range of 0.
         d.detector.range_min = if options.corrections.waist_at_exit { 0.0 } else { 1.5 };
     });
     let physics = Physics::new(scene, &tree, &survey, options).unwrap();
@@ -149,7 +149,7 @@ fn leaf_angle_tables_by_direction() {
 #[test]
 fn overlapping_voxels_add_up() {
     let mut scene = slab(4, 0.3, None);
-    // The same again, shifted by half a voxel within the slab.
+    // Repeats the comparison, shifted by half a voxel within the slab.
     for i in 0..scene.geometry.cubes.len() {
         let cube = scene.geometry.cubes[i];
         let y = (scene.to_world(cube.centre).y - FRONT) / EDGE;
@@ -163,12 +163,11 @@ fn overlapping_voxels_add_up() {
     assert_beer_lambert(&scene, refined(), |n| aimed(n, DVec3::ZERO, 0.5, 0.2), both, |_| 0.3);
 }
 
-/// The view of a scene in the refined physics.
 fn view<'a>(scene: &'a Scene, tree: &'a crate::tree::Tree) -> SceneView<'a> {
     SceneView { scene, tree, moving: &[], visible_bounds: None, fixed_incidence: false, max_cube_size: EDGE }
 }
 
-/// Follows a ray through foliage so thin that it stops nowhere; the number of voxels that it drew a path for.
+/// Follows a ray through foliage too thin to scatter it; returns the number of voxels for which it drew a free path.
 fn voxels_drawn(view: &SceneView, origin: DVec3, direction: DVec3) -> u32 {
     let mut instrument = tls_instrument(5.0);
     instrument.detector.corrections = Corrections::REFINED;

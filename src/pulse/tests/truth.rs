@@ -1,4 +1,4 @@
-//! What really sent echoes, and the table of subrays.
+//! True causes of echoes, and the table of subrays.
 
 use super::*;
 use crate::pulse::testkit::*;
