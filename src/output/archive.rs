@@ -11,24 +11,24 @@ use flate2::{Compress, Compression, FlushCompress, Status};
 use std::io::{self, BufRead, Read};
 use std::path::Path;
 
-/// Bytes of the archive that are compressed together; a block ends with a complete record.
+/// Minimum bytes of the archive that are compressed as one block; a block ends with a complete record.
 const MIN_BLOCK_BYTES: usize = 1 << 18;
 
 const NAME: &[u8; 22] = b"serialization::archive";
 
-/// Sizes of int, long, float and double, and the number 1, which shows the byte order.
+/// Sizes in bytes of int, long, float and double, then the number 1 as 32-bit integer, which reveals the byte order.
 const NUMBERS: [u8; 8] = [4, 8, 4, 8, 1, 0, 0, 0];
 
-/// The library version in written archives; archives of all versions are read.
+/// Library version in the archives written here; archives of every version are read.
 const VERSION: u16 = 18;
 
-/// zlib, deflate with a window of 32 KiB, best compression.
+/// zlib header: deflate, window of 32 KiB, best compression.
 const ZLIB_HEADER: [u8; 2] = [0x78, 0xDA];
 
-/// The end of a deflate stream: an empty last block.
+/// End of a deflate stream: an empty final block.
 const DEFLATE_END: [u8; 2] = [0x03, 0x00];
 
-/// The archive before the first record.
+/// Bytes of an archive before its first record.
 fn head() -> Vec<u8> {
     let mut head = (NAME.len() as u64).to_le_bytes().to_vec();
     head.extend_from_slice(NAME);
@@ -37,7 +37,6 @@ fn head() -> Vec<u8> {
     head
 }
 
-/// Compresses lines into a file.
 pub(super) struct ArchiveStream {
     plain: Vec<u8>,
     blocks: BlockCompressor,
@@ -45,13 +44,11 @@ pub(super) struct ArchiveStream {
 }
 
 impl ArchiveStream {
-    /// Begins an empty file.
     pub fn begin(out: &mut OutputStream) -> Result<ArchiveStream> {
         out.append(&ZLIB_HEADER)?;
         Ok(ArchiveStream { plain: head(), blocks: BlockCompressor::new(deflate), sum: Adler32::new() })
     }
 
-    /// Appends complete lines.
     pub fn append(&mut self, lines: &[u8], out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         for line in lines.split_inclusive(|&byte| byte == b'\n') {
             self.plain.extend((line.len() as u64).to_le_bytes());
@@ -63,7 +60,6 @@ impl ArchiveStream {
         Ok(())
     }
 
-    /// Compresses the remaining lines and ends the stream.
     pub fn finish(mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         self.submit(out, offload)?;
         self.blocks.finish(|bytes| out.append(bytes))?;
@@ -77,10 +73,10 @@ impl ArchiveStream {
     }
 }
 
-/// Compresses a block as a part of a deflate stream that ends at a byte boundary and refers to no earlier block.
+/// Compresses one block as a part of a deflate stream that ends at a byte boundary and refers to no earlier block.
 fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, String> {
     let mut deflate = Compress::new(Compression::best(), false);
-    // Enough for the worst case: interruptions by a full buffer would change the bytes.
+    // Capacity for the worst case: a full output buffer would interrupt the compressor and so change the bytes.
     out.reserve(plain.len() + plain.len() / 8 + 1024);
     loop {
         let done = deflate.total_in() as usize;
@@ -97,12 +93,12 @@ fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, Strin
     }
 }
 
-/// Writes the lines of a compressed text file, this program's or HELIOS++'s, to the file `to`, or to standard output;
-/// returns how many there were. `name` is what messages call the compressed file.
+/// Expands a compressed text file of this program or of HELIOS++ to the file `to`, or to standard output. Returns the
+/// number of lines. Messages refer to the compressed file as `name`.
 ///
 /// # Errors
-/// [`Error::Input`] when the file is no such archive, is damaged or ends too early, or when `to` exists and `force` is not
-/// given; [`Error::Io`]. Nothing is left under the name `to` then.
+/// [`Error::Input`] when the input is not such an archive, is damaged or truncated, or when `to` exists and `force`
+/// is not set; [`Error::Io`]. After an error no file of the name `to` is left.
 pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) -> Result<u64> {
     let place = to.map_or(Destination::Stdout, |path| Destination::Path(path.to_path_buf()));
     if let Some(path) = to.filter(|path| !force && !is_special(path) && path.symlink_metadata().is_ok()) {
@@ -129,10 +125,10 @@ pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) ->
     Ok(lines)
 }
 
-/// Bytes of text that are written together.
+/// Minimum bytes of text per write.
 const MIN_WRITE_BYTES: usize = 1 << 16;
 
-/// The expanded archive, and how much of it was read.
+/// The decompressed archive and the number of bytes read from it.
 struct Archive<'n, R> {
     name: &'n Path,
     bytes: R,
@@ -157,7 +153,7 @@ impl<R: Read> Archive<'_, R> {
         Ok(())
     }
 
-    /// The length of the next record; `None` at the end.
+    /// Returns the length of the next record, in bytes; `None` at the end of the archive.
     fn length(&mut self) -> Result<Option<u64>> {
         let mut length = [0; 8];
         match self.fill(&mut length)? {
@@ -167,7 +163,7 @@ impl<R: Read> Archive<'_, R> {
         }
     }
 
-    /// Copies a record; its length is not trusted.
+    /// Copies one record of `left` bytes. The length comes from the file, so no memory is reserved for it.
     fn copy(&mut self, mut left: u64, text: &mut Vec<u8>, out: &mut OutputStream) -> Result<()> {
         let mut piece = [0; 4096];
         while left > 0 {
@@ -185,7 +181,6 @@ impl<R: Read> Archive<'_, R> {
         Ok(())
     }
 
-    /// Reads until `out` is full or the content ends.
     fn fill(&mut self, out: &mut [u8]) -> Result<usize> {
         let mut filled = 0;
         while filled < out.len() {

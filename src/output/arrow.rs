@@ -1,7 +1,8 @@
-//! Points as Arrow IPC stream and as Parquet: columns named and typed as [`Column`] says, with unit and meaning as the
-//! metadata of each, and the coordinate reference system, the scanner and the names of objects as that of the table.
+//! Points as an Arrow IPC stream and as Parquet. Names and types of the columns follow [`Column`]; the metadata of
+//! each column holds its unit and meaning, the metadata of the table holds the coordinate reference system, the
+//! scanner and the names of objects.
 //!
-//! Rows are collected to batches of fixed size, so that the bytes do not depend on how they arrived.
+//! Rows are collected into batches of fixed size, so the bytes do not depend on how the rows arrived.
 
 use super::columns::{Column, Kind, slices};
 use super::objects::ObjectIds;
@@ -21,23 +22,21 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Rows of a batch of an Arrow stream: some megabytes.
+/// Rows per batch of an Arrow stream: a few megabytes.
 pub(super) const BATCH_ROWS: usize = 16_384;
-/// Rows of a row group of Parquet.
+/// Rows per row group of Parquet.
 const GROUP_ROWS: usize = 16 * BATCH_ROWS;
-/// Key of the metadata with the value [`PARTIAL`].
+/// Metadata key of the state of the run, with [`PARTIAL`] as value.
 const STATE: &str = "state";
 
-/// The metadata of a point table.
 pub(super) struct About<'a> {
-    /// The scanner's name.
     pub scanner: &'a str,
     /// Coordinate reference system as WKT.
     pub crs: Option<&'a str>,
     pub objects: &'a ObjectIds,
 }
 
-/// The columns with their units and meanings, and the metadata of the table.
+/// Returns the schema: columns with units and meanings, and the metadata of the table.
 pub(super) fn schema(columns: &[Column], about: &About) -> SchemaRef {
     let fields = columns.iter().map(|column| {
         let mut metadata = BTreeMap::from([("description".to_owned(), column.meaning().to_owned())]);
@@ -57,7 +56,7 @@ pub(super) fn schema(columns: &[Column], about: &About) -> SchemaRef {
     if !about.objects.names.is_empty() {
         let names: BTreeMap<i32, &str> =
             about.objects.names.iter().map(|(number, name)| (*number, name.as_str())).collect();
-        // A map of numbers to texts is always JSON.
+        // JSON serialisation of a map from integers to strings cannot fail.
         metadata.insert("object_names".to_owned(), serde_json::to_string(&names).unwrap_or_default());
     }
     Arc::new(Schema::new_with_metadata(fields.collect::<Vec<_>>(), metadata))
@@ -75,7 +74,6 @@ fn data_type(kind: Kind) -> DataType {
     }
 }
 
-/// Collects blocks of columns to batches.
 struct Rows {
     columns: Vec<Column>,
     schema: SchemaRef,
@@ -89,8 +87,8 @@ impl Rows {
         Rows { columns: columns.to_vec(), schema, values, rows: 0 }
     }
 
-    /// Takes a block that [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) wrote, and gives every batch that is
-    /// full.
+    /// Appends a block written by [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) and passes every
+    /// complete batch to `full`.
     fn append(&mut self, block: &[u8], full: impl FnMut(RecordBatch) -> Result<()>) -> Result<()> {
         let width: usize = self.columns.iter().map(|c| c.kind().width()).sum();
         let (rows, mut full) = (block.len() / width.max(1), full);
@@ -111,7 +109,7 @@ impl Rows {
         Ok(())
     }
 
-    /// What has been collected.
+    /// Returns the collected rows as a batch, and clears them.
     fn batch(&mut self) -> Result<RecordBatch> {
         let rows = std::mem::take(&mut self.rows);
         let columns = self.columns.iter().zip(&mut self.values).map(|(column, values)| {
@@ -137,26 +135,24 @@ fn array(kind: Kind, values: Buffer, rows: usize) -> ArrayRef {
     }
 }
 
-/// An Arrow IPC stream.
 pub(super) struct ArrowStream {
     rows: Rows,
     encoder: StreamEncoder,
 }
 
 impl ArrowStream {
-    /// A stream without rows.
     pub fn new(columns: &[Column], schema: SchemaRef) -> Result<ArrowStream> {
         let encoder = StreamEncoder::try_new(&schema).map_err(|e| Error::Internal(format!("Arrow: {e}")))?;
         Ok(ArrowStream { rows: Rows::new(columns, schema), encoder })
     }
 
-    /// Takes a block of columns and appends every batch that is full.
+    /// Appends a block of columns and writes every complete batch.
     pub fn append(&mut self, block: &[u8], mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         let ArrowStream { rows, encoder } = self;
         rows.append(block, |batch| encode(encoder, &batch, &mut out))
     }
 
-    /// Appends the rows of an incomplete batch.
+    /// Writes the rows of an incomplete batch.
     pub fn flush(&mut self, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         if self.rows.rows == 0 {
             return Ok(());
@@ -165,7 +161,7 @@ impl ArrowStream {
         encode(&mut self.encoder, &batch, &mut out)
     }
 
-    /// Appends the remaining rows and the end of the stream. A partial stream ends with [`partial_marker`].
+    /// Writes the remaining rows and the end of the stream. A partial stream ends with [`partial_marker`].
     pub fn finish(mut self, partial: bool, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         if self.rows.rows > 0 || partial {
             let batch = self.rows.batch()?;
@@ -188,16 +184,16 @@ fn encode(
     buffers.iter().try_for_each(|buffer| out(buffer.as_slice()))
 }
 
-/// An empty batch of `columns` columns whose message metadata has [`PARTIAL`] as its state (Arrow columnar format,
-/// "Encapsulated message format"). It is assembled here because the writers of `arrow-ipc` give batches no metadata, and
-/// the metadata of the schema is written before the end of the run is known.
+/// Returns an empty batch of `columns` columns whose message metadata has [`PARTIAL`] as state (Arrow columnar
+/// format, "Encapsulated message format"). It is assembled here because `arrow-ipc` writes no metadata with a batch,
+/// and the metadata of the schema is written before the outcome of the run is known.
 fn partial_marker(columns: usize) -> Vec<u8> {
     let mut builder = IpcSchemaEncoder::new().schema_to_fb(&Schema::empty());
     builder.reset();
     let state = BTreeMap::from([(STATE.to_owned(), PARTIAL.to_owned())]).into();
     let metadata = metadata_to_fb(&mut builder, &state);
     let nodes = builder.create_vector(&vec![FieldNode::new(0, 0); columns]);
-    // Validity and values of each column, all empty
+    // Validity and values of each column, all empty.
     let buffers = builder.create_vector(&vec![::arrow_ipc::Buffer::new(0, 0); 2 * columns]);
     let mut batch = RecordBatchBuilder::new(&mut builder);
     batch.add_length(0);
@@ -221,14 +217,13 @@ fn partial_marker(columns: usize) -> Vec<u8> {
     out
 }
 
-/// A Parquet file.
 pub(super) struct ParquetStream {
     rows: Rows,
     writer: ArrowWriter<SharedBuffer>,
     buffer: SharedBuffer,
 }
 
-/// Bytes that the Parquet writer has written and the file has not.
+/// Bytes produced by the Parquet writer and not yet passed to the file.
 #[derive(Clone, Default)]
 struct SharedBuffer(Arc<Mutex<Vec<u8>>>);
 
@@ -250,14 +245,13 @@ impl Write for SharedBuffer {
 }
 
 impl ParquetStream {
-    /// A file without rows.
     pub fn new(columns: &[Column], schema: SchemaRef) -> Result<ParquetStream> {
         let mut properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .set_created_by(concat!("vlscan ", env!("CARGO_PKG_VERSION")).to_owned())
             .set_max_row_group_row_count(Some(GROUP_ROWS))
             .set_statistics_enabled(EnabledStatistics::Chunk);
-        // Dictionaries help where values repeat.
+        // Dictionary encoding pays only where values repeat.
         for column in columns.iter().filter(|c| matches!(c.kind(), Kind::F32 | Kind::F64 | Kind::U64)) {
             properties = properties.set_column_dictionary_enabled(column.name().into(), false);
         }
@@ -267,7 +261,7 @@ impl ParquetStream {
         Ok(ParquetStream { rows: Rows::new(columns, schema), writer, buffer })
     }
 
-    /// Takes a block of columns and appends every row group that is full.
+    /// Appends a block of columns and writes every complete row group.
     pub fn append(&mut self, block: &[u8], mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         let ParquetStream { rows, writer, buffer } = self;
         rows.append(block, |batch| {
@@ -276,7 +270,7 @@ impl ParquetStream {
         })
     }
 
-    /// Appends the remaining rows and the footer, whose metadata tells whether the file is partial.
+    /// Writes the remaining rows and the footer, whose metadata records whether the file is partial.
     pub fn finish(mut self, partial: bool, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         let last = self.rows.batch()?;
         if last.num_rows() > 0 {

@@ -1,4 +1,5 @@
-//! BlockCompressor of bytes that are compressed independently, on other threads where there are idle ones, and returned in order.
+//! Independent compression of blocks, by idle worker threads where there are any; the results keep the order of
+//! submission.
 
 use super::offload::Offload;
 use crate::error::{Error, Result};
@@ -6,21 +7,20 @@ use std::collections::VecDeque;
 use std::mem;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// Compresses a block into an empty buffer; the error is a message.
+/// Compresses a block into an empty buffer. An error is returned as a message.
 type CompressFn = dyn Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync;
 
 /// The blocks of one file that are being compressed.
 pub(super) struct BlockCompressor {
     compress: Arc<CompressFn>,
-    /// In order.
+    /// Blocks in order of submission.
     pending: VecDeque<Arc<Block>>,
     max_pending: usize,
-    /// Buffers of finished blocks for the next ones: allocating and freeing megabytes again and again would fragment the
+    /// Buffers of finished blocks, reused for the next ones. Repeated allocation of megabytes would fragment the
     /// heap, and long runs would need more memory than short ones.
     spare: Vec<Buffers>,
 }
 
-/// The bytes of a block and its compressed bytes.
 #[derive(Default)]
 struct Buffers {
     plain: Vec<u8>,
@@ -28,17 +28,17 @@ struct Buffers {
 }
 
 impl BlockCompressor {
-    /// A compressor without blocks.
     pub fn new(
         compress: impl Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync + 'static,
     ) -> BlockCompressor {
-        // A block takes a few megabytes: one for each thread, and as many in reserve while the oldest is compressed.
+        // A block takes a few megabytes. The limit is one block per thread, and as many again in reserve while the
+        // oldest one is compressed.
         let max_pending = std::thread::available_parallelism().map_or(2, |n| 2 * n.get()).clamp(4, 32);
         let (pending, spare) = (VecDeque::new(), Vec::new());
         BlockCompressor { compress: Arc::new(compress), pending, max_pending, spare }
     }
 
-    /// Queues a block for compression, and passes finished ones to `write`. Leaves `plain` empty.
+    /// Queues a block for compression and passes finished blocks to `write`. Leaves `plain` empty.
     pub fn submit(
         &mut self,
         plain: &mut Vec<u8>,
@@ -59,7 +59,6 @@ impl BlockCompressor {
         Ok(())
     }
 
-    /// Passes all remaining blocks to `write`.
     pub fn finish(&mut self, mut write: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         while !self.pending.is_empty() {
             self.write_oldest(&mut write)?;
@@ -78,19 +77,20 @@ impl BlockCompressor {
     }
 }
 
-/// A block that the first thread to lock it compresses: a worker that becomes idle, or the writer when it needs the bytes.
-/// So the writer waits only for a worker that is compressing, never for one that waits for the writer.
+/// A block, compressed by the first thread that locks it: an idle worker, or the writer when it needs the bytes. The
+/// writer therefore waits only for a worker that is compressing, never for one that waits for the writer.
 struct Block(Mutex<State>);
 
 enum State {
     Plain(Buffers),
     Compressed(Buffers),
-    /// Compression failed, or the result was taken.
+    /// Compression failed, or the result has been taken.
     Gone(String),
 }
 
 impl Block {
-    /// Waits while another thread compresses. A panic during compression leaves [`State::Gone`] behind.
+    /// Locks the state; waits while another thread compresses. A panic during compression leaves [`State::Gone`]
+    /// behind.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -103,7 +103,7 @@ impl Block {
         }
     }
 
-    /// Compresses the block, if that has not been done.
+    /// Compresses the block unless that has been done.
     fn compress(&self, compress: &CompressFn) {
         let mut state = self.lock();
         if let State::Plain(buffers) = &mut *state {
@@ -116,7 +116,7 @@ impl Block {
         }
     }
 
-    /// Takes the compressed bytes, which it compresses if that has not been done.
+    /// Takes the compressed bytes; compresses the block first if that has not been done.
     fn result(&self, compress: &CompressFn) -> Result<Buffers> {
         self.compress(compress);
         match mem::replace(&mut *self.lock(), State::Gone("a block was taken twice".to_owned())) {

@@ -1,17 +1,16 @@
-//! What all formats of point records share: the facts of the leg, the codec of a record, and the bytes that a batch
-//! contributes to a file.
+//! Definitions shared by all formats of point records: the facts of the leg, the codec of a record, and the bytes
+//! that a batch contributes to a file.
 
 use super::layout::Slots;
 use super::summary::Tally;
 use crate::geom::{DVec3, degrees};
 use crate::pulse::Echo;
 
-/// What a record says of its leg.
+/// Values of the leg that every record repeats.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LegFacts {
-    /// Number of the leg, saturated to 16 bits.
     pub number: u16,
-    /// Number of the leg plus one, because 0 means "unknown" in LAS.
+    /// Number of the leg plus one, because 0 means "unknown" in LAS; saturated.
     pub source_id: u16,
 }
 
@@ -22,15 +21,15 @@ impl LegFacts {
     }
 }
 
-/// What a batch contributes to one file.
+/// The contribution of one batch to one file.
 #[derive(Debug)]
 pub(super) struct Piece {
     pub slot: u32,
     pub bytes: Vec<u8>,
     pub tally: Tally,
-    /// Waveform packets of LAS points; the offsets in `bytes` count from their beginning.
+    /// Waveform packets of LAS points; the offsets in `bytes` count from the first of them.
     pub packets: Vec<u8>,
-    /// Whether `bytes` are a block of columns, to which nothing can be appended.
+    /// Whether `bytes` is a block of columns, to which nothing can be appended.
     pub is_block: bool,
 }
 
@@ -45,7 +44,7 @@ impl Piece {
         }
     }
 
-    /// Appends a point and counts it.
+    /// Encodes a point and counts it.
     pub fn push_point(&mut self, codec: &impl PointCodec, leg: &LegFacts, echo: &Echo) {
         match codec.push(&mut self.bytes, leg, echo) {
             Some(stored) => self.tally.count_point(stored, echo.return_number),
@@ -54,17 +53,17 @@ impl Piece {
     }
 }
 
-/// How an echo becomes a record of one format.
+/// Encoder of echoes as records of one format.
 pub(super) trait PointCodec {
-    /// Typical bytes per record, to reserve memory.
+    /// Typical bytes per record, for the reservation of memory.
     const TYPICAL_BYTES: usize;
 
-    /// Appends the record; returns its coordinates as stored, or `None` when the format cannot hold them and nothing
-    /// was appended.
+    /// Appends the record. Returns its coordinates as stored, or `None`, with nothing appended, when the format
+    /// cannot represent them.
     fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echo: &Echo) -> Option<DVec3>;
 }
 
-/// Encodes points and appends one piece per file of `slots`.
+/// Encodes the points of a batch and appends one piece per file of `slots`.
 pub(super) fn encode_points<C: PointCodec>(
     codec: &C,
     leg: &LegFacts,
@@ -73,7 +72,7 @@ pub(super) fn encode_points<C: PointCodec>(
     pieces: &mut Vec<Piece>,
 ) {
     let first = pieces.len();
-    // Memory is reserved where all echoes go to one file; devices share them in unknown parts.
+    // With one file per device the share of each device is unknown, so nothing is reserved.
     let capacity = if matches!(slots, Slots::One(_)) { echoes.len() * C::TYPICAL_BYTES } else { 0 };
     pieces.extend(slots.as_slice().iter().map(|&slot| Piece::new(slot, capacity)));
     for echo in echoes {
@@ -83,17 +82,17 @@ pub(super) fn encode_points<C: PointCodec>(
     }
 }
 
-/// Seconds of the GPS week for nanoseconds of the week.
+/// Converts nanoseconds of the GPS week to seconds.
 pub(super) fn seconds(time_ns: f64) -> f64 {
     time_ns / 1e9
 }
 
-/// Angle between beam and surface normal, degrees.
+/// Angle between beam and surface normal, in degrees.
 pub(super) fn incidence_degrees(echo: &Echo) -> f32 {
     degrees(libm::acos(echo.incidence_cosine.clamp(-1.0, 1.0))) as f32
 }
 
-/// A count that saturates at 255.
+/// Saturating conversion of a count to 8 bits.
 pub(super) fn byte(count: u32) -> u8 {
     u8::try_from(count).unwrap_or(u8::MAX)
 }

@@ -1,4 +1,4 @@
-//! Echoes as blocks of columns.
+//! Encoding of echoes as blocks of columns.
 
 use super::codec::{LegFacts, byte, incidence_degrees, seconds};
 use super::columns::Column;
@@ -7,7 +7,6 @@ use super::objects::ObjectIds;
 use crate::geom::{DVec3, degrees};
 use crate::pulse::{Echo, EchoTruth};
 
-/// Encodes echoes as values by column.
 pub(super) struct ColumnCodec<'a> {
     pub columns: &'a [Column],
     pub shift: DVec3,
@@ -18,12 +17,12 @@ pub(super) struct ColumnCodec<'a> {
 }
 
 impl ColumnCodec<'_> {
-    /// Bytes of a row.
+    /// Bytes per row.
     pub fn width(&self) -> usize {
         self.columns.iter().map(|c| c.kind().width()).sum()
     }
 
-    /// Appends all values of the first column, then those of the second, and so on; little-endian.
+    /// Appends all values of the first column, then all values of the second, and so on; little-endian.
     pub fn push(&self, out: &mut Vec<u8>, leg: &LegFacts, echoes: &[&Echo]) {
         out.reserve(self.width() * echoes.len());
         self.columns.iter().for_each(|&column| self.push_column(column, out, leg, echoes));

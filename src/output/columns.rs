@@ -1,9 +1,9 @@
-//! The columns of points in Arrow, Parquet and text with a header. Names and types are those of LAS where LAS has the
-//! dimension, and those of PDAL or plain words elsewhere.
+//! The columns of points in Arrow, Parquet and text with a header. Names and types follow LAS where LAS has the
+//! dimension, otherwise PDAL or plain English.
 
 use crate::diag::nearest;
 
-/// How the values of a column are stored.
+/// Storage type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     U8,
@@ -16,7 +16,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// Bytes of a value.
+    /// Bytes per value.
     pub fn width(self) -> usize {
         match self {
             Kind::U8 => 1,
@@ -29,7 +29,7 @@ impl Kind {
 
 macro_rules! columns {
     ($($name:ident $kind:ident $decimals:literal $unit:literal $meaning:literal;)*) => {
-        /// A column of points. Its name is that of the variant.
+        /// A column of points, named like the variant.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum Column {
             $(#[doc = $meaning] $name,)*
@@ -39,27 +39,26 @@ macro_rules! columns {
             /// All columns in the order in which they are written.
             pub const ALL: &[Column] = &[$(Column::$name),*];
 
-            /// Its name.
+            /// Name of the column.
             pub fn name(self) -> &'static str {
                 match self { $(Column::$name => stringify!($name),)* }
             }
 
-            /// Unit of its values; empty for plain numbers.
+            /// Unit of the values; empty for plain numbers.
             pub fn unit(self) -> &'static str {
                 match self { $(Column::$name => $unit,)* }
             }
 
-            /// What its values are.
+            /// Description of the values.
             pub fn meaning(self) -> &'static str {
                 match self { $(Column::$name => $meaning,)* }
             }
 
-            /// How its values are stored.
             pub(super) fn kind(self) -> Kind {
                 match self { $(Column::$name => Kind::$kind,)* }
             }
 
-            /// Decimals in text.
+            /// Number of decimals in text.
             pub(super) fn decimals(self) -> u8 {
                 match self { $(Column::$name => $decimals,)* }
             }
@@ -109,21 +108,21 @@ columns! {
 }
 
 impl Column {
-    /// The columns that are written unless others are chosen; with those of the beam where missed pulses are written.
+    /// Returns the columns written by default; with the columns of the beam where missed pulses are written.
     pub fn default_columns(with_misses: bool) -> Vec<Column> {
         let last = if with_misses { Column::BeamDirectionZ } else { Column::Primitive };
         Column::ALL.iter().copied().filter(|c| *c <= last && *c != Column::SurfaceClass).collect()
     }
 
-    /// Whether its values exist only where the truth of echoes is recorded.
+    /// Whether values exist only where the true causes of echoes are recorded.
     pub fn is_truth(self) -> bool {
         self >= Column::SurfaceX
     }
 
-    /// The columns of a list of names separated by commas; capitals do not matter.
+    /// Parses a comma-separated list of column names; case is ignored.
     ///
     /// # Errors
-    /// What is wrong with the list, and what there is to choose from.
+    /// A message that names the fault and the available columns.
     pub fn list(names: &str) -> Result<Vec<Column>, String> {
         let mut columns = Vec::new();
         for name in names.split(',').map(str::trim) {
@@ -144,7 +143,8 @@ impl Column {
     }
 }
 
-/// The columns of a block that [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) wrote, as slices of bytes.
+/// Splits a block written by [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) into the bytes of each
+/// column.
 pub(super) fn slices<'b>(columns: &[Column], rows: usize, block: &'b [u8]) -> impl Iterator<Item = &'b [u8]> {
     let mut rest = block;
     columns.iter().map(move |column| {

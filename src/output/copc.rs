@@ -1,10 +1,10 @@
 //! COPC 1.0: LAZ whose chunks are the nodes of an octree, so that a reader fetches only the region and the detail it needs
 //! (copc.io, "Cloud Optimized Point Cloud Specification").
 //!
-//! Points are collected in a temporary file until the last one has arrived, because only then the root cube is known. Then
-//! each node keeps the first point of every cell of a grid of 128³ and passes the others to its children, through temporary
-//! files where they are many, so that memory holds one node and the buffers of its children. The points of a node depend
-//! on the order of the points only, which is the same for any number of threads.
+//! Points are collected in a temporary file until the last one has arrived, because the root cube is known only then.
+//! Each node keeps the first point of every cell of a grid of 128³ and passes the others to its children, through
+//! temporary files where they are many, so that memory holds one node and the buffers of its children. The points of
+//! a node depend only on the order of the points, which is the same for any number of threads.
 
 use super::blocks::BlockCompressor;
 use super::las::LasFormat;
@@ -20,27 +20,28 @@ use std::collections::VecDeque;
 use std::io::{BufWriter, Read, Seek, Write};
 use tempfile::SpooledTempFile;
 
-/// Cells of a node's grid along each edge.
+/// Grid cells of a node along each edge.
 const GRID: u64 = 128;
-/// Largest number of points that a node keeps without dividing them.
+/// Maximum number of points that a node keeps without dividing them.
 const MAX_LEAF_POINTS: u64 = 50_000;
-/// Smallest number of points of a child node; fewer stay in the parent, as small chunks cost more than they save.
+/// Minimum number of points of a child node. Fewer points stay in the parent, because small chunks cost more than
+/// they save.
 const MIN_NODE_POINTS: u64 = 200;
-/// The finest level. The edge of the root cube is a multiple of 2 to this power, so that all edges are integral.
+/// Deepest level. The edge of the root cube is a multiple of 2 to this power, so that all edges are integers.
 const MAX_LEVEL: u32 = 16;
-/// Bytes of a spill that stay in memory, and of a block that is read from a file.
+/// Maximum bytes of a spill in memory, and of a block read from its file.
 const MAX_MEMORY_BYTES: usize = 2 << 20;
-/// Offset of the GPS time in a record of format 6.
+/// Offset of the GPS time in a record of format 6, in bytes.
 const TIME_AT: usize = 22;
 
-/// Bytes of the variable length record that describes the octree.
+/// Bytes of the COPC info record.
 const INFO_BYTES: usize = 160;
 
-/// What the header says of the octree.
+/// Values of the octree that the header refers to.
 pub(super) struct Octree {
-    /// Contents of the record that describes it.
+    /// Contents of the COPC info record.
     pub info: [u8; INFO_BYTES],
-    /// Position of the list of nodes.
+    /// Position of the hierarchy in the file.
     pub hierarchy_at: u64,
 }
 
@@ -48,15 +49,15 @@ impl Octree {
     pub const EMPTY: Octree = Octree { info: [0; INFO_BYTES], hierarchy_at: 0 };
 }
 
-/// The compression of the points: chunks of variable length.
+/// Returns the LASzip record for chunks of variable length.
 pub(super) fn laszip(format: &LasFormat) -> Result<LazVlr> {
     Ok(laszip_builder(format)?.with_variable_chunk_size().build())
 }
 
-/// The points of one file on their way into an octree.
+/// The points of one file that will become an octree.
 pub(super) struct CopcStream {
     laszip: LazVlr,
-    /// Position of the offset of the chunk table.
+    /// Position of the field that holds the offset of the chunk table.
     start: u64,
     points: Spill,
     times: Option<[f64; 2]>,
@@ -82,7 +83,7 @@ impl CopcStream {
         self.points.append(records)
     }
 
-    /// Builds the octree and writes its nodes, the chunk table and the list of nodes.
+    /// Builds the octree and writes its nodes, the chunk table and the hierarchy.
     pub fn finish(
         self,
         format: &LasFormat,
@@ -112,7 +113,7 @@ impl CopcStream {
         out.patch(self.start, &offset.to_le_bytes())?;
 
         if nodes.entries.is_empty() {
-            // A root node without points
+            // An empty root node.
             nodes.entries.extend([0; ENTRY_BYTES]);
         }
         let hierarchy_at = out.len();
@@ -125,7 +126,7 @@ impl CopcStream {
     }
 }
 
-/// The cube of the root in units of the coordinates.
+/// The root cube, in units of the stored coordinates.
 #[derive(Clone, Copy)]
 struct Cube {
     min: [i64; 3],
@@ -143,7 +144,7 @@ impl Cube {
         Cube { min, edge: extent.next_multiple_of(unit) }
     }
 
-    /// Coordinates of a point relative to the corner of the cube.
+    /// Returns the coordinates of a point relative to the lower corner of the cube.
     fn within(&self, record: &[u8]) -> [u64; 3] {
         [0, 1, 2].map(|axis| {
             let mut coordinate = [0; 4];
@@ -153,7 +154,6 @@ impl Cube {
     }
 }
 
-/// Level and position of a node.
 #[derive(Clone, Copy)]
 struct Key {
     level: u32,
@@ -169,19 +169,18 @@ impl Key {
     }
 }
 
-/// Bytes of an entry of the list of nodes.
+/// Bytes of an entry of the hierarchy.
 const ENTRY_BYTES: usize = 32;
 
-/// The list of nodes: written ones, and those that are being compressed.
+/// Nodes: those already written, and those being compressed.
 struct Nodes {
-    /// Keys and numbers of points of nodes in compression, in order.
+    /// Keys and numbers of points of the nodes being compressed, in order.
     pending: VecDeque<(Key, u64)>,
     table: ChunkTable,
     entries: Vec<u8>,
 }
 
 impl Nodes {
-    /// Writes the chunk of the oldest pending node.
     fn write(&mut self, chunk: &[u8], out: &mut OutputStream) -> Result<()> {
         let Some((key, points)) = self.pending.pop_front() else {
             return Err(Error::Internal("a chunk without a node".to_owned()));
@@ -209,7 +208,6 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Writes a node and its descendants.
     fn build(&mut self, key: Key, points: Spill) -> Result<()> {
         match points.count() {
             0 => return Ok(()),
@@ -249,7 +247,6 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Submits the points of a node for compression.
     fn submit(&mut self, key: Key, mut points: Vec<u8>) -> Result<()> {
         let Builder { blocks, nodes, out, offload, record, .. } = self;
         nodes.pending.push_back((key, (points.len() / *record) as u64));
@@ -257,7 +254,6 @@ impl Builder<'_> {
     }
 }
 
-/// The occupied cells of a grid.
 struct CellSet(Vec<u64>);
 
 impl CellSet {
@@ -265,7 +261,7 @@ impl CellSet {
         CellSet(vec![0; count.div_ceil(64) as usize])
     }
 
-    /// Occupies a cell; `false` if it was occupied already.
+    /// Occupies a cell. Returns `false` if it was occupied already.
     fn insert(&mut self, cell: u64) -> bool {
         let (word, bit) = (&mut self.0[(cell / 64) as usize], 1 << (cell % 64));
         let free = *word & bit == 0;
@@ -274,7 +270,7 @@ impl CellSet {
     }
 }
 
-/// Records that are set aside: few in memory, many in an unnamed temporary file.
+/// Records set aside: few in memory, many in an unnamed temporary file.
 struct Spill {
     record: usize,
     bytes: u64,
@@ -295,7 +291,7 @@ impl Spill {
         self.file.write_all(records).map_err(|e| failed("write", e))
     }
 
-    /// Passes all records in their order to `read`, as blocks of complete ones.
+    /// Passes all records in order to `read`, in blocks of complete records.
     fn each_block(self, mut read: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         let mut file = self.file.into_inner().map_err(|e| failed("write", e.into_error()))?;
         file.rewind().map_err(|e| failed("read", e))?;
@@ -325,7 +321,7 @@ fn failed(action: &'static str, e: std::io::Error) -> Error {
     Error::io(action, std::env::temp_dir(), e)
 }
 
-/// Contents of the record that describes the octree.
+/// Returns the contents of the COPC info record.
 fn info(format: &LasFormat, cube: &Cube, hierarchy_at: u64, bytes: u64, times: [f64; 2]) -> [u8; INFO_BYTES] {
     let half = cube.edge as f64 / 2.0;
     let min = DVec3::from(cube.min.map(|c| c as f64));
@@ -341,7 +337,7 @@ fn info(format: &LasFormat, cube: &Cube, hierarchy_at: u64, bytes: u64, times: [
     info
 }
 
-/// Header of the extended variable length record that lists the nodes.
+/// Returns the header of the extended variable length record of the hierarchy.
 fn evlr_header(bytes: u64) -> Vec<u8> {
     let mut out = vec![0; 2];
     let text = |text: &str, width: usize, out: &mut Vec<u8>| {

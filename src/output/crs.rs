@@ -1,13 +1,14 @@
-//! The EPSG code of a coordinate reference system.
+//! Extraction of the EPSG code of a coordinate reference system.
 
-/// What an EPSG code names.
+/// Kind of system that an EPSG code denotes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum EpsgKind {
     Projected,
     Geographic,
 }
 
-/// The code of a projected or geographic system in WKT (1 or 2). The code of the whole system is its last element.
+/// Returns the code of a projected or geographic system in WKT 1 or 2. The code of the system as such is its last
+/// element.
 pub(super) fn epsg(wkt: &str) -> Option<(EpsgKind, u16)> {
     let keyword = wkt.trim_start().split(['[', '(']).next()?.trim().to_ascii_uppercase();
     let kind = match keyword.as_str() {

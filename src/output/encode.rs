@@ -1,4 +1,4 @@
-//! Encoding by the workers: a batch becomes the bytes of every file that it goes to.
+//! Encoding in the worker threads: a batch becomes the bytes of every file that it contributes to.
 
 use super::codec::{LegFacts, Piece, PointCodec, encode_points};
 use super::column_codec::ColumnCodec;
@@ -13,21 +13,20 @@ use crate::pulse::Batch;
 use crate::pulse::Echo;
 use std::borrow::Cow;
 
-/// A batch as bytes for every file that it goes to; [`Writer::append`](super::Writer::append) takes it.
+/// The encoded pieces of a batch for all files; input of [`Writer::append`](super::Writer::append).
 #[derive(Debug)]
 pub struct Encoded {
-    /// Index of the leg.
     pub(super) leg: u32,
     pub(super) pieces: Vec<Piece>,
 }
 
 impl Encoded {
-    /// Index of the leg that was encoded.
+    /// Index of the encoded leg.
     pub fn leg(&self) -> u32 {
         self.leg
     }
 
-    /// Appends the next batch, or returns it where its pieces cannot be joined.
+    /// Appends the next batch, or returns it when the pieces cannot be joined.
     pub fn join(&mut self, next: Encoded) -> Option<Encoded> {
         let goes_on = |(mine, next): (&Piece, &Piece)| {
             mine.slot == next.slot && !next.is_block && mine.packets.is_empty() && next.packets.is_empty()
@@ -43,13 +42,12 @@ impl Encoded {
         None
     }
 
-    /// Bytes in all pieces.
+    /// Total bytes of all pieces.
     pub fn bytes(&self) -> usize {
         self.pieces.iter().map(|p| p.bytes.len()).sum()
     }
 }
 
-/// The text format.
 pub(super) struct XyzCodec<'a> {
     pub shift: DVec3,
     pub part_names: &'a [Box<[u8]>],
@@ -67,7 +65,7 @@ impl PointCodec for XyzCodec<'_> {
 }
 
 impl OutputPlan {
-    /// Encodes a batch for every file. Called by the workers.
+    /// Encodes a batch for every file. Called by the worker threads.
     pub fn encode(&self, batch: &Batch) -> Encoded {
         let echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
         let routes = self.layout.routes.get(batch.leg as usize).map_or(&[][..], |r| r);
@@ -128,7 +126,7 @@ impl OutputPlan {
         }
     }
 
-    /// Encodes points as a block of columns for each file, which `write` turns into the bytes of the file.
+    /// Encodes points as one block of columns per file, which `write` converts to the bytes of the file.
     fn tables(
         &self,
         leg: &LegFacts,
@@ -157,7 +155,7 @@ impl OutputPlan {
         }
     }
 
-    /// Groups of PLY properties that are requested.
+    /// Returns the requested groups of PLY properties.
     pub(super) fn ply_groups(&self) -> PlyGroups {
         PlyGroups { labels: self.labels, directions: self.misses }
     }
@@ -185,7 +183,7 @@ impl OutputPlan {
     }
 }
 
-/// The echoes of a batch and records of its pulses without echoes, in the order of emission.
+/// Returns the echoes of a batch together with records of its pulses without echoes, in order of emission.
 fn with_misses(batch: &Batch) -> Cow<'_, [Echo]> {
     let mut all = Vec::with_capacity(batch.echoes.len() + batch.pulses.len());
     let mut echoes = batch.echoes.iter().peekable();
@@ -202,7 +200,7 @@ fn with_misses(batch: &Batch) -> Cow<'_, [Echo]> {
     Cow::Owned(all)
 }
 
-/// A piece of records without coordinates.
+/// Returns a piece of records without coordinates.
 fn piece_of<T>(slot: u32, records: &[T], typical_bytes: usize, push: impl Fn(&mut Vec<u8>, &T)) -> Piece {
     let mut piece = Piece::new(slot, records.len() * typical_bytes);
     records.iter().for_each(|record| push(&mut piece.bytes, record));

@@ -19,9 +19,8 @@ use crate::error::{Error, Result};
 use ::laz::LazVlr;
 use std::path::{Path, PathBuf};
 
-/// A file that batches are appended to.
 pub(super) struct OutputFile {
-    /// `None` is standard output.
+    /// `None` for standard output.
     path: Option<PathBuf>,
     kind: FileKind,
     out: OutputStream,
@@ -31,30 +30,30 @@ pub(super) struct OutputFile {
     packets: Option<Packets>,
 }
 
-/// The waveform packets of a LAS file.
 struct Packets {
-    /// The file beside it; `None`: they are collected in an unnamed file and appended to the points at the end.
+    /// Path of the separate file; `None` when packets are collected in an unnamed file and appended to the points at
+    /// the end.
     path: Option<PathBuf>,
     out: OutputStream,
 }
 
-/// A header that depends on all records of the file, and the state of the run in its metadata.
+/// Header that depends on all records of the file, and how it records the state of the run.
 enum Head {
     /// No such header.
     None,
-    /// Bounds and counts of points; their compression.
+    /// LAS: bounds and counts of points, and the compression.
     Las(Option<LazVlr>),
-    /// Bounds and the largest number of points that can occur, for a LAS stream in which nothing can be replaced.
+    /// LAS stream that cannot be patched: bounds and the maximum number of points that can occur.
     LasStream(u64),
-    /// Bounds and counts of points, and the octree.
+    /// COPC: bounds and counts of points, and the octree.
     Copc(LazVlr),
-    /// The count of points.
+    /// PLY: the count of points.
     Ply(PointFormat),
 }
 
-/// What happens to records before they are written.
+/// Processing of records before they are written.
 enum Encoder {
-    /// Nothing.
+    /// Records are written unchanged.
     Plain,
     /// Lines become records of a compressed archive.
     Archive(ArchiveStream),
@@ -62,9 +61,9 @@ enum Encoder {
     Laz(LazStream),
     /// Points are sorted into an octree and compressed.
     Copc(Box<CopcStream>),
-    /// Rows are collected to batches.
+    /// Rows are collected into batches.
     Arrow(Box<ArrowStream>),
-    /// Rows are collected to row groups, which a footer lists.
+    /// Rows are collected into row groups, which a footer lists.
     Parquet(Box<ParquetStream>),
 }
 
@@ -82,7 +81,7 @@ impl Head {
         })
     }
 
-    /// The header. Its length depends on the plan alone.
+    /// Returns the header. Its length depends on the plan alone.
     fn bytes(
         &self,
         plan: &OutputPlan,
@@ -104,7 +103,7 @@ impl Head {
         }
     }
 
-    /// Fails when the header cannot count that many points.
+    /// Fails when the header cannot represent the number of points.
     fn check_count(&self, plan: &OutputPlan, records: u64) -> Result<()> {
         match self {
             Head::LasStream(at_most) if records > *at_most => {
@@ -120,8 +119,8 @@ impl Head {
 }
 
 impl OutputFile {
-    /// Opens a file and writes what precedes the first record. A header that is not known yet is left blank, so that an
-    /// incomplete file does not pass for a complete one.
+    /// Opens a file and writes the bytes before the first record. A header that is not yet known is left blank, so
+    /// that an incomplete file is not mistaken for a complete one.
     pub fn open(plan: &OutputPlan, destination: &Destination, file: &FilePlan) -> Result<OutputFile> {
         let content = file.content;
         let patched = match content {
@@ -174,7 +173,6 @@ impl OutputFile {
         Ok(OutputFile { path, kind: content.kind(), out, head, encoder, tally: Tally::EMPTY, packets })
     }
 
-    /// Appends encoded records.
     pub fn append(&mut self, plan: &OutputPlan, mut piece: Piece, offload: &dyn Offload) -> Result<()> {
         self.tally.add(&piece.tally);
         if let Some(packets) = &mut self.packets {
@@ -205,7 +203,8 @@ impl OutputFile {
         self.out.flush()
     }
 
-    /// Whether a failed run should keep its records: there are some, and a file of an earlier run has its name.
+    /// Whether the records should be kept when the run fails: there are records, and a file of an earlier run has the
+    /// same name.
     pub fn is_worth_keeping(&self) -> bool {
         self.tally.records > 0 && self.out.partial_path().is_some()
     }
@@ -216,9 +215,9 @@ impl OutputFile {
         self.out.close_handle()
     }
 
-    /// Writes what follows the last record and what is known only now, and completes the file. With `partial`, the file
-    /// tells that the run was interrupted: in its own metadata, or in a note beside it where it has none. A partial file
-    /// never replaces a file of an earlier run: it is left beside that one under a name of its own.
+    /// Writes the trailer, patches the header and completes the file. With `partial`, the file is marked as
+    /// interrupted: in its metadata, or by a note beside it for formats without metadata. A partial file never
+    /// replaces a file of an earlier run; it is left beside that file under another name.
     pub fn finish(
         mut self,
         plan: &OutputPlan,
@@ -271,7 +270,7 @@ impl OutputFile {
     }
 }
 
-/// Leaves a note beside a partial text file, and removes that of an earlier run beside a complete one.
+/// Writes a note beside a partial text file, and removes the note of an earlier run beside a complete one.
 fn write_or_remove_note(path: &Path, partial: bool) -> Result<()> {
     let mut name = path.as_os_str().to_os_string();
     name.push(".partial");
@@ -287,7 +286,7 @@ fn write_or_remove_note(path: &Path, partial: bool) -> Result<()> {
 }
 
 impl Packets {
-    /// Opens the file of the packets; their offsets count from its beginning.
+    /// Opens the file of the packets. Offsets count from its first byte.
     fn open(plan: &OutputPlan, place: PacketPlace, las: Option<&Path>) -> Result<Packets> {
         let (path, mut out) = match (place, las) {
             (PacketPlace::Beside, Some(las)) => {
@@ -301,7 +300,7 @@ impl Packets {
         Ok(Packets { path, out })
     }
 
-    /// Completes the file beside the points under its own name or `partial_path`, or appends the packets to the points.
+    /// Completes the separate file under its own name or `partial_path`, or appends the packets to the points.
     fn finish(
         mut self,
         points: &mut OutputStream,

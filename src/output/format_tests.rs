@@ -1,4 +1,4 @@
-//! LAS, LAZ and PLY, read back with other people's readers.
+//! LAS, LAZ and PLY read back by independent readers.
 
 use super::offload::Job;
 use super::request::{ExtraDimensions, IntensityMapping};
@@ -29,7 +29,7 @@ fn request(path: &Path, format: PointFormat) -> OutputRequest {
     }
 }
 
-/// The bytes of a file with `batches`.
+/// Returns the bytes of a file with `batches`.
 fn bytes(request: OutputRequest, batches: &[Batch]) -> Vec<u8> {
     let Target::File(path) = request.sinks[0].0.clone() else { unreachable!() };
     write(request, &survey(2, &[None, None, None]), batches).unwrap();
@@ -148,7 +148,7 @@ fn text(field: &[u8]) -> String {
     String::from_utf8(field.iter().copied().take_while(|&b| b != 0).collect()).unwrap()
 }
 
-/// User, id and data of the records before the points.
+/// Returns user, id and data of the variable length records before the points.
 fn vlrs(raw: &[u8]) -> Vec<(String, u16, Vec<u8>)> {
     let mut at = usize::from(u16_at(raw, 94));
     let mut found = Vec::new();
@@ -167,7 +167,7 @@ fn vlrs(raw: &[u8]) -> Vec<(String, u16, Vec<u8>)> {
 
 #[test]
 fn a_point_of_the_specification_in_the_layout_of_the_reference() {
-    // spec outputs §4.4; rounded instead of truncated, and about whole metres instead of the shift
+    // spec outputs §4.4; rounded instead of truncated, relative to whole metres instead of the shift.
     let dir = tempfile::tempdir().unwrap();
     let world = DVec3::new(-2.838, -25.5432, -0.0065);
     let position = world - scene().shift;
@@ -269,7 +269,7 @@ fn empty_files_are_valid() {
     assert!(ply.ends_with(b"end_header\n"));
 }
 
-/// Takes a few jobs, and runs, drops or keeps them.
+/// Accepts a limited number of jobs and runs, drops or keeps them.
 struct Pool {
     jobs: Mutex<VecDeque<Job>>,
     room: usize,
@@ -318,7 +318,7 @@ fn laz_has_the_same_bytes_for_all_batches_and_helpers() {
     let expected = run(total, Arc::new(NoOffload));
     assert!(run(777, Arc::new(NoOffload)) == expected);
     for does in [Does::Runs, Does::Drops, Does::Keeps] {
-        // A pool that keeps jobs for ever is one whose workers all wait for the writer.
+        // A pool that keeps jobs forever is equivalent to one whose workers all wait for the writer.
         let pool = Arc::new(Pool { jobs: Mutex::default(), room: 2, does });
         assert!(run(50_000, pool.clone()) == expected);
         let mut jobs = std::mem::take(&mut *pool.jobs.lock().unwrap());
@@ -398,7 +398,7 @@ fn what_a_format_cannot_hold_is_left_out_and_counted() {
         let (header, points) = read(fs::read(dir.path().join("a.las")).unwrap());
         assert_eq!((header.number_of_points(), points.intensity().nth(3)), (8, Some(u16::MAX)));
     }
-    // Text holds everything.
+    // Text can represent every coordinate.
     let request = request(&dir.path().join("a.xyz"), PointFormat::Xyz);
     let summary = write(request, &survey(1, &[None]), &[batch]).unwrap();
     assert_eq!((summary.points, summary.files[0].left_out), (10, 0));

@@ -1,4 +1,4 @@
-//! Which files a run writes, and which leg and device goes to which of them (spec outputs §1).
+//! The files of a run, and the assignment of legs and devices to them (spec outputs §1).
 
 use super::request::{OutputRequest, PointFormat, Target, TrajectoryFormat};
 use super::stream::Destination;
@@ -9,7 +9,6 @@ use std::ffi::OsStr;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The content of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Content {
     Points(PointFormat),
@@ -29,7 +28,7 @@ impl Content {
     }
 }
 
-/// The location of a file; the path of a run directory is known only when it has been created.
+/// Location of a file. The path of a run directory is known only once it has been created.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum OutputLocation {
     /// A stream or a named file.
@@ -48,30 +47,28 @@ impl fmt::Display for OutputLocation {
     }
 }
 
-/// One file to be written.
 #[derive(Clone, Debug)]
 pub(super) struct FilePlan {
     pub location: OutputLocation,
     pub content: Content,
-    /// Whether it is a compressed archive of lines.
+    /// Whether the file is a compressed archive of lines.
     pub zipped: bool,
-    /// The last leg that writes into it.
+    /// Index of the last leg that writes to the file.
     pub last_leg: usize,
-    /// Number of the sink that asked for it; two sinks may not share a file.
+    /// Number of the sink that requested the file; two sinks must not share a file.
     pub sink: usize,
 }
 
-/// The files of the points of a leg, by their index in [`OutputLayout::files`].
+/// The files of the points of a leg, by index in [`OutputLayout::files`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Slots {
     /// One file for all devices.
     One(u32),
-    /// One file for each device, by index.
+    /// One file per device, by index of the device.
     PerDevice(Vec<u32>),
 }
 
 impl Slots {
-    /// The files.
     pub fn as_slice(&self) -> &[u32] {
         match self {
             Slots::One(slot) => std::slice::from_ref(slot),
@@ -79,7 +76,7 @@ impl Slots {
         }
     }
 
-    /// Index among these files of that with the points of a device.
+    /// Returns the index, within these files, of the one with the points of a device.
     pub fn index_of(&self, device: u32) -> usize {
         match self {
             Slots::One(_) => 0,
@@ -98,7 +95,6 @@ pub(super) enum Route {
 }
 
 impl Route {
-    /// The files of the product.
     pub fn slots(&self) -> &[u32] {
         match self {
             Route::Points(_, slots) => slots.as_slice(),
@@ -116,7 +112,6 @@ pub(super) struct RunPlan {
     pub parent: PathBuf,
 }
 
-/// All files and the products of each leg.
 #[derive(Debug, Default)]
 pub(super) struct OutputLayout {
     pub files: Vec<FilePlan>,
@@ -125,14 +120,13 @@ pub(super) struct OutputLayout {
     pub runs: Vec<RunPlan>,
     /// Directories that must exist before files are opened.
     pub directories: Vec<PathBuf>,
-    /// Files that more than one sink asks for.
+    /// Files requested by more than one sink.
     pub clashes: Vec<OutputLocation>,
     slots: BTreeMap<OutputLocation, u32>,
     /// Whether waveforms and pulses are compressed.
     zip: bool,
 }
 
-/// The base location of the files of one sink.
 enum Base {
     Stdout,
     /// A single file for all legs.
@@ -142,7 +136,7 @@ enum Base {
 }
 
 impl OutputLayout {
-    /// Lays out all requested outputs.
+    /// Computes the layout of all requested outputs.
     pub fn new(request: &OutputRequest, survey: &Survey) -> OutputLayout {
         let mut layout = OutputLayout {
             routes: vec![Vec::new(); survey.legs.len()],
@@ -156,7 +150,7 @@ impl OutputLayout {
             let runs = layout.runs.len();
             let base = layout.base(target, survey);
             layout.points(sink, &base, *format, survey, split);
-            // Sinks that share a run directory share its trajectories.
+            // Sinks with the same run directory share its trajectories.
             if layout.runs.len() > runs {
                 let trajectory = Content::Trajectory(TrajectoryFormat::Helios);
                 layout.product(sink, &base, trajectory, true, survey);
@@ -218,8 +212,8 @@ impl OutputLayout {
         }
     }
 
-    /// A product besides the points; `beside` is the point file that its name derives from. The names are those of the
-    /// reference.
+    /// Adds a product other than points; `beside` derives its name from the point file. The names are those of
+    /// HELIOS++.
     fn product(&mut self, sink: usize, base: &Base, content: Content, beside: bool, survey: &Survey) {
         let (suffix, extension) = match content {
             Content::Waveforms => ("fullwave", if self.zip { "bin" } else { "txt" }),
@@ -244,7 +238,7 @@ impl OutputLayout {
         }
     }
 
-    /// The index of the file at `location`, which legs of one strip and devices with one id share.
+    /// Returns the index of the file at `location`, shared by legs of one strip and by devices with the same id.
     fn slot(&mut self, sink: usize, location: OutputLocation, content: Content, leg: usize) -> u32 {
         if let Some(&slot) = self.slots.get(&location) {
             let file = &mut self.files[slot as usize];
@@ -267,7 +261,7 @@ impl OutputLayout {
 }
 
 impl Base {
-    /// The legs with files there: a single file takes all legs, so that it exists even if none is active.
+    /// Returns the legs that have files. A single file takes all legs, so that it exists even if no leg is active.
     fn legs<'s>(&self, survey: &'s Survey) -> impl Iterator<Item = (usize, &'s Leg)> + use<'s> {
         let all = matches!(self, Base::Stdout | Base::Single(_));
         survey.legs.iter().enumerate().filter(move |(_, leg)| all || leg.scanner.active)
@@ -287,7 +281,7 @@ fn at_path(path: PathBuf) -> OutputLocation {
     OutputLocation::Fixed(Destination::Path(path))
 }
 
-/// The prefix of the files of a leg: `leg007` or `stripABC`.
+/// Returns the file name prefix of a leg: `leg007` or `stripABC`.
 fn prefix(leg: &Leg) -> String {
     match &leg.strip {
         Some(strip) => format!("strip{:0>3}", file_name(strip)),
@@ -295,7 +289,7 @@ fn prefix(leg: &Leg) -> String {
     }
 }
 
-/// The folder of a survey's runs.
+/// Returns the directory name of a survey's runs.
 fn survey_name(survey: &Survey) -> String {
     if survey.name.is_empty() {
         return file_name(&survey.path.file_name().unwrap_or_default().to_string_lossy());
@@ -303,7 +297,7 @@ fn survey_name(survey: &Survey) -> String {
     file_name(&survey.name)
 }
 
-/// A name from the input as a part of a file name; separators are escaped.
+/// Escapes separators in a name from the input, for use in a file name.
 fn file_name(name: &str) -> String {
     if name.is_empty() || name.chars().all(|c| c == '.') {
         return format!("_{name}");
@@ -319,7 +313,7 @@ fn file_name(name: &str) -> String {
     clean
 }
 
-/// `dir/stem.ext` with `suffix` after the stem, and another extension if given.
+/// Returns `dir/stem.ext` with `suffix` after the stem, and with another extension if one is given.
 fn with_suffix(path: &Path, suffix: &str, extension: Option<&str>) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default();
     // `.copc.laz` counts as one extension.
@@ -338,7 +332,7 @@ fn with_suffix(path: &Path, suffix: &str, extension: Option<&str>) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Whether the path means standard output, which cannot be written under a temporary name first.
+/// Whether the path denotes standard output, which cannot be written under a temporary name.
 fn is_stdout(path: &Path) -> bool {
     ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }

@@ -1,10 +1,10 @@
-//! LAZ: compression of LAS points in chunks of fixed size, by idle workers. The bytes depend on the points only, not on
-//! batches and threads.
+//! LAZ: compression of LAS points in chunks of fixed size, by idle workers. The bytes depend on the points only, not
+//! on batches or threads.
 //!
 //! LAS 1.4 points of one scanner channel are compressed by [`chunk`], others by the `laz` crate, which writes the same bytes
 //! for both. [`chunk`] exists because it is about 1.85 times as fast for point format 6 (docs/speed.md).
 //!
-//! | file | what it does |
+//! | file | contents |
 //! |---|---|
 //! | `chunk` | a chunk of points: its layers and their lengths |
 //! | `point`, `extra` | the layers of point data record format 6, and of extra bytes |
@@ -27,22 +27,21 @@ use laz::{LazItemType, LazVlr, LazVlrBuilder};
 /// Points per chunk, as in LASzip.
 const CHUNK_POINTS: usize = 50_000;
 
-/// The compression of points in chunks of fixed size.
+/// Returns the LASzip record for chunks of fixed size.
 pub(super) fn laszip(format: &LasFormat) -> Result<LazVlr> {
     Ok(laszip_builder(format)?.with_fixed_chunk_size(CHUNK_POINTS as u32).build())
 }
 
-/// The compression of points, without a size of chunks.
+/// Returns the builder of a LASzip record, without a chunk size.
 pub(super) fn laszip_builder(format: &LasFormat) -> Result<LazVlrBuilder> {
     let builder = LazVlrBuilder::default().with_point_format(format.point_format(), format.extra_length());
     builder.map_err(|e| Error::Internal(format!("LAZ: {e}")))
 }
 
-/// Compresses the points of one file.
 pub(super) struct LazStream {
     laszip: LazVlr,
     record: usize,
-    /// Position of the offset of the chunk table.
+    /// Position of the field that holds the offset of the chunk table.
     start: u64,
     /// Points of an incomplete chunk.
     points: Vec<u8>,
@@ -51,7 +50,7 @@ pub(super) struct LazStream {
 }
 
 impl LazStream {
-    /// Begins after the header of a file with a placeholder for the offset of the chunk table.
+    /// Begins after the header of a file, with a placeholder for the offset of the chunk table.
     pub fn begin(laszip: LazVlr, record: u16, out: &mut OutputStream) -> Result<LazStream> {
         let start = out.len();
         out.append(&(-1i64).to_le_bytes())?;
@@ -68,7 +67,6 @@ impl LazStream {
         })
     }
 
-    /// Appends encoded points.
     pub fn append(
         &mut self,
         mut records: &[u8],
@@ -90,7 +88,7 @@ impl LazStream {
         Ok(())
     }
 
-    /// Compresses the remaining points, writes the chunk table and replaces its offset.
+    /// Compresses the remaining points, writes the chunk table and patches its offset.
     pub fn finish(mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         if !self.points.is_empty() {
             self.submit(out, offload)?;
@@ -104,7 +102,6 @@ impl LazStream {
         out.patch(self.start, &offset.to_le_bytes())
     }
 
-    /// Submits the collected points for compression.
     fn submit(&mut self, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         let table = &mut self.table;
         self.chunks.submit(&mut self.points, offload, |bytes| write(bytes, table, out))
@@ -116,7 +113,7 @@ fn write(chunk: &[u8], table: &mut ChunkTable, out: &mut OutputStream) -> Result
     out.append(chunk)
 }
 
-/// Compresses `points` into `out`, which is empty.
+/// Compresses `points` into `out`, which must be empty.
 pub(super) fn compress(points: &[u8], mut out: Vec<u8>, laszip: &LazVlr) -> laz::Result<Vec<u8>> {
     out.reserve(points.len() / 2);
     let length = laszip.items().iter().map(|item| usize::from(item.size())).sum();
@@ -132,7 +129,7 @@ pub(super) fn compress(points: &[u8], mut out: Vec<u8>, laszip: &LazVlr) -> laz:
     }
 }
 
-/// Whether [`chunk`] knows the layout of the records: points of format 6, and perhaps extra bytes.
+/// Whether [`chunk`] supports the layout of the records: points of format 6, with or without extra bytes.
 fn has_known_layers(laszip: &LazVlr) -> bool {
     let items = laszip.items();
     items.first().is_some_and(|i| i.version() >= 3 && i.item_type() == LazItemType::Point14)
@@ -164,7 +161,7 @@ mod tests {
         [compress(points, Vec::new(), &laszip).unwrap(), theirs]
     }
 
-    /// Points as scanners measure them, the last digits of which are noise.
+    /// Returns points like those of a scanner, whose last digits are noise.
     fn strip(count: u64, extra: usize) -> Vec<u8> {
         let draw = Stream::new(1, Purpose::SceneMaking);
         let mut out = Vec::new();

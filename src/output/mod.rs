@@ -8,20 +8,20 @@
 //!                Encoded ─► Writer::append, in chunk order ─► finish ─► Summary
 //! ```
 //!
-//! | file | what it does |
+//! | file | contents |
 //! |---|---|
 //! | `request`, `layout`, `plan` | the request, the files that follow from it, checks and formats |
-//! | `codec`, `objects` | what the formats of point records share; ids of scene parts as integers |
+//! | `codec`, `objects` | definitions shared by the formats of point records; ids of scene parts as integers |
 //! | `text`, `number`, `las`, `ply` | records of text, LAS and PLY |
 //! | `columns`, `column_codec`, `table`, `arrow` | columns: definition and values, as text, as Arrow and Parquet |
-//! | `encode` | batches as bytes for every file, by the workers |
-//! | `laz`, `archive`, `blocks` | compression of LAS and of text in blocks; text expanded |
+//! | `encode` | encoding of batches as bytes for every file, in the worker threads |
+//! | `laz`, `archive`, `blocks` | compression of LAS and of text in blocks; expansion of text |
 //! | `copc` | compressed LAS as an octree |
-//! | `writer`, `file`, `stream` | bytes into files and streams, by the writer |
-//! | `offload`, `summary`, `crs` | jobs for idle workers, what was written, EPSG codes |
+//! | `writer`, `file`, `stream` | writing of bytes to files and streams, in the writer thread |
+//! | `offload`, `summary`, `crs` | jobs for idle workers, summary of the outputs, EPSG codes |
 //!
-//! A named file is `NAME.part` until it is complete. Formats with counts in their header are spooled to an unnamed file
-//! when the stream cannot seek.
+//! A named file is `NAME.part` until it is complete. Formats with counts in their header are spooled to an unnamed
+//! file when the stream is not seekable.
 
 mod archive;
 mod arrow;

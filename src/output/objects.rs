@@ -1,20 +1,21 @@
-//! Ids of scene parts as integers.
+//! Integer ids of scene parts.
 
 use crate::scene::Part;
 use std::collections::BTreeMap;
 
-/// The integer of every part, and the names of those whose id is another text (spec outputs trap 2).
+/// The integer id of every part, and the names of parts whose id is not that integer (spec outputs trap 2).
 #[derive(Debug, Default)]
 pub(super) struct ObjectIds {
     /// Integers by index of the part.
     ids: Vec<i32>,
-    /// Integers and the ids that they replace, ascending; ids that are just the integer are left out.
+    /// Integers and the ids that they replace, ascending; without ids that equal their integer.
     pub names: Vec<(i32, String)>,
 }
 
 impl ObjectIds {
-    /// A numeric id is its own integer. Any other id, and one that equals an earlier one in value only (`07` after `7`),
-    /// gets the next integer above all numeric ones, in document order. Equal ids are the same object.
+    /// Assigns the integers. A numeric id is its own integer. Any other id, and one that equals an earlier one in
+    /// value only (`07` after `7`), gets the next integer above all numeric ones, in document order. Equal ids denote
+    /// the same object.
     pub fn new(parts: &[Part]) -> ObjectIds {
         let mut taken: BTreeMap<i32, &str> = BTreeMap::new();
         let mut known: BTreeMap<&str, i32> = BTreeMap::new();
@@ -28,7 +29,7 @@ impl ObjectIds {
         let mut free = taken.last_key_value().map_or(0, |(&highest, _)| highest);
         for part in parts.iter().filter(|part| !part.id.is_empty()) {
             if !known.contains_key(part.id.as_str()) {
-                // Wraps around where a part has the largest integer.
+                // Wraps around when a part has the largest integer.
                 free = free.wrapping_add(1);
                 while taken.contains_key(&free) {
                     free = free.wrapping_add(1);
@@ -42,7 +43,7 @@ impl ObjectIds {
         ObjectIds { ids, names: named.map(|(number, id)| (number, id.to_owned())).collect() }
     }
 
-    /// The integer of a part; 0 where there is no such part.
+    /// Returns the integer of a part; 0 if the part does not exist.
     pub fn of_part(&self, part: u32) -> i32 {
         self.ids.get(part as usize).copied().unwrap_or(0)
     }

@@ -1,16 +1,15 @@
-//! Jobs that the writer hands to idle workers.
+//! Jobs that the writer offloads to idle workers.
 
-/// A job of the writer.
 pub type Job = Box<dyn FnOnce() + Send>;
 
-/// Runs compression jobs for the writer: normally the worker pool.
+/// Executor of the writer's compression jobs: normally the worker pool.
 pub trait Offload: Send + Sync {
-    /// Queues the job for another thread, or returns it when the queue is full; then the writer runs it. Never blocks. A
-    /// queued job may be dropped: the writer compresses every block that no worker has begun.
+    /// Queues the job for another thread, or returns it when the queue is full; the writer then runs it. Never
+    /// blocks. A queued job may be dropped: the writer compresses every block that no worker has begun.
     fn try_run(&self, job: Job) -> Result<(), Job>;
 }
 
-/// Accepts no job: the writer compresses everything itself.
+/// Accepts no jobs: the writer compresses everything itself.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoOffload;
 

@@ -1,4 +1,4 @@
-//! The plan of all outputs, made and checked before anything is written.
+//! The plan of all outputs, computed and checked before anything is written.
 
 use super::arrow::{About, schema};
 use super::codec::LegFacts;
@@ -23,12 +23,12 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// What the outputs depend on.
+/// The inputs that the outputs depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct OutputContext<'a> {
-    /// Names, legs, strips, devices.
+    /// Names, legs, strips and devices.
     pub survey: &'a Survey,
-    /// Shift, bounds, part ids.
+    /// Shift, bounds and part ids.
     pub scene: &'a Scene,
 }
 
@@ -38,20 +38,19 @@ pub struct OutputPlan {
     pub(super) layout: OutputLayout,
     pub(super) legs: Vec<LegFacts>,
     pub(super) shift: DVec3,
-    /// Ids of the scene's parts as fields of text.
+    /// Ids of the scene's parts as text fields.
     pub(super) part_names: Vec<Box<[u8]>>,
     /// Ids of the scene's parts as integers.
     pub(super) objects: ObjectIds,
     pub(super) las: LasFormat,
-    /// Columns of the tabular formats.
     pub(super) columns: Vec<Column>,
-    /// Whether the columns were chosen by the user.
+    /// Whether the user chose the columns.
     pub(super) columns_chosen: bool,
-    /// The columns with their metadata.
+    /// Arrow schema: the columns with their metadata.
     pub(super) schema: SchemaRef,
     /// Whether pulses without echoes are written.
     pub(super) misses: bool,
-    /// Whether PLY has part, primitive and true range.
+    /// Whether PLY has the labels part, primitive and true range.
     pub(super) labels: bool,
     pub(super) live: bool,
     /// EPSG code of the coordinate reference system.
@@ -60,13 +59,13 @@ pub struct OutputPlan {
     pub(super) force: bool,
     pub(super) run_stamp: Option<String>,
     pub(super) epochs: u32,
-    /// Partial files that a failed run left beside those of earlier runs.
+    /// Partial files that a failed run left beside files of earlier runs.
     pub(super) rescued: Mutex<Vec<FileSummary>>,
 }
 
 impl OutputPlan {
-    /// Plans every file and checks what can be checked before the run: existing files, names used twice, missing
-    /// directories, binary formats on a terminal. All problems are reported at once, and nothing is written.
+    /// Plans every file and performs all checks that are possible before the run: existing files, duplicate names,
+    /// missing directories, binary formats on a terminal. All problems are reported together, and nothing is written.
     ///
     /// # Errors
     /// [`Error::Input`].
@@ -117,13 +116,12 @@ impl OutputPlan {
         &self.warnings
     }
 
-    /// Partial files that a failed run left beside those of earlier runs, see [`Writer`](super::Writer).
+    /// Partial files that a failed run left beside files of earlier runs, see [`Writer`](super::Writer).
     pub fn rescued(&self) -> Vec<FileSummary> {
         self.rescued.lock().map(|files| files.clone()).unwrap_or_default()
     }
 }
 
-/// Reports contradictions within the request.
 fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagnostics) {
     let streams = |target: &Target| *target == Target::Stdout;
     for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
@@ -158,7 +156,6 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
     }
 }
 
-/// Reports problems of files.
 fn check_files(layout: &OutputLayout, force: bool, problems: &mut Diagnostics) {
     for clash in &layout.clashes {
         let message = match clash {
@@ -180,7 +177,7 @@ fn check_files(layout: &OutputLayout, force: bool, problems: &mut Diagnostics) {
     }
 }
 
-/// Reports problems of the files beside LAS that take the waveform packets.
+/// Reports problems of the separate files of waveform packets.
 fn check_packets(layout: &OutputLayout, force: bool, problems: &mut Diagnostics) {
     let mut taken: BTreeSet<OutputLocation> = BTreeSet::new();
     for file in &layout.files {
@@ -210,7 +207,7 @@ fn check_packets(layout: &OutputLayout, force: bool, problems: &mut Diagnostics)
     }
 }
 
-/// The file with the waveform packets of a LAS file.
+/// Returns the path of the packet file that belongs to a LAS file.
 pub(super) fn packets_path(las: &Path) -> PathBuf {
     las.with_extension("wdp")
 }
@@ -243,7 +240,7 @@ fn check_path(path: &Path, made: &[PathBuf], force: bool, problems: &mut Diagnos
     }
 }
 
-/// The name of a run directory created now: local time, to the second.
+/// Returns the name of a run directory created now: local time, to the second.
 pub(super) fn stamp() -> String {
     jiff::Zoned::now().strftime("%Y-%m-%d_%H-%M-%S").to_string()
 }

@@ -7,7 +7,7 @@ use super::request::PointFormat;
 use crate::geom::{DVec3, degrees};
 use crate::pulse::Echo;
 
-/// Type and name of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees.
+/// Types and names of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees.
 const PROPERTIES: [(&str, &str); 16] = [
     ("double", "x"),
     ("double", "y"),
@@ -27,14 +27,11 @@ const PROPERTIES: [(&str, &str); 16] = [
     ("uint", "pulse_number"),
 ];
 
-/// Properties of [`PlyGroups::labels`].
 const LABELS: [(&str, &str); 3] = [("uint", "part"), ("uint", "primitive"), ("float", "true_range")];
 
-/// Properties of [`PlyGroups::directions`].
 const DIRECTIONS: [(&str, &str); 3] =
     [("float", "beam_direction_x"), ("float", "beam_direction_y"), ("float", "beam_direction_z")];
 
-/// Optional groups of properties.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PlyGroups {
     /// Part, primitive, true range: labels for machine learning.
@@ -51,7 +48,7 @@ impl PlyGroups {
     }
 }
 
-/// The header of a file with `count` vertices. Its length does not depend on the count: a comment is padded instead.
+/// Returns the header of a file with `count` vertices. A padded comment makes its length independent of the count.
 pub(super) fn head(
     format: PointFormat,
     epsg: Option<u16>,
@@ -81,7 +78,7 @@ pub(super) fn head(
     head.into_bytes()
 }
 
-/// Encodes echoes as vertices, as text if `ASCII`: four decimals, nine for times and directions.
+/// Encoder of echoes as vertices; as text if `ASCII`, with four decimals, nine for times and directions.
 pub(super) struct PlyCodec<'a, const ASCII: bool> {
     pub shift: DVec3,
     pub objects: &'a ObjectIds,
@@ -122,7 +119,7 @@ impl<const ASCII: bool> PointCodec for PlyCodec<'_, ASCII> {
     }
 }
 
-/// Appends the properties of one vertex.
+/// Writer of the properties of one vertex.
 struct Vertex<'a, const ASCII: bool> {
     out: &'a mut Vec<u8>,
 }
@@ -152,7 +149,7 @@ impl<const ASCII: bool> Vertex<'_, ASCII> {
         self.out.push(b' ');
     }
 
-    /// Replaces the last separator by the line's end.
+    /// Replaces the last separator by a line feed.
     fn end(self) {
         if let (true, Some(last)) = (ASCII, self.out.last_mut()) {
             *last = b'\n';

@@ -1,4 +1,4 @@
-//! What a run is asked to write.
+//! Specification of the outputs of a run.
 
 use super::Column;
 use clap::ValueEnum;
@@ -45,10 +45,10 @@ pub enum PointFormat {
 }
 
 impl PointFormat {
-    /// The format that the extension of a file's name tells; `None` for names without extension.
+    /// Returns the format that the extension of a file name denotes; `None` for names without extension.
     ///
     /// # Errors
-    /// The extension, where no format is called so.
+    /// The extension, when it denotes no format.
     pub fn of_file(path: &Path) -> Option<Result<PointFormat, &str>> {
         let name = path.file_name()?.to_str()?;
         let copc = name.len().checked_sub(".copc.laz".len()).and_then(|at| name.get(at..));
@@ -59,13 +59,13 @@ impl PointFormat {
         Some(PointFormat::from_str(extension, true).map_err(|_| extension))
     }
 
-    /// All names, with commas between them.
+    /// Returns all names, separated by commas.
     pub fn names() -> String {
         let names = PointFormat::value_variants().iter().filter_map(ValueEnum::to_possible_value);
         names.map(|value| value.get_name().to_owned()).collect::<Vec<_>>().join(", ")
     }
 
-    /// Extension of its files.
+    /// File name extension of the format.
     pub fn extension(self) -> &'static str {
         match self {
             PointFormat::Xyz => "xyz",
@@ -80,22 +80,22 @@ impl PointFormat {
         }
     }
 
-    /// Whether its header counts the points, and so is complete only at the end.
+    /// Whether the header counts the points, so that it can be completed only at the end.
     pub fn counts(self) -> bool {
         self.is_las() || matches!(self, PointFormat::PlyBinary | PointFormat::PlyAscii)
     }
 
-    /// Whether it is LAS, compressed or not.
+    /// Whether the format is LAS, compressed or not.
     pub fn is_las(self) -> bool {
         matches!(self, PointFormat::Las | PointFormat::Laz | PointFormat::Copc)
     }
 
-    /// Whether it is text that a terminal can show.
+    /// Whether the format is text that a terminal can show.
     pub fn is_text(self) -> bool {
         matches!(self, PointFormat::Xyz | PointFormat::PlyAscii | PointFormat::Csv)
     }
 
-    /// Whether its columns can be chosen.
+    /// Whether the columns can be chosen.
     pub fn has_columns(self) -> bool {
         matches!(self, PointFormat::Xyz | PointFormat::Csv | PointFormat::Arrow | PointFormat::Parquet)
     }
@@ -112,7 +112,7 @@ pub enum TrajectoryFormat {
     Csv,
 }
 
-/// Where something is written.
+/// Destination of an output.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Target {
     /// Standard output.
@@ -126,44 +126,47 @@ pub enum Target {
     Helios(PathBuf),
 }
 
-/// Everything that a run is asked to write.
+/// Specification of all outputs of a run.
 #[derive(Clone, Debug)]
 pub struct OutputRequest {
     /// Point clouds.
     pub sinks: Vec<(Target, PointFormat)>,
-    /// Waveforms beside the first point cloud that is not a stream (spec outputs §6): `legNNN_fullwave.txt` in
-    /// directories, `STEM_fullwave.txt` beside single files.
+    /// Whether to write waveforms beside the first point cloud that is not a stream (spec outputs §6):
+    /// `legNNN_fullwave.txt` in directories, `STEM_fullwave.txt` beside single files.
     pub waveforms: bool,
-    /// Pulses in the same way (spec outputs §7): `legNNN_pulse.txt`, `STEM_pulse.txt`.
+    /// Whether to write pulses beside the first point cloud that is not a stream (spec outputs §7):
+    /// `legNNN_pulse.txt`, `STEM_pulse.txt`.
     pub pulses: bool,
-    /// Waveforms and pulses as compressed text, `.bin` instead of `.txt`.
+    /// Whether waveforms and pulses are compressed text, `.bin` instead of `.txt`.
     pub zip: bool,
-    /// A trajectory besides those of [`Target::Helios`].
+    /// A trajectory in addition to those of [`Target::Helios`].
     pub trajectory: Option<(Target, TrajectoryFormat)>,
-    /// One point file per device of a scanner with several: `_dev<id>` before the extension.
+    /// Whether each device of a scanner with several gets its own point file: `_dev<id>` before the extension.
     pub split_by_channel: bool,
-    /// Columns of Arrow, Parquet, CSV and, when they are chosen, of the text that has HELIOS++'s columns otherwise.
+    /// Columns of Arrow, Parquet and CSV, and, if set, also of the text format, which has the columns of HELIOS++
+    /// otherwise.
     pub columns: Option<Vec<Column>>,
-    /// Write pulses without echoes, too: as records with 0 returns at the beam's origin, among the points in the order of
-    /// emission. LAS and PLY get the beam's direction as well.
+    /// Whether to write pulses without echoes: as records with 0 returns at the beam's origin, among the points in
+    /// order of emission. LAS and PLY then contain the beam's direction as well.
     pub misses: bool,
-    /// Labels for learning in LAS, LAZ and PLY: part, primitive, true range. Columns have them anyway.
+    /// Whether LAS, LAZ and PLY contain labels for machine learning: part, primitive, true range. Column formats
+    /// always can.
     pub labels: bool,
-    /// Positions without errors of navigation in LAS and LAZ. Columns have them by name.
+    /// Whether LAS and LAZ contain positions without navigation errors. Column formats have them as columns.
     pub true_positions: bool,
-    /// Whether poses arrive while points leave, so that Arrow streams do not wait for full batches.
+    /// Whether poses arrive during the run, so that Arrow streams must not wait for full batches.
     pub live: bool,
     /// Settings of LAS and LAZ.
     pub las: LasSettings,
-    /// Replace files that exist, and write binary data to a terminal.
+    /// Whether to replace existing files and to write binary data to a terminal.
     pub force: bool,
-    /// Coordinate reference system as WKT; the survey's own if `None`.
+    /// Coordinate reference system as WKT; the one of the survey if `None`.
     pub crs_wkt: Option<String>,
     /// Year and day of the year (from 1) for LAS headers.
     pub creation: (u16, u16),
-    /// Name of run directories; `None` takes the local time when they are created.
+    /// Name of run directories; `None` for the local time of their creation.
     pub run_stamp: Option<String>,
-    /// How often the survey is flown (spec input-formats §3.8); see [`Writer::next_epoch`](super::Writer::next_epoch).
+    /// Number of epochs (spec input-formats §3.8); see [`Writer::next_epoch`](super::Writer::next_epoch).
     pub plays: u32,
 }
 
@@ -191,7 +194,7 @@ impl Default for OutputRequest {
     }
 }
 
-/// Version of LAS.
+/// LAS version.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LasVersion {
     /// 1.4 with point data record format 6.
@@ -201,7 +204,7 @@ pub enum LasVersion {
     V10,
 }
 
-/// How an amplitude becomes the 16-bit intensity of LAS. The amplitude itself is in the extra bytes.
+/// Mapping of an amplitude to the 16-bit intensity of LAS. The amplitude itself is in the extra bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum IntensityMapping {
     /// `10000 + 1000·log10(amplitude)`, hundredths of a decibel above −100 dB: amplitudes of different surveys differ by
@@ -217,7 +220,7 @@ pub enum IntensityMapping {
     Helios,
 }
 
-/// Which dimensions stand in the extra bytes.
+/// Dimensions in the extra bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExtraDimensions {
     /// `echo_width`, `fullwaveIndex`, `hitObjectId`, `heliosAmplitude`, and then `device`, `range`, `incidence_angle`.
@@ -232,23 +235,25 @@ pub enum ExtraDimensions {
 /// Settings of LAS and LAZ (spec outputs §4).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LasSettings {
-    /// Version.
+    /// LAS version.
     pub version: LasVersion,
-    /// Metres per unit of the coordinates; `None`: 0.0001, or the next power of ten that holds the scene.
+    /// Metres per unit of the coordinates; `None`: 0.0001, or the next power of ten at which the scene fits into 32
+    /// bits.
     pub scale: Option<f64>,
-    /// Intensity.
+    /// Mapping of amplitudes to intensities.
     pub intensity: IntensityMapping,
-    /// Extra bytes.
+    /// Dimensions in the extra bytes.
     pub extra: ExtraDimensions,
-    /// LAS on a pipe leaves at once, with this as the number of points in its header, and the scene's box as theirs: more
-    /// points than that are an error, and fewer are what most readers bear. `None`: it is spooled, and the header is exact.
-    /// Where the header can be completed at the end, it is.
+    /// Number of points in the header of LAS on a pipe, which is then written without delay, with the scene's box as
+    /// bounds: more points are an error, and most readers tolerate fewer. `None`: the points are spooled, and the
+    /// header is exact. On a seekable output the header is always patched at the end.
     pub at_most: Option<u64>,
-    /// Waveforms as packets that the points refer to (LAS 1.4 with point format 9); `None`: no packets, point format 6.
+    /// Waveforms as packets that the points refer to (LAS 1.4 with point format 9); `None`: no packets, point format
+    /// 6.
     pub packets: Option<PacketPlace>,
 }
 
-/// Where the waveform packets of LAS stand.
+/// Location of the waveform packets of LAS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PacketPlace {

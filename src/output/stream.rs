@@ -1,5 +1,5 @@
-//! Destinations of bytes. A named file is written as `NAME.part` and gets its name when it is complete; streams are written
-//! at once, or spooled to an unnamed file when the format has a header that is known only at the end.
+//! Byte destinations. A named file is written as `NAME.part` and renamed when it is complete. Streams are written
+//! directly, or spooled to an unnamed file when the format has a header that is known only at the end.
 
 use crate::error::{Error, Result};
 use crate::files::TemporaryFile;
@@ -7,11 +7,9 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// A writer in which earlier bytes can be replaced.
 pub(super) trait Storage: Write + Seek + Send {}
 impl<T: Write + Seek + Send> Storage for T {}
 
-/// The destination of one file.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Destination {
     /// Standard output.
@@ -28,7 +26,7 @@ pub(super) struct OutputStream {
     /// `None` while the handle is closed.
     storage: Option<Box<dyn Storage>>,
     buffer: Vec<u8>,
-    /// Bytes appended so far, including those in the buffer.
+    /// Bytes appended so far, including buffered ones.
     len: u64,
     /// Whether bytes at the beginning can be replaced.
     seekable: bool,
@@ -44,20 +42,20 @@ pub(super) enum Patched {
 }
 
 enum Kind {
-    /// Bytes go to the destination at once.
+    /// Bytes go directly to the destination.
     Direct,
     /// Bytes go to an unnamed file, see [`OutputStream::append_to`].
     Unnamed(File),
     /// Bytes are collected in an unnamed file and copied at the end.
     Spool { spool: File, stream: File },
-    /// Bytes go to a temporary file that gets its name at the end.
+    /// Bytes go to a temporary file that is renamed at the end.
     Named { temporary: TemporaryFile, force: bool },
 }
 
-/// Bytes that are collected before they are written.
+/// Size of the write buffer.
 const BUFFER_BYTES: usize = 64 * 1024;
 
-/// The name beside a complete file under which a run that ended early leaves what it measured: `a.partial.laz` beside
+/// Returns the name under which an interrupted run leaves its records beside a complete file: `a.partial.laz` beside
 /// `a.laz`, `a.partial.copc.laz` beside `a.copc.laz`.
 pub(super) fn partial_name(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -77,7 +75,6 @@ pub(super) fn is_special(path: &Path) -> bool {
 }
 
 impl OutputStream {
-    /// Opens a destination for writing.
     pub fn open(place: &Destination, force: bool, patched: Patched) -> Result<OutputStream> {
         match place {
             Destination::Stdout => {
@@ -113,7 +110,7 @@ impl OutputStream {
         Ok(OutputStream::new(name, Kind::Named { temporary, force }, Box::new(file)))
     }
 
-    /// A file without a name that is removed when it is closed, see [`OutputStream::append_to`].
+    /// Creates an unnamed file that is removed when it is closed, see [`OutputStream::append_to`].
     pub fn unnamed() -> Result<OutputStream> {
         let name = std::env::temp_dir();
         let no_file = |e| Error::io("create a file in", std::env::temp_dir(), e);
@@ -122,7 +119,7 @@ impl OutputStream {
         Ok(OutputStream::new(name, Kind::Unnamed(file), storage))
     }
 
-    /// Appends all bytes of an unnamed file to another out.
+    /// Appends all bytes of an unnamed file to another stream.
     pub fn append_to(mut self, other: &mut OutputStream) -> Result<()> {
         self.flush()?;
         let Kind::Unnamed(file) = &mut self.kind else {
@@ -143,29 +140,28 @@ impl OutputStream {
         OutputStream { name, kind, storage: Some(storage), buffer: Vec::new(), len: 0, seekable: true }
     }
 
-    /// A named file whose bytes go through `storage`.
+    /// Creates a named file whose bytes go through `storage`.
     #[cfg(test)]
     pub fn named_through(path: &Path, storage: impl FnOnce(File) -> Box<dyn Storage>) -> OutputStream {
         let (temporary, file) = TemporaryFile::create(path, false).unwrap();
         OutputStream::new(path.to_path_buf(), Kind::Named { temporary, force: false }, storage(file))
     }
 
-    /// Whether [`OutputStream::patch`] works.
+    /// Whether [`OutputStream::patch`] is possible.
     pub fn is_seekable(&self) -> bool {
         self.seekable
     }
 
-    /// Whether bytes are written at once, to a pipe or the like.
+    /// Whether bytes are written directly to a pipe, terminal or device.
     pub fn is_stream(&self) -> bool {
         matches!(self.kind, Kind::Direct)
     }
 
-    /// Bytes appended so far.
+    /// Bytes appended so far, including buffered ones.
     pub fn len(&self) -> u64 {
         self.len
     }
 
-    /// Appends bytes.
     pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
         self.len += bytes.len() as u64;
         if matches!(self.kind, Kind::Direct) || self.buffer.len() + bytes.len() > BUFFER_BYTES {
@@ -195,7 +191,7 @@ impl OutputStream {
         written.map_err(|e| Error::io("write", &self.name, e))
     }
 
-    /// Replaces bytes that have been appended, from `offset` on.
+    /// Replaces appended bytes from `offset` on.
     pub fn patch(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.flush()?;
         let end = self.len;
@@ -232,13 +228,15 @@ impl OutputStream {
         Ok(self.storage.insert(storage))
     }
 
-    /// The name for a partial file, if a file of an earlier run has the stream's name: only a complete file replaces it.
+    /// Returns the name for a partial file if a file of an earlier run has the stream's name, which only a complete
+    /// file replaces.
     pub fn partial_path(&self) -> Option<PathBuf> {
         let replaces = matches!(&self.kind, Kind::Named { force: true, .. }) && self.name.is_file();
         replaces.then(|| partial_name(&self.name))
     }
 
-    /// Completes the file: it gets its name, or the name `beside`, or a spooled stream is copied to its destination.
+    /// Completes the output: renames the file to its name, or to `beside`, or copies a spooled stream to its
+    /// destination.
     pub fn finish(mut self, beside: Option<&Path>) -> Result<()> {
         self.flush()?;
         if let Some(mut storage) = self.storage.take() {
@@ -256,8 +254,9 @@ impl OutputStream {
     }
 }
 
-/// Whether bytes at the beginning can be replaced later. The name does not tell (`/dev/stdout`, `<(…)`), and in a file
-/// that the shell opened for appending, or that is not empty, offsets do not count from the first byte of the stream.
+/// Whether bytes at the beginning can be replaced later. The name alone does not decide (`/dev/stdout`, `<(…)`), and
+/// in a file that the shell opened for appending, or that is not empty, offsets do not count from the first byte of
+/// the stream.
 fn is_seekable(file: &mut File) -> bool {
     matches!(file.stream_position(), Ok(0)) && !appends(file)
 }
@@ -268,7 +267,7 @@ fn appends(file: &File) -> bool {
     rustix::fs::fcntl_getfl(file).is_ok_and(|flags| flags.contains(rustix::fs::OFlags::APPEND))
 }
 
-/// Whether every write goes to the end of the file; shells here seek instead.
+/// Always false: shells on this platform seek to the end instead of opening the file for appending.
 #[cfg(not(unix))]
 fn appends(_: &File) -> bool {
     false
@@ -281,7 +280,6 @@ fn stdout_file() -> io::Result<File> {
     io::stdout().as_fd().try_clone_to_owned().map(File::from)
 }
 
-/// Standard output without the line buffer of the standard library.
 #[cfg(windows)]
 fn stdout_file() -> io::Result<File> {
     use std::os::windows::io::AsHandle;
@@ -332,7 +330,7 @@ mod tests {
         }
         let dir = tempfile::tempdir().unwrap();
         let [path, beside] = ["a.xyz", "a.partial.xyz"].map(|name| dir.path().join(name));
-        // Without an old file the name itself is free, whatever is written under it.
+        // Without an older file the name itself is free, even for a partial file.
         for (old, expected) in [(None, None), (Some("old"), Some(beside.clone()))] {
             let _ = old.map(|text| fs::write(&path, text).unwrap());
             let mut out = OutputStream::open(&Destination::Path(path.clone()), true, Patched::Never).unwrap();

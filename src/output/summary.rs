@@ -1,25 +1,25 @@
-//! What was written.
+//! Summary of the written outputs.
 
 use crate::geom::{Aabb, DVec3};
 use std::path::PathBuf;
 
-/// State of an output that is complete, in its metadata.
+/// State recorded in the metadata of a complete output.
 pub(super) const COMPLETE: &str = "complete";
-/// State of an output of an interrupted run.
+/// State recorded in the metadata of an output of an interrupted run.
 pub(super) const PARTIAL: &str = "partial: the run was interrupted";
 
-/// What a run has written.
+/// Summary of the outputs of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Every file, in the order in which they were completed.
+    /// Every file, in order of completion.
     pub files: Vec<FileSummary>,
-    /// Run directories of [`Target::Helios`](super::Target::Helios), one per play.
+    /// Run directories of [`Target::Helios`](super::Target::Helios), one per epoch.
     pub directories: Vec<PathBuf>,
-    /// Points of the first point cloud asked for.
+    /// Points in the first point cloud requested.
     pub points: u64,
 }
 
-/// What kind of records a file holds.
+/// Kind of the records in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileKind {
     /// Points.
@@ -34,29 +34,29 @@ pub enum FileKind {
     Packets,
 }
 
-/// One complete file.
+/// One completed file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileSummary {
-    /// Its name; `None` is standard output.
+    /// Path; `None` for standard output.
     pub path: Option<PathBuf>,
-    /// The complete file of an earlier run that this partial one did not replace.
+    /// The complete file of an earlier run that this partial file did not replace.
     pub beside: Option<PathBuf>,
-    /// What it holds.
+    /// Kind of its records.
     pub kind: FileKind,
-    /// Points, poses, waveforms or pulses in it.
+    /// Number of points, poses, waveforms or pulses.
     pub records: u64,
-    /// Size.
+    /// Size in bytes.
     pub bytes: u64,
-    /// Box around the points as written, world coordinates.
+    /// Box around the points as written, world coordinates, m.
     pub bounds: Aabb,
-    /// Points by return number: first returns at index 0, the fifteenth and later ones at index 14.
+    /// Points by return number: first returns at index 0, the fifteenth and later returns at index 14.
     pub by_return: [u64; 15],
-    /// Points that the format cannot hold and that were left out: coordinates that are no numbers or beyond the
-    /// 32 bits of LAS.
+    /// Points left out because the format cannot represent them: coordinates that are not finite or exceed the 32
+    /// bits of LAS.
     pub left_out: u64,
 }
 
-/// Counts of the records of one file, or of a piece of it; pieces add up.
+/// Counts of the records in a file or a piece; the counts of pieces add up.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tally {
     pub records: u64,
@@ -69,7 +69,6 @@ pub(super) struct Tally {
 impl Tally {
     pub const EMPTY: Tally = Tally { records: 0, left_out: 0, by_return: [0; 15], bounds: Aabb::EMPTY };
 
-    /// Counts a point that was written with these coordinates.
     pub fn count_point(&mut self, stored: DVec3, return_number: u32) {
         self.records += 1;
         // A missed pulse has return number 0.
@@ -79,7 +78,6 @@ impl Tally {
         self.bounds = self.bounds.with(stored);
     }
 
-    /// Adds another piece.
     pub fn add(&mut self, other: &Tally) {
         self.records += other.records;
         self.left_out += other.left_out;

@@ -3,7 +3,6 @@
 use super::columns::{Column, Kind, slices};
 use super::number::{push_fixed, push_integer};
 
-/// The line of names.
 pub(super) fn header(columns: &[Column], separator: u8) -> Vec<u8> {
     let names: Vec<&str> = columns.iter().map(|c| c.name()).collect();
     let mut line = names.join(&char::from(separator).to_string()).into_bytes();
@@ -11,7 +10,8 @@ pub(super) fn header(columns: &[Column], separator: u8) -> Vec<u8> {
     line
 }
 
-/// Appends the rows of a block that [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) wrote as lines.
+/// Appends the rows of a block written by [`ColumnCodec::push`](super::column_codec::ColumnCodec::push), one line
+/// each.
 pub(super) fn push_rows(out: &mut Vec<u8>, columns: &[Column], rows: usize, block: &[u8], separator: u8) {
     let slices: Vec<(Column, &[u8])> = columns.iter().copied().zip(slices(columns, rows, block)).collect();
     for row in 0..rows {

@@ -9,7 +9,7 @@ use crate::scene::{Part, Scene};
 use crate::survey::{Detector, Device, Leg, ScannerSettings, Survey, testkit};
 use std::sync::Arc;
 
-/// An echo with plain values, return `number` of `of`.
+/// Returns an echo with plain values, return `number` of `of`.
 pub(super) fn echo(number: u32, of: u32) -> Echo {
     Echo {
         position: DVec3::ZERO,
@@ -33,7 +33,7 @@ pub(super) fn echo(number: u32, of: u32) -> Echo {
     }
 }
 
-/// A scene about (500 000, 5 400 000, 300) with parts `0`, `north` and an unnamed one.
+/// Returns a scene at about (500 000, 5 400 000, 300) with parts `0`, `north` and an unnamed one.
 pub(super) fn scene() -> Scene {
     Scene {
         shift: DVec3::new(500_000.25, 5_400_000.5, 300.125),
@@ -43,7 +43,8 @@ pub(super) fn scene() -> Scene {
     }
 }
 
-/// A survey `demo` with `devices` devices `q0`, `q1` ...; a leg for each strip given, inactive where it is `!`.
+/// Returns a survey `demo` with devices `q0`, `q1` ... and one leg per entry of `legs`, which is its strip; `!` makes
+/// it inactive.
 pub(super) fn survey(devices: usize, legs: &[Option<&str>]) -> Survey {
     let device = |i| Device {
         id: format!("q{i}"),
@@ -63,8 +64,8 @@ pub(super) fn survey(devices: usize, legs: &[Option<&str>]) -> Survey {
     }
 }
 
-/// `echoes` echoes of two devices over all parts, with one to seventeen returns per pulse and a waveform, a pulse and a
-/// pose per hundred.
+/// Returns `echoes` echoes of two devices over all parts, with one to seventeen returns per pulse, and a waveform, a
+/// pulse and a pose per hundred echoes.
 pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
     let mut batch = Batch { leg, ..Batch::default() };
     for i in first..first + echoes {
@@ -127,7 +128,6 @@ pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
     batch
 }
 
-/// Writes batches to complete files.
 pub(super) fn write(request: OutputRequest, survey: &Survey, batches: &[Batch]) -> Result<Summary> {
     let scene = scene();
     let plan = Arc::new(OutputPlan::new(request, &OutputContext { survey, scene: &scene })?);

@@ -1,4 +1,4 @@
-//! Whole runs: files, names, order, failure.
+//! Complete runs: files, names, order, failures.
 
 use super::stream::{OutputStream, Storage};
 use super::testing::{batch, scene, survey, write};
@@ -71,7 +71,7 @@ fn the_layout_of_the_reference() {
     ] {
         assert_eq!(lines(run.join(name)), count, "{name}");
     }
-    // A second run at the same second gets its own directory.
+    // A second run within the same second gets its own directory.
     let again = write(request, &survey, &batches).unwrap();
     assert_eq!(again.directories, [dir.path().join("demo/2026-01-02_03-04-05_2")]);
 }
@@ -100,7 +100,7 @@ fn joined_batches_are_written_like_separate_ones() {
             };
             all.extend(rest);
         }
-        // Blocks of columns cannot be joined, nor can legs.
+        // Neither blocks of columns nor batches of different legs can be joined.
         let is_block = matches!(format, PointFormat::Arrow | PointFormat::Parquet);
         assert_eq!(all.len(), if is_block { 4 } else { 2 }, "{format:?}");
         let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
@@ -340,7 +340,7 @@ fn every_epoch_has_a_run_directory_and_files_are_continued() {
     assert_eq!([lines(first), lines(second)], [10, 10]);
 }
 
-/// A disk with room for so many bytes.
+/// Storage that fails after the given number of bytes, like a full disk.
 struct Full(fs::File, usize);
 
 impl Write for Full {

@@ -1,5 +1,5 @@
-//! The text files of HELIOS++ (spec outputs §3, §5–7): fields separated by single spaces, no header. And the
-//! trajectory as comma-separated values.
+//! The text files of HELIOS++ (spec outputs §3, §5–7), with fields separated by single spaces and without header, and
+//! trajectories as comma-separated values.
 
 use super::codec::seconds;
 use super::number::{push_fixed, push_integer};
@@ -7,10 +7,11 @@ use crate::flight::PoseSample;
 use crate::geom::{DVec3, degrees};
 use crate::pulse::{Echo, PulseRecord, WaveformRecord};
 
-/// First line of a trajectory as comma-separated values.
+/// Header line of a trajectory as comma-separated values.
 pub(super) const TRAJECTORY_HEADER: &[u8] = b"time,x,y,z,roll,pitch,yaw\n";
 
-/// A part's id as a field of text: blanks become `_`, and an empty id, which would shift the columns, becomes `-`.
+/// Converts a part's id to a text field: blanks become `_`, and an empty id, which would shift the columns, becomes
+/// `-`.
 pub(super) fn label(id: &str) -> Box<[u8]> {
     if id.is_empty() {
         return Box::from(*b"-");
@@ -22,7 +23,7 @@ pub(super) fn label(id: &str) -> Box<[u8]> {
         .into()
 }
 
-/// `x y z intensity echo_width return_number number_of_returns fullwave_index object_id class gps_time`
+/// Appends `x y z intensity echo_width return_number number_of_returns fullwave_index object_id class gps_time`.
 pub(super) fn push_point(out: &mut Vec<u8>, position: DVec3, echo: &Echo, label: &[u8]) {
     push_vector(out, position);
     push_decimals(out, echo.intensity);
@@ -37,7 +38,7 @@ pub(super) fn push_point(out: &mut Vec<u8>, position: DVec3, echo: &Echo, label:
     out.push(b'\n');
 }
 
-/// `x y z gps_time roll pitch yaw`, degrees.
+/// Appends `x y z gps_time roll pitch yaw`, angles in degrees.
 pub(super) fn push_pose(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
     push_vector(out, position);
     push_seconds(out, pose.time_ns);
@@ -48,7 +49,8 @@ pub(super) fn push_pose(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
     out.push(b'\n');
 }
 
-/// `time,x,y,z,roll,pitch,yaw`, seconds, metres and degrees (heading, pitch, roll innermost), as `--trajectory` reads them.
+/// Appends `time,x,y,z,roll,pitch,yaw` in seconds, metres and degrees (heading, pitch, roll innermost), the input
+/// format of `--trajectory`.
 pub(super) fn push_pose_csv(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
     push_seconds(out, pose.time_ns);
     for metres in position.to_array() {
@@ -62,7 +64,7 @@ pub(super) fn push_pose_csv(out: &mut Vec<u8>, position: DVec3, pose: &PoseSampl
     out.push(b'\n');
 }
 
-/// `fullwave_index origin direction start end gps_time sample…`
+/// Appends `fullwave_index origin direction start end gps_time sample…`.
 pub(super) fn push_waveform(out: &mut Vec<u8>, origin: DVec3, wave: &WaveformRecord, samples: &[f64]) {
     push_count(out, wave.pulse_number);
     push_vector(out, origin);
@@ -77,7 +79,7 @@ pub(super) fn push_waveform(out: &mut Vec<u8>, origin: DVec3, wave: &WaveformRec
     out.push(b'\n');
 }
 
-/// `origin direction gps_time fullwave_index device`; the time is in nanoseconds here.
+/// Appends `origin direction gps_time fullwave_index device`; the time is in nanoseconds.
 pub(super) fn push_pulse(out: &mut Vec<u8>, origin: DVec3, pulse: &PulseRecord) {
     push_vector(out, origin);
     push_vector(out, pulse.direction);

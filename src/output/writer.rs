@@ -1,4 +1,4 @@
-//! Writing by the writer thread: appends encoded batches in chunk order.
+//! The writer thread's part: appends encoded batches in chunk order.
 
 use super::Offload;
 use super::encode::Encoded;
@@ -11,16 +11,16 @@ use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// All open outputs of a run. Dropping it before it is finished is [`Writer::abort`].
+/// All open outputs of a run. Dropping it unfinished is equivalent to [`Writer::abort`].
 pub struct Writer {
     plan: Arc<OutputPlan>,
     offload: Arc<dyn Offload>,
     /// Open files by slot; `None` when complete.
     files: Vec<Option<OutputFile>>,
-    /// Slots in the order in which legs complete them, and how many of them are complete.
+    /// Slots in the order in which legs complete them, and the number of complete ones.
     closing: Vec<u32>,
     closed: usize,
-    /// Slots of streams whose readers have closed them.
+    /// Slots of streams that their readers have closed.
     closed_pipes: Vec<u32>,
     partial: bool,
     leg: u32,
@@ -30,7 +30,7 @@ pub struct Writer {
     runs: Vec<RunDirectory>,
 }
 
-/// A run directory. Dropping it removes it if it is empty.
+/// A run directory, removed on drop if it is empty.
 struct RunDirectory {
     path: PathBuf,
     keep: bool,
@@ -46,7 +46,7 @@ impl Drop for RunDirectory {
 }
 
 impl OutputPlan {
-    /// Creates run directories and opens every output, before the first pulse leaves.
+    /// Creates run directories and opens every output. Called before the first pulse is emitted.
     ///
     /// # Errors
     /// [`Error::Io`] when something cannot be created, [`Error::Input`] when all names of run directories are taken.
@@ -81,11 +81,12 @@ impl Writer {
         self.runs.iter().map(|run| run.path.as_path())
     }
 
-    /// Appends a batch. Batches arrive in chunk order, so that a file is complete when a later leg begins.
+    /// Appends a batch. Batches must arrive in chunk order, so that a file is complete when a later leg begins.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::ClosedPipe`] when all outputs are closed pipes, while one open output is enough to continue;
-    /// [`Error::Internal`] when a batch is out of order. Nothing can be written after an error; drop the writer.
+    /// [`Error::Io`]; [`Error::ClosedPipe`] when all outputs are closed pipes (one open output is enough to
+    /// continue); [`Error::Internal`] when a batch is out of order. Nothing can be written after an error; drop the
+    /// writer.
     pub fn append(&mut self, encoded: Encoded) -> Result<()> {
         if encoded.leg < self.leg || encoded.leg as usize >= self.plan.layout.routes.len() {
             return Err(Error::Internal(format!("a batch of leg {} after leg {}", encoded.leg, self.leg)));
@@ -119,7 +120,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Begins the next epoch of a scene with swapped parts: its legs are written to new run directories, while the files of
+    /// Begins the next epoch of a scene with swapped parts: its legs are written to new run directories, while the
+    /// files of other targets are continued.
     /// other targets are continued.
     pub fn next_epoch(&mut self) -> Result<()> {
         if self.epoch >= self.plan.epochs {
@@ -132,7 +134,7 @@ impl Writer {
         self.open_files(|location| matches!(location, OutputLocation::Run { .. }))
     }
 
-    /// Sets who compresses blocks from now on.
+    /// Sets the executor of compression jobs from now on.
     pub fn offload_to(&mut self, offload: Arc<dyn Offload>) {
         self.offload = offload;
     }
@@ -140,7 +142,7 @@ impl Writer {
     /// Completes all files and renames them to their final names.
     ///
     /// # Errors
-    /// [`Error::Io`]; files completed before stay, the others are removed.
+    /// [`Error::Io`]; files already completed are kept, the others are removed.
     pub fn finish(mut self) -> Result<Summary> {
         self.epoch = self.plan.epochs.max(self.epoch);
         self.close_while(|_| true)?;
@@ -148,16 +150,16 @@ impl Writer {
         Ok(std::mem::take(&mut self.summary))
     }
 
-    /// [`Writer::finish`] of an interrupted run: every output is valid and tells that it is partial.
+    /// [`Writer::finish`] of an interrupted run: every output is valid and marked as partial.
     ///
     /// # Errors
-    /// As [`Writer::finish`].
+    /// As for [`Writer::finish`].
     pub fn finish_partial(mut self) -> Result<Summary> {
         self.partial = true;
         self.finish()
     }
 
-    /// Closes a stream whose reader has closed it; an error only if no other output is left.
+    /// Closes a stream that its reader has closed. Returns an error only if no other output is left.
     fn drop_closed_pipe(&mut self, slot: u32, outcome: Result<()>) -> Result<()> {
         match outcome {
             Err(Error::ClosedPipe) => {
@@ -169,8 +171,8 @@ impl Writer {
         }
     }
 
-    /// Abandons the run: incomplete files are removed. Where one would have replaced a file of an earlier run, that file
-    /// stays, and the partial one is left beside it and listed by [`OutputPlan::rescued`].
+    /// Abandons the run and removes incomplete files. A partial file that would have replaced a file of an earlier
+    /// run is left beside that file and listed by [`OutputPlan::rescued`].
     pub fn abort(self) {}
 
     fn create_runs(&mut self) -> Result<()> {
@@ -202,7 +204,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Completes the files that no leg from `leg` on writes.
+    /// Completes the files that no leg from `leg` on writes to.
     fn enter(&mut self, leg: u32) -> Result<()> {
         self.close_while(|last_leg| last_leg < leg as usize)?;
         let plan = self.plan.clone();
@@ -216,8 +218,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Completes files in the order of their last legs, as long as these are `complete`. Files outside run directories
-    /// stay open until the last epoch.
+    /// Completes files in the order of their last legs, as long as these are `complete`. Files outside run
+    /// directories stay open until the last epoch.
     fn close_while(&mut self, complete: impl Fn(usize) -> bool) -> Result<()> {
         let plan = self.plan.clone();
         while let Some(&slot) = self.closing.get(self.closed) {

@@ -6,7 +6,7 @@ use crate::output::codec::{LegFacts, Piece};
 use crate::output::layout::Slots;
 use crate::pulse::{Batch, Echo, WaveformRecord};
 
-/// Where the reference begins in a record: behind the fields that format 9 has in common with format 6.
+/// Offset in bytes of the reference in a record: after the fields that format 9 shares with format 6.
 const FIELD_AT: usize = 30;
 
 /// Encodes the echoes of a batch and the packets of their pulses. All echoes of a pulse refer to the same packet.
@@ -21,7 +21,7 @@ pub(in crate::output) fn encode_with_packets(
 ) {
     let first = pieces.len();
     pieces.extend(slots.as_slice().iter().map(|&slot| Piece::new(slot, 0)));
-    // Echoes and waveforms are both in the order of emission.
+    // Echoes and waveforms are both in order of emission.
     let mut waves = batch.waveforms.iter().peekable();
     let mut latest: Option<(&WaveformRecord, Option<Packet>)> = None;
     for echo in echoes {
@@ -37,7 +37,7 @@ pub(in crate::output) fn encode_with_packets(
         }
         let field = match latest {
             Some((wave, Some(packet))) if belongs(wave) => packets.field(packet, wave, echo),
-            // Descriptor 0: no packet
+            // Descriptor 0: no packet.
             _ => [0; FIELD_BYTES],
         };
         let before = piece.bytes.len();
@@ -48,7 +48,7 @@ pub(in crate::output) fn encode_with_packets(
     }
 }
 
-/// Adds `before`, the position of the first packet in its file, to the offsets of encoded points.
+/// Adds `before`, the position of the first packet in its file, to the packet offsets of encoded points.
 pub(in crate::output) fn place_packets(points: &mut [u8], record_length: u16, before: u64) {
     for point in points.chunks_exact_mut(usize::from(record_length)) {
         let Some((descriptor, offset)) =

@@ -1,4 +1,4 @@
-//! What all LAS files of a run have in common: version, scale, offset, extra bytes, records before the points.
+//! Properties shared by all LAS files of a run: version, scale, offset, extra bytes, variable length records.
 
 use super::packets::WavePackets;
 use super::vlr::{self, Groups};
@@ -11,34 +11,32 @@ use crate::output::request::{
 use crate::scene::Scene;
 use crate::survey::Scanner;
 
-/// The format of all LAS files of a run.
 #[derive(Debug)]
 pub(in crate::output) struct LasFormat {
     pub version: LasVersion,
     /// Metres per unit.
     pub scale: f64,
-    /// World position of the integers' origin.
+    /// World position of the origin of the stored integers, m.
     pub offset: DVec3,
-    /// The scene's shift relative to the offset.
+    /// The scene's shift relative to the offset, m.
     pub shift: DVec3,
     pub intensity: IntensityMapping,
     pub extra: ExtraDimensions,
-    /// The number of points in the header of a stream that cannot be completed.
+    /// Number of points in the header of a stream that cannot be patched.
     pub at_most: Option<u64>,
-    /// Box around the points that can occur, as integers, for the headers of such streams.
+    /// Box around all points that can occur, in stored integers, for the header of a stream that cannot be patched.
     pub(super) reach: Aabb,
-    /// Optional groups of extra dimensions.
     pub groups: Groups,
-    /// Layout of waveform packets, if they are requested.
+    /// Layout of waveform packets, if requested.
     pub packets: Option<WavePackets>,
     pub(super) creation: (u16, u16),
     pub(super) system: String,
-    /// Variable length records, except that of the compression.
+    /// Variable length records, except the one of the compression.
     pub(super) vlrs: Vec<Vec<u8>>,
 }
 
 impl LasFormat {
-    /// Chooses scale and offset and prepares the records that stand before the points.
+    /// Chooses scale and offset and prepares the variable length records.
     pub fn new(
         request: &OutputRequest,
         scene: &Scene,
@@ -109,7 +107,6 @@ impl LasFormat {
         }
     }
 
-    /// Number of the point data record format.
     pub fn point_format(&self) -> u8 {
         match (self.version, &self.packets) {
             (LasVersion::V14, None) => 6,
@@ -127,17 +124,16 @@ impl LasFormat {
         }
     }
 
-    /// Extra bytes of a point.
     pub fn extra_length(&self) -> u16 {
         vlr::extra_length(self.extra, self.groups)
     }
 
-    /// Bytes of a point.
+    /// Bytes of a point with extra bytes.
     pub fn record_length(&self) -> u16 {
         self.base_length() + self.extra_length()
     }
 
-    /// Largest number of points of a file.
+    /// Maximum number of points in a file.
     pub fn max_points(&self) -> u64 {
         match self.version {
             LasVersion::V14 => u64::MAX,
@@ -145,17 +141,17 @@ impl LasFormat {
         }
     }
 
-    /// Whether the waveform packets are written into the same file.
+    /// Whether waveform packets are written into the file of the points.
     pub fn packets_inside(&self) -> bool {
         self.packet_place() == Some(PacketPlace::Inside)
     }
 
-    /// Where the waveform packets are written, if there are any.
+    /// Location of the waveform packets, if there are any.
     pub fn packet_place(&self) -> Option<PacketPlace> {
         self.packets.as_ref().map(|p| p.place)
     }
 
-    /// World coordinates of a box of integers.
+    /// Converts a box of stored integers to world coordinates.
     pub fn world(&self, stored: &Aabb) -> Aabb {
         if stored.is_empty() {
             return Aabb::EMPTY;
@@ -164,7 +160,7 @@ impl LasFormat {
     }
 }
 
-/// The scene's box enlarged by ten metres for range noise, as integers.
+/// Returns the scene's box enlarged by ten metres for range noise, in stored integers.
 fn reach(bounds: &Aabb, shift: DVec3, scale: f64) -> Aabb {
     if bounds.is_empty() {
         return Aabb::EMPTY;
@@ -173,9 +169,9 @@ fn reach(bounds: &Aabb, shift: DVec3, scale: f64) -> Aabb {
     Aabb { min: (bounds.min - margin + shift) / scale, max: (bounds.max + margin + shift) / scale }
 }
 
-/// The requested scale, or the smallest of 0.1 mm, 1 mm ... that holds the scene.
+/// Returns the requested scale, or the smallest of 0.1 mm, 1 mm ... at which the scene fits into 32 bits.
 fn choose_scale(requested: Option<f64>, bounds: &Aabb, problems: &mut Diagnostics) -> f64 {
-    // Range noise carries points beyond the scene's box.
+    // Range noise moves points beyond the scene's box.
     let reach = if bounds.is_empty() {
         0.0
     } else {

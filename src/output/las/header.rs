@@ -1,23 +1,22 @@
-//! The public header block and the variable length records behind it.
+//! The public header block and the variable length records after it.
 
 use super::format::LasFormat;
 use super::vlr::{self, fixed_text};
 use crate::output::request::{LasVersion, PacketPlace};
 use crate::output::summary::Tally;
 
-/// The extended variable length record behind the points, with its position.
+/// The extended variable length record after the points, with its position.
 #[derive(Clone, Copy)]
 enum Trailer {
     None,
-    /// Waveform packets.
     Packets(u64),
-    /// The list of the octree's nodes.
     Octree(u64),
 }
 
 impl LasFormat {
-    /// Header and variable length records of a file with these points, and with packets that begin at `packets_at` of
-    /// that file; `state` tells how the run ended. The length depends on none of these arguments.
+    /// Returns header and variable length records of a file with the counts and bounds of `tally`, and with packets
+    /// at position `packets_at` of that file; `state` describes how the run ended. The length depends on none of
+    /// these arguments.
     pub fn head(
         &self,
         laszip: Option<&laz::LazVlr>,
@@ -29,7 +28,7 @@ impl LasFormat {
         self.head_with(None, laszip, tally, trailer, state)
     }
 
-    /// Header and variable length records of a file whose points are an octree.
+    /// Returns header and variable length records of a file whose points form an octree.
     pub fn octree_head(
         &self,
         laszip: &laz::LazVlr,
@@ -59,7 +58,8 @@ impl LasFormat {
         head
     }
 
-    /// Header of a stream that cannot be completed: the largest number of points, anywhere in the scene.
+    /// Returns the header of a stream that cannot be patched: the maximum number of points, and the bounds of the
+    /// scene.
     pub fn stream_head(&self, at_most: u64) -> Vec<u8> {
         let mut by_return = [0; 15];
         by_return[0] = at_most;
@@ -68,7 +68,7 @@ impl LasFormat {
     }
 }
 
-/// The header, field by field as the specification of LAS lists them.
+/// Returns the public header block, field by field in the order of the LAS specification.
 fn header(format: &LasFormat, compressed: bool, vlrs: &[&[u8]], tally: &Tally, trailer: Trailer) -> Vec<u8> {
     let modern = format.version == LasVersion::V14;
     let size: u16 = if modern { 375 } else { 227 };
@@ -78,8 +78,8 @@ fn header(format: &LasFormat, compressed: bool, vlrs: &[&[u8]], tally: &Tally, t
     out.extend_from_slice(b"LASF");
     // File source ID
     out.extend(0u16.to_le_bytes());
-    // Global encoding: GPS week time; a coordinate system as WKT is the only kind that formats 6 and 9 may have; where the
-    // waveform packets are
+    // Global encoding: GPS week time; WKT, the only kind of coordinate system allowed for formats 6 and 9; location
+    // of the waveform packets
     let packets = match format.packet_place() {
         None => 0u16,
         Some(PacketPlace::Inside) => 2,
@@ -108,7 +108,7 @@ fn header(format: &LasFormat, compressed: bool, vlrs: &[&[u8]], tally: &Tally, t
     out.push(format.point_format() | if compressed { 0x80 } else { 0 });
     // Point data record length
     out.extend(format.record_length().to_le_bytes());
-    // Legacy number of point records, and by return: not for format 6
+    // Legacy number of point records, and by return: 0 for formats 6 and above
     let by_return = by_return(tally, if modern { 15 } else { 7 });
     let legacy = |count: u64| if modern { 0 } else { u32::try_from(count).unwrap_or(u32::MAX) };
     out.extend(legacy(tally.records).to_le_bytes());
@@ -143,7 +143,7 @@ fn header(format: &LasFormat, compressed: bool, vlrs: &[&[u8]], tally: &Tally, t
     out
 }
 
-/// Counts by return number, where returns above `max` were stored as `max`.
+/// Counts by return number; returns above `max` were stored as `max`.
 fn by_return(tally: &Tally, max: usize) -> [u64; 15] {
     let mut counts = tally.by_return;
     let above: u64 = counts[max..].iter().sum();

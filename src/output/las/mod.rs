@@ -1,7 +1,7 @@
 //! LAS 1.4 with point data record format 6, or 9 with waveform packets, and LAS 1.0 with format 1 (spec outputs §4).
 //!
 //! | file | what it does |
-//! |---|---|
+//! | file | contents |
 //! | `format` | version, scale, offset and extra bytes of all files of a run |
 //! | `header`, `vlr` | the public header block; variable length records |
 //! | `record` | point data records |
@@ -11,10 +11,10 @@
 //! * coordinates: rounded to the scale, relative to an offset of integral metres near the scene's centre;
 //! * `PointSourceId`: number of the leg plus one, because 0 means "unknown";
 //! * `ScannerChannel` (format 6): device modulo 4; the extra dimension `device` holds the index itself;
-//! * `ScanAngle`: deflection of the beam on the scanner, in 0.006° (format 6) or integral degrees (format 1);
+//! * `ScanAngle`: deflection of the beam relative to the scanner, in 0.006° (format 6) or whole degrees (format 1);
 //! * `Intensity`: see [`IntensityMapping`](super::request::IntensityMapping);
 //! * `Classification`: 0 where the material's class exceeds 255 (31 in format 1) or is negative;
-//! * return numbers above 15 (7) are stored as 15 (7), and counted so in the header.
+//! * return numbers above 15 (format 1: 7) are stored as 15 (7), and counted as such in the header.
 
 mod encode;
 mod format;

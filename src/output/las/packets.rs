@@ -1,9 +1,10 @@
 //! Waveforms as packets of LAS 1.4: point data record format 9, whose points refer to the packet of their pulse.
 //!
-//! A packet is one waveform of 16-bit samples, as many as its descriptor says. There are at most 255 descriptors, and the
-//! header that lists them precedes the first point, while lengths and amplitudes are known only when the pulses have been
-//! simulated. So the descriptors are a grid over all lengths and amplitudes that can occur: for each bin width, lengths
-//! that grow by a constant factor (a packet is padded with samples of amplitude 0) and gains that grow by sixteen.
+//! A packet is one waveform of 16-bit samples, with the number of samples given by its descriptor. There are at most
+//! 255 descriptors, and the header that lists them precedes the first point, while lengths and amplitudes are known
+//! only after simulation. The descriptors therefore form a grid over all lengths and amplitudes that can occur: for
+//! each bin width, lengths that grow by a constant factor (a packet is padded with samples of amplitude 0) and gains
+//! that grow by a factor of sixteen.
 
 use super::vlr::{fixed_text, record};
 use crate::diag::Diagnostics;
@@ -11,13 +12,13 @@ use crate::output::request::PacketPlace;
 use crate::pulse::{Echo, WaveformRecord};
 use crate::survey::Scanner;
 
-/// Gains: 2^(−44), 2^(−40), … 2^12.
+/// Number of gains: 2^(−44), 2^(−40), … 2^12.
 const GAINS: usize = 15;
-/// Binary logarithm of the smallest gain, and of the factor to the next.
+/// Binary logarithm of the smallest gain, and of the factor between gains.
 const GAIN_LOG: (i32, i32) = (-44, 4);
-/// The sample that stands for amplitude 0; lower ones are noise below 0.
+/// Sample value of amplitude 0; lower values represent noise below 0.
 const ZERO: f64 = 16_384.0;
-/// Largest number of descriptors that the format allows.
+/// Maximum number of descriptors that the format allows.
 const MAX_DESCRIPTORS: usize = 255;
 /// Samples of the shortest and of the longest packet.
 const LENGTHS: (f64, f64) = (16.0, 16_777_216.0);
@@ -25,10 +26,10 @@ const LENGTHS: (f64, f64) = (16.0, 16_777_216.0);
 const C: f64 = 0.299792458;
 /// Bytes of a point's reference to its packet.
 pub(super) const FIELD_BYTES: usize = 29;
-/// Bytes before the first packet.
+/// Bytes of the header before the first packet.
 pub(in crate::output) const PACKETS_HEADER_BYTES: u64 = 60;
 
-/// How waveforms become packets.
+/// Mapping of waveforms to packets.
 #[derive(Debug)]
 pub(in crate::output) struct WavePackets {
     pub place: PacketPlace,
@@ -40,7 +41,6 @@ pub(in crate::output) struct WavePackets {
     lengths: Vec<u32>,
 }
 
-/// Descriptor and position of a waveform's packet.
 #[derive(Clone, Copy)]
 pub(super) struct Packet {
     descriptor: u8,
@@ -49,7 +49,8 @@ pub(super) struct Packet {
 }
 
 impl WavePackets {
-    /// Lays out the grid of descriptors; `None` with an error where the scanner has too many bin widths for it.
+    /// Computes the grid of descriptors. Returns `None`, with an error in `problems`, when the scanner has too many
+    /// bin widths.
     pub fn new(place: PacketPlace, scanner: &Scanner, problems: &mut Diagnostics) -> Option<WavePackets> {
         let mut bins: Vec<f64> = Vec::new();
         let mut by_device = Vec::new();
@@ -74,7 +75,7 @@ impl WavePackets {
         Some(WavePackets { place, bins, by_device, lengths: (0..steps).map(length).collect() })
     }
 
-    /// The variable length records that describe the packets.
+    /// Returns the variable length records of the descriptors.
     pub fn descriptors(&self) -> impl Iterator<Item = Vec<u8>> {
         let all = self.bins.iter().flat_map(|&bin| {
             let lengths = self.lengths.iter();
@@ -95,7 +96,7 @@ impl WavePackets {
         })
     }
 
-    /// Appends the samples of a waveform.
+    /// Appends the samples of a waveform. Returns its packet.
     pub(super) fn push(&self, out: &mut Vec<u8>, wave: &WaveformRecord, samples: &[f64]) -> Option<Packet> {
         let bin = *self.by_device.get(wave.device as usize)?;
         let step = self.lengths.iter().position(|&length| samples.len() <= length as usize)?;
@@ -108,7 +109,7 @@ impl WavePackets {
         let scale = 1.0 / gain(exponent);
         let (offset, bytes) = (out.len() as u64, 2 * length);
         out.reserve(bytes);
-        // Conversions saturate.
+        // The conversion to integers saturates.
         let digital = samples.iter().map(|s| (s * scale + ZERO).round_ties_even() as u16);
         digital.for_each(|sample| out.extend(sample.to_le_bytes()));
         (samples.len()..length).for_each(|_| out.extend((ZERO as u16).to_le_bytes()));
@@ -116,14 +117,14 @@ impl WavePackets {
         Some(Packet { descriptor: u8::try_from(descriptor).ok()?, offset, bytes: u32::try_from(bytes).ok()? })
     }
 
-    /// The point's reference to its packet.
+    /// Returns the point's reference to its packet.
     pub(super) fn field(&self, packet: Packet, wave: &WaveformRecord, echo: &Echo) -> [u8; FIELD_BYTES] {
         let bin =
             self.by_device.get(wave.device as usize).and_then(|&b| self.bins.get(b)).copied().unwrap_or(1.0);
         let spacing = f64::from(spacing(bin));
-        // Sample at which the echo was found; one nanosecond is C metres of range.
+        // Sample at which the echo was detected; one nanosecond is `C` metres of range.
         let sample = (echo.range / C - wave.start_ns) / bin;
-        // Towards the scanner, metres per picosecond
+        // Towards the scanner, metres per picosecond.
         let step = echo.direction * (-C * bin / spacing);
         let mut field = [0; FIELD_BYTES];
         field[0] = packet.descriptor;
@@ -141,12 +142,14 @@ fn gain(step: usize) -> f64 {
     libm::exp2(f64::from(GAIN_LOG.0 + GAIN_LOG.1 * step as i32))
 }
 
-/// Bin width in picoseconds as stored in descriptors. The parameters of the points compensate its rounding error.
+/// Bin width in picoseconds as stored in descriptors. The direction parameters of the points compensate its rounding
+/// error.
 fn spacing(bin: f64) -> u32 {
     (bin * 1000.0).round().max(1.0) as u32
 }
 
-/// The header before the packets, an extended variable length record of `length` bytes, also in files of packets alone.
+/// Returns the header before packets of `length` bytes: an extended variable length record, which separate files have
+/// too.
 pub(in crate::output) fn packets_header(length: u64) -> Vec<u8> {
     let mut out = Vec::with_capacity(PACKETS_HEADER_BYTES as usize);
     // Reserved
@@ -171,7 +174,7 @@ mod tests {
         WavePackets::new(PacketPlace::Inside, &survey(2, &[]).scanner, &mut Diagnostics::default()).unwrap()
     }
 
-    /// The amplitudes of a packet as a reader computes them.
+    /// Returns the amplitudes of a packet as a reader computes them.
     fn decode(packets: &WavePackets, packet: Packet, bytes: &[u8]) -> Vec<f64> {
         let all: Vec<Vec<u8>> = packets.descriptors().collect();
         let vlr = &all[usize::from(packet.descriptor) - 1][54..];

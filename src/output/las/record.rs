@@ -7,7 +7,7 @@ use crate::output::objects::ObjectIds;
 use crate::output::request::{ExtraDimensions, IntensityMapping, LasVersion};
 use crate::pulse::{Echo, EchoTruth};
 
-/// Encodes echoes as point data records, without the fields of waveform packets.
+/// Encoder of echoes as point data records, without the fields of waveform packets.
 pub(in crate::output) struct LasCodec<'a> {
     pub format: &'a LasFormat,
     pub objects: &'a ObjectIds,
@@ -15,18 +15,17 @@ pub(in crate::output) struct LasCodec<'a> {
     pub truths: &'a [EchoTruth],
 }
 
-/// 1000·log10(a) = DECIBEL·ln(a)
+/// `1000·log10(a) = DECIBEL·ln(a)`.
 const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
 
-/// Flags "withheld" of formats 6 and 1, which missed pulses have.
+/// Flag "withheld" of formats 6 and 1, set for missed pulses.
 const WITHHELD_6: u8 = 1 << 2;
 const WITHHELD_1: u8 = 1 << 7;
 
-/// Bytes of the longest record.
 const MAX_RECORD_BYTES: usize = 112;
 
-/// `f64::round_ties_even` for numbers below 2^51, without the call that it is where the processor has no instruction for
-/// it. Larger numbers keep about their size.
+/// Equivalent of `f64::round_ties_even` for magnitudes below 2^51, without the function call on processors that lack
+/// the instruction. Larger numbers keep about their magnitude.
 #[inline(always)]
 fn round_half_even(x: f64) -> f64 {
     const UNIT_IS_LAST_DIGIT: f64 = 1.5 * (1u64 << 52) as f64;
@@ -47,17 +46,17 @@ impl PointCodec for LasCodec<'_> {
 }
 
 impl LasCodec<'_> {
-    /// Integer coordinates, if 32 bits hold them.
+    /// Returns integer coordinates, if they fit into 32 bits.
     fn stored(&self, position: DVec3) -> Option<DVec3> {
         let scaled = (position + self.format.shift) / self.format.scale;
         let stored = DVec3::from(scaled.to_array().map(round_half_even));
         let limit = f64::from(i32::MAX);
-        // NaN is not within the limit either.
+        // A NaN fails these comparisons too.
         let holds = stored.x.abs() <= limit && stored.y.abs() <= limit && stored.z.abs() <= limit;
         holds.then_some(stored)
     }
 
-    /// The fields that the format defines: 6 of LAS 1.4, 1 of LAS 1.0.
+    /// Writes the fields defined by the format: 6 of LAS 1.4, 1 of LAS 1.0.
     fn put_base(&self, record: &mut Record, stored: DVec3, leg: &LegFacts, echo: &Echo) {
         let (withheld, angle) = (echo.is_miss(), degrees(echo.scan_angle));
         // X, Y, Z
@@ -96,7 +95,7 @@ impl LasCodec<'_> {
         record.put(seconds(echo.time_ns).to_le_bytes());
     }
 
-    /// The extra bytes, in the order in which [`super::vlr`] describes them.
+    /// Writes the extra bytes, in the order described by [`super::vlr`].
     fn put_extra(&self, record: &mut Record, echo: &Echo) {
         let LasFormat { extra, groups, .. } = self.format;
         if *extra == ExtraDimensions::None {
@@ -132,7 +131,7 @@ impl LasCodec<'_> {
             echo.direction.to_array().into_iter().for_each(|d| record.put((d as f32).to_le_bytes()));
         }
         if groups.true_positions {
-            // TrueX, TrueY, TrueZ; the format's offset and shift together are the scene's shift.
+            // TrueX, TrueY, TrueZ; offset and shift of the format add up to the scene's shift.
             let position = echo.true_position(self.truths) + self.format.offset + self.format.shift;
             position.to_array().into_iter().for_each(|c| record.put(c.to_le_bytes()));
         }
@@ -140,9 +139,9 @@ impl LasCodec<'_> {
 }
 
 impl LasFormat {
-    /// The 16 bits of intensity that stand for an amplitude.
+    /// Converts an amplitude to the 16-bit intensity.
     pub fn digital_intensity(&self, amplitude: f64) -> u16 {
-        // Conversions saturate, and NaN becomes 0.
+        // The conversion saturates, and NaN becomes 0.
         match self.intensity {
             IntensityMapping::Decibel if amplitude > 0.0 => {
                 round_half_even(10_000.0 + DECIBEL * libm::log(amplitude)).max(1.0) as u16

@@ -4,14 +4,14 @@ use crate::diag::Diagnostics;
 use crate::output::crs::{EpsgKind, epsg};
 use crate::output::request::{ExtraDimensions, IntensityMapping, LasSettings, LasVersion};
 
-/// Data types of extra bytes.
+/// Data types of extra bytes, as numbered by LAS.
 const U16: u8 = 3;
 const U32: u8 = 5;
 const I32: u8 = 6;
 const F32: u8 = 9;
 const F64: u8 = 10;
 
-/// Data type, bytes, name and description of the extra dimensions, in their order.
+/// Data type, bytes, name and description of the extra dimensions, in order.
 const DIMENSIONS: [(u8, u16, &str, &str); 7] = [
     (F64, 8, "echo_width", "width of the echo, ns"),
     (I32, 4, "fullwaveIndex", "pulse number, low 32 bits"),
@@ -22,21 +22,18 @@ const DIMENSIONS: [(u8, u16, &str, &str); 7] = [
     (F32, 4, "incidence_angle", "angle to the normal, degrees"),
 ];
 
-/// Dimensions of [`Groups::labels`].
 const LABELS: [(u8, u16, &str, &str); 3] = [
     (U32, 4, "part", "index of the part in the scene"),
     (U32, 4, "primitive", "index of triangle or voxel"),
     (F32, 4, "true_range", "range without noise or bins, m"),
 ];
 
-/// Dimensions of [`Groups::directions`].
 const DIRECTIONS: [(u8, u16, &str, &str); 3] = [
     (F32, 4, "BeamDirectionX", "unit vector of the beam"),
     (F32, 4, "BeamDirectionY", "unit vector of the beam"),
     (F32, 4, "BeamDirectionZ", "unit vector of the beam"),
 ];
 
-/// Dimensions of [`Groups::true_positions`].
 const TRUE_POSITIONS: [(u8, u16, &str, &str); 3] = [
     (F64, 8, "TrueX", "position without navigation errors"),
     (F64, 8, "TrueY", "position without navigation errors"),
@@ -50,7 +47,7 @@ pub struct Groups {
     pub labels: bool,
     /// The beam's direction, which missed pulses have instead of a position.
     pub directions: bool,
-    /// Position computed with the true pose, without errors of navigation.
+    /// Position computed with the true pose, without navigation errors.
     pub true_positions: bool,
 }
 
@@ -70,12 +67,12 @@ fn dimensions(
     base.iter().chain(labels).chain(directions).chain(of(groups.true_positions, &TRUE_POSITIONS))
 }
 
-/// Extra bytes of a point.
+/// Total extra bytes of a point.
 pub(super) fn extra_length(extra: ExtraDimensions, groups: Groups) -> u16 {
     dimensions(extra, groups).map(|d| d.1).sum()
 }
 
-/// The record that describes the extra bytes, 192 bytes for each dimension.
+/// Returns the Extra Bytes record, 192 bytes for each dimension.
 pub(super) fn extra_bytes(extra: ExtraDimensions, groups: Groups) -> Vec<u8> {
     let mut data = Vec::new();
     for (data_type, _, name, description) in dimensions(extra, groups) {
@@ -89,7 +86,7 @@ pub(super) fn extra_bytes(extra: ExtraDimensions, groups: Groups) -> Vec<u8> {
     record("LASF_Spec", 4, "extra bytes", &data)
 }
 
-/// The coordinate reference system: WKT for LAS 1.4, GeoTIFF keys for LAS 1.0.
+/// Returns the record of the coordinate reference system: WKT for LAS 1.4, GeoTIFF keys for LAS 1.0.
 pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) -> Option<Vec<u8>> {
     match version {
         LasVersion::V14 => {
@@ -111,7 +108,7 @@ pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) ->
                     .help("write LAS 1.4 to keep it");
                 return None;
             };
-            // GeoTIFF: version 1.1.0, then key, place of the value (0: here), count, value
+            // GeoTIFF: version 1.1.0, then key, location of the value (0: in place), count, value
             let (model, key) = match kind {
                 EpsgKind::Projected => (1, 3072),
                 EpsgKind::Geographic => (2, 2048),
@@ -123,12 +120,11 @@ pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) ->
     }
 }
 
-/// Remarks on waveform packets.
 const PACKETS: &str = "Waveform packets: 16-bit samples, amplitude = digitizer offset + digitizer gain * sample; samples \
      behind the end of the waveform have the amplitude 0.\nParametric dx, dy, dz: point towards the scanner; sample i lies \
      at point + (location - i * spacing) * (dx, dy, dz).\n";
 
-/// The record of remarks: conventions of the dimensions.
+/// Returns the record of remarks: conventions of the dimensions.
 pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
     let intensity = match settings.intensity {
         IntensityMapping::Decibel => {
@@ -152,12 +148,13 @@ pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
     record("LASF_Spec", 3, "remarks", &data)
 }
 
-/// The record of fixed length that tells how the run ended.
+/// Returns the record of fixed length that describes how the run ended.
 pub(super) fn state(text: &str) -> Vec<u8> {
     record("vlscan", 2, "state of the run", &fixed_text::<40>(text))
 }
 
-/// The names of objects whose id is no number: lines of integer, tab, name, in as many records as they need.
+/// Returns the names of objects whose id is not a number: lines of integer, tab, name, in as many records as they
+/// need.
 pub(super) fn object_names(names: &[(i32, String)]) -> Vec<Vec<u8>> {
     let mut records = Vec::new();
     let mut data = Vec::new();
@@ -176,15 +173,15 @@ pub(super) fn object_names(names: &[(i32, String)]) -> Vec<Vec<u8>> {
     records
 }
 
-/// The record of LASzip that describes the compression.
+/// Returns the LASzip record.
 pub(super) fn laszip(laszip: &laz::LazVlr) -> Vec<u8> {
     let mut data = Vec::new();
-    // Writing into a vector cannot fail.
+    // Writing to a vector cannot fail.
     let _ = laszip.write_to(&mut data);
     record(laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID, laz::LazVlr::DESCRIPTION, &data)
 }
 
-/// A variable length record: header and data.
+/// Returns a variable length record: header and data.
 pub(super) fn record(user: &str, id: u16, description: &str, data: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(54 + data.len());
     // Reserved
@@ -201,7 +198,7 @@ pub(super) fn record(user: &str, id: u16, description: &str, data: &[u8]) -> Vec
     out
 }
 
-/// A text of at most `N − 1` ASCII characters, padded with NUL.
+/// Returns a text of at most `N − 1` ASCII characters, padded with NUL.
 pub(super) fn fixed_text<const N: usize>(text: &str) -> [u8; N] {
     let mut bytes = [0; N];
     for (byte, c) in bytes[..N - 1].iter_mut().zip(text.chars()) {

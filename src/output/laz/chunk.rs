@@ -1,16 +1,17 @@
-//! A chunk of LAS 1.4 points with their extra bytes, layer by layer: the bytes of LASzip, in about half the time of the
-//! `laz` crate. Bytes that never change within a chunk are only counted, and independent layers are written interleaved.
+//! A chunk of LAS 1.4 points with extra bytes, layer by layer: the bytes of LASzip in about half the time of the
+//! `laz` crate. Bytes that never change within a chunk are only counted, and independent layers are coded
+//! interleaved.
 
 use super::extra;
 use super::point::{POINT, Points, channel};
 
-/// Whether all points are of one scanner channel, which [`compress`] requires.
+/// Whether all points have the same scanner channel, which [`compress`] requires.
 pub(super) fn has_one_channel(records: &[u8], length: usize) -> bool {
     let Some(first) = records.get(..length) else { return false };
     records.chunks_exact(length).all(|record| channel(record) == channel(first))
 }
 
-/// Appends the chunk of `records`, each `length` bytes long, at least one.
+/// Appends the chunk of `records`, at least one, each of `length` bytes.
 pub(super) fn compress(records: &[u8], length: usize, out: &mut Vec<u8>) {
     let count = records.len() / length;
     let Some((first, _)) = records.split_first_chunk::<POINT>() else { return };

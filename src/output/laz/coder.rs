@@ -1,16 +1,16 @@
-//! Adaptive arithmetic coding of LAZ: 32-bit intervals, carries that propagate into written bytes, and models of symbol
-//! frequencies that are updated at growing intervals.
+//! Adaptive arithmetic coder of LAZ: 32-bit intervals, carries that propagate into written bytes, and models of
+//! symbol frequencies that are updated at growing intervals.
 
-/// Bits of a probability.
+/// Bits of a symbol's probability.
 const PROBABILITY_BITS: u32 = 15;
-/// Sum of counts at which they are halved.
+/// Sum of counts at which all counts are halved.
 const MAX_COUNTS: u32 = 1 << PROBABILITY_BITS;
-/// Bits of a probability of models of one bit.
+/// Bits of a probability in models of one bit.
 const BIT_PROBABILITY_BITS: u32 = 13;
-/// Smallest length of the interval.
+/// Minimum length of the interval.
 const MIN_LENGTH: u32 = 1 << 24;
 
-/// Writes symbols as one long fraction.
+/// Arithmetic coder: writes symbols as one long binary fraction.
 #[derive(Debug, Default)]
 pub(super) struct Coder {
     base: u32,
@@ -18,7 +18,7 @@ pub(super) struct Coder {
     written: Written,
 }
 
-/// The written bytes and spare capacity, apart from the interval, so that it can stay in registers.
+/// The written bytes and spare capacity, kept apart from the interval so that the interval stays in registers.
 #[derive(Debug, Default)]
 struct Written {
     out: Vec<u8>,
@@ -26,21 +26,21 @@ struct Written {
 }
 
 impl Coder {
-    /// An empty coder with capacity for `capacity` bytes.
+    /// Creates a coder with capacity for `capacity` bytes.
     pub fn new(capacity: usize) -> Coder {
         Coder { base: 0, length: u32::MAX, written: Written { out: vec![0; capacity.max(16)], at: 0 } }
     }
 
-    /// Writes `symbol` with its probability in `model`, and counts it there.
+    /// Writes `symbol` with its probability in `model`, and counts it in the model.
     #[inline(always)]
     pub fn symbol(&mut self, model: &mut Model, symbol: u32) {
         let s = symbol as usize;
         let unit = self.length >> PROBABILITY_BITS;
-        // There is one more slot than symbols.
+        // There is one slot more than there are symbols.
         let next = u32::from(model.slots[s + 1].before);
         let slot = &mut model.slots[s];
         let low = u32::from(slot.before) * unit;
-        // The last symbol gets what rounding leaves of the interval.
+        // The last symbol takes the part of the interval that rounding leaves over.
         let high = if symbol == model.last { self.length } else { next * unit };
         slot.count += 1;
         self.narrow(low, high - low);
@@ -50,7 +50,6 @@ impl Coder {
         }
     }
 
-    /// Writes one bit.
     #[inline(always)]
     pub fn bit(&mut self, model: &mut BitModel, bit: bool) {
         let zero = model.zero * (self.length >> BIT_PROBABILITY_BITS);
@@ -78,7 +77,6 @@ impl Coder {
         self.narrow(value * unit, unit);
     }
 
-    /// Writes 32 bits without a model.
     pub fn word(&mut self, value: u32) {
         for half in [value & 0xFFFF, value >> 16] {
             let unit = self.length >> 16;
@@ -93,8 +91,8 @@ impl Coder {
         if carry {
             self.written.carry();
         }
-        // The leading bytes that no later symbol changes, except by a carry: often none. A branch on their number would be
-        // mispredicted, so four are always written, and the position advances by those that count.
+        // Number of leading bits that no later symbol changes except by a carry, in whole bytes, often 0. A branch on
+        // it would be mispredicted, so four bytes are always written, and the position advances by the final ones.
         let bits = length.leading_zeros() & !7;
         let Written { out, at } = &mut self.written;
         if *at + 4 > out.len() {
@@ -108,7 +106,7 @@ impl Coder {
         self.length = length << bits;
     }
 
-    /// Writes the rest and returns all bytes.
+    /// Writes the end of the fraction and returns all bytes.
     pub fn finish(mut self) -> Vec<u8> {
         let is_long = self.length > 2 * MIN_LENGTH;
         let (low, length) =
@@ -138,10 +136,10 @@ fn grow(out: &mut Vec<u8>) {
     out.resize(out.len() * 2, 0);
 }
 
-/// How often each of some symbols came.
+/// Adaptive model of symbol frequencies.
 #[derive(Clone, Debug)]
 pub(super) struct Model {
-    /// One per symbol, and one more.
+    /// One slot per symbol, and one more.
     slots: Box<[Slot]>,
     last: u32,
     until_update: u32,
@@ -149,17 +147,16 @@ pub(super) struct Model {
     total: u32,
 }
 
-/// Probability and count of a symbol.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
-    /// Probability of all smaller symbols together.
+    /// Cumulative probability of all smaller symbols.
     before: u16,
-    /// How often it came.
+    /// Number of occurrences.
     count: u16,
 }
 
 impl Model {
-    /// A model of `symbols` symbols (at least 2), all of which are equally likely.
+    /// Creates a model of `symbols` symbols (at least 2) with equal probabilities.
     pub fn new(symbols: u32) -> Model {
         let slots = vec![Slot { before: 0, count: 1 }; symbols as usize + 1].into_boxed_slice();
         let mut model = Model { slots, last: symbols - 1, until_update: 0, cycle: symbols, total: 0 };
@@ -193,7 +190,7 @@ impl Model {
     }
 }
 
-/// How often a bit was 0.
+/// Adaptive model of one bit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BitModel {
     zeros: u32,
@@ -205,7 +202,7 @@ pub(super) struct BitModel {
 }
 
 impl BitModel {
-    /// Both are equally likely.
+    /// Both values are equally likely.
     pub const EVEN: BitModel =
         BitModel { zeros: 1, total: 2, zero: 1 << (BIT_PROBABILITY_BITS - 1), until_update: 4, cycle: 4 };
 
@@ -226,8 +223,8 @@ impl BitModel {
     }
 }
 
-/// Writes integers as differences from a prediction: the magnitude as a symbol, the upper bits below it as another, the
-/// lower ones as they are.
+/// Coder of integers as differences from a prediction: the magnitude as one symbol, the upper bits below it as
+/// another, the lower bits without a model.
 #[derive(Debug)]
 pub(super) struct Integers {
     /// Binary magnitude of the last difference.
@@ -235,15 +232,15 @@ pub(super) struct Integers {
     bits: u32,
     magnitudes: Vec<Model>,
     small: BitModel,
-    /// By magnitude; `None` until one of it comes.
+    /// Models of the upper bits by magnitude; `None` until the magnitude occurs.
     upper: [Option<Model>; 31],
 }
 
-/// Bits of a difference that are modelled.
+/// Number of bits of a difference that are modelled.
 const MODELLED_BITS: u32 = 8;
 
 impl Integers {
-    /// Integers of 16 or 32 `bits`, whose magnitudes depend on `contexts` contexts.
+    /// Creates a coder of integers of 16 or 32 `bits`, whose magnitudes depend on `contexts` contexts.
     pub fn new(bits: u32, contexts: usize) -> Integers {
         Integers {
             magnitude: 0,
@@ -254,14 +251,14 @@ impl Integers {
         }
     }
 
-    /// Writes `real`.
+    /// Writes the integer `real`.
     #[inline(always)]
     pub fn write(&mut self, coder: &mut Coder, predicted: i32, real: i32, context: usize) {
         let mut off = real.wrapping_sub(predicted);
         if self.bits == 16 {
             off = i32::from(off as i16);
         }
-        // The least k so that −2^k < off ≤ 2^k.
+        // The smallest k with −2^k < off ≤ 2^k.
         let beyond = if off <= 0 { off.wrapping_neg() } else { off - 1 } as u32;
         let k = 32 - beyond.leading_zeros();
         self.magnitude = k;
@@ -269,7 +266,7 @@ impl Integers {
         if k == 0 {
             coder.bit(&mut self.small, off == 1);
         } else if k < 32 {
-            // Among the 2^k differences of this magnitude.
+            // Index among the 2^k differences of this magnitude.
             let place = if off > 0 { off - 1 } else { off + ((1u32 << k) - 1) as i32 } as u32;
             let upper =
                 self.upper[k as usize - 1].get_or_insert_with(|| Model::new(1 << k.min(MODELLED_BITS)));

@@ -1,4 +1,4 @@
-//! Extra bytes: a layer for every byte, of its differences from point to point.
+//! Extra bytes: one layer per byte, coded as differences from point to point.
 
 use super::coder::{Coder, Model};
 
@@ -9,7 +9,7 @@ const BLOCK_POINTS: usize = 256;
 struct Column {
     coder: Coder,
     model: Model,
-    /// Points before the first that differs; then the layer is written.
+    /// Points before the first one that differs; the layer is written from there on.
     unchanged: u32,
     changed: bool,
 }
@@ -19,7 +19,7 @@ impl Column {
         Column { coder: Coder::new(16), model: Model::new(256), unchanged: 0, changed: false }
     }
 
-    /// Takes the differences from byte to byte of the next points; returns whether they are to be written.
+    /// Takes the byte differences of the next points. Returns whether they are to be written.
     #[inline(always)]
     fn begin(&mut self, off: &[u8], capacity: usize) -> bool {
         if !self.changed {
@@ -37,7 +37,7 @@ impl Column {
     }
 }
 
-/// Writes the differences of some columns side by side: a symbol waits for the one before it in its own layer only.
+/// Writes the differences of several columns interleaved: a symbol depends only on its predecessor in the same layer.
 #[inline(always)]
 fn write<const N: usize>(columns: [&mut Column; N], off: [&[u8]; N]) {
     let count = off.iter().fold(BLOCK_POINTS, |count, off| count.min(off.len()));
@@ -53,14 +53,15 @@ fn write<const N: usize>(columns: [&mut Column; N], off: [&[u8]; N]) {
     }
 }
 
-/// The layers of the bytes from `start` on in records of `length` bytes, each in full; empty where nothing changed.
+/// Returns the layers of the bytes from `start` on in records of `length` bytes; a layer is empty where nothing
+/// changed.
 pub(super) fn layers(records: &[u8], start: usize, length: usize) -> Vec<Vec<u8>> {
     let points = records.len() / length;
     let mut columns: Vec<Column> = (start..length).map(|_| Column::new()).collect();
     let (mut off, mut changes) = (vec![[0; BLOCK_POINTS]; columns.len()], vec![0; columns.len()]);
     for first in (1..points).step_by(BLOCK_POINTS) {
         let count = BLOCK_POINTS.min(points - first);
-        // With the point before them.
+        // Includes the preceding point.
         let block = &records[(first - 1) * length..(first + count) * length];
         find_changes(block, start, length, &mut changes);
         for (i, (off, changes)) in off.iter_mut().zip(&changes).enumerate() {
@@ -79,7 +80,7 @@ pub(super) fn layers(records: &[u8], start: usize, length: usize) -> Vec<Vec<u8>
     columns.into_iter().map(|c| if c.changed { c.coder.finish() } else { Vec::new() }).collect()
 }
 
-/// The bits in which each byte from `start` on changes from point to point.
+/// Computes the bits in which each byte from `start` on changes from point to point.
 #[inline(always)]
 fn find_changes(block: &[u8], start: usize, length: usize, changes: &mut [u8]) {
     changes.fill(0);
@@ -91,7 +92,7 @@ fn find_changes(block: &[u8], start: usize, length: usize, changes: &mut [u8]) {
     }
 }
 
-/// The differences of byte `at` from point to point.
+/// Computes the differences of byte `at` from point to point.
 #[inline(always)]
 fn take_column(block: &[u8], at: usize, length: usize, off: &mut [u8; BLOCK_POINTS]) {
     let mut last = block[at];
@@ -102,7 +103,7 @@ fn take_column(block: &[u8], at: usize, length: usize, off: &mut [u8; BLOCK_POIN
     }
 }
 
-/// Writes the differences of all columns, some of them side by side.
+/// Writes the differences of all columns, several of them interleaved.
 fn write_all<'a>(mut columns: impl Iterator<Item = (&'a mut Column, &'a [u8])>) {
     while let Some((a, of_a)) = columns.next() {
         match columns.next() {

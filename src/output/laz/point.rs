@@ -6,13 +6,12 @@ use std::array::from_fn;
 /// Bytes of a point without extra bytes.
 pub(super) const POINT: usize = 30;
 
-/// Field `N` bytes long at `at`.
 #[inline(always)]
 fn field<const N: usize>(record: &[u8; POINT], at: usize) -> [u8; N] {
     from_fn(|i| record[at + i])
 }
 
-/// A point as far as the next one depends on it.
+/// The state of a point that the next point's coding depends on.
 #[derive(Clone, Copy, Debug)]
 struct Point {
     x: i32,
@@ -39,7 +38,7 @@ impl Point {
             z: i32::from_le_bytes(field(record, 8)),
             intensity: u16::from_le_bytes(field(record, 12)),
             returns: record[14],
-            // The channel lies between them.
+            // The scanner channel lies between these bits.
             flags: record[15] & 0x0F | (record[15] >> 6) << 4,
             class: record[16],
             user: record[17],
@@ -58,7 +57,6 @@ impl Point {
     }
 }
 
-/// Scanner channel of a point.
 pub(super) fn channel(record: &[u8]) -> u8 {
     record[15] >> 4 & 3
 }
@@ -66,7 +64,7 @@ pub(super) fn channel(record: &[u8]) -> u8 {
 /// The layers of the points of a chunk, all of one scanner channel.
 pub(super) struct Points {
     last: Point,
-    /// The last point's time differs from that of the one before.
+    /// Whether the last point's time differs from the time before it.
     time_changed: bool,
     positions: Positions,
     heights: Layer,
@@ -87,7 +85,7 @@ pub(super) struct Points {
     time: Times,
 }
 
-/// What a layer wrote, and whether anything changed: else the layer is left out.
+/// The bytes of a layer, and whether anything changed; an unchanged layer is left out.
 struct Layer {
     coder: Coder,
     changed: bool,
@@ -103,7 +101,7 @@ impl Layer {
     }
 }
 
-/// A layer of bytes that rarely change: as long as they do not, they are only counted.
+/// A layer of bytes that rarely change: unchanged bytes are only counted at first.
 struct Rare {
     layer: Layer,
     unchanged: u32,
@@ -116,7 +114,7 @@ impl Rare {
         Rare { layer: Layer::new(16), unchanged: 0, symbols, models: [const { None }; 64] }
     }
 
-    /// Writes `value` with the model of `context`, which must not change as long as the value does not.
+    /// Writes `value` with the model of `context`; the context must not change while the value does not.
     #[inline(always)]
     fn write(&mut self, context: usize, last: u8, value: u8) {
         if last == value && !self.layer.changed {
@@ -137,7 +135,7 @@ impl Rare {
     }
 }
 
-/// The layer of what changed, returns, x and y.
+/// The layer of change flags, returns, x and y.
 struct Positions {
     coder: Coder,
     changed: [Model; 8],
@@ -150,13 +148,12 @@ struct Positions {
     y_steps: [Median; 12],
 }
 
-/// Even part.
 fn even(k: u32) -> u32 {
     k & !1
 }
 
 impl Points {
-    /// The layers of a chunk of `points` points that begins with `first`.
+    /// Creates the layers of a chunk of `points` points that begins with `first`.
     pub fn new(first: &[u8; POINT], points: usize) -> Points {
         let p = Point::of(first);
         Points {
@@ -192,7 +189,6 @@ impl Points {
         }
     }
 
-    /// Writes the next point.
     #[inline(always)]
     pub fn write(&mut self, record: &[u8; POINT]) {
         let (last, p) = (self.last, Point::of(record));
@@ -236,7 +232,7 @@ impl Points {
         (self.last, self.time_changed) = (p, time_changed);
     }
 
-    /// All layers in their order in a chunk; empty where nothing changed.
+    /// Returns all layers in their order in a chunk; empty where nothing changed.
     pub fn finish(self) -> [Vec<u8>; 9] {
         [
             self.positions.coder.finish(),
@@ -257,7 +253,7 @@ impl Positions {
     fn write(&mut self, last: &Point, last_time_changed: bool, p: &Point, time_changed: bool) {
         let (last_number, last_count) = (last.number(), last.count());
         let (number, count) = (p.number(), p.count());
-        // The return number: as before, the next, the one before, or any other.
+        // The return number: unchanged, incremented, decremented, or any other.
         let step = match (number + 16 - last_number) % 16 {
             0 => 0,
             1 => 1,
@@ -299,8 +295,8 @@ impl Positions {
     }
 }
 
-/// Kind of a return by number of returns and return number: single, first of two, last of two and so on, as the format
-/// fixes it.
+/// Class of a return by number of returns and return number (single, first of two, last of two and so on), as fixed
+/// by the format.
 const KINDS: [[u8; 16]; 16] = [
     [0, 1, 2, 3, 4, 5, 3, 4, 4, 5, 5, 5, 5, 5, 5, 5],
     [1, 0, 1, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3],
@@ -320,11 +316,11 @@ const KINDS: [[u8; 16]; 16] = [
     [5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5],
 ];
 
-/// The middle of five numbers, the largest and the smallest of which give way to new ones in turn.
+/// Streaming median of five numbers: new numbers replace the largest and the smallest in turn.
 #[derive(Clone, Copy, Debug)]
 struct Median {
     sorted: [i32; 5],
-    /// The largest gives way next.
+    /// Whether the largest is replaced next.
     high: bool,
 }
 
@@ -369,7 +365,7 @@ impl Median {
     }
 }
 
-/// Times as sequences of steps, up to four of them interleaved.
+/// Coder of times as sequences of steps, up to four of them interleaved.
 struct Times {
     first_step: Model,
     multiple: Model,
@@ -377,7 +373,7 @@ struct Times {
     last: usize,
     newest: usize,
     times: [i64; 4],
-    /// The typical step of each sequence; 0 while it has none.
+    /// The typical step of each sequence; 0 while there is none.
     step: [i32; 4],
     /// Consecutive atypical steps.
     atypical: [u32; 4],
@@ -387,7 +383,7 @@ struct Times {
 const MAX_MULTIPLE: i32 = 500;
 /// Smallest multiple that has a symbol.
 const MIN_MULTIPLE: i32 = -10;
-/// The symbol that begins a new sequence; those behind it go back to another.
+/// Symbol that begins a new sequence; the symbols after it switch to another existing one.
 const NEW_SEQUENCE: i32 = MAX_MULTIPLE - MIN_MULTIPLE + 1;
 
 impl Times {
