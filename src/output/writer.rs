@@ -122,7 +122,6 @@ impl Writer {
 
     /// Begins the next epoch of a scene with swapped parts: its legs are written to new run directories, while the
     /// files of other targets are continued.
-    /// other targets are continued.
     pub fn next_epoch(&mut self) -> Result<()> {
         if self.epoch >= self.plan.epochs {
             return Err(Error::Internal(format!("more than {} epochs", self.plan.epochs)));

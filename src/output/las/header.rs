@@ -5,11 +5,13 @@ use super::vlr::{self, fixed_text};
 use crate::output::request::{LasVersion, PacketPlace};
 use crate::output::summary::Tally;
 
-/// The extended variable length record after the points, with its position.
+/// Extended variable length record after the points, with its position.
 #[derive(Clone, Copy)]
 enum Trailer {
     None,
+    /// Waveform packets.
     Packets(u64),
+    /// The list of the octree's nodes.
     Octree(u64),
 }
 

@@ -1,7 +1,7 @@
 //! LAS 1.4 with point data record format 6, or 9 with waveform packets, and LAS 1.0 with format 1 (spec outputs §4).
 //!
-//! | file | what it does |
 //! | file | contents |
+//! |---|---|
 //! | `format` | version, scale, offset and extra bytes of all files of a run |
 //! | `header`, `vlr` | the public header block; variable length records |
 //! | `record` | point data records |
