@@ -1,46 +1,43 @@
-//! Where beams point: a few pulses of every chunk are compared with the box around the scene, so that the reason can be
-//! reported when a run hits nothing.
+//! Statistics of where beams point: a few pulses of every chunk are compared with the box around the scene, so that
+//! the cause can be reported when a run hits nothing.
 
 use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3};
 
-/// Pulses of a chunk that are compared.
+/// Pulses per chunk that are compared.
 const SAMPLED_PULSES: usize = 8;
-/// Places that [`AimLog`] keeps.
+/// Maximum number of positions in an [`AimLog`].
 const MAX_PLACES: usize = 64;
 
 /// What beams are compared with, scene frame.
 #[derive(Clone, Copy, Debug)]
 pub struct AimTarget {
-    /// Box around the scene.
+    /// Box around the scene, m.
     pub bounds: Aabb,
-    /// Minimum and maximum range of the scanner, m.
     pub ranges: [f64; 2],
 }
 
-/// Counts of sampled pulses; pieces add up.
+/// Counts of sampled pulses; the counts of pieces add up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aim {
     /// Pulses that were compared.
     pub sampled: u64,
-    /// Pulses whose beam meets the box around the scene at any distance.
+    /// Pulses whose beam hits the box around the scene at any distance.
     pub towards: u64,
-    /// Pulses whose beam is in the box at ranges that the scanner measures.
+    /// Pulses whose beam is within the box at ranges that the scanner measures.
     pub within: u64,
-    /// Pulses whose beam points above the horizon.
     pub upwards: u64,
-    /// Box around the origins, scene frame.
+    /// Box around the origins, scene frame, m.
     pub origins: Aabb,
-    /// One of the origins.
+    /// One of the origins, scene frame, m.
     pub place: Option<DVec3>,
 }
 
 impl Aim {
-    /// No pulse.
     pub const NONE: Aim =
         Aim { sampled: 0, towards: 0, within: 0, upwards: 0, origins: Aabb::EMPTY, place: None };
 
-    /// Compares some of `pulses`, at even steps.
+    /// Compares a sample of `pulses`, evenly spaced.
     pub fn of(target: &AimTarget, pulses: &[Pulse]) -> Aim {
         let mut aim = Aim::NONE;
         for pulse in pulses.iter().step_by(pulses.len().div_ceil(SAMPLED_PULSES).max(1)) {
@@ -62,7 +59,6 @@ impl Aim {
         }
     }
 
-    /// Adds another piece.
     pub fn add(&mut self, other: &Aim) {
         self.sampled += other.sampled;
         self.towards += other.towards;
@@ -73,14 +69,13 @@ impl Aim {
     }
 }
 
-/// The sum of all pieces and some places along the flight, evenly spread.
+/// The sum of all pieces, and positions evenly spread over the flight.
 #[derive(Clone, Debug)]
 pub struct AimLog {
-    /// The sum.
     pub sum: Aim,
-    /// Places, scene frame.
+    /// Positions, scene frame, m.
     pub places: Vec<DVec3>,
-    /// Pieces from one kept place to the next, and pieces since the last.
+    /// Number of pieces from one kept position to the next, and number of pieces since the last.
     stride: u32,
     since: u32,
 }
@@ -92,7 +87,7 @@ impl Default for AimLog {
 }
 
 impl AimLog {
-    /// Adds a piece. When there are more than [`MAX_PLACES`] every second place is removed.
+    /// Adds a piece. Every second position is removed when there are more than [`MAX_PLACES`].
     pub fn add(&mut self, piece: &Aim) {
         self.sum.add(piece);
         let Some(place) = piece.place else { return };

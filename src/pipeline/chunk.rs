@@ -1,4 +1,4 @@
-//! Chunks: descriptors of consecutive pulses, not the pulses themselves.
+//! Chunks: descriptors of consecutive pulses, without the pulses themselves.
 
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
@@ -7,26 +7,25 @@ use crate::scene::{MotionPlan, MotionState};
 use crate::schedule::{Feed, Outcome, Stop, Tasks};
 use std::time::{Duration, Instant};
 
-/// Steps after which a chunk ends although few of them fired: the wish to stop is checked between chunks.
+/// Maximum steps per chunk, however few of them emit pulses, because a requested stop is checked between chunks.
 const MAX_STEPS: u32 = 1 << 16;
-/// How often the wish to stop is checked while no pose arrives.
+/// Interval between checks for a requested stop while no pose arrives.
 const STOP_CHECK_PERIOD: Duration = Duration::from_millis(100);
 
-/// Consecutive steps of one leg: the state before the first of them, and their number. A worker replays them to get the
-/// pulses, which the producer has only counted.
+/// Consecutive steps of one leg: the state before the first step, and the number of steps. The producer only counts
+/// the pulses; a worker replays the steps to obtain them.
 #[derive(Clone)]
 pub struct Chunk {
-    /// Platform and devices as they were before the first step.
+    /// Platform and devices before the first step.
     pub start: FlightState,
     /// Moving parts of the scene before the first step, if there are any.
     pub motion: Option<MotionState>,
-    /// Number of steps.
     pub steps: u32,
-    /// Pulses among them.
+    /// Pulses emitted in these steps.
     pub pulses: u32,
     /// Number of the leg in the survey.
     pub leg: u32,
-    /// Done part of the survey after this chunk, 0–1; NaN when its end is not known (a stream).
+    /// Fraction of the survey done after this chunk, 0–1; NaN when the end is unknown (a stream).
     pub done: f64,
     /// Poses to be written among the steps.
     poses: u32,
@@ -39,7 +38,6 @@ impl Tasks for Chunk {
 }
 
 impl Chunk {
-    /// No steps yet.
     fn begin(plan: &FlightPlan, state: &FlightState, motion: Option<&MotionState>) -> Chunk {
         Chunk {
             start: state.clone(),
@@ -52,12 +50,11 @@ impl Chunk {
         }
     }
 
-    /// Whether there are pulses or poses in it.
     fn has_content(&self) -> bool {
         self.pulses > 0 || self.poses > 0
     }
 
-    /// Splits off the first pulse, with the steps that lead to it, as a chunk of its own.
+    /// Splits off the first pulse, with the steps up to it, as a separate chunk.
     fn split_first(&mut self, plan: &FlightPlan, motion: Option<&MotionPlan>) -> Result<Chunk> {
         let mut first = Chunk { steps: 0, pulses: 0, poses: 0, ..self.clone() };
         let mut count = Count::default();
@@ -76,7 +73,7 @@ impl Chunk {
     }
 }
 
-/// Counts what a step would yield without computing it.
+/// Counts what a step would emit without computing it.
 #[derive(Default)]
 struct Count {
     pulses: u32,
@@ -93,9 +90,9 @@ impl FlightSink for Count {
     }
 }
 
-/// Steps from `state`, the beginning of a flight, through the whole of it and puts every chunk that yields anything into
-/// `feed`. A chunk ends when it has the size that the schedule wants, at the end of its leg, or when the next pose
-/// takes longer than the stream's latency allows. Returns early when `stop` is asked.
+/// Steps from `state`, the beginning of a flight, to its end and passes every chunk that is not empty to `feed`. A
+/// chunk ends when it reaches the size set by the schedule, at the end of its leg, or when the next pose takes longer
+/// than the stream's maximum latency. Returns early when `stop` is requested.
 pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     plan: &FlightPlan,
     motion: Option<&MotionPlan>,
@@ -167,8 +164,8 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     }
 }
 
-/// Waits for poses up to `timeout` and feeds them to both ends of a chunk. Returns `false` if none arrived; the end of the
-/// stream or its failure is met again by [`wait_for_poses`].
+/// Waits for poses up to `timeout` and appends them to both ends of a chunk. Returns `false` if none arrived; the end
+/// of the stream or its failure is then reported by [`wait_for_poses`].
 fn feed_poses_within(
     timeout: Duration,
     plan: &FlightPlan,
@@ -206,7 +203,7 @@ fn wait_for_poses(
     }
 }
 
-/// The done part of the whole flight.
+/// Fraction of the flight that is done.
 fn done(plan: &FlightPlan, state: &FlightState) -> f64 {
     if plan.is_stream() {
         return f64::NAN;

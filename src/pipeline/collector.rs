@@ -1,4 +1,4 @@
-//! The last stage: what the workers encoded goes to the outputs, in the order of the pulses.
+//! The last stage: appends the encoded results of the workers to the outputs, in pulse order.
 
 use super::pass::Pass;
 use super::plausibility::CheckTime;
@@ -8,7 +8,6 @@ use crate::error::{Error, Result};
 use crate::output::{Summary, Writer};
 use crate::schedule::Collect;
 
-/// Appends encoded pieces to the outputs and keeps the progress.
 pub(super) struct Collector<'a> {
     pass: &'a Pass<'a>,
     writer: Box<Writer>,
@@ -16,16 +15,16 @@ pub(super) struct Collector<'a> {
     is_checked_early: bool,
 }
 
-/// Pulses after which the yield of a run is checked while it goes on.
+/// Pulses after which the yield of a run is checked for the first time.
 const PULSES_BEFORE_CHECK: u64 = 20_000;
 
-/// How a pass over an epoch ended.
+/// Outcome of a pass over one epoch.
 pub enum Ended {
-    /// It was the last: the outputs are complete and have their names.
+    /// The last epoch: the outputs are complete and have their names.
     Complete(Summary),
     /// Another epoch follows; the outputs are open.
     NextEpoch(Box<Writer>),
-    /// The user ended the run. The outputs are open and hold what was measured until then.
+    /// The user stopped the run. The outputs are open and contain everything measured until then.
     Interrupted(Box<Writer>),
 }
 
@@ -50,7 +49,7 @@ impl<'a> Collector<'a> {
         self.leg = leg;
         self.writer.append(m.encoded)?;
         if !more_waiting {
-            // A reader of a live stream gets what there is.
+            // No further result is ready, so readers of a live stream receive everything so far.
             self.writer.flush()?;
         }
         let progress = self.pass.control.progress;

@@ -1,4 +1,4 @@
-//! The flight alone: [`emit`] flies and writes poses or pulses, which other commands read.
+//! The flight alone: [`emit`] flies a survey and writes its poses or pulses, as input of other commands.
 
 use super::chunk::{Chunk, produce};
 use super::pass::Control;
@@ -12,32 +12,25 @@ use crate::survey::Survey;
 use std::io::Write;
 use std::sync::Arc;
 
-/// A flight without a scene.
 pub struct Emission {
-    /// Clock, legs, platform, optics.
     pub flight: FlightPlan,
-    /// World position of the scene frame's origin.
+    /// World position of the scene frame's origin, m.
     pub shift: DVec3,
-    /// How often the survey is flown.
+    /// Number of times that the survey is flown.
     pub epochs: u32,
-    /// Poses of a streamed platform as they arrive.
+    /// Poses of a streamed platform, as they arrive.
     pub poses: Option<PoseReader>,
-    /// Threads, and how chunks are distributed to them.
     pub schedule: Schedule,
-    /// The survey.
     pub survey: Survey,
 }
 
-/// What a chunk of steps emits.
+/// Poses and pulses of a chunk of steps.
 #[derive(Debug, Default)]
 pub struct Emitted {
-    /// Number of the leg.
     pub leg: u32,
-    /// Number of the epoch, from 0.
     pub epoch: u32,
     /// Pulses, each with the number of simulation steps before it in its epoch.
     pub pulses: Vec<(Pulse, u64)>,
-    /// Poses.
     pub poses: Vec<PoseSample>,
     step: u64,
 }
@@ -52,7 +45,6 @@ impl FlightSink for Emitted {
     }
 }
 
-/// Bytes of a chunk.
 struct Written {
     bytes: Vec<u8>,
     pulses: u64,
@@ -68,11 +60,11 @@ impl Outcome for Written {
     }
 }
 
-/// Flies the survey and writes what `encode` makes of each chunk to `out`, in order. Returns `out` when everything is
-/// written, or everything before the wish to end.
+/// Flies the survey and writes the output of `encode` for each chunk to `out`, in order. Returns `out` when
+/// everything is written, or everything before a requested stop.
 ///
 /// # Errors
-/// [`Error::ClosedPipe`] when the reader went away, [`Error::Io`], and those of the flight.
+/// [`Error::ClosedPipe`] when the reader has closed the stream, [`Error::Io`], and the errors of the flight.
 pub fn emit<W: Write + Send>(
     emission: Emission,
     control: Control<'_>,
@@ -108,7 +100,7 @@ pub fn emit<W: Write + Send>(
     Ok(out)
 }
 
-/// Repeats the chunk's steps.
+/// Replays the chunk's steps.
 fn replay(flight: &FlightPlan, chunk: &Chunk, emitted: &mut Emitted) -> Result<()> {
     emitted.pulses.clear();
     emitted.poses.clear();
@@ -122,7 +114,6 @@ fn replay(flight: &FlightPlan, chunk: &Chunk, emitted: &mut Emitted) -> Result<(
     Ok(())
 }
 
-/// Appends bytes in the order of the chunks.
 struct Append<'a, W> {
     out: W,
     progress: &'a Progress,

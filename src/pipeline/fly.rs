@@ -1,4 +1,4 @@
-//! The wiring of a pass over one epoch: a producer, the workers, the collector.
+//! The stages of a pass over one epoch: a producer, the workers, the collector.
 
 use super::chunk;
 use super::collector::{Collector, Ended};
@@ -12,9 +12,9 @@ use crate::platform::PoseReader;
 use crate::schedule::{self, Feed, Job, JobQueue, Tasks};
 use std::sync::Arc;
 
-/// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in chunk order.
-/// `state` is that before the first step of the epoch, `writer` holds the outputs of the epoch before. When this fails,
-/// outputs that are not complete are gone.
+/// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in chunk
+/// order. `state` is the state before the first step of the epoch; `writer` holds the outputs of the previous epoch.
+/// On failure incomplete outputs are removed.
 pub fn fly(
     pass: &Pass<'_>,
     flight: &FlightPlan,
@@ -32,11 +32,11 @@ pub fn fly(
     )
 }
 
-/// Traces the pulses of one epoch: blocks of rows → schedule → workers (parse, trace, detect, encode) → outputs in the order
-/// of the stream.
+/// Traces the pulses of one epoch: blocks of rows → schedule → workers (parse, trace, detect, encode) → outputs in
+/// the order of the stream.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) for rows that are no pulses, with their line; otherwise as [`fly`].
+/// [`Error::Input`](crate::Error::Input) for malformed rows, with their line; otherwise as for [`fly`].
 pub(super) fn trace(
     pass: &Pass<'_>,
     tracing: &Tracing<'_>,
@@ -79,7 +79,7 @@ impl Pass<'_> {
     }
 }
 
-/// Compression is taken over by the workers.
+/// Compression runs on the workers.
 impl Offload for JobQueue {
     fn try_run(&self, job: Job) -> std::result::Result<(), Job> {
         JobQueue::try_run(self, job)

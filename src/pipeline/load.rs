@@ -1,4 +1,4 @@
-//! The scene of an epoch and the tree over it, refused where they would need more memory than allowed.
+//! Loading of an epoch's scene and construction of its tree, both refused when they would exceed the memory limit.
 
 use super::settings::Settings;
 use crate::diag::Notice;
@@ -8,10 +8,10 @@ use crate::scene::{self, Scene, SceneFrame};
 use crate::tree::{BuildOptions, Tree};
 use std::time::Instant;
 
-/// Rasters that need less, with the tree over them, are not reported.
+/// Minimum memory of rasters and their tree that is reported.
 const MIN_REPORTED_BYTES: u64 = 500_000_000;
 
-/// Loads the scene of an epoch. `frame` is the first epoch's.
+/// Loads the scene of an epoch. `frame` is the frame of the first epoch's scene.
 pub(super) fn load_scene(
     settings: &Settings,
     epoch: u32,
@@ -31,7 +31,7 @@ pub(super) fn load_scene(
     Ok(scene)
 }
 
-/// Builds the tree over a scene, unless both together need more memory than allowed.
+/// Builds the tree over a scene, unless both together exceed the memory limit.
 pub(super) fn build_tree(
     settings: &Settings,
     options: &BuildOptions,
@@ -57,8 +57,8 @@ pub(super) fn build_tree(
     Ok(tree)
 }
 
-/// Reports what large rasters and the trees over them will need, and refuses what is more than allowed, before any of it is
-/// loaded.
+/// Reports the memory that large rasters and the trees over them will need, and refuses more than the limit, before
+/// any of it is loaded.
 pub(super) fn check_raster_memory(settings: &Settings, notify: &dyn Fn(Notice)) -> Result<()> {
     let mut all = 0u64;
     for need in scene::raster_needs(&settings.survey.scene) {

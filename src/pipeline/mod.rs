@@ -1,5 +1,6 @@
-//! The wiring of the whole program. A [`Session`] is given resolved [`Settings`]; it loads the scene, builds the tree, and
-//! flies the survey over it or traces a stream of pulses, once for every epoch of a scene with swapped parts:
+//! The stages of the program and their connections. A [`Session`] takes resolved [`Settings`]; it loads the scene,
+//! builds the tree, and flies the survey over it or traces a stream of pulses, once per epoch of a scene with swapped
+//! parts:
 //!
 //! ```text
 //! Settings ─► Session::open ─► run ────────────────► fly ──┐ pass over   ┌─► next epoch
@@ -7,19 +8,19 @@
 //!                            └ into_emission ─► emit: poses or pulses without tracing
 //! ```
 //!
-//! | file | what it does |
+//! | file | contents |
 //! |---|---|
 //! | `settings` | everything that is chosen before the start |
 //! | `session` | loading, the loop over epochs, the report |
-//! | `fly`, `pass` | the wiring of a pass over one epoch, and what it needs |
-//! | `load` | scene and tree of an epoch, refused if they need too much memory |
-//! | `chunk` | the producer: steps of the flight become chunks |
-//! | `stream` | the other producer: rows of a stream of pulses |
-//! | `worker`, `moving` | the computing stage, and the moving parts that its pulses see |
-//! | `collector` | the last stage: encoded pieces to the outputs, in order |
+//! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
+//! | `load` | scene and tree of an epoch, refused if they exceed the memory limit |
+//! | `chunk` | the producer of a flight: steps become chunks |
+//! | `stream` | the producer and worker of a stream of pulses |
+//! | `worker`, `moving` | the computing stage, and the moving parts of the scene |
+//! | `collector` | the last stage: encoded results to the outputs, in order |
 //! | `emit` | the flight alone, written as poses or pulses |
-//! | `plausibility`, `aim` | inputs that are valid but can hardly be meant |
-//! | `progress` | what has been done so far |
+//! | `plausibility`, `aim` | detection of inputs that are valid but hardly intended |
+//! | `progress` | counters of the work done |
 
 mod aim;
 mod chunk;

@@ -1,24 +1,24 @@
-//! A worker's view of the moving parts of a scene.
+//! A worker's copy of the moving parts of a scene.
 
 use crate::scene::{DynamicScene, MotionPlan, MotionState, ObjectUpdate};
 use crate::tree::BuildOptions;
 
-/// The moving parts where a worker's pulses see them.
+/// Moving parts in the positions at which a worker's pulses are traced.
 pub(super) struct MovingParts<'a> {
     plan: &'a MotionPlan,
-    /// The parts where the first pulse of the batch sees them.
+    /// The parts at the time of the first pulse of the batch.
     pub scene: DynamicScene<'a>,
-    /// What moves between the pulses of the batch.
+    /// Motions between the pulses of the batch.
     pub changes: Vec<ObjectUpdate>,
 }
 
 impl<'a> MovingParts<'a> {
-    /// The parts where they stand at first. `trees` are the options of their trees.
+    /// Creates the parts in their initial positions. `trees` are the options of their trees.
     pub fn new(plan: &'a MotionPlan, trees: &BuildOptions) -> MovingParts<'a> {
         MovingParts { plan, scene: DynamicScene::new(plan, trees.clone()), changes: Vec::new() }
     }
 
-    /// Begins a batch whose first pulse sees the parts as in `state`.
+    /// Begins a batch whose first pulse is traced with the parts as in `state`.
     pub fn begin_batch(&mut self, state: &MotionState) {
         self.scene.set_state(state);
         self.changes.clear();
@@ -32,12 +32,11 @@ impl<'a> MovingParts<'a> {
         });
     }
 
-    /// The state before the first step.
     pub fn start(&self) -> MotionState {
         MotionState::start(self.plan)
     }
 
-    /// Advances `state` by a step that no pulse of the batch sees.
+    /// Advances `state` by a step before the first pulse of the batch.
     pub fn skip(&self, state: &mut MotionState) {
         state.step(self.plan, |_, _| ());
     }

@@ -1,4 +1,4 @@
-//! What has been done so far: atomic counters that the collector writes and a progress display reads.
+//! Progress counters: atomics written by the collector and read by a progress display.
 
 use super::aim::{Aim, AimLog};
 use std::sync::Mutex;
@@ -17,18 +17,17 @@ pub struct Progress {
 /// The counters at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Snapshot {
-    /// Pulses fired and written.
+    /// Pulses emitted and written.
     pub pulses: u64,
     /// Echoes written.
     pub echoes: u64,
     /// Number of the leg in the survey.
     pub leg: u32,
-    /// Done part of the survey, 0–1; NaN when its end is not known.
+    /// Fraction of the survey done, 0–1; NaN when the end is unknown.
     pub done: f64,
 }
 
 impl Progress {
-    /// Adds a finished chunk.
     pub fn add(&self, pulses: u64, echoes: u64, leg: u32, done: f64) {
         self.pulses.fetch_add(pulses, Relaxed);
         self.echoes.fetch_add(echoes, Relaxed);
@@ -36,19 +35,19 @@ impl Progress {
         self.done.store(done.to_bits(), Relaxed);
     }
 
-    /// Adds where the beams of a piece point.
+    /// Adds the beam directions of a piece.
     pub fn add_aim(&self, piece: &Aim) {
         if let Ok(mut log) = self.aim.lock() {
             log.add(piece);
         }
     }
 
-    /// Where beams have pointed so far.
+    /// Statistics of where the beams have pointed so far.
     pub fn aim(&self) -> AimLog {
         self.aim.lock().map(|log| log.clone()).unwrap_or_default()
     }
 
-    /// The counters now.
+    /// Reads the counters.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot {
             pulses: self.pulses.load(Relaxed),

@@ -1,4 +1,4 @@
-//! A session: a survey and its scene, ready to be flown.
+//! A session: a survey with its scene and tree, ready to run.
 
 use super::collector::Ended;
 use super::emit::Emission;
@@ -23,7 +23,6 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-/// Receives what a session reports while it works.
 pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 
 /// A survey with its scene.
@@ -46,35 +45,36 @@ pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 pub struct Session {
     settings: Settings,
     observer: Observer,
-    /// Number of epochs, and the one that `scene` and `tree` are of.
+    /// Number of epochs, and the epoch of `scene` and `tree`.
     epochs: u32,
     epoch: u32,
     /// The frame of the first epoch's scene.
     frame: SceneFrame,
     scene: Scene,
     motion: Option<MotionPlan>,
-    /// Over what stands still.
+    /// The tree over the static parts.
     tree: Option<Tree>,
 }
 
-/// What came of a run.
+/// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// What was written.
+    /// Summary of the outputs.
     pub summary: Summary,
-    /// Pulses fired.
+    /// Pulses emitted.
     pub pulses: u64,
-    /// From the first pulse to the last point written, without the loading of later epochs, s.
+    /// Time from the first pulse to the last point written, without the loading of later epochs, s.
     pub seconds: f64,
-    /// The run was stopped: the outputs hold what was measured until then, and say so.
+    /// Whether the run was stopped: the outputs contain what was measured until then and are marked as partial.
     pub interrupted: bool,
 }
 
 impl Session {
-    /// Loads the scene of the first epoch and builds the tree over it. `observer` receives what is reported from now on.
+    /// Loads the scene of the first epoch and builds the tree over it. `observer` receives all notices of the
+    /// session.
     ///
     /// # Errors
-    /// [`Error::Input`] for scenes that are wrong or need more memory than allowed; [`Error::Io`].
+    /// [`Error::Input`] for scenes that are invalid or exceed the memory limit; [`Error::Io`].
     pub fn open(settings: Settings, observer: impl Fn(Notice) + Send + Sync + 'static) -> Result<Session> {
         check_raster_memory(&settings, &observer)?;
         let mut session = Session::open_scene(settings, observer)?;
@@ -82,10 +82,11 @@ impl Session {
         Ok(session)
     }
 
-    /// Loads the scene of the first epoch alone: for flights without tracing, and for trees of other kinds.
+    /// Loads the scene of the first epoch without building a tree: for flights without tracing, and for other kinds
+    /// of trees.
     ///
     /// # Errors
-    /// As [`Session::open`].
+    /// As for [`Session::open`].
     pub fn open_scene(
         settings: Settings,
         observer: impl Fn(Notice) + Send + Sync + 'static,
@@ -108,30 +109,30 @@ impl Session {
         &self.settings
     }
 
-    /// The scene of the present epoch.
+    /// The scene of the current epoch.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Moving parts of the scene, if there are any.
+    /// The moving parts of the scene, if there are any.
     pub fn motion(&self) -> Option<&MotionPlan> {
         self.motion.as_ref()
     }
 
-    /// How often the survey is flown: once for every state of the scene's swapped parts.
+    /// Number of epochs: the survey is flown once for every state of the scene's swapped parts.
     pub fn epochs(&self) -> u32 {
         self.epochs
     }
 
-    /// Builds a tree over the present scene.
+    /// Builds a tree over the current scene.
     ///
     /// # Errors
-    /// [`Error::Input`] when it would need more memory than allowed.
+    /// [`Error::Input`] when it would exceed the memory limit.
     pub fn build_tree(&self, options: &BuildOptions) -> Result<Tree> {
         build_tree(&self.settings, options, &self.scene, &*self.observer)
     }
 
-    /// Plans the flight over the present scene.
+    /// Plans the flight over the current scene.
     ///
     /// # Errors
     /// [`Error::Input`] and [`Error::Limits`] for legs and trajectories that cannot be flown.
@@ -143,11 +144,11 @@ impl Session {
         Ok(flight)
     }
 
-    /// Flies the survey and measures it, once for every epoch.
+    /// Flies and measures the survey, once per epoch.
     ///
     /// # Errors
-    /// [`Error::Input`] for what cannot be flown or written, [`Error::Io`], [`Error::ClosedPipe`], and
-    /// [`Error::Interrupted`] when the wish to end comes before the first pulse or between two epochs.
+    /// [`Error::Input`] for flights or outputs that are impossible, [`Error::Io`], [`Error::ClosedPipe`], and
+    /// [`Error::Interrupted`] when a stop is requested before the first pulse or between two epochs.
     pub fn run(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
         self.enter_epoch(0, control.stop)?;
         let flight = self.plan_flight()?;
@@ -175,7 +176,7 @@ impl Session {
     /// Traces a stream of pulses through the scene instead of flying the survey.
     ///
     /// # Errors
-    /// As [`Session::run`]; [`Error::Input`] for rows that are no pulses, with their line.
+    /// As for [`Session::run`]; [`Error::Input`] for malformed rows, with their line.
     pub fn trace(
         &mut self,
         pulses: PulseReader,
@@ -207,10 +208,11 @@ impl Session {
         Ok(report)
     }
 
-    /// The flight alone, for [`emit`](super::emit()). The scene, whose frame and ground it needs, is dropped.
+    /// Converts the session to the flight alone, for [`emit`](super::emit()). The scene, whose frame and ground the
+    /// flight needs, is dropped.
     ///
     /// # Errors
-    /// As [`Session::plan_flight`]; a trajectory that cannot be opened.
+    /// As for [`Session::plan_flight`]; a trajectory that cannot be opened.
     pub fn into_emission(self) -> Result<Emission> {
         let flight = self.plan_flight()?;
         let poses = self.open_poses()?;
@@ -225,8 +227,8 @@ impl Session {
         })
     }
 
-    /// Passes over all epochs, with outputs that go on from one to the next. `is_reported` tells whether the cause of too
-    /// few points has been reported.
+    /// Runs all epochs; outputs continue from one to the next. `is_reported` records whether the cause of too few
+    /// points has been reported.
     fn run_epochs(
         &mut self,
         outputs: OutputRequest,
@@ -284,7 +286,8 @@ impl Session {
         Ok(Report { summary, pulses, seconds, interrupted })
     }
 
-    /// Loads the scene of an epoch and builds its tree, if they are not there already. There is one scene at a time.
+    /// Loads the scene of an epoch and builds its tree, unless they are loaded. Only one scene is in memory at a
+    /// time.
     fn enter_epoch(&mut self, epoch: u32, stop: &Stop) -> Result<()> {
         if epoch != self.epoch {
             self.tree = None;
@@ -303,7 +306,7 @@ impl Session {
         self.tree.as_ref().ok_or_else(|| Error::Internal("there is no tree over the scene".to_owned()))
     }
 
-    /// The reader of a live trajectory, if the platform follows one.
+    /// Opens the live trajectory that the platform follows, if there is one.
     fn open_poses(&self) -> Result<Option<PoseReader>> {
         let PlatformKind::Stream(stream) = &self.settings.survey.platform.kind else { return Ok(None) };
         if self.epochs > 1 {
@@ -317,7 +320,7 @@ impl Session {
         Ok(Some(reader.on_notice(strict, move |notice| observer(notice))))
     }
 
-    /// Reports the files of earlier runs that stay because what would have replaced them is partial.
+    /// Reports files of earlier runs that were kept because their replacements are partial.
     fn report_kept(&self, files: &[FileSummary]) {
         for file in files {
             if let (Some(old), Some(new)) = (&file.beside, &file.path) {
@@ -331,7 +334,7 @@ impl Session {
     }
 }
 
-/// What moves in a scene. Time steps count in periods of the first leg's pulses.
+/// Plans the motions of a scene. Time steps count in pulse periods of the first leg.
 fn plan_motion(settings: &Settings, scene: &Scene) -> Option<MotionPlan> {
     MotionPlan::new(scene, settings.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq)))
 }

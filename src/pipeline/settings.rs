@@ -1,4 +1,4 @@
-//! What a session is asked to do, with every choice made.
+//! Settings of a session, with every choice resolved.
 
 use crate::flight::FlightOptions;
 use crate::output::OutputRequest;
@@ -11,38 +11,40 @@ use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
-/// Pulses per chunk: enough to make the cost of the queues negligible, few enough to keep all threads busy on short legs.
+/// Pulses per chunk: enough to make the cost of the queues negligible, few enough to keep all threads busy on short
+/// legs.
 pub const DEFAULT_CHUNK_SIZE: u32 = 1024;
 
-/// Chunks that may wait for each worker.
+/// Maximum queued chunks per worker.
 pub const DEFAULT_WAREHOUSE_FACTOR: usize = 4;
 
-/// How long points of a live trajectory wait for others.
+/// Default maximum latency of points of a live trajectory.
 pub const DEFAULT_LATENCY: Duration = Duration::from_millis(250);
 
-/// Settings of a [`Session`](super::Session). Nothing in the session reads the command line, the environment or the clock.
+/// Settings of a [`Session`](super::Session). A session reads neither the command line nor the environment nor the
+/// clock.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Legs, platform, scanner and the description of the scene.
     pub survey: Survey,
-    /// Warnings end the session as errors.
+    /// Whether warnings end the session as errors.
     pub strict: bool,
-    /// How the scene is loaded.
+    /// Options of scene loading.
     pub load: LoadOptions,
-    /// How trees are built.
+    /// Options of tree construction.
     pub tree: BuildOptions,
-    /// Clock, noise of the platform, errors of navigation.
+    /// Clock, noise of the platform, navigation errors.
     pub flight: FlightOptions,
-    /// How echoes are computed.
+    /// Options of the echo simulation.
     pub physics: PhysicsOptions,
-    /// Threads, and how pulses are distributed to them.
+    /// Number of threads, and the distribution of pulses to them.
     pub schedule: Schedule,
-    /// How long points of a live trajectory may wait for others.
+    /// Maximum latency of points of a live trajectory.
     pub max_latency: Duration,
 }
 
 impl Settings {
-    /// The survey's own seed, or 0, the physics of HELIOS++, all cores.
+    /// Default settings: the survey's seed, or 0, the physics of HELIOS++, all cores.
     pub fn new(survey: Survey) -> Settings {
         let seed = survey.seed.unwrap_or(0);
         let wavelength = survey.scanner.devices.first().map(|device| device.beam.wavelength);
@@ -63,7 +65,7 @@ impl Settings {
         }
     }
 
-    /// The options of the physics, with everything recorded that the outputs need.
+    /// Returns the options of the physics, with everything recorded that the outputs need.
     pub(super) fn physics_for(&self, outputs: &OutputRequest) -> PhysicsOptions {
         let has_truth = outputs.columns.iter().flatten().any(|column| column.is_truth());
         let physics = self.physics;

@@ -12,26 +12,23 @@ use crate::streams::{PulseColumn, PulseReader, PulseRow, RowBlock, RowFault};
 use crate::survey::Survey;
 use std::collections::HashMap;
 
-/// How the legs of a stream become legs of the outputs and of the physics.
+/// Mapping of the legs of a stream to legs of the outputs and of the physics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LegRule {
-    /// The survey that the pulses come from is known: its legs have their own divergence.
+    /// Whether the survey of the pulses is known: its legs have their own divergence.
     pub known: bool,
-    /// Each leg has its own files, so that legs must ascend.
+    /// Whether each leg has its own files, so that leg numbers must ascend.
     pub separate_files: bool,
-    /// Divergences in the stream count.
+    /// Whether divergences in the stream are used.
     pub streamed_divergence: bool,
 }
 
-/// What a stream of pulses is traced with, beyond what every pass needs.
+/// Inputs of tracing a stream, in addition to those of every pass.
 pub struct Tracing<'a> {
-    /// Instruments, legs.
     pub survey: &'a Survey,
-    /// Options of the physics.
     pub options: PhysicsOptions,
-    /// World position of the scene frame's origin.
+    /// World position of the scene frame's origin, m.
     pub shift: DVec3,
-    /// What the legs are.
     pub legs: LegRule,
 }
 
@@ -41,7 +38,7 @@ impl Tasks for RowBlock {
     }
 }
 
-/// A stream of pulses and what has been read of it already.
+/// A stream of pulses with the rows already read from it.
 #[derive(Debug)]
 pub struct PulseSource {
     reader: PulseReader,
@@ -49,15 +46,14 @@ pub struct PulseSource {
 }
 
 impl PulseSource {
-    /// A stream from its beginning.
     pub fn new(reader: PulseReader) -> PulseSource {
         PulseSource { reader, next: None }
     }
 
-    /// The epoch of the next pulse; nothing at the end of the stream. Waits for it.
+    /// Returns the epoch of the next pulse, after waiting for it; `None` at the end of the stream.
     ///
     /// # Errors
-    /// As [`PulseReader::next_block`].
+    /// As for [`PulseReader::next_block`].
     pub fn next_epoch(&mut self, stop: &Stop) -> Result<Option<u32>> {
         if self.next.is_none() {
             self.next = self.reader.next_block(stop)?;
@@ -65,7 +61,7 @@ impl PulseSource {
         Ok(self.next.as_ref().map(RowBlock::first_epoch))
     }
 
-    /// Puts all pulses of `epoch` into `feed`.
+    /// Passes all pulses of `epoch` to `feed`.
     pub(super) fn produce<R: Outcome, W: FnMut(RowBlock) -> Result<R>>(
         &mut self,
         epoch: u32,
@@ -81,7 +77,7 @@ impl PulseSource {
         Ok(())
     }
 
-    /// The next pulses of `epoch`; nothing when another one begins or the stream ends.
+    /// Returns the next pulses of `epoch`; `None` when another epoch begins or the stream ends.
     fn take(&mut self, epoch: u32, stop: &Stop) -> Result<Option<RowBlock>> {
         if self.next_epoch(stop)? != Some(epoch) {
             return Ok(None);
@@ -97,18 +93,17 @@ impl PulseSource {
 pub(super) struct StreamWorker<'a> {
     worker: Worker<'a>,
     tracing: &'a Tracing<'a>,
-    /// The survey's own instruments.
     own: InstrumentTable,
-    /// Instruments by their divergences.
+    /// Instruments by their divergences, rad.
     others: HashMap<[u64; 2], InstrumentTable>,
-    /// The moving parts, and the number of steps that they have gone.
+    /// The moving parts, and the number of steps by which they have moved.
     motion: Option<(MotionState, u64)>,
     rows: Vec<PulseRow>,
 }
 
-/// Instruments of other divergences that are kept; of more, all are computed anew.
+/// Maximum number of cached instruments of other divergences; the cache is cleared when it is full.
 const MAX_CACHED_INSTRUMENTS: usize = 256;
-/// Steps that a scene can be moved on by: an hour at 3 MHz.
+/// Maximum number of steps by which a scene can move: an hour at 3 MHz.
 const MAX_STEP: u64 = 11_000_000_000;
 
 impl<'a> StreamWorker<'a> {
@@ -124,7 +119,8 @@ impl<'a> StreamWorker<'a> {
         }
     }
 
-    /// Reads the rows, simulates their pulses together and encodes the echoes: one piece for each run of rows of a leg.
+    /// Reads the rows, simulates their pulses together and encodes the echoes: one piece per run of rows of the same
+    /// leg.
     pub fn measure(&mut self, block: &RowBlock) -> Result<Vec<Measured>> {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
@@ -150,7 +146,7 @@ impl<'a> StreamWorker<'a> {
         worker.measure(first.leg, instrument_leg, f64::NAN)
     }
 
-    /// Uses the instruments of the row's leg from now on. Returns the number of that leg among theirs.
+    /// Selects the instruments of the row's leg. Returns the number of that leg among these instruments.
     fn set_instruments(&mut self, row: &PulseRow) -> Result<u32> {
         let rule = self.tracing.legs;
         let Some([start, leg]) = row.divergence.filter(|_| rule.streamed_divergence) else {
@@ -173,8 +169,8 @@ impl<'a> StreamWorker<'a> {
     }
 }
 
-/// Moves the parts to where the first row sees them, and gathers what moves before the others. `reached` is the state of the
-/// parts that the row before saw, and the number of its step.
+/// Moves the parts to the state in which the first row is traced, and collects the motions between the other rows.
+/// `reached` is the state of the parts at the previous row, and the number of its step.
 fn follow(moving: &mut MovingParts<'_>, reached: &mut (MotionState, u64), rows: &[PulseRow]) {
     let first = rows[0].step;
     if first < reached.1 {
@@ -187,7 +183,7 @@ fn follow(moving: &mut MovingParts<'_>, reached: &mut (MotionState, u64), rows: 
     }
     moving.begin_batch(state);
     for (before, row) in rows.iter().enumerate() {
-        // Rows that go back within a block see the scene as the one before them.
+        // Rows with a smaller step than their predecessor in a block are traced in the predecessor's scene.
         while *step < row.step {
             moving.step(state, before);
             *step += 1;
@@ -213,7 +209,7 @@ impl Tracing<'_> {
         Ok(())
     }
 
-    /// The survey with two legs, whose divergences are these.
+    /// Returns the survey with two legs of these divergences.
     fn with_divergences(&self, start: f64, leg: f64) -> Survey {
         let mut survey = self.survey.clone();
         survey.legs.truncate(1);

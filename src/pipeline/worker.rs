@@ -1,4 +1,4 @@
-//! The computing stage of a thread: pulses become echoes, and echoes the bytes of every output.
+//! The computing stage of a thread: pulses become echoes, and echoes become the bytes of every output.
 
 use super::aim::Aim;
 use super::chunk::Chunk;
@@ -10,24 +10,19 @@ use crate::output::Encoded;
 use crate::pulse::{Batch, PulseSimulator};
 use crate::schedule::Outcome;
 
-/// What consecutive pulses of a leg became.
+/// Result of consecutive pulses of a leg.
 pub(super) struct Measured {
-    /// Bytes for every output.
     pub encoded: Encoded,
-    /// Pulses fired.
     pub pulses: u64,
-    /// Echoes detected.
     pub echoes: u64,
-    /// Number of the leg in the survey.
     pub leg: u32,
-    /// Done part of the survey, see [`Chunk::done`].
+    /// Fraction of the survey done, see [`Chunk::done`].
     pub done: f64,
-    /// Where the beams point.
     pub aim: Aim,
 }
 
 impl Measured {
-    /// Appends what the next pulses became; returns it if it belongs to another leg or file.
+    /// Appends the result of the next pulses, or returns it if it belongs to another leg or file.
     fn join(&mut self, next: Measured) -> Option<Measured> {
         if next.leg != self.leg {
             return Some(next);
@@ -44,7 +39,7 @@ impl Measured {
     }
 }
 
-/// The pieces of a chunk in the order of its pulses, one for each run of pulses of a leg.
+/// The pieces of a chunk in pulse order, one per run of pulses of the same leg.
 impl Outcome for Vec<Measured> {
     fn join(&mut self, mut next: Vec<Measured>) -> Option<Vec<Measured>> {
         if next.len() == 1
@@ -58,7 +53,7 @@ impl Outcome for Vec<Measured> {
     }
 }
 
-/// Simulates and encodes the pulses that its owner puts into `pulses`. The memory is reused from batch to batch.
+/// Simulates and encodes the pulses in `pulses`, which its owner fills. Memory is reused from batch to batch.
 pub(super) struct Worker<'a> {
     pass: &'a Pass<'a>,
     pub simulator: PulseSimulator<'a>,
@@ -79,8 +74,8 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// Simulates `pulses` and encodes the echoes. `leg` is the number of the leg in the survey, `instrument_leg` that of
-    /// the leg whose instruments are used.
+    /// Simulates `pulses` and encodes the echoes. `leg` is the number of the leg in the survey, `instrument_leg` the
+    /// number of the leg whose instruments are used.
     pub fn measure(&mut self, leg: u32, instrument_leg: u32, done: f64) -> Result<Measured> {
         let Worker { pass, simulator, moving, pulses, batch } = self;
         match moving {
@@ -106,7 +101,7 @@ pub(super) struct FlightWorker<'a> {
     flight: &'a FlightPlan,
 }
 
-/// Keeps what the replayed steps yield.
+/// Collects the pulses of replayed steps.
 struct Replay<'w> {
     pulses: &'w mut Vec<Pulse>,
     poses: &'w mut Vec<PoseSample>,
@@ -136,7 +131,7 @@ impl<'a> FlightWorker<'a> {
         Ok(vec![self.worker.measure(leg, leg, done)?])
     }
 
-    /// Repeats the chunk's steps, with the motions of the scene between them.
+    /// Replays the chunk's steps, with the motions of the scene between them.
     fn replay(&mut self, chunk: Chunk) -> Result<()> {
         let Chunk { start: mut state, motion, steps, .. } = chunk;
         let Worker { moving, pulses, batch, .. } = &mut self.worker;

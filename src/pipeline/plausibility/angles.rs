@@ -1,28 +1,28 @@
-//! Angles read in the wrong unit.
+//! Detection of angles read in the wrong unit.
 
 use super::Finding;
 use crate::geom::DVec3;
 use crate::survey::AngleConvention;
 use std::f64::consts::TAU;
 
-/// Distance after which headings are compared with the course, m.
+/// Distance flown after which headings are compared with the course, m.
 const MIN_DISTANCE: f64 = 20.0;
 /// Poses after which angles are checked without a course.
 const MIN_POSES: u32 = 50;
-/// Roll and pitch of a flight in radians stay below this, rad: 46°.
+/// Upper bound of roll and pitch of a flight in radians, rad: 46°.
 const MAX_TILT: f64 = 0.8;
-/// Angles that are all as small as this, and not all 0, are hardly degrees.
+/// Upper bound of angles that, unless all are 0, are hardly degrees.
 const SMALL_ANGLE: f64 = 0.2;
-/// Deviation of a heading from the course above which it contradicts it, degrees.
+/// Deviation of a heading from the course above which it contradicts the course, degrees.
 const MAX_DEVIATION: f64 = 25.0;
 
-/// Checks angles as they are written against the course that is flown with them.
+/// Check of angles as written against the course flown.
 #[derive(Debug)]
 pub(super) struct AngleCheck {
     convention: AngleConvention,
-    /// Whether the angles are taken as degrees.
+    /// Whether the angles are read as degrees.
     degrees: bool,
-    /// The option that chooses the unit.
+    /// The option that selects the unit.
     option: &'static str,
     start: Option<DVec3>,
     poses: u32,
@@ -32,7 +32,7 @@ pub(super) struct AngleCheck {
 }
 
 impl AngleCheck {
-    /// A check of angles that are taken as degrees, or as radians, because of `option`.
+    /// Creates a check of angles that are read as degrees, or as radians, because of `option`.
     pub fn new(convention: AngleConvention, degrees: bool, option: &'static str) -> AngleCheck {
         AngleCheck {
             convention,
@@ -46,7 +46,7 @@ impl AngleCheck {
         }
     }
 
-    /// Adds roll, pitch and yaw as written and the position of the next pose.
+    /// Adds the position of the next pose and its roll, pitch and yaw as written.
     pub fn add(&mut self, position: DVec3, angles: [f64; 3]) -> Option<Finding> {
         if self.is_decided || angles.iter().any(|a| !a.is_finite()) {
             return None;
@@ -76,7 +76,7 @@ impl AngleCheck {
         (self.poses >= MIN_POSES).then(|| self.check_small()).flatten()
     }
 
-    /// Checks a trajectory that has ended.
+    /// Checks a completed trajectory.
     pub fn end(&mut self) -> Option<Finding> {
         if self.is_decided || !self.degrees || self.poses < 2 {
             return None;
@@ -121,7 +121,7 @@ impl AngleCheck {
         )
     }
 
-    /// The bearing of a yaw, clockwise from north, degrees.
+    /// Converts a yaw to a bearing, clockwise from north, degrees.
     fn bearing(&self, yaw: f64) -> f64 {
         match self.convention {
             AngleConvention::Heading | AngleConvention::Helios => yaw,

@@ -1,18 +1,17 @@
-//! The box of a flight and the box of its scene, in world coordinates.
+//! Comparison of the box of a flight with the box of its scene, in world coordinates.
 
 use super::Finding;
 use crate::geom::{Aabb, DVec3, UtmZone};
 use crate::quantity::metres;
 
-/// Upper bound of the range that is assumed of a scanner, whatever its settings say, m.
+/// Upper bound of the range assumed of a scanner, whatever its settings, m.
 pub(super) const MAX_REACH: f64 = 20_000.0;
-/// Depth below the scene that is accepted of a platform, m.
+/// Depth below the scene up to which a platform is accepted, m.
 const MIN_DEPTH: f64 = 2.0;
-/// Absolute heights of the geoid over the ellipsoid, m.
+/// Plausible magnitudes of the geoid undulation (geoid over ellipsoid), m.
 pub(super) const UNDULATION: std::ops::RangeInclusive<f64> = 10.0..=110.0;
 
-/// Finds a flight from which nothing of the scene can be reached, or that is below it. `reach` is the scanner's maximum range,
-/// m.
+/// Finds a flight that cannot reach any part of the scene, or is below it. `reach` is the scanner's maximum range, m.
 pub(super) fn compare(who: &str, scene: &Aabb, flight: &Aabb, reach: f64) -> Option<Finding> {
     let gap = (scene.min - flight.max).max(flight.min - scene.max).max(DVec3::ZERO);
     let across = gap.x.hypot(gap.y);
@@ -34,19 +33,19 @@ pub(super) fn compare(who: &str, scene: &Aabb, flight: &Aabb, reach: f64) -> Opt
         let help = if across >= gap.z { away(scene, flight, gap) } else { heights(flight, depth) };
         return Some(Finding::new(message, help));
     }
-    // Beside a hill a tripod may stand below it.
+    // Beside a hill a tripod may be lower than the scene.
     (depth > MIN_DEPTH && across == 0.0).then(|| {
         let message = format!("{who} is {} below the lowest point of the scene: {places}", metres(depth));
         Finding::new(message, heights(flight, depth))
     })
 }
 
-/// The likely reason for a flight beside its scene.
+/// Returns the likely cause of a flight beside its scene.
 pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
     let (s, f) = (scene.centre(), flight.centre());
     let apart = (f - s).abs();
     let swapped = Aabb { min: swap(flight.min), max: swap(flight.max) };
-    // Around the origin any flight shrinks into the scene.
+    // Around the coordinate origin any flight would be within the scaled scene.
     let is_displaced = s.length() > 10.0 * scene.size().length();
     let scaled =
         |by: f64| is_displaced && overlaps(scene, &Aabb { min: flight.min * by, max: flight.max * by });
@@ -103,7 +102,7 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
     "give the flight in the scene's coordinates; `vlscan scene info` tells where a scene is".to_owned()
 }
 
-/// The likely reason for a wrong height of a flight, `depth` metres below the ground or the scene.
+/// Returns the likely cause of a wrong height of a flight, `depth` metres below the ground or the scene.
 pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
     if flight.min.z.abs().max(flight.max.z.abs()) < 1e-6 {
         return "all heights of the flight are 0: the column of heights is missing or another one; name it with \
@@ -122,7 +121,6 @@ pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
         .to_owned()
 }
 
-/// The extent of a box in x, y and z as text.
 pub(super) fn extent(b: &Aabb) -> String {
     let axis = |name: &str, lo: f64, hi: f64| {
         let digits = if hi - lo < 1.0 && lo.abs() < 1000.0 { 3 } else { 0 };
@@ -137,12 +135,12 @@ fn swap(p: DVec3) -> DVec3 {
     DVec3::new(p.y, p.x, p.z)
 }
 
-/// Whether the boxes meet as seen from above.
+/// Whether the boxes overlap in plan view.
 fn overlaps(a: &Aabb, b: &Aabb) -> bool {
     a.min.x <= b.max.x && b.min.x <= a.max.x && a.min.y <= b.max.y && b.min.y <= a.max.y
 }
 
-/// Whether longitude and latitude `p` (degrees), projected to their UTM zone, lie near the place `grid`.
+/// Whether longitude and latitude `p` (degrees), projected to their UTM zone, are near the position `grid`.
 fn is_projected_onto(p: DVec3, grid: DVec3) -> bool {
     const MAX_DISTANCE: f64 = 300_000.0;
     let (latitude, longitude) = (p.y.to_radians(), p.x.to_radians());
@@ -150,7 +148,7 @@ fn is_projected_onto(p: DVec3, grid: DVec3) -> bool {
     place.is_some_and(|q| (q.easting - grid.x).hypot(q.northing - grid.y) < MAX_DISTANCE)
 }
 
-/// Easting and northing of a projected system: six or seven digits.
+/// Whether the coordinates look like easting and northing of a projected system: six or seven digits.
 fn is_grid(p: DVec3) -> bool {
     let size = |v: f64, digits: std::ops::Range<f64>| digits.contains(&v.abs());
     size(p.x, 1e5..1e8) && size(p.y, 1e5..1.1e7)
@@ -160,7 +158,8 @@ fn is_local(p: DVec3) -> bool {
     p.x.abs() < 1e5 && p.y.abs() < 1e5
 }
 
-/// Longitudes and latitudes: small numbers, and an extent far smaller than the heights would be.
+/// Whether the coordinates look like longitudes and latitudes: small numbers, and an extent far smaller than that of
+/// the heights.
 fn is_degrees(b: &Aabb) -> bool {
     let size = b.size();
     let in_range = b.min.x.abs().max(b.max.x.abs()) <= 180.0 && b.min.y.abs().max(b.max.y.abs()) <= 90.0;

@@ -1,4 +1,4 @@
-//! Rays straight up and down from places of a flight.
+//! Vertical rays up and down from positions of a flight.
 
 use super::Finding;
 use super::boxes::heights;
@@ -7,31 +7,32 @@ use crate::quantity::metres;
 use crate::scene::Scene;
 use crate::tree::Tree;
 
-/// Share of the places over the scene that may lie below the ground, as in a valley of a coarse terrain.
+/// Maximum fraction of positions over the scene that may be below the ground, as in a valley of a coarse terrain.
 const MAX_SHARE_BELOW: f64 = 0.1;
-/// Share of the places that must lie on a surface for the flight to run on it.
+/// Minimum fraction of positions on a surface at which the flight is taken to be on the surface.
 const MIN_SHARE_ON: f64 = 0.9;
-/// Nearer to the surface than this a scanner lies on it, m.
+/// Distance from a surface below which a scanner is taken to be on it, m.
 const ON_SURFACE: f64 = 0.05;
-/// Rays around a place that distinguish a terrain from a crown or a bridge, and how many of them must agree.
+/// Number of rays around a position that distinguish a terrain from a tree crown or a bridge, and the number that
+/// must agree.
 const RING: usize = 8;
 const MIN_AGREEING: usize = 7;
 
-/// Where a place is relative to the surfaces.
+/// Location of a position relative to the surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Side {
     /// There is a surface below.
     Above,
-    /// It lies on a surface.
+    /// On a surface.
     On,
-    /// So many metres below a surface that goes on around it, with nothing below.
+    /// Distance in metres below a surface that continues around the position, with no surface underneath.
     Below(f64),
-    /// There is nothing above or below, or what is above is no terrain.
+    /// No surface above or below, or the surface above is not terrain.
     Elsewhere,
 }
 
-/// Finds places of the scanner (scene frame) below the terrain, and flights on its surface. The scanner is `mount` metres above
-/// its platform.
+/// Finds scanner positions (scene frame) below the terrain, and flights on its surface. The scanner is `mount` metres
+/// above its platform.
 pub(super) fn check(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3], mount: f64) -> Option<Finding> {
     let sides: Vec<Side> = places.iter().map(|&place| side(scene, tree, place)).collect();
     let over = sides.iter().filter(|side| **side != Side::Elsewhere).count() as f64;

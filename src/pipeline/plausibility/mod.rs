@@ -1,5 +1,5 @@
-//! Inputs that are valid but can hardly be meant: a flight beside its scene or below its terrain, radians read as degrees, a
-//! run that hits almost nothing. Each is a warning that names the cause and the remedy, and an error under
+//! Detection of inputs that are valid but hardly intended: a flight beside its scene or below its terrain, radians
+//! read as degrees, a run that hits almost nothing. Each is a warning that names cause and remedy, and an error under
 //! [`Settings::strict`].
 //!
 //! | file | what it checks |
@@ -29,12 +29,12 @@ use angles::AngleCheck;
 pub use points::{CheckTime, YieldCheck};
 pub use poses::PoseCheck;
 
-/// Something that can hardly be meant.
+/// An implausible property of the input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Finding {
-    /// What was compared and found.
+    /// Observation.
     message: String,
-    /// The likely cause and what to do.
+    /// Likely cause and remedy.
     help: String,
 }
 
@@ -43,7 +43,7 @@ impl Finding {
         Finding { message: message.into(), help: help.into() }
     }
 
-    /// The finding as a warning at a place of the input.
+    /// Converts the finding to a warning at a place of the input.
     pub fn into_warning(self, place: Option<Place>) -> Diagnostics {
         let mut found = Diagnostics::default();
         found.warn(place, self.message).help(self.help);
@@ -51,10 +51,10 @@ impl Finding {
     }
 }
 
-/// Places of a leg that are checked.
+/// Positions per leg that are checked.
 const PLACES_PER_LEG: u32 = 33;
 
-/// What the beams of a survey are compared with.
+/// Returns the scene properties that the beams of a survey are compared with.
 pub fn target(survey: &Survey, scene: &Scene) -> AimTarget {
     let detectors = survey.scanner.devices.iter().map(|d| &d.detector);
     let min = detectors.clone().map(|d| d.range_min).fold(f64::INFINITY, f64::min);
@@ -97,7 +97,7 @@ pub fn check_flight(survey: &Survey, scene: &Scene, tree: &Tree, flight: &Flight
     found
 }
 
-/// Angles of a recorded flight that its survey reads in the wrong unit.
+/// Checks whether the survey reads the angles of a recorded flight in the wrong unit.
 fn recorded_angles(settings: &Interpolated, flight: &FlightPlan) -> Option<Finding> {
     if settings.position_only {
         return None;

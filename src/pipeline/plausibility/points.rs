@@ -1,4 +1,4 @@
-//! Points per pulse: a run that hits nothing or almost nothing.
+//! Check of the points per pulse: detects runs that hit nothing or almost nothing.
 
 use super::{Finding, boxes, ground, target};
 use crate::diag::Notice;
@@ -14,9 +14,9 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 /// Points per pulse below which a run is reported.
 const MIN_YIELD: f64 = 0.01;
-/// Points per pulse whose beam meets the box of the scene, below which a run is reported.
+/// Points per pulse whose beam hits the box of the scene, below which a run is reported.
 const MIN_YIELD_WITHIN: f64 = 0.05;
-/// Share of beams above the horizon from which the scanner is taken to point upwards.
+/// Fraction of beams above the horizon from which the scanner is taken to point upwards.
 const MIN_SHARE_UPWARDS: f64 = 0.95;
 
 /// When the yield of a run is checked.
@@ -24,29 +24,25 @@ const MIN_SHARE_UPWARDS: f64 = 0.95;
 pub enum CheckTime {
     /// After the first ten thousands of pulses.
     Early,
-    /// When everything is measured.
+    /// At the end of the run.
     End,
 }
 
-/// Checks whether a run finds too few points for its pulses. The cause is reported once, unless another check has done so
-/// already.
+/// Checks whether a run finds too few points for its pulses. The cause is reported once, unless another check has
+/// reported it.
 pub struct YieldCheck<'a> {
-    /// Survey, and whether warnings are errors.
     pub settings: &'a Settings,
-    /// The scene of the epoch.
     pub scene: &'a Scene,
-    /// The tree over it.
     pub tree: &'a Tree,
-    /// The flight is streamed, so that it is worth a check before its end.
+    /// Whether the flight is streamed, so that a check before its end is useful.
     pub is_live: bool,
     /// Whether the cause has been reported.
     pub is_reported: &'a AtomicBool,
-    /// Receives the warning.
     pub observer: &'a (dyn Fn(Notice) + Send + Sync),
 }
 
 impl YieldCheck<'_> {
-    /// Checks what has been done so far.
+    /// Checks the counters so far.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) where warnings are errors.
@@ -62,7 +58,7 @@ impl YieldCheck<'_> {
         Ok(())
     }
 
-    /// Finds a run whose points are too few for its pulses. [`CheckTime::Early`], a platform that is still on its way to the
+    /// Finds a run with too few points for its pulses. With [`CheckTime::Early`], a platform still approaching the
     /// scene is accepted.
     fn find(&self, pulses: u64, echoes: u64, log: &AimLog, time: CheckTime) -> Option<Finding> {
         let (scene, mount) = (self.scene, self.settings.survey.platform.mount);
@@ -152,8 +148,9 @@ mod tests {
     use crate::survey::{Mount, ReadOptions, read_survey};
     use crate::tree::{BuildOptions, Builder, Geometry};
 
-    /// The help for a run of 10 000 pulses from `place`, of a scanner for 1 to 500 m, over a square of 20 m at height 0.
-    /// `beams` are those of a hundred that point at its box, meet it within the range, and point upwards.
+    /// Returns the help for a run of 10 000 pulses from `place`, of a scanner for 1 to 500 m, over a square of 20 m
+    /// at height 0. `beams` counts, of a hundred, the beams that point at its box, hit it within the range, and point
+    /// upwards.
     fn find(place: [f64; 3], echoes: u64, beams: [u64; 3], time: CheckTime) -> Option<String> {
         let corners = [[-10.0, -10.0, 0.0], [10.0, -10.0, 0.0], [10.0, 10.0, 0.0], [-10.0, 10.0, 0.0]];
         let geometry = Geometry {
@@ -171,7 +168,7 @@ mod tests {
         let mut settings = Settings::new(read_survey(path, &ReadOptions::default()).unwrap().0);
         let detector = &mut settings.survey.scanner.devices[0].detector;
         (detector.range_min, detector.range_max) = (1.0, 500.0);
-        // A mount that is not the lack of one.
+        // A mount with rotation, so that a missing mount is not the cause.
         settings.survey.platform.mount = Mount { rotation: Rotation::about_x(1.0), ..Mount::IDENTITY };
         let check = YieldCheck {
             settings: &settings,

@@ -1,4 +1,4 @@
-//! A streamed flight, pose by pose.
+//! Check of a streamed flight, pose by pose.
 
 use super::angles::AngleCheck;
 use super::boxes;
@@ -9,22 +9,21 @@ use crate::survey::{AngleConvention, PoseStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-/// Distance from the scene that a flight towards it may begin at, m.
+/// Distance from the scene at which a flight towards it may begin, m.
 const MAX_APPROACH: f64 = 50_000.0;
 
-/// Checks poses as they arrive.
 #[derive(Debug)]
 pub struct PoseCheck {
     scene: Aabb,
-    /// Box around all poses. A flight that passes the scene by is found by its points per pulse.
+    /// Box around all poses. A flight past the scene is detected by its points per pulse instead.
     flight: Aabb,
     angles: AngleCheck,
-    /// Whether a wrong place of the flight has been reported, by this check or by another one.
+    /// Whether a misplaced flight has been reported, by this check or another one.
     is_reported: Arc<AtomicBool>,
 }
 
 impl PoseCheck {
-    /// A check of a stream over a scene with this box, world coordinates.
+    /// Creates a check of a stream over a scene with the box `scene`, world coordinates.
     pub fn new(stream: &PoseStream, scene: Aabb, is_reported: Arc<AtomicBool>) -> PoseCheck {
         let angles = AngleCheck::new(
             stream.rotation.unwrap_or(AngleConvention::Heading),
@@ -34,7 +33,7 @@ impl PoseCheck {
         PoseCheck { scene, flight: Aabb::EMPTY, angles, is_reported }
     }
 
-    /// Checks the next pose, or the whole when the stream has ended.
+    /// Checks the next pose, or the complete flight at the end of the stream.
     pub fn add(&mut self, seen: PoseEvent) -> Diagnostics {
         let mut found = Diagnostics::default();
         let finding = match seen {
