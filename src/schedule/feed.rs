@@ -1,4 +1,4 @@
-//! The producer's end of the threads, which is where schedules differ.
+//! The producer's side of the queues, where the schedules differ.
 
 use super::jobs::JobQueue;
 use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
@@ -11,36 +11,35 @@ use std::time::{Duration, Instant};
 
 /// Work that is distributed: a number of tasks.
 pub trait Tasks {
-    /// The number.
     fn tasks(&self) -> u32;
 }
 
-/// What a chunk became.
+/// Result of a chunk.
 pub trait Outcome: Sized {
-    /// Appends what the next chunk became, so that both are one result; returns it if they cannot be.
+    /// Appends the result of the next chunk, so that both are one result, or returns it if they cannot be joined.
     fn join(&mut self, next: Self) -> Option<Self> {
         Some(next)
     }
 }
 
-/// A chunk in the queue of the workers.
 pub(super) struct QueuedChunk<C, R> {
     pub chunk: C,
-    /// Where its result goes.
+    /// Channel of the result.
     pub result: flume::Sender<Result<R>>,
-    /// Dropped when the chunk is done, where a leg waits for the one before.
+    /// Clone of the leg barrier's sender, dropped when the chunk is done.
     pub barrier: Option<Sender<()>>,
 }
 
 /// The next results in order.
 pub(super) enum Pending<R> {
-    /// The producer has computed them.
+    /// Computed by the producer.
     Ready(Vec<Result<R>>),
-    /// A worker will send it.
+    /// A worker will send the result.
     InFlight(flume::Receiver<Result<R>>),
 }
 
-/// Waits until all chunks of a leg are done, each of which holds a clone of the sender.
+/// Barrier at the end of a leg: waits until all chunks of the leg are done, each of which holds a clone of the
+/// sender.
 pub(super) struct LegBarrier {
     guard: Sender<()>,
     done: Receiver<()>,
@@ -54,21 +53,22 @@ impl LegBarrier {
 
     fn wait(self) {
         drop(self.guard);
-        // Nothing is ever sent: this ends when the last sender is gone.
+        // No message is ever sent: the receiver returns when the last sender is dropped.
         let _ = self.done.recv();
     }
 }
 
-/// The producer's end: takes chunks and has them computed, here or by a worker, as the schedule has it.
+/// The producer's side of the queues: takes chunks and has them computed, by this thread or a worker, as the schedule
+/// decides.
 ///
-/// Results keep the order of the chunks under every schedule. Every method blocks while the collector is behind, and
-/// fails when it has ended.
+/// Results keep the order of the chunks under every schedule. Every method blocks while the collector is too far
+/// behind, and fails when the collector has ended.
 pub struct Feed<'a, C, R, W> {
     pub(super) schedule: Schedule,
     pub(super) queue: Sender<QueuedChunk<C, R>>,
     /// The workers' end of `queue`, from which the producer takes chunks back.
     pub(super) queue_end: Receiver<QueuedChunk<C, R>>,
-    /// One message for each idle worker; not used by the warehouse.
+    /// One message per idle worker; not used by the warehouse.
     pub(super) idle_workers: Receiver<()>,
     pub(super) results: Sender<Pending<R>>,
     pub(super) jobs: &'a JobQueue,
@@ -76,20 +76,20 @@ pub struct Feed<'a, C, R, W> {
     pub(super) idle: &'a IdleClock,
     pub(super) measured_idle_ns: Option<u64>,
     pub(super) barrier: Option<LegBarrier>,
-    /// Results that are not in the queue yet, and the number of chunks that they come from.
+    /// Results not yet in the queue, and the number of chunks that they come from.
     pub(super) buffered: (Vec<Result<R>>, usize),
     pub(super) record: ProducerRecord<'a>,
     pub(super) work: W,
 }
 
 impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
-    /// Tasks that the chunk in the making shall hold.
+    /// Number of tasks that the chunk under construction should hold.
     pub fn size(&self) -> u32 {
         self.sizer.map_or(self.schedule.policy.size(), |sizer| sizer.size())
     }
 
-    /// Takes a chunk that has reached its size. Returns it when all workers are busy and the schedule wants the producer to
-    /// [`Feed::compute`] its first task and go on filling the rest.
+    /// Takes a chunk that has reached its size. Returns it when all workers are busy and the schedule wants the
+    /// producer to [`Feed::compute`] its first task and continue filling the rest.
     pub fn offer(&mut self, chunk: C) -> Result<Option<C>> {
         if self.schedule.workers() == 0 {
             return self.compute(chunk).map(|()| None);
@@ -124,7 +124,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         }
     }
 
-    /// Takes a chunk that ends before it has reached its size. Where legs wait for one another it is computed here.
+    /// Takes a chunk that ends before it has reached its size. With a leg barrier it is computed by this thread.
     pub fn put(&mut self, chunk: C) -> Result<()> {
         match self.schedule.policy {
             _ if self.schedule.workers() == 0 || self.barrier.is_some() => self.compute(chunk)?,
@@ -138,8 +138,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         self.flush()
     }
 
-    /// Computes a chunk on this thread. The result of a single task stays here until [`Feed::flush`] or until there are
-    /// [`MAX_BUFFERED_TASKS`] of them.
+    /// Computes a chunk on this thread. The result of a single task is buffered until [`Feed::flush`] or until there
+    /// are [`MAX_BUFFERED_TASKS`] of them.
     pub fn compute(&mut self, chunk: C) -> Result<()> {
         if chunk.tasks() > 1 {
             return self.compute_and_flush(chunk, self.schedule.workers() == 0);
@@ -154,7 +154,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
     fn buffer(&mut self, result: Result<R>) {
         let (results, count) = &mut self.buffered;
         *count += 1;
-        // Few large results instead of many small ones, whose memory another thread would have to free.
+        // A few large results instead of many small ones, whose memory another thread would have to free.
         let rest = match (results.last_mut(), result) {
             (Some(Ok(last)), Ok(next)) => last.join(next).map(Ok),
             (_, result) => Some(result),
@@ -162,8 +162,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         results.extend(rest);
     }
 
-    /// Passes what was computed here to the collector. Callers of [`Feed::compute`] do this before they wait for something;
-    /// all other methods do it themselves.
+    /// Passes buffered results to the collector. Callers of [`Feed::compute`] must do this before they wait for
+    /// something; all other methods do it themselves.
     pub fn flush(&mut self) -> Result<()> {
         if self.buffered.1 == 0 {
             return Ok(());
@@ -175,8 +175,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         self.enqueue(Pending::Ready(results))
     }
 
-    /// Computes a chunk and enqueues its result afterwards: no other chunk comes between, and the collector, which may
-    /// sleep, need not wake up to wait for the result.
+    /// Computes a chunk and then enqueues its result: no other chunk comes in between, and a sleeping collector is
+    /// not woken only to wait for the result.
     fn compute_and_flush(&mut self, chunk: C, runs_side_jobs: bool) -> Result<()> {
         self.record.add_tasks(chunk.tasks());
         if runs_side_jobs {
@@ -187,7 +187,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         self.flush()
     }
 
-    /// Ends a leg, of which all chunks have been taken. Where legs wait for one another this waits until they are done.
+    /// Ends a leg, all chunks of which have been passed. With a leg barrier this waits until they are done.
     pub fn end_leg(&mut self) -> Result<()> {
         self.flush()?;
         let mut waited = Duration::ZERO;
@@ -200,14 +200,14 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
             }
             self.record.timer.add_idle();
             waited = began.elapsed();
-            // Idle times at the barrier say nothing about the size of chunks.
+            // Idle times at the barrier carry no information about the size of chunks.
             (self.measured_idle_ns, _) = (None, self.idle.stop());
         }
         self.record.add_leg_end(waited);
         Ok(())
     }
 
-    /// Computes what waits in the warehouse, beside the workers.
+    /// Computes the chunks in the warehouse on this thread, in parallel with the workers.
     pub(super) fn drain(&mut self) {
         while self.has_warehouse()
             && let Ok(item) = self.queue_end.try_recv()
@@ -216,18 +216,18 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         }
     }
 
-    /// Whether chunks in the queue wait; under other schedules an idle worker is about to take them.
+    /// Whether chunks wait in the queue; under other schedules an idle worker is about to take them.
     fn has_warehouse(&self) -> bool {
         matches!(self.schedule.policy, Policy::Warehouse { .. })
     }
 
-    /// Stores the chunk in the warehouse, or computes it here when that is full.
+    /// Stores the chunk in the warehouse, or computes it on this thread when the warehouse is full.
     fn store(&mut self, chunk: C) -> Result<()> {
         if self.queue.is_full() {
             self.record.add_refusal();
             return self.compute_and_flush(chunk, true);
         }
-        // This is the only thread that fills the queue, so that there is still a place.
+        // Only this thread fills the queue, so there is still a free slot.
         let result = self.queue_chunk(chunk)?;
         self.record.add_handover(self.queue.len());
         self.enqueue_in_flight(result)
@@ -240,7 +240,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         self.enqueue_in_flight(result)
     }
 
-    /// Queues the chunk for the workers. Returns where its result will come.
+    /// Queues the chunk for the workers. Returns the receiver of its result.
     fn queue_chunk(&mut self, chunk: C) -> Result<flume::Receiver<Result<R>>> {
         self.record.add_tasks(chunk.tasks());
         let (sender, result) = flume::bounded(1);
@@ -250,14 +250,14 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         Ok(result)
     }
 
-    /// Enqueues a result to come, while a worker has begun with it.
+    /// Enqueues a result that a worker is computing.
     fn enqueue_in_flight(&mut self, result: flume::Receiver<Result<R>>) -> Result<()> {
         self.flush()?;
         self.enqueue(Pending::InFlight(result))
     }
 
-    /// Runs side jobs of the collector. They can take longer than the chunks in the queue last, and no chunk is made
-    /// meanwhile, so that one job is left for every worker.
+    /// Runs side jobs of the collector. They can take longer than the queued chunks last, and no chunk is made
+    /// meanwhile, so one job per worker is left in the queue.
     fn run_side_jobs(&mut self) {
         self.record.timer.discard_lap();
         while self.jobs.queue_end().len() > self.schedule.workers()
@@ -276,16 +276,16 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         result
     }
 
-    /// Computes a chunk that has waited in the warehouse.
+    /// Computes a chunk taken back from the warehouse.
     fn take_back(&mut self, item: QueuedChunk<C, R>) {
         self.record.add_taken_back();
         let result = self.work_on(item.chunk);
-        // A collector that has ended is noticed when the next result is enqueued.
+        // A collector that has ended is detected when the next result is enqueued.
         let _ = item.result.send(result);
     }
 
-    /// Passes results to the collector. While it is behind, this thread computes what waits in the warehouse, of which
-    /// nothing is newer than the results, and runs the collector's side jobs.
+    /// Passes results to the collector. While the collector is too far behind, this thread computes chunks from the
+    /// warehouse, all of which are older than the results, and runs the collector's side jobs.
     fn enqueue(&mut self, mut pending: Pending<R>) -> Result<()> {
         let gone = || Error::Internal("the collector has ended early".to_owned());
         let (results, queue_end, jobs) = (self.results.clone(), self.queue_end.clone(), self.jobs);
@@ -319,7 +319,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
     }
 }
 
-/// The error for a thread that is gone.
+/// Returns the error for a thread that has ended.
 pub(super) fn thread_ended(who: &str) -> Error {
     Error::Internal(format!("{who} stopped unexpectedly; the message above tells where"))
 }

@@ -1,12 +1,12 @@
-//! Side jobs of the collector (compression) that the workers take over.
+//! Side jobs of the collector (compression) that workers execute.
 
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::sync::{Mutex, PoisonError};
 
-/// A piece of work that carries its own way to deliver the result.
+/// A job that delivers its result itself.
 pub type Job = Box<dyn FnOnce() + Send>;
 
-/// A bounded queue of jobs that workers empty before they take the next chunk.
+/// A bounded queue of jobs, which workers execute before they take the next chunk.
 #[derive(Debug)]
 pub struct JobQueue {
     /// `None` once the queue is closed.
@@ -15,23 +15,22 @@ pub struct JobQueue {
 }
 
 impl JobQueue {
-    /// A queue for at most `capacity` waiting jobs.
     pub fn new(capacity: usize) -> JobQueue {
         let (sender, queue_end) = bounded(capacity.max(1));
         JobQueue { sender: Mutex::new(Some(sender)), queue_end }
     }
 
-    /// Accepts no more jobs; workers end once the waiting ones are done.
+    /// Closes the queue to new jobs; workers end once the queued ones are done.
     pub(super) fn close(&self) {
         *self.sender.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
-    /// Where workers take jobs from; disconnected after [`JobQueue::close`].
+    /// Receiver of the jobs for workers; disconnected after [`JobQueue::close`].
     pub(super) fn queue_end(&self) -> &Receiver<Job> {
         &self.queue_end
     }
 
-    /// Takes the job, or returns it for the caller to run itself. Never blocks.
+    /// Queues the job, or returns it for the caller to run. Never blocks.
     pub fn try_run(&self, job: Job) -> Result<(), Job> {
         match self.sender.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
             Some(sender) => sender.try_send(job).map_err(TrySendError::into_inner),

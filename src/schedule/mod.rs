@@ -1,4 +1,4 @@
-//! Chunks of work, the schedules that distribute them, and the threads that compute them; nothing of lidar.
+//! Chunks of work, the schedules that distribute them, and the threads that compute them, independent of LiDAR.
 //!
 //! One producer makes chunks, workers turn each into a result, one collector takes the results in the order in which the
 //! chunks were made (spec kdtree-and-scheduling §3):
@@ -9,23 +9,23 @@
 //!   (Feed)    └─ pending results (bounded, in order) ─► collector
 //! ```
 //!
-//! The queue of pending results alone keeps the order: no sequence numbers, no heap. Every queue is bounded, so that a slow
-//! reader of the results slows the producer. A [`Policy`] decides how large chunks are, when they go to a worker and what
-//! the producer does while all workers are busy; workers and collector do not know it, and the results are the same. The
-//! paper's barrier between legs is a switch.
+//! The queue of pending results keeps the order, without sequence numbers or a heap. Every queue is bounded, so that
+//! a slow reader of the results slows the producer down. A [`Policy`] decides how large chunks are, when they go to a
+//! worker and what the producer does while all workers are busy. Workers and collector are independent of it, and so
+//! are the results. The paper's barrier between legs is a switch.
 //!
-//! | file | what it does |
+//! | file | contents |
 //! |---|---|
 //! | `policy` | the four schedules and their settings |
-//! | `feed` | the producer's end: what happens to a chunk |
+//! | `feed` | the producer's side: distribution of chunks |
 //! | `run` | the threads |
 //! | `sizing` | the size of dynamic chunks |
 //! | `record` | idle times, queue depths, chunk sizes |
 //! | `workload` | tasks and costs, from records |
-//! | `replay` | a schedule in simulated time, for machines with more cores |
+//! | `replay` | simulation of a schedule, for machines with more cores |
 //! | `jobs` | side jobs of the collector |
 //! | `spin` | spinning for a moment before sleep |
-//! | `stop` | the wish to end |
+//! | `stop` | the request to stop |
 
 mod feed;
 mod jobs;

@@ -1,33 +1,34 @@
-//! How chunks are distributed.
+//! Schedules: how chunks are distributed.
 
 /// The four schedules of spec kdtree-and-scheduling §3. With one thread there is no difference between them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Policy {
-    /// One task at a time for every free worker; the producer waits and never computes (§3.2).
+    /// One task at a time for every idle worker; the producer waits and never computes (§3.2).
     Single,
-    /// Chunks of `size` tasks for free workers; while all are busy the producer computes single tasks of the next chunk
-    /// (§3.3).
+    /// Chunks of `size` tasks for idle workers; while all are busy the producer computes single tasks of the next
+    /// chunk (§3.3).
     Static {
         /// Tasks per chunk.
         size: u32,
     },
-    /// As [`Policy::Static`], with a size that follows the workers' idle times (§3.4, `sizing`).
+    /// Like [`Policy::Static`], with a size that follows the workers' idle times (§3.4, `sizing`).
     Dynamic {
         /// Tasks of the first chunk.
         size: u32,
         /// Idle times below this, and changes up to this, are ignored: τ and ε, ns.
         significant_ns: u64,
     },
-    /// Chunks wait in a bounded queue, the warehouse; while it is full the producer computes a whole chunk (§3.5).
+    /// Chunks are stored in a bounded queue, the warehouse; while it is full the producer computes a complete chunk
+    /// (§3.5).
     Warehouse {
         /// Tasks per chunk.
         size: u32,
-        /// Chunks that may wait, per worker.
+        /// Maximum queued chunks per worker.
         factor: usize,
     },
 }
 
-/// The kinds of [`Policy`], without their parameters. The points are the same.
+/// The kinds of [`Policy`], without their parameters. They do not affect the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PolicyKind {
@@ -43,7 +44,6 @@ pub enum PolicyKind {
 }
 
 impl Policy {
-    /// The name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Policy::Single => "single",
@@ -64,37 +64,37 @@ impl Policy {
     }
 }
 
-/// How the work is distributed to threads.
+/// Distribution of the work to threads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Schedule {
-    /// Threads that compute, the producer's included; at least one.
+    /// Computing threads including the producer's, at least one.
     pub threads: usize,
     /// How chunks are distributed.
     pub policy: Policy,
-    /// Whether a leg begins only when everything of the one before is done, as in the paper. This costs time and changes
-    /// no result.
+    /// Whether a leg begins only when the one before it is done, as in the paper. This costs time and does not change
+    /// the results.
     pub leg_barrier: bool,
 }
 
 impl Schedule {
-    /// Threads beside the producer's.
+    /// Threads besides the producer's.
     pub fn workers(&self) -> usize {
         self.threads.max(1) - 1
     }
 
-    /// Chunks that may wait for a worker.
+    /// Maximum number of queued chunks.
     pub(super) fn queue_capacity(&self) -> usize {
         match self.policy {
             Policy::Warehouse { factor, .. } => (factor.max(1) * self.workers()).max(1),
-            // A chunk is only sent to an idle worker.
+            // A chunk is sent only to an idle worker.
             _ => self.workers().max(1),
         }
     }
 
-    /// Results that may be pending beyond the one that the collector waits for: one of every chunk that waits or is being
-    /// computed, and as many finished ones. There is room for the single tasks that a producer computes while a worker has
-    /// a whole chunk, and, where chunks are small, for so many results that nothing waits for a collector that is off its
-    /// core for a moment.
+    /// Maximum number of pending results besides the one that the collector waits for: one for every chunk that is
+    /// queued or being computed, and as many finished ones. There is room for the single tasks that a producer
+    /// computes while a worker has a complete chunk, and, where chunks are small, for enough results that no thread
+    /// waits while the collector is briefly descheduled.
     pub(super) fn results_capacity(&self) -> usize {
         let size = self.policy.size();
         let singles = match self.policy {
@@ -108,9 +108,10 @@ impl Schedule {
     }
 }
 
-/// Tasks of small chunks by which the producer may be ahead of the collector, and single tasks by which it may be ahead of a
-/// worker with a chunk.
+/// Maximum number of tasks in small chunks by which the producer is ahead of the collector, and of single tasks by
+/// which it is ahead of a worker with a chunk.
 const MAX_TASKS_AHEAD: u32 = 4096;
 
-/// Single tasks that the producer computes before it passes their results to the collector, which may have to wake up.
+/// Single tasks that the producer computes before it passes their results to the collector, which may have to be
+/// woken.
 pub(super) const MAX_BUFFERED_TASKS: usize = 64;

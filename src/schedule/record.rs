@@ -1,5 +1,6 @@
-//! What a schedule did: idle times, queue depths, chunk sizes. Every thread measures its own time and adds it to the log at
-//! its end, so that recording costs two readings of the clock per chunk, and two of each thread's processor clock in all.
+//! Records of a schedule's activity: idle times, queue depths, chunk sizes. Every thread measures its own time and
+//! adds it to the log when it ends, so that recording costs two readings of the clock per chunk, and two of each
+//! thread's processor clock in total.
 
 use super::policy::Schedule;
 use super::sizing::ChunkSizer;
@@ -7,8 +8,8 @@ use serde::Serialize;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A history of bounded length: when it is full every other entry is removed, and of what follows only every second,
-/// fourth, … is kept.
+/// A history of bounded length: when it is full, every other entry is removed, and from then on only every second,
+/// fourth, … new entry is kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series<T> {
     entries: Vec<T>,
@@ -18,12 +19,11 @@ pub struct Series<T> {
 }
 
 impl<T> Series<T> {
-    /// An empty history of at most `max` entries.
+    /// Creates an empty history of at most `max` entries.
     pub fn new(max: usize) -> Series<T> {
         Series { entries: Vec::new(), max: max.max(2), stride: 1, seen: 0 }
     }
 
-    /// Adds an entry.
     pub fn push(&mut self, entry: T) {
         if self.seen.is_multiple_of(self.stride) {
             if self.entries.len() >= self.max {
@@ -41,7 +41,7 @@ impl<T> Series<T> {
         self.seen += 1;
     }
 
-    /// What is kept, in order.
+    /// The kept entries, in order.
     pub fn entries(&self) -> &[T] {
         &self.entries
     }
@@ -53,34 +53,31 @@ impl<T: Serialize> Serialize for Series<T> {
     }
 }
 
-/// Entries of a history in the log.
+/// Maximum entries of a history in the log.
 pub(super) const MAX_HISTORY: usize = 4096;
 
-/// Entries of the profile of task times.
+/// Maximum entries of the profile of task times.
 const MAX_PROFILE: usize = 1 << 17;
 
-/// What one thread did, or several together.
+/// Activity of one thread, or of several together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ThreadLog {
-    /// Chunks computed.
     pub chunks: u64,
-    /// Tasks computed.
     pub tasks: u64,
-    /// Time of computing, s.
+    /// Time spent computing, s.
     pub busy_s: f64,
     /// Time without work, s.
     pub idle_s: f64,
     /// Time of side jobs (compression) for the collector, s.
     pub jobs_s: f64,
-    /// Processor time of the thread, s, which other programs do not lengthen; where the system has no such clock, all but
-    /// the idle time.
+    /// Processor time of the thread, s, which other programs do not lengthen; on systems without such a clock, the
+    /// wall time less the idle time.
     pub cpu_s: f64,
-    /// From the start to the end of the thread, s.
+    /// Time from start to end of the thread, s.
     pub wall_s: f64,
 }
 
 impl ThreadLog {
-    /// The sum of two logs.
     pub fn plus(self, other: ThreadLog) -> ThreadLog {
         ThreadLog {
             chunks: self.chunks + other.chunks,
@@ -94,77 +91,68 @@ impl ThreadLog {
     }
 }
 
-/// A size of dynamic chunks that was chosen after a significant idle time (the paper's figure 10).
+/// A size of dynamic chunks, chosen after a significant idle time (the paper's figure 10).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SizeChange {
-    /// Since the start, s.
+    /// Time since the start, s.
     pub at_s: f64,
-    /// Tasks handed out or computed before.
+    /// Tasks handed over or computed before.
     pub tasks: u64,
-    /// The idle time, ns.
     pub idle_ns: u64,
-    /// The new size, tasks.
     pub size: u32,
-    /// The step to it, tasks.
+    /// Step to this size, tasks.
     pub step: u32,
-    /// −1, 0 or +1.
+    /// Sign of the step: −1, 0 or +1.
     pub sign: i8,
 }
 
-/// Number of chunks that waited (warehouse) or were being computed (other schedules) when one was handed over.
+/// Number of chunks that were queued (warehouse) or being computed (other schedules) at a hand-over.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Depth {
-    /// Since the start, s.
+    /// Time since the start, s.
     pub at_s: f64,
-    /// Chunks.
     pub chunks: usize,
 }
 
 /// The end of a leg.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LegEnd {
-    /// Since the start, s.
+    /// Time since the start, s.
     pub at_s: f64,
-    /// Tasks of this leg and all before it.
+    /// Tasks of this leg and all legs before it.
     pub tasks: u64,
-    /// Time that the producer waited at the barrier, s; 0 without one.
+    /// Time that the producer waited at the barrier, s; 0 without a barrier.
     pub waited_s: f64,
 }
 
-/// Everything recorded of one or more runs in a row.
+/// Log of one or more consecutive runs.
 #[derive(Clone, Debug, Serialize)]
 pub struct Log {
-    /// Name of the schedule.
     pub schedule: &'static str,
-    /// Threads that computed, the producer's included.
+    /// Computing threads including the producer's.
     pub threads: usize,
-    /// Whether legs waited for one another.
+    /// Whether there was a barrier between legs.
     pub leg_barrier: bool,
-    /// From start to end, s.
+    /// Time from start to end, s.
     pub seconds: f64,
-    /// Tasks in all.
     pub tasks: u64,
-    /// Chunks handed to workers.
     pub handed_over: u64,
-    /// Chunks that the producer took back from the warehouse.
     pub taken_back: u64,
-    /// Times that the producer found all workers busy or the warehouse full.
+    /// Number of times that the producer found all workers busy or the warehouse full.
     pub refusals: u64,
-    /// The producer's thread: computing and waiting. The rest of its time went into making chunks.
+    /// The producer's thread: computing and waiting. The rest of its time was spent on making chunks.
     pub producer: ThreadLog,
-    /// Time of the producer's end, s.
+    /// Wall time of the producer, s.
     pub producer_s: f64,
-    /// The workers' threads.
     pub workers: Vec<ThreadLog>,
-    /// The collector's thread: results taken, and the wait for them.
+    /// The collector's thread: taking results, and waiting for them.
     pub collector: ThreadLog,
-    /// How often the queue had 0, 1, 2, … chunks at a hand-over.
+    /// Histogram of the queue depth at hand-overs: 0, 1, 2, … chunks.
     pub depths: Vec<u64>,
-    /// These depths in the course of time.
+    /// History of the queue depth.
     pub depth_history: Series<Depth>,
-    /// Chunk sizes in the course of time, of dynamic chunks.
+    /// History of the size of dynamic chunks.
     pub sizes: Series<SizeChange>,
-    /// Leg ends.
     pub legs: Vec<LegEnd>,
     /// Tasks and seconds of computing so far after each chunk; of runs with one thread, on request.
     #[serde(skip)]
@@ -202,7 +190,7 @@ impl Default for Log {
     }
 }
 
-/// Gathers what all threads of one or more runs did.
+/// Collects the activity of all threads of one or more runs.
 #[derive(Debug)]
 pub struct Recorder {
     origin: Instant,
@@ -216,12 +204,12 @@ impl Default for Recorder {
 }
 
 impl Recorder {
-    /// Nothing recorded yet; times count from now.
+    /// Creates an empty recorder; times count from now.
     pub fn new() -> Recorder {
         Recorder { origin: Instant::now(), log: Mutex::new(Log::default()) }
     }
 
-    /// What was recorded.
+    /// Returns the log.
     pub fn finish(self) -> Log {
         self.log.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
@@ -234,7 +222,7 @@ impl Recorder {
         self.origin.elapsed().as_secs_f64()
     }
 
-    /// Ends a run, of which all threads have ended.
+    /// Ends a run, all threads of which have ended.
     pub(super) fn end_run(&self, schedule: &Schedule) {
         self.with(|log| {
             log.schedule = schedule.policy.name();
@@ -246,7 +234,7 @@ impl Recorder {
     }
 }
 
-/// Processor time of this thread so far, s.
+/// Processor time of this thread so far, s; `None` where the system has no such clock.
 pub(super) fn thread_cpu_s() -> Option<f64> {
     #[cfg(target_os = "linux")]
     {
@@ -257,13 +245,13 @@ pub(super) fn thread_cpu_s() -> Option<f64> {
     None
 }
 
-/// Divides a thread's time into laps of one kind each. Without a recorder it reads no clock.
+/// Divides a thread's time into laps of one kind each. Reads no clock without a recorder.
 pub(super) struct ThreadTimer<'r> {
     recorder: Option<&'r Recorder>,
     log: ThreadLog,
     lap_start: Instant,
     started: Instant,
-    /// The thread's processor time at its start.
+    /// The thread's processor time at its start, s.
     started_cpu_s: Option<f64>,
 }
 
@@ -275,7 +263,7 @@ impl<'r> ThreadTimer<'r> {
         ThreadTimer { recorder, log: ThreadLog::default(), lap_start: now, started: now, started_cpu_s }
     }
 
-    /// Ends the lap; `add` books its seconds.
+    /// Ends the lap and passes its seconds to `add`.
     fn end_lap(&mut self, add: impl FnOnce(&mut ThreadLog, f64)) {
         if self.recorder.is_some() {
             let now = Instant::now();
@@ -289,12 +277,10 @@ impl<'r> ThreadTimer<'r> {
         self.end_lap(|_, _| ());
     }
 
-    /// Ends a lap without work.
     pub fn add_idle(&mut self) {
         self.end_lap(|log, seconds| log.idle_s += seconds);
     }
 
-    /// Ends a lap with a side job.
     pub fn add_job(&mut self) {
         self.end_lap(|log, seconds| log.jobs_s += seconds);
     }
@@ -308,7 +294,7 @@ impl<'r> ThreadTimer<'r> {
         });
     }
 
-    /// Adds the whole time, on the thread that was measured, to the log.
+    /// Adds the thread's total time to the log. Must be called on the measured thread.
     fn finish(&self, add: impl FnOnce(&mut Log, ThreadLog)) {
         let Some(recorder) = self.recorder else { return };
         let wall_s = self.started.elapsed().as_secs_f64();
@@ -319,22 +305,20 @@ impl<'r> ThreadTimer<'r> {
         recorder.with(|log| add(log, ThreadLog { cpu_s, wall_s, ..self.log }));
     }
 
-    /// Ends the collector's time.
     pub fn finish_collector(self) {
         self.finish(|log, time| log.collector = log.collector.plus(time));
     }
 
-    /// Ends a worker's time.
     pub fn finish_worker(mut self) {
         self.add_idle();
         self.finish(|log, time| log.workers.push(time));
     }
 }
 
-/// What the producer records. A second run goes on where the one before ended.
+/// The producer's records. A second run continues where the one before ended.
 pub(super) struct ProducerRecord<'r> {
     pub timer: ThreadTimer<'r>,
-    /// Tasks of all chunks until now.
+    /// Tasks of all chunks so far.
     tasks: u64,
 }
 
@@ -344,7 +328,7 @@ impl<'r> ProducerRecord<'r> {
         ProducerRecord { timer: ThreadTimer::start(recorder), tasks }
     }
 
-    /// Changes the log, if there is one. `change` is given the seconds since the start, too.
+    /// Changes the log, if there is one. `change` also takes the seconds since the start.
     fn with(&self, change: impl FnOnce(&mut Log, f64)) {
         if let Some(recorder) = self.timer.recorder {
             let at_s = recorder.seconds();
@@ -352,17 +336,16 @@ impl<'r> ProducerRecord<'r> {
         }
     }
 
-    /// Counts the tasks of a new chunk.
     pub fn add_tasks(&mut self, tasks: u32) {
         self.tasks += u64::from(tasks);
     }
 
-    /// A chunk from the warehouse is computed by the producer after all.
+    /// Records that the producer computes a chunk from the warehouse.
     pub fn add_taken_back(&self) {
         self.with(|log, _| log.taken_back += 1);
     }
 
-    /// A chunk goes to the workers, of which `depth` chunks wait or are being computed.
+    /// Records a hand-over to the workers, of which `depth` chunks are queued or being computed.
     pub fn add_handover(&self, depth: usize) {
         self.with(|log, at_s| {
             log.handed_over += 1;
@@ -374,12 +357,13 @@ impl<'r> ProducerRecord<'r> {
         });
     }
 
-    /// All workers are busy or the warehouse is full.
+    /// Records that all workers are busy or the warehouse is full.
     pub fn add_refusal(&self) {
         self.with(|log, _| log.refusals += 1);
     }
 
-    /// The producer has computed a chunk. The time of every chunk is recorded where no other thread computes.
+    /// Records a chunk computed by the producer. With `is_alone`, no other thread computes, and the time of every
+    /// chunk is recorded.
     pub fn add_chunk(&mut self, tasks: u32, is_alone: bool) {
         self.timer.add_chunk(tasks);
         if is_alone {
@@ -388,7 +372,7 @@ impl<'r> ProducerRecord<'r> {
         }
     }
 
-    /// The size of chunks has been chosen again after the workers were idle for `idle_ns`.
+    /// Records a new chunk size, chosen after the workers were idle for `idle_ns`.
     pub fn add_resize(&self, idle_ns: Option<u64>, sizer: &ChunkSizer) {
         let (tasks, size, step, sign) = (self.tasks, sizer.size(), sizer.step(), sizer.sign());
         if let Some(idle_ns) = idle_ns {
@@ -396,13 +380,11 @@ impl<'r> ProducerRecord<'r> {
         }
     }
 
-    /// A leg has ended.
     pub fn add_leg_end(&self, waited: Duration) {
         let (tasks, waited_s) = (self.tasks, waited.as_secs_f64());
         self.with(|log, at_s| log.legs.push(LegEnd { at_s, tasks, waited_s }));
     }
 
-    /// Ends the producer's time.
     pub fn finish(&self) {
         self.with(|log, at_s| log.producer_s = at_s);
         self.timer.finish(|log, time| log.producer = log.producer.plus(time));

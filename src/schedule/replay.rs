@@ -1,10 +1,11 @@
-//! A schedule on a machine with more threads: measured task times, distributed in simulated time.
+//! Simulation of a schedule on a machine with more cores: measured task times, distributed in simulated time.
 //!
-//! The machine has as many cores as threads. Producer, workers and queues do what [`super::run()`] does; what costs time is
-//! in the [`Workload`]. The collector is a thread more than there are cores: it sleeps until the next result in order is
-//! there, and takes one after the other. Its work takes time from a core where another thread computes, and so it lengthens
-//! the computing of the chunk that it takes; what it does beyond that when several threads compute is charged to the thread
-//! that announces the result. A thread that is too far ahead of it waits, and nothing ends before it has taken everything.
+//! The machine has as many cores as threads. Producer, workers and queues behave as in [`super::run()`]; the costs
+//! are those of the [`Workload`]. The collector is one thread more than there are cores: it sleeps until the next
+//! result in order is ready, and takes the results one after the other. Its work takes time from a core on which
+//! another thread computes, and so lengthens the computing of the chunk that it takes; its additional work when
+//! several threads compute is charged to the thread that announces the result. A thread that is too far ahead of the
+//! collector waits, and the run ends when the collector has taken everything.
 
 use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
 use super::record::{MAX_HISTORY, Series, SizeChange};
@@ -16,19 +17,18 @@ use std::collections::{BinaryHeap, VecDeque};
 /// The result of a simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replayed {
-    /// From start to end, s.
+    /// Time from start to end, s.
     pub seconds: f64,
-    /// Part of all threads' time that went into computing, 0–1.
+    /// Fraction of all threads' time spent computing, 0–1.
     pub utilisation: f64,
-    /// Part of the time that the producer made or handed over chunks.
+    /// Fraction of the time in which the producer made or handed over chunks.
     pub producing: f64,
     /// Processor time of all threads together, s.
     pub cpu_s: f64,
-    /// Sizes of dynamic chunks.
     pub sizes: Series<SizeChange>,
 }
 
-/// Distributes the tasks of `load` by `schedule`.
+/// Simulates the tasks of `load` under `schedule`.
 pub fn replay(load: &Workload, schedule: &Schedule) -> Replayed {
     let mut simulation = Simulation::new(load, schedule);
     let mut from = 0;
@@ -44,11 +44,10 @@ pub fn replay(load: &Workload, schedule: &Schedule) -> Replayed {
 struct PendingResult {
     /// Time to take it, s.
     collect_s: f64,
-    /// When the chunk is or was done, if that is known.
+    /// When the chunk is done, if that is known, s.
     ready_at: Option<f64>,
 }
 
-/// A chunk in the warehouse.
 struct WaitingChunk {
     queued_at: f64,
     cost: f64,
@@ -60,27 +59,27 @@ struct Simulation<'a> {
     costs: ChunkCosts,
     schedule: &'a Schedule,
     sizer: Option<ChunkSizer>,
-    /// The producer's clock.
+    /// The producer's clock, s.
     now: f64,
-    /// When each worker is or was done, as [`to_key`].
+    /// When each worker is done, as [`to_key`].
     workers: BinaryHeap<Reverse<i64>>,
     warehouse: VecDeque<WaitingChunk>,
     /// The results that the collector has not taken, from number `taken` on.
     pending: VecDeque<PendingResult>,
     taken: u64,
-    /// Single tasks whose results the producer has not passed on.
+    /// Number of single tasks whose results the producer has not passed on.
     buffered: u64,
-    /// When the collector has or had taken what it took.
+    /// When the collector has finished the results taken so far, s.
     collector: f64,
     computed: f64,
     produced: f64,
-    /// Since when a worker has been idle, and the last idle time.
+    /// Start of the current idle time of the workers, and the last idle time, s.
     idle_since: Option<f64>,
     measured_idle_ns: Option<u64>,
     sizes: Series<SizeChange>,
 }
 
-/// Integers in the order of times: at least 0, or [`NEVER`].
+/// Converts a time to an integer of the same order: at least 0, or [`NEVER`].
 fn to_key(time: f64) -> i64 {
     time.to_bits() as i64
 }
@@ -89,7 +88,7 @@ fn from_key(key: i64) -> f64 {
     f64::from_bits(key as u64)
 }
 
-/// When a worker was done that has done nothing yet.
+/// End time of a worker that has not yet worked.
 const NEVER: f64 = -1.0;
 
 impl<'a> Simulation<'a> {
@@ -165,7 +164,7 @@ impl<'a> Simulation<'a> {
             Policy::Static { .. } | Policy::Dynamic { .. } => {
                 if self.first_idle() > self.now {
                     self.end_idle_measurement();
-                    // Its first task is stepped through once more to be taken off.
+                    // Taking the first task off requires stepping through it a second time.
                     self.produce(self.load.making.min());
                     self.compute(from, from + 1);
                     return false;
@@ -199,13 +198,13 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// Lets workers take what they have taken until now.
+    /// Lets workers take the chunks that they have taken by the present simulated time.
     fn take_from_warehouse(&mut self) {
         while self.first_idle() <= self.now
             && let Some(WaitingChunk { queued_at, cost, number }) = self.warehouse.pop_front()
             && let Some(Reverse(key)) = self.workers.pop()
         {
-            // A worker that was idle when the chunk came had to wake up.
+            // A worker that was idle when the chunk arrived had to be woken.
             let idle = from_key(key);
             let start = if idle < queued_at { queued_at + self.costs.wake_s } else { idle };
             self.end_chunk_at(start + cost, cost, number);
@@ -223,21 +222,20 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// A worker that has been taken from the heap computes a chunk until `done`.
+    /// Assigns a chunk, computed until `done`, to a worker that has been taken from the heap.
     fn end_chunk_at(&mut self, done: f64, cost: f64, number: u64) {
         self.workers.push(Reverse(to_key(done)));
         self.set_done(number, done);
         self.computed += cost;
     }
 
-    /// Makes a chunk and queues it for the workers.
     fn queue_chunk(&mut self, from: u64, to: u64) -> WaitingChunk {
         self.make(to - from);
         let (queued_at, cost) = (self.now, self.load.cost(from, to) + self.costs.worker_s);
         WaitingChunk { queued_at, cost, number: self.announce(to - from) }
     }
 
-    /// Spends the time of making a chunk, beyond that of making its tasks.
+    /// Adds the time of making a chunk, beyond the time of making its tasks.
     fn make(&mut self, tasks: u64) {
         let beyond = self.load.making.of(tasks) - self.load.making.min() * tasks as f64;
         self.produce(beyond.max(0.0));
@@ -249,7 +247,7 @@ impl<'a> Simulation<'a> {
         self.enqueue(self.load.collecting.of(tasks))
     }
 
-    /// Passes the single tasks that were computed here to the collector.
+    /// Passes the results of buffered single tasks to the collector.
     fn flush(&mut self) {
         let buffered = std::mem::take(&mut self.buffered);
         if buffered > 0 {
@@ -259,12 +257,12 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// Enqueues a result for the collector, once there is a place in the queue. Returns its number.
+    /// Enqueues a result for the collector, once there is a free slot in the queue. Returns its number.
     fn enqueue(&mut self, collect_s: f64) -> u64 {
         self.produce(self.costs.producer_s + self.costs.collector_s);
         while let Some(first) = self.pending.front() {
             let begin = first.ready_at.map(|ready| self.collects_from(ready));
-            // The collector has taken one more from the queue.
+            // The collector has removed one more result from the queue.
             let is_full = self.pending.len() > self.schedule.results_capacity();
             match begin {
                 Some(begin) if begin <= self.now => self.take_result(),
@@ -278,12 +276,12 @@ impl<'a> Simulation<'a> {
         self.taken + self.pending.len() as u64 - 1
     }
 
-    /// When the collector begins to take a result that is ready at this time.
+    /// Returns when the collector begins to take a result that is ready at this time, s.
     fn collects_from(&self, ready: f64) -> f64 {
         self.collector.max(ready)
     }
 
-    /// The collector takes the first result, which is or will be there.
+    /// Lets the collector take the first result, which is ready or whose time is known.
     fn take_result(&mut self) {
         if let Some(PendingResult { collect_s, ready_at: Some(ready) }) = self.pending.pop_front() {
             self.collector = self.collects_from(ready) + collect_s;
@@ -291,7 +289,7 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// Notes when a chunk is or was computed. Its result is ready earlier by the time that the collector takes of the core.
+    /// Records when a chunk is done. Its result is ready earlier by the time that the collector takes from the core.
     fn set_done(&mut self, number: u64, at: f64) {
         if let Some(result) = self.pending.get_mut((number - self.taken) as usize) {
             result.ready_at = Some(at - result.collect_s);
@@ -320,7 +318,7 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// The producer computes a chunk. The result of a single task is buffered.
+    /// Computes a chunk on the producer. The result of a single task is buffered.
     fn compute(&mut self, from: u64, to: u64) {
         if to - from > 1 {
             return self.compute_and_flush(from, to);
@@ -333,7 +331,7 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// The producer computes a chunk, and then announces it.
+    /// Computes a chunk on the producer, and then announces it.
     fn compute_and_flush(&mut self, from: u64, to: u64) {
         self.work_on(self.load.cost(from, to));
         let done = self.now;
@@ -352,12 +350,12 @@ impl<'a> Simulation<'a> {
         self.produced += seconds;
     }
 
-    /// The producer computes what waits in the warehouse, beside the workers.
+    /// Computes the chunks in the warehouse on the producer, in parallel with the workers.
     fn drain(&mut self) {
         while self.take_back() {}
     }
 
-    /// The producer computes the next chunk in the warehouse. Returns `false` if there is none.
+    /// Computes the next chunk of the warehouse on the producer. Returns `false` if there is none.
     fn take_back(&mut self) -> bool {
         self.take_from_warehouse();
         let Some(WaitingChunk { cost, number, .. }) = self.warehouse.pop_front() else { return false };

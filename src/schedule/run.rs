@@ -1,4 +1,4 @@
-//! The threads: one producer, workers, one collector.
+//! The threads: one producer, the workers, one collector.
 
 use super::feed::{Feed, LegBarrier, Outcome, Pending, QueuedChunk, Tasks, thread_ended};
 use super::jobs::{Job, JobQueue};
@@ -11,17 +11,17 @@ use crate::error::{Error, Result};
 use crossbeam_channel::{Receiver, Sender, bounded, select};
 use std::sync::Arc;
 
-/// Takes results in chunk order.
+/// Consumer of results in chunk order.
 pub trait Collect<R>: Send {
-    /// What is known at the end.
+    /// Result of the run.
     type Summary: Send;
-    /// Takes the next result. `more_waiting` tells whether another result is already on its way, so that a live stream
-    /// can be flushed when there is none.
+    /// Takes the next result. `more_waiting` tells whether another result is already on its way, so that a live
+    /// stream can be flushed when there is none.
     fn take(&mut self, result: R, more_waiting: bool) -> Result<()>;
-    /// Ends a run of which all results were taken.
+    /// Ends a run, all results of which have been taken.
     fn finish(self) -> Result<Self::Summary>;
-    /// Ends a run that the user has stopped. Nothing comes after what was taken until now. The summary is dropped if the
-    /// producer has failed.
+    /// Ends a run that the user has stopped; no further results follow. The summary is dropped if the producer has
+    /// failed.
     fn cut(self) -> Result<Self::Summary>
     where
         Self: Sized,
@@ -33,11 +33,12 @@ pub trait Collect<R>: Send {
     fn abort(self);
 }
 
-/// Runs `produce` on this thread, the workers and the collector on others, until all is done or one of them fails.
+/// Runs `produce` on this thread, the workers and the collector on others, until everything is done or one of them
+/// fails.
 ///
-/// `make_worker` is called once per computing thread; the worker it makes owns its scratch memory and does not know the
-/// schedule. When anything fails, `stop` is set, which `produce` should check between chunks. The first error in the order
-/// of the results is returned. A `recorder` records what all threads did.
+/// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent of the
+/// schedule. On any failure `stop` is set, which `produce` should check between chunks. The first error in the order
+/// of the results is returned. A `recorder` records the activity of all threads.
 pub fn run<C, R, W, K>(
     schedule: Schedule,
     jobs: &Arc<JobQueue>,
@@ -105,7 +106,7 @@ where
             work: make_worker(),
         };
         let produced = produce(&mut feed);
-        // What came before a failure or a stop is a part of the results, too.
+        // Results before a failure or a stop are part of the output, too.
         let flushed = feed.flush();
         let produced = produced.and(flushed);
         match produced {
@@ -124,7 +125,8 @@ where
         if let Some(recorder) = recorder {
             recorder.end_run(&schedule);
         }
-        // When the collector fails, so does the producer, which cannot pass results on: the collector's reason counts.
+        // When the collector fails, the producer fails too because it cannot pass results on: the collector's error
+        // is the cause.
         match (collected, produced) {
             // The collector only followed the producer's stop.
             (Err(Error::Interrupted), Err(reason)) => Err(reason),
@@ -135,11 +137,11 @@ where
     })
 }
 
-/// What a worker thread takes from and reports to.
+/// Channels of a worker thread.
 struct WorkerContext<'a, C, R> {
     queue_end: Receiver<QueuedChunk<C, R>>,
     jobs: &'a JobQueue,
-    /// Where the producer waits for idle workers; `None` with a warehouse.
+    /// Channel on which the producer waits for idle workers; `None` with a warehouse.
     announce_idle: Option<Sender<()>>,
     idle: Option<&'a IdleClock>,
     recorder: Option<&'a Recorder>,
@@ -158,14 +160,14 @@ impl<C, R> Clone for WorkerContext<'_, C, R> {
 impl<C, R> WorkerContext<'_, C, R> {
     fn announce_idle(&self) {
         if let Some(sender) = &self.announce_idle {
-            // There is a place for every worker, and a producer that has ended needs none.
+            // There is a slot for every worker, and a producer that has ended needs no message.
             let _ = sender.try_send(());
         }
     }
 }
 
 impl<C: Tasks, R> WorkerContext<'_, C, R> {
-    /// Takes jobs and chunks until no more of either can come.
+    /// Executes jobs and chunks until both queues are closed.
     fn run(self, mut work: impl FnMut(C) -> Result<R>) {
         let mut timer = ThreadTimer::start(self.recorder);
         let run_job = |timer: &mut ThreadTimer, job: Job| {
@@ -184,8 +186,8 @@ impl<C: Tasks, R> WorkerContext<'_, C, R> {
             select! {
                 recv(self.jobs.queue_end()) -> job => match job {
                     Ok(job) => run_job(&mut timer, job),
-                    // The collector has ended: it closes the queue of jobs last. Its results go nowhere, but a producer
-                    // that has not noticed yet may wait for what it sent.
+                    // The collector has ended: it closes the job queue last. The results are lost, but a producer
+                    // that has not noticed yet may wait for the chunks that it sent.
                     Err(_) => {
                         self.queue_end.iter().for_each(|_| self.announce_idle());
                         break;
@@ -214,7 +216,7 @@ impl<C: Tasks, R> WorkerContext<'_, C, R> {
         timer.add_idle();
         let QueuedChunk { chunk, result, barrier } = item;
         let tasks = chunk.tasks();
-        // Fails when the collector has ended, which does not matter any more.
+        // Fails when the collector has ended; the result is then not needed.
         let _ = result.send(work(chunk));
         timer.add_chunk(tasks);
         drop(barrier);

@@ -6,13 +6,12 @@ use std::time::Instant;
 /// First step of a series in one direction, Δ0, in tasks.
 const FIRST_STEP: u32 = 8;
 
-/// By how much a step outgrows the one before, Δ2, in tasks.
+/// Increment from one step to the next, Δ2, in tasks.
 const INCREMENT: u32 = 1;
 
-/// Largest chunk, in tasks: descriptors stay small, but their results do not.
+/// Maximum size of a chunk, in tasks: descriptors are small whatever the size, but results are not.
 const MAX_SIZE: u32 = 1 << 24;
 
-/// The direction in which sizes change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Direction {
     /// No size has been changed yet.
@@ -23,8 +22,9 @@ enum Direction {
     Down,
 }
 
-/// Adapts the size of chunks so that the idle times of the workers become shorter: as long as they do not grow, each step
-/// goes further in the same direction; when they grow, the direction is reversed and steps are small again.
+/// Adapts the size of chunks so that the idle times of the workers become shorter: as long as they do not grow, each
+/// step is larger than the last in the same direction; when they grow, the direction is reversed and steps are small
+/// again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ChunkSizer {
     size: u32,
@@ -35,7 +35,8 @@ pub(super) struct ChunkSizer {
 }
 
 impl ChunkSizer {
-    /// Begins with chunks of `size` tasks. Idle times below `significant_ns`, and changes up to that, are ignored (τ and ε).
+    /// Begins with chunks of `size` tasks. Idle times below `significant_ns`, and changes up to that, are ignored (τ
+    /// and ε).
     pub fn new(size: u32, significant_ns: u64) -> ChunkSizer {
         ChunkSizer {
             size: size.clamp(1, MAX_SIZE),
@@ -46,12 +47,11 @@ impl ChunkSizer {
         }
     }
 
-    /// Tasks of the chunk in the making, m.
+    /// Size of the chunk under construction, m, in tasks.
     pub fn size(&self) -> u32 {
         self.size
     }
 
-    /// The last step, Δ1, in tasks.
     pub fn step(&self) -> u32 {
         self.step
     }
@@ -65,8 +65,8 @@ impl ChunkSizer {
         }
     }
 
-    /// Chooses the next size after a chunk was handed over. `idle_ns` is the time from the first idle worker to renewed
-    /// saturation, if one was measured since the last hand-over. Returns whether it was significant.
+    /// Chooses the next size after a chunk was handed over. `idle_ns` is the time from the first idle worker to
+    /// renewed saturation, if measured since the last hand-over. Returns whether it was significant.
     pub fn resize(&mut self, idle_ns: Option<u64>) -> bool {
         let Some(idle) = idle_ns else { return false };
         let significant = idle >= self.significant_ns;
@@ -102,12 +102,11 @@ impl ChunkSizer {
 /// Measures the time since the first worker became idle, for dynamic chunks.
 pub(super) struct IdleClock {
     origin: Instant,
-    /// Start of the measurement, ns since `origin`; 0 while none is running.
+    /// Start of the measurement, ns since `origin`; 0 while no measurement is running.
     since: AtomicU64,
 }
 
 impl IdleClock {
-    /// A clock without a measurement.
     pub fn new() -> IdleClock {
         IdleClock { origin: Instant::now(), since: AtomicU64::new(0) }
     }
@@ -117,14 +116,14 @@ impl IdleClock {
         self.origin.elapsed().as_nanos().max(1) as u64
     }
 
-    /// Starts a measurement, unless one is running: a worker has become idle.
+    /// Starts a measurement, unless one is running, when a worker has become idle.
     pub fn start(&self) {
         if self.since.load(Ordering::Relaxed) == 0 {
             let _ = self.since.compare_exchange(0, self.now(), Ordering::Relaxed, Ordering::Relaxed);
         }
     }
 
-    /// Ends the measurement. Returns the time since its start in ns, if one was running.
+    /// Ends the measurement. Returns its duration in ns, if one was running.
     pub fn stop(&self) -> Option<u64> {
         match self.since.swap(0, Ordering::Relaxed) {
             0 => None,

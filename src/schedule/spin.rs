@@ -2,13 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-/// How long a waiting thread spins: some times what it takes to wake a thread on a sleeping core of a virtual machine, so
-/// that of two threads that wait for each other neither falls asleep while the other wakes up.
+/// Maximum spinning time: several times the wake-up time of a thread on a sleeping core of a virtual machine, so that
+/// of two threads that wait for each other neither falls asleep while the other wakes up.
 const MAX_SPIN: Duration = Duration::from_micros(100);
 
-/// Checks `is_ready` again and again until it holds, at most for [`MAX_SPIN`]. Other threads that want the core go first.
+/// Polls `is_ready` until it holds, for at most [`MAX_SPIN`]. Other threads that want the core run first.
 ///
-/// What arrives every few microseconds finds its taker awake; what arrives later finds it asleep.
+/// A receiver of events every few microseconds stays awake; a receiver of rarer events sleeps.
 pub fn spin_until(mut is_ready: impl FnMut() -> bool) {
     let mut started = None;
     while !is_ready() {

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// Seconds of computing up to each task, measured in chunks of one size.
+/// Cumulative seconds of computing by task, measured in chunks of one size.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Profile {
     size: u32,
@@ -20,7 +20,7 @@ pub(super) struct Profile {
 }
 
 impl Profile {
-    /// A profile from tasks and seconds of computing after each chunk of `size`, both rising.
+    /// Creates a profile from the tasks and seconds of computing after each chunk of `size`, both ascending.
     pub fn new(size: u32, entries: &[(u64, f64)]) -> Profile {
         let (tasks, seconds) = [(0, 0.0)].iter().chain(entries).copied().unzip();
         Profile { size: size.max(1), tasks, seconds }
@@ -39,24 +39,24 @@ impl Profile {
     }
 }
 
-/// Sizes of chunks, rising, and the seconds for each task of such a chunk.
+/// Sizes of chunks, ascending, and the seconds per task in chunks of that size.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct PerSize(pub Vec<(u32, f64)>);
 
 impl PerSize {
-    /// Seconds for a chunk of so many tasks.
+    /// Seconds for a chunk of `tasks` tasks.
     pub fn of(&self, tasks: u64) -> f64 {
         interpolate(&self.0, |p| p.0, tasks, |p| p.1) * tasks as f64
     }
 
-    /// Seconds for a task in the largest chunks.
+    /// Seconds per task in the largest chunks.
     pub fn min(&self) -> f64 {
         self.0.last().map_or(0.0, |p| p.1)
     }
 }
 
-/// The value for a chunk of so many tasks: between two measurements of rising `size` it is linear in the logarithm of the
-/// size, beyond them constant.
+/// Interpolates the value for a chunk of `tasks` tasks: linear in the logarithm of the size between two measurements
+/// of ascending `size`, constant outside.
 fn interpolate<T>(measured: &[T], size: impl Fn(&T) -> u32, tasks: u64, value: impl Fn(&T) -> f64) -> f64 {
     let at = measured.partition_point(|m| u64::from(size(m)) <= tasks);
     match (at.checked_sub(1).and_then(|i| measured.get(i)), measured.get(at)) {
@@ -71,23 +71,22 @@ fn interpolate<T>(measured: &[T], size: impl Fn(&T) -> u32, tasks: u64, value: i
     }
 }
 
-/// The tasks of a survey and their costs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Workload {
-    /// Task times in chunks of different sizes, sizes rising.
+    /// Task times in chunks of different sizes, sizes ascending.
     pub(super) profiles: Vec<Profile>,
-    /// Tasks up to the end of each leg, rising; the last is the number of tasks.
+    /// Tasks up to the end of each leg, ascending; the last is the number of tasks.
     pub(super) legs: Vec<u64>,
-    /// Making a chunk.
+    /// Costs of making a chunk.
     pub(super) making: PerSize,
-    /// Taking the result of a chunk.
+    /// Costs of taking the result of a chunk.
     pub(super) collecting: PerSize,
     /// Start and end: threads, files, the last results, s.
     pub(super) fixed_s: f64,
     pub(super) overheads: Overheads,
 }
 
-/// Processor time that a chunk costs beside its work, s.
+/// Processor time that a chunk costs in addition to its work, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ChunkCosts {
     /// The producer: announcing the result, and queueing the chunk for a worker.
@@ -100,14 +99,14 @@ pub struct ChunkCosts {
     pub wake_s: f64,
 }
 
-/// Costs of distributing chunks, whatever is in them.
+/// Costs of distributing chunks, independent of their content.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overheads {
-    /// Where one thread computes. The collector's cost is that of the run.
+    /// Costs on one thread. The collector's cost is that of the run.
     pub(super) alone: ChunkCosts,
-    /// Where several threads compute. The collector's cost is what it does more than for one thread.
+    /// Costs on several threads. The collector's cost is the excess over one thread.
     pub(super) shared: ChunkCosts,
-    /// Single tasks, one after the other, so quickly that all threads stay awake.
+    /// Single tasks in such quick succession that all threads stay awake.
     pub(super) single: ChunkCosts,
 }
 
@@ -132,11 +131,12 @@ impl Overheads {
 }
 
 impl Workload {
-    /// The costs in logs of runs on one thread, of the same survey in chunks of several sizes (rising), some runs each.
+    /// Derives the costs from logs of runs on one thread, of the same survey in chunks of several sizes (ascending),
+    /// several runs each.
     ///
-    /// The course of the time over the tasks is the minimum of each chunk. The sums are those of the processor clocks, so
-    /// that other programs do not count, in the run of median time: how often the collector slept and had to be woken differs
-    /// from run to run, and the minima of different runs together would be less than any run took.
+    /// The cumulative time over the tasks is the minimum of each chunk. The sums are processor times, which exclude
+    /// other programs, of the run of median time: how often the collector slept and had to be woken differs from run
+    /// to run, and the minima of different runs together would be less than any run took.
     pub fn from_logs(logs: &[(u32, Vec<Log>)], overheads: Overheads) -> Workload {
         let mut load = Workload { overheads, ..Workload::default() };
         for (size, logs) in logs.iter().filter(|(_, logs)| !logs.is_empty()) {
@@ -159,7 +159,7 @@ impl Workload {
         load
     }
 
-    /// Seconds for a chunk of tasks `from..to`.
+    /// Seconds for a chunk of the tasks `from..to`.
     pub(super) fn cost(&self, from: u64, to: u64) -> f64 {
         let count = to.saturating_sub(from);
         let of = |p: &Profile| p.until(to) - p.until(from);
@@ -168,7 +168,6 @@ impl Workload {
     }
 }
 
-/// Processor time of a run on one thread, s.
 #[derive(Clone, Copy, Debug, Default)]
 struct RunCosts {
     tasks: u64,
@@ -179,13 +178,15 @@ struct RunCosts {
 }
 
 impl RunCosts {
-    /// The costs of the run of median time. `computing_s` is the sum of the minimum computing times of every chunk.
+    /// Returns the costs of the run of median time. `computing_s` is the sum of the minimum computing times of every
+    /// chunk.
     fn of(logs: &[Log], computing_s: f64) -> RunCosts {
         let mut by_time: Vec<&Log> = logs.iter().collect();
         by_time.sort_by(|a, b| a.cpu_s().total_cmp(&b.cpu_s()));
         let Some(log) = by_time.get(logs.len().saturating_sub(1) / 2) else { return RunCosts::default() };
         let p = &log.producer;
-        // Other programs delay everything alike, and waiting takes some processor time, too: both clocks give upper bounds.
+        // Other programs lengthen everything alike, and waiting takes some processor time: both clocks are upper
+        // bounds.
         let awake = (p.wall_s - p.idle_s).max(f64::MIN_POSITIVE);
         let part = |seconds: f64| (p.cpu_s * (seconds / awake)).min(seconds);
         let (computing_s, jobs_s) = (part(p.busy_s).min(computing_s), part(p.jobs_s));
@@ -194,7 +195,7 @@ impl RunCosts {
             tasks: p.tasks,
             computing_s,
             making_s: (p.cpu_s.min(awake) - computing_s - jobs_s).max(0.0),
-            // Side jobs of the collector are run by the thread that computes.
+            // The computing thread runs the collector's side jobs.
             collecting_s: log.collector.cpu_s + jobs_s,
             fixed_s: logs.iter().map(fixed).fold(f64::INFINITY, f64::min),
         }
@@ -219,8 +220,8 @@ fn min_times(logs: &[Log]) -> Vec<(u64, f64)> {
 }
 
 impl ChunkCosts {
-    /// Measures chunks whose work takes 20 µs each, like that of short chunks: so long that a thread that waits for the next
-    /// one has fallen asleep.
+    /// Measures chunks whose work takes 20 µs each, like short chunks: long enough that a thread waiting for the next
+    /// one falls asleep.
     ///
     /// # Errors
     /// When a thread ends unexpectedly.
@@ -256,7 +257,6 @@ impl ChunkCosts {
         Ok(runs[runs.len() / 2].1)
     }
 
-    /// Measures single tasks without any work in them.
     fn measure_single() -> Result<ChunkCosts> {
         const CHUNKS: u32 = 20_000;
         let all = f64::from(CHUNKS);
@@ -339,8 +339,8 @@ mod tests {
         assert_eq!(Workload::default().cost(0, 5), 0.0);
     }
 
-    /// The log of a run on one thread that other programs make `slower`: a leg of 64 tasks of 1 s, one of 64 of 2 s; making
-    /// takes 0.25 s per task and 0.5 s per chunk, collecting 0.125 s and 1 s, begin and end 3 s.
+    /// Log of a run on one thread that other programs make `slower`: a leg of 64 tasks of 1 s, one of 64 tasks of 2
+    /// s; making takes 0.25 s per task and 0.5 s per chunk, collecting 0.125 s and 1 s, start and end 3 s.
     fn log(size: u64, slower: f64) -> Log {
         let mut log = Log::default();
         let chunks = 128 / size;
@@ -368,7 +368,7 @@ mod tests {
 
     #[test]
     fn logs_tell_what_everything_costs() {
-        // Other programs had half of the core in every run, or none in one of them.
+        // Other programs had half of the core in every run, or in all runs but one.
         for slower in [1.0, 2.0] {
             let logs =
                 [1, 4, 16].map(|size| (size, vec![log(u64::from(size), slower), log(u64::from(size), 3.0)]));
@@ -378,7 +378,7 @@ mod tests {
                 assert!((found - known).abs() < 1e-9, "{costs:?}");
             }
             assert_eq!((load.making.min(), load.fixed_s), (4.5 / 16.0, 3.0));
-            // Every chunk was announced by itself, single tasks together.
+            // Every chunk was announced separately, single tasks together.
             let alone = ChunkCosts { producer_s: 0.125, ..ChunkCosts::default() };
             let announcing = Overheads { alone, ..Overheads::default() };
             let announced = Workload::from_logs(&logs, announcing);
@@ -389,15 +389,15 @@ mod tests {
             assert_eq!(load.legs, [64, 128]);
             assert!((load.cost(0, 16) - 16.0 - 1.0 - 2.0).abs() < 1e-9);
             assert!((load.cost(64, 68) - 8.0 - 1.0 - 0.5).abs() < 1e-9);
-            // One thread does it all, and what it computes it need not hand over.
+            // One thread does everything, and chunks that it computes itself cost no hand-over.
             let policy = Policy::Static { size: 16 };
             let alone = replay(&load, &Schedule { threads: 1, policy, leg_barrier: false });
             let known = 192.0 + 0.25 * 128.0 + 0.5 * 8.0 + 0.125 * 128.0 + 8.0 + 3.0;
             assert!((alone.seconds - known).abs() < 1e-9, "{} for {known}", alone.seconds);
-            // Two threads, and a warehouse for one chunk of 16, which takes 4.5 s to make and 19 s in the first leg, 35 s in
-            // the second. The worker has 0 from 4.5 s and 1 until 42.5 s; the producer refuses 2 at 13.5 s, stores 3 at
-            // 37 s and takes it back until 56 s. So it goes in the second leg: 4 from 60.5 s, 5 until 130.5 s; 6 refused
-            // at 69.5 s, 7 stored at 109 s and taken back until 144 s. Begin and end are 3 s.
+            // Two threads, and a warehouse for one chunk of 16, which takes 4.5 s to make and 19 s in the first leg,
+            // 35 s in the second. The worker computes 0 from 4.5 s and 1 until 42.5 s; the producer refuses 2 at 13.5
+            // s, stores 3 at 37 s and takes it back until 56 s. Second leg: 4 from 60.5 s, 5 until 130.5 s; 6 refused
+            // at 69.5 s, 7 stored at 109 s and taken back until 144 s. Start and end take 3 s.
             let policy = Policy::Warehouse { size: 16, factor: 1 };
             let both = replay(&load, &Schedule { threads: 2, policy, leg_barrier: true });
             assert!((both.seconds - 147.0).abs() < 1e-9, "{}", both.seconds);
@@ -414,7 +414,7 @@ mod tests {
             wake_s,
         };
         let single = costs(1.0, 1.0, 0.0, 32.0);
-        // A collector that has less to do than beside one thread gives nothing back.
+        // A collector with less work than on one thread returns no time.
         for (with_two, extra) in [(3.0, 1.0), (1.0, 0.0)] {
             let found =
                 Overheads::combine(costs(8.0, 0.0, 2.0, 0.0), costs(4.0, 16.0, with_two, 0.0), single);

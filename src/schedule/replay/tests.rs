@@ -1,4 +1,4 @@
-//! Worked schedules.
+//! Schedules computed by hand.
 
 use super::super::workload::{Overheads, PerSize, Profile};
 use super::*;
@@ -29,13 +29,13 @@ fn one_thread_computes_one_task_after_the_other() {
     }
 }
 
-/// Two workers, five tasks of a second: 0 and 1, 2 and 3, 4.
+/// Two workers, five tasks of 1 s: 0 and 1, 2 and 3, 4.
 #[test]
 fn a_producer_of_single_tasks_does_not_compute() {
     assert_eq!(seconds(&load(&[1.0; 5], &[5]), 3, Policy::Single, false), 3.0);
 }
 
-/// The worker has 0 and 1 until 2 s; the producer computes 2 and 3; the worker has 4 and 5 until 4 s.
+/// The worker computes 0 and 1 until 2 s; the producer computes 2 and 3; the worker computes 4 and 5 until 4 s.
 #[test]
 fn a_refused_static_chunk_loses_a_task_to_the_producer() {
     let load = load(&[1.0; 6], &[6]);
@@ -44,23 +44,24 @@ fn a_refused_static_chunk_loses_a_task_to_the_producer() {
     assert_eq!(seconds(&load, 2, Policy::Static { size: 3 }, false), 3.0);
 }
 
-/// The worker has 0 until 3 s, 1 waits, the producer computes 2, 3 and at last 1.
+/// The worker computes 0 until 3 s, 1 is queued, the producer computes 2, 3 and finally 1.
 #[test]
 fn a_full_warehouse_lets_the_producer_work() {
     let load = load(&[3.0, 1.0, 1.0, 1.0], &[4]);
     assert_eq!(seconds(&load, 2, Policy::Warehouse { size: 1, factor: 1 }, false), 3.0);
-    // When two may wait, the producer computes 3, then one of those.
+    // With room for two, the producer computes 3, then one of the queued tasks.
     assert_eq!(seconds(&load, 2, Policy::Warehouse { size: 1, factor: 2 }, false), 3.0);
 }
 
-/// Legs of a long and a short task: with the barrier each takes as long as the long one.
+/// Legs of a long and a short task: with the barrier each takes as long as its long task.
 #[test]
 fn a_barrier_costs_the_wait_for_the_slowest() {
     let load = load(&[4.0, 1.0, 1.0, 4.0], &[2, 4]);
     let policy = Policy::Warehouse { size: 1, factor: 1 };
-    // The worker has 0; 1 waits and the producer takes it back; then the worker has 2, and the producer 3 in the end.
+    // The worker computes 0; 1 is queued and taken back by the producer; then the worker computes 2, the producer 3.
     assert_eq!(seconds(&load, 2, policy, true), 8.0);
-    // The worker has 0 until 4 s; 1 waits; the producer has 2 and 3 until 5 s, when the worker is done with 1, too.
+    // The worker computes 0 until 4 s; 1 is queued; the producer computes 2 and 3 until 5 s, when the worker is done
+    // with 1.
     assert_eq!(seconds(&load, 2, policy, false), 5.0);
 }
 
@@ -71,10 +72,11 @@ fn making_handing_over_and_waking_cost_time() {
     let alone = ChunkCosts { producer_s: 0.25, ..ChunkCosts::default() };
     let overheads = Overheads { single, alone, ..Overheads::default() };
     let load = Workload { making, overheads, ..load(&[1.0; 2], &[2]) };
-    // One thread makes, computes both and tells of them together.
+    // One thread makes and computes both and announces them together.
     assert_eq!(seconds(&load, 1, Policy::Single, false), 3.25);
-    // Made and given at 0.5 s, told of at 0.6875 s, awake at 0.75 s, done at 2.25 s; made at 1.1875 s, a worker free at
-    // 2.25 s, the producer awake at 2.5 s, awake at 2.75 s, done at 4.25 s.
+    // First task: made and sent at 0.5 s, announced at 0.6875 s, worker awake at 0.75 s, done at 2.25 s. Second task:
+    // made at 1.1875 s, a worker idle at 2.25 s, the producer awake at 2.5 s, the worker awake at 2.75 s, done at
+    // 4.25 s.
     assert_eq!(seconds(&load, 2, Policy::Single, false), 4.25);
 }
 
@@ -84,7 +86,7 @@ fn nothing_ends_before_everything_is_collected() {
     assert_eq!(seconds(&load, 64, Policy::Warehouse { size: 1, factor: 1 }, false), 20.0);
 }
 
-/// Two workers in chunks of two: they are idle while the producer computes a task of its own.
+/// Two workers in chunks of two: they are idle while the producer computes a single task.
 #[test]
 fn dynamic_chunks_grow_when_a_worker_was_idle() {
     let load = Workload { making: PerSize(vec![(1, 1e-4)]), ..load(&[1e-3; 4000], &[4000]) };
@@ -95,20 +97,21 @@ fn dynamic_chunks_grow_when_a_worker_was_idle() {
     assert!(replayed.seconds < 2.0, "{} s", replayed.seconds);
 }
 
-/// A chunk of 1 s for the worker from 0.5 s; meanwhile the producer takes off single tasks: each is stepped through
-/// twice (0.25 s), takes 0.125 s more to make by itself and a second of computing.
+/// A chunk of 1 s for the worker from 0.5 s. Meanwhile the producer takes off single tasks: each is stepped through
+/// twice (0.25 s), takes 0.125 s more to make alone and one second to compute.
 #[test]
 fn a_task_that_is_taken_off_costs_a_chunk_and_a_second_step() {
     let making = PerSize(vec![(1, 0.375), (2, 0.25)]);
     let load = Workload { making, fixed_s: 0.5, ..load(&[1.0; 4], &[4]) };
-    // 0 and 1 sent at 0.5 s, done at 2.5 s. 2 and 3 made at 1 s, refused; 2 done at 2.375 s. 3 is all that is left, the
-    // worker is busy: done at 3.5 s.
+    // 0 and 1 are sent at 0.5 s and done at 2.5 s. 2 and 3 are made at 1 s and refused; 2 is done at 2.375 s. Only 3
+    // is left and the worker is busy: done at 3.5 s.
     assert_eq!(seconds(&load, 2, Policy::Static { size: 2 }, false), 4.0);
 }
 
-/// In chunks of 4096, of which one takes a second, but the first 100: the worker has 0 until 100 s and 1 waits. The
-/// producer computes 2 to 7; with 0 in the collector's hand the queue of six receipts is full before 7, so that it
-/// computes 1, and then waits until 100 s. From then on both work: 8 and 10 until 101 s, and so on until 19 at 106 s.
+/// Chunks of 4096 tasks, each of one second except the first of 100 s: the worker computes 0 until 100 s and 1 is
+/// queued. The producer computes 2 to 7; with 0 held by the collector, the queue of six results is full before 7, so
+/// the producer computes 1 and then waits until 100 s. From then on both work: 8 and 10 until 101 s, and so on until
+/// 19 at 106 s.
 #[test]
 fn who_is_too_far_ahead_of_the_collector_waits() {
     const SIZE: u64 = 4096;
@@ -129,10 +132,10 @@ fn who_is_too_far_ahead_of_the_collector_waits() {
     costs[0] = 100.0;
     let size = SIZE as u32;
     assert_eq!(seconds(&chunks(&costs), 2, Policy::Warehouse { size, factor: 1 }, false), 106.0);
-    // Small chunks find a place.
+    // Small chunks fit into the queue.
     let small = load(&costs, &[20]);
     assert_eq!(seconds(&small, 2, Policy::Warehouse { size: 1, factor: 1 }, false), 100.0);
-    // There is one for all the single tasks that the producer computes beside a large one.
+    // One slot holds all the single tasks that the producer computes during one large task.
     let mut costs = [1.0; 20];
     costs[..10].fill(1.2);
     assert_eq!(seconds(&load(&costs, &[20]), 2, Policy::Static { size: 10 }, false), 12.0);

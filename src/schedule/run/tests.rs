@@ -13,7 +13,7 @@ impl Tasks for u64 {
     }
 }
 
-/// A collector that passes every result to a closure and returns what the other closure makes at the end.
+/// A collector that passes every result to one closure and returns the value of the other at the end.
 struct Each<T, E>(T, E);
 
 impl<R, S: Send, T, E> Collect<R> for Each<T, E>
@@ -52,7 +52,7 @@ fn gather<W: FnMut(u64) -> Result<u64>>(
     run(schedule, &jobs, &Stop::new(), recorder, make_worker, produce, collector)
 }
 
-/// Results do not depend on the size, but large chunks allow the producer to be ahead by a few only.
+/// Results do not depend on the size, but large chunks allow the producer to be ahead only by a few.
 const POLICIES: [Policy; 8] = [
     Policy::Single,
     Policy::Static { size: 1 },
@@ -64,7 +64,7 @@ const POLICIES: [Policy; 8] = [
     Policy::Warehouse { size: 4096, factor: 1 },
 ];
 
-/// A schedule for each number of threads, with and without barrier.
+/// Returns a schedule for each number of threads, with and without barrier.
 fn schedules(threads: &[usize]) -> Vec<Schedule> {
     let mut all = Vec::new();
     for &threads in threads {
@@ -75,7 +75,7 @@ fn schedules(threads: &[usize]) -> Vec<Schedule> {
     all
 }
 
-/// Distributes numbers as the pipeline distributes pulses: one that comes back is computed here.
+/// Distributes numbers as the pipeline distributes pulses: a number that is returned is computed by this thread.
 fn distribute<R: Outcome, W: FnMut(u64) -> Result<R>>(
     feed: &mut Feed<'_, u64, R, W>,
     numbers: std::ops::Range<u64>,
@@ -114,7 +114,7 @@ fn jobs_of_the_collector_are_run_whatever_the_number_of_threads() {
         let sum = std::sync::atomic::AtomicU64::new(0);
         let add = |rx: flume::Receiver<u64>| sum.fetch_add(rx.recv().unwrap(), Ordering::Relaxed);
         let waiting = std::sync::Mutex::new(Vec::new());
-        // Hands work back to the pool and waits for it, as compression does.
+        // Offloads work to the pool and waits for it, as compression does.
         let compress = |result: u64| {
             let (tx, rx) = flume::bounded(1);
             let done = done.clone();
@@ -199,11 +199,11 @@ fn results_of_single_tasks_are_passed_on_together_and_at_the_latest_before_a_wai
 
 #[test]
 fn a_producer_ahead_of_the_collector_computes_what_waits_in_the_warehouse() {
-    /// More than the collector may be behind.
+    /// More chunks than the collector may be behind.
     const MANY: usize = 60;
     let schedule =
         Schedule { threads: 2, policy: Policy::Warehouse { size: 4096, factor: 2 }, leg_barrier: false };
-    // The job may fall to the producer instead of the worker, but not always.
+    // The producer may run the job instead of the worker, but not always.
     let computed_meanwhile = || {
         let (jobs, computed) = (Arc::new(JobQueue::new(4)), Arc::new(AtomicUsize::new(0)));
         let (tx, rx) = flume::bounded(1);
