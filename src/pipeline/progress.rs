@@ -28,6 +28,7 @@ pub struct Snapshot {
 }
 
 impl Progress {
+    /// Adds a finished chunk: its pulses, echoes and leg, and the fraction of the survey done.
     pub fn add(&self, pulses: u64, echoes: u64, leg: u32, done: f64) {
         self.pulses.fetch_add(pulses, Relaxed);
         self.echoes.fetch_add(echoes, Relaxed);
