@@ -1,4 +1,4 @@
-//! Foliage as opaque cells of a grid (an AMAPVox file), as voxelised laser scans of trees have it.
+//! Foliage as opaque voxels, written as an AMAPVox file like the voxelised laser scans of real trees.
 
 use super::obj::NewFile;
 use super::random::{Random, Topic};
@@ -12,18 +12,17 @@ use std::path::{Path, PathBuf};
 /// Edge of a cell, m.
 pub(super) const CELL: f64 = 0.25;
 
-/// Name of the file.
 pub(super) const FILE: &str = "crowns.vox";
 
-/// The cells as they were written.
+/// Summary of a written voxel file.
 pub(super) struct Cells {
     pub(super) path: PathBuf,
     pub(super) count: u64,
     pub(super) bounds: Aabb,
 }
 
-/// Writes about `wanted` cells within the crowns of `trees`, shared out by leaf area. Fails when the crowns have not enough
-/// room.
+/// Writes about `wanted` cells within the crowns of `trees`, distributed in proportion to leaf area. Fails when the
+/// crowns are too small for that number of cells.
 pub(super) fn write(trees: &[Tree], seed: u64, wanted: u64, folder: &Path) -> Result<Cells> {
     let area: f64 = trees.iter().map(Tree::leaf_area).sum();
     let volume = |tree: &Tree| {
@@ -53,7 +52,7 @@ pub(super) fn write(trees: &[Tree], seed: u64, wanted: u64, folder: &Path) -> Re
             }
         }
     }
-    // Crowns overlap.
+    // Crowns overlap, so a cell may occur more than once.
     cells.sort_unstable_by_key(|&[x, y, z]| (z, y, x));
     cells.dedup();
     if cells.is_empty() || (cells.len() as f64) < 0.9 * wanted as f64 {

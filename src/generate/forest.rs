@@ -24,20 +24,20 @@ pub(super) const MATERIALS: Materials = Materials {
     ],
 };
 
-/// 1 M triangles are 200 m × 200 m.
+/// Default edge of the square, m: 1 M triangles cover 200 m × 200 m.
 pub(super) fn default_extent(triangles: u64) -> f64 {
     (200.0 * (triangles as f64 / 1e6).sqrt()).max(40.0)
 }
 
-/// The extent of a stand of so many trees.
+/// Edge of a square forest with this number of trees, m.
 pub(super) fn extent_of_stand(trees: u64) -> f64 {
     (trees as f64 / TREES_PER_SQUARE_METRE).sqrt().max(40.0)
 }
 
-/// Fewest triangles per tree of a forest of models: some of them go to the ground.
+/// Minimum number of triangles per tree of a forest of models; the ground takes some of them.
 pub(super) const MIN_MODEL_TRIANGLES: u64 = 2 * MIN_TREE_TRIANGLES;
 
-/// Most triangles that the ground and the undergrowth of a forest of models take together.
+/// Maximum number of triangles of the ground and the undergrowth together in a forest of models.
 const MAX_TRIANGLES_BELOW_MODELS: u64 = 4_000_000;
 
 const RELIEF: [Octave; 6] = [
@@ -51,7 +51,7 @@ const RELIEF: [Octave; 6] = [
 const TREES_PER_SQUARE_METRE: f64 = 0.042;
 const TRIANGLES_PER_TREE: u64 = 150;
 
-/// What a number of triangles is spent on.
+/// How the number of triangles is divided.
 struct Budget {
     cells: u64,
     shrub_pairs: u64,
@@ -67,7 +67,7 @@ impl Budget {
     }
 }
 
-/// Writes the ground, the undergrowth, the trees and, on demand, voxels.
+/// Writes the ground, the undergrowth, the trees and, if requested, the voxels.
 pub(super) fn write(options: &SceneOptions, extent: f64, folder: &Path) -> Result<SceneFiles> {
     if let Some((models, copies)) = options.instances {
         return write_models(options, (models, copies), extent, folder);
@@ -108,7 +108,7 @@ impl ForestStand {
         let wanted = (TREES_PER_SQUARE_METRE * extent * extent).min(affordable as f64);
         let cells = (wanted.sqrt().round() as u64).max(1);
         let step = extent / cells as f64;
-        // Where the species stand in groups, and where the clearings are.
+        // Noise that groups the species and leaves clearings.
         let groups = Relief::new(seed ^ 0x5EED, &[Octave { wavelength: 45.0, amplitude: 1.0 }], 0.0);
         let mut trees = Vec::new();
         for number in 0..cells * cells {
@@ -134,7 +134,7 @@ impl ForestStand {
         ForestStand { trees, leaf_area }
     }
 
-    /// Each tree with its number of triangles, by leaf area; the shares add up to 2·`pairs` exactly.
+    /// Each tree with its number of triangles, in proportion to its leaf area; the numbers add up to exactly 2·`pairs`.
     fn shares(&self, pairs: u64) -> impl Iterator<Item = (&Tree, u64)> {
         let smallest = MIN_TREE_TRIANGLES / 2;
         let spare = (pairs - smallest * self.trees.len() as u64) as f64;
@@ -252,8 +252,8 @@ fn write_models(
     Ok(files)
 }
 
-/// Where the trees of a forest of models stand.
+/// Table of tree positions in a forest of models.
 pub(super) const TABLE: &str = "trees.csv";
 
-/// Where trees go that are parts of their own.
+/// Folder of the trees that are separate parts.
 pub(super) const TREES_FOLDER: &str = "trees";

@@ -72,24 +72,24 @@ impl Kind {
 pub struct SceneOptions {
     /// Kind of the scene.
     pub kind: Kind,
-    /// Triangles of the scene; met to within 1 %, mostly to within a few.
+    /// Number of triangles of the scene; the result deviates by at most 1 %, usually by much less.
     pub triangles: u64,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Edge of the square, or length of the room, m. By default 1 M triangles are a forest of 200 m × 200 m or hills of
-    /// 500 m × 500 m, smaller and larger scenes are as dense, and a room is 8 m long.
+    /// Edge of the square, or length of the room, m. By default the density is constant, with 1 M triangles for a
+    /// forest of 200 m × 200 m or hills of 500 m × 500 m, and a room is 8 m long.
     pub extent_m: Option<f64>,
-    /// Roughly how many pulses the survey emits; by default an aeroplane's scanner fires at 1 MHz (forest) or 150 kHz
-    /// (terrain), and a room gets 4 M pulses.
+    /// Approximate number of pulses that the survey emits. By default an airborne scanner has a pulse rate of 1 MHz
+    /// (forest) or 150 kHz (terrain), and a room gets 4 M pulses.
     pub pulses: Option<u64>,
-    /// Forest: every tree is a part of its own, so that echoes carry the tree's number.
+    /// Forest: makes every tree a separate part, so that returns carry the number of the tree.
     pub separate_trees: bool,
-    /// Forest: so many tree models, each standing in so many places; the table `trees.csv` lists them. The triangles of
-    /// all these instances count.
+    /// Forest: number of tree models, and number of instances of each; the table `trees.csv` lists the instances. The
+    /// triangles of all instances count.
     pub instances: Option<(u64, u64)>,
-    /// Forest: so many opaque voxels of 0.25 m in the crowns, besides the triangles.
+    /// Forest: number of opaque voxels of 0.25 m in the crowns, in addition to the triangles.
     pub voxels: Option<u64>,
-    /// Existing files may be replaced.
+    /// Whether existing files may be replaced.
     pub overwrite: bool,
 }
 
@@ -110,29 +110,27 @@ impl SceneOptions {
     }
 }
 
-/// What [`write_scene`] has written.
+/// Summary of what [`write_scene`] wrote.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeneratedScene {
     /// The survey to run.
     pub survey: PathBuf,
     /// All files written, the survey last.
     pub files: Vec<PathBuf>,
-    /// Triangles of the scene.
     pub triangles: u64,
-    /// Voxels of the scene.
     pub voxels: u64,
     /// Box around the scene, m.
     pub bounds: Aabb,
-    /// Pulses that the survey emits, to within a per cent.
+    /// Number of pulses that the survey emits, accurate to 1 %.
     pub pulses: u64,
 }
 
-/// Writes a scene and its survey into `folder`, which is created if need be. Files appear under their names only when they
-/// are complete.
+/// Writes a scene and its survey into `folder`, which is created if it does not exist. Files appear under their names
+/// only when they are complete.
 ///
 /// # Errors
-/// [`Error::Input`] for sizes that are not possible and for files that exist already (unless
-/// [`SceneOptions::overwrite`]); [`Error::Io`] when the machine fails.
+/// [`Error::Input`] for impossible sizes and for existing files (unless [`SceneOptions::overwrite`]); [`Error::Io`]
+/// when writing fails.
 pub fn write_scene(options: &SceneOptions, folder: &Path) -> Result<GeneratedScene> {
     let extent = check(options)?;
     if !options.overwrite {
@@ -161,7 +159,7 @@ pub fn write_scene(options: &SceneOptions, folder: &Path) -> Result<GeneratedSce
     Ok(GeneratedScene { survey, files, triangles, voxels, bounds, pulses: texts.pulses })
 }
 
-/// The materials of a scene as an MTL file has them.
+/// The materials of a scene, as written to its MTL file.
 struct Materials {
     comment: &'static str,
     /// Name, colour, reflectance in per cent, class, whether it is ground.
@@ -181,7 +179,7 @@ impl Materials {
     }
 }
 
-/// The extent of the scene, m, after checking that the options are possible.
+/// Checks the options and returns the extent of the scene, m.
 fn check(options: &SceneOptions) -> Result<f64> {
     let (kind, triangles) = (options.kind.name(), options.triangles);
     let min = options.kind.min_triangles();
@@ -250,7 +248,7 @@ fn write_text(folder: &Path, name: &str, text: &str) -> Result<PathBuf> {
     file.finish()
 }
 
-/// A part of the scene and the file that it is read from.
+/// A part of the scene and its file.
 struct Part {
     file: String,
     name: &'static str,
@@ -274,12 +272,11 @@ impl Default for SceneFiles {
 }
 
 impl SceneFiles {
-    /// Adds a mesh that was written as `name.obj`. The first is the ground.
+    /// Adds the mesh written as `name.obj`. The first mesh is the ground.
     fn add(&mut self, name: &'static str, mesh: Mesh) {
         self.add_part(Part { file: format!("{name}.obj"), name }, mesh);
     }
 
-    /// Adds voxels.
     fn add_cells(&mut self, cells: crowns::Cells) {
         self.voxels += cells.count;
         self.bounds = self.bounds.union(cells.bounds);
@@ -308,7 +305,7 @@ mod tests {
         (folder, summary)
     }
 
-    /// Triangles, vertices and largest vertex number as a reader of the files sees them.
+    /// Counts the triangles of the written files with an independent reader; all need a material and an area.
     fn read_back(summary: &GeneratedScene) -> u64 {
         let mut triangles = 0;
         for path in summary.files.iter().filter(|p| p.extension().is_some_and(|e| e == "obj")) {

@@ -1,4 +1,4 @@
-//! Writes a mesh as OBJ text while it is being made; nothing of the mesh is kept in memory.
+//! Writes a mesh as OBJ text while it is generated; no part of the mesh is kept in memory.
 
 use crate::error::{Error, Result};
 use crate::files::TemporaryFile;
@@ -7,12 +7,12 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Vertices are written in units of 0.1 mm.
+/// Decimals of a coordinate in metres: the unit is 0.1 mm.
 const DECIMALS: usize = 4;
 const UNITS_PER_METRE: f64 = 10_000.0;
 const FLUSH_AT: usize = 1 << 20;
 
-/// A file being written, with its errors.
+/// A file being written, and its path for error messages.
 pub(super) struct NewFile {
     temporary: TemporaryFile,
     file: File,
@@ -28,7 +28,7 @@ impl NewFile {
         self.file.write_all(bytes).map_err(|e| Error::io("write", self.temporary.path(), e))
     }
 
-    /// Gives the complete file its name, which is returned.
+    /// Renames the complete file from its temporary to its final path, which is returned.
     pub(super) fn finish(self) -> Result<PathBuf> {
         self.temporary.commit()
     }
@@ -50,14 +50,14 @@ impl ObjFile {
         Ok(ObjFile { file: NewFile::create(path)?, text, vertices: 0, triangles: 0, bounds: Aabb::EMPTY })
     }
 
-    /// The material of the faces that follow.
+    /// Sets the material of the faces that follow.
     pub(super) fn material(&mut self, name: &str) {
         self.text.extend_from_slice(b"usemtl ");
         self.text.extend_from_slice(name.as_bytes());
         self.text.push(b'\n');
     }
 
-    /// Writes a vertex and returns its number, from 1.
+    /// Writes a vertex and returns its number, counted from 1.
     pub(super) fn vertex(&mut self, p: DVec3) -> Result<u64> {
         let units = [p.x, p.y, p.z].map(|c| (c * UNITS_PER_METRE).round() as i64);
         self.text.push(b'v');
@@ -73,7 +73,7 @@ impl ObjFile {
         Ok(self.vertices)
     }
 
-    /// A triangle, or a quad that readers split into (1, 2, 3) and (1, 3, 4).
+    /// Writes a triangle, or a quad that readers split into (1, 2, 3) and (1, 3, 4).
     pub(super) fn face<const N: usize>(&mut self, corners: [u64; N]) -> Result<()> {
         self.text.push(b'f');
         let mut digits = itoa::Buffer::new();
@@ -102,14 +102,14 @@ impl ObjFile {
     }
 }
 
-/// A finished mesh file.
+/// Summary of a written mesh file.
 pub(super) struct Mesh {
     pub(super) path: PathBuf,
     pub(super) triangles: u64,
     pub(super) bounds: Aabb,
 }
 
-/// `units` of 0.1 mm as metres.
+/// Appends a length in units of 0.1 mm as decimal metres.
 fn push_fixed(text: &mut Vec<u8>, units: i64) {
     if units < 0 {
         text.push(b'-');

@@ -3,12 +3,12 @@
 use crate::geom::DVec3;
 use crate::rng::{Purpose, Stream};
 
-/// What random numbers are for; sequences of different topics are independent.
+/// Purposes of random numbers; the sequences of different topics are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub(super) enum Topic {
     Relief = 0,
-    // Each octave of a relief has a number of its own from here on.
+    // Octaves of a relief take the numbers from here on.
     Stand = 32,
     Tree = 33,
     Shrub = 34,
@@ -20,7 +20,7 @@ pub(super) enum Topic {
     Crown = 40,
 }
 
-/// The random numbers of thing number `number` of a topic.
+/// The sequence of random numbers of one item (`number`) of a topic.
 pub(super) struct Random {
     stream: Stream,
     topic: Topic,
@@ -95,7 +95,7 @@ pub(super) struct Relief {
 }
 
 impl Relief {
-    /// Octaves that a mesh with cells of `cell` metres cannot show are left out.
+    /// Selects the octaves that a mesh with cells of `cell` metres can resolve.
     pub(super) fn new(seed: u64, octaves: &[Octave], cell: f64) -> Relief {
         let octaves = octaves.iter().copied().filter(|o| o.wavelength >= 2.5 * cell).collect();
         Relief { stream: Stream::new(seed, Purpose::SceneMaking), octaves }

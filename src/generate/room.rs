@@ -26,11 +26,11 @@ pub(super) const MATERIALS: Materials = Materials {
 
 /// Length of the room, m.
 pub(super) const DEFAULT_EXTENT: f64 = 8.0;
-/// The room stands askew, so that no wall is parallel to an axis.
+/// Rotation of the room about the vertical, so that no wall is parallel to an axis.
 const YAW_DEGREES: f64 = 8.0;
 const HEIGHT: f64 = 2.8;
 
-/// The point of the furnished room that plans call (x, y, z).
+/// Scene coordinates of a point given in coordinates of the floor plan.
 pub(super) fn placed(x: f64, y: f64, z: f64) -> DVec3 {
     turned(DVec3::new(x, y, z))
 }
@@ -40,13 +40,13 @@ fn turned(p: DVec3) -> DVec3 {
     DVec3::new(c * p.x - s * p.y, s * p.x + c * p.y, p.z)
 }
 
-/// A face or body whose number of triangles follows from a mesh width.
+/// A face or solid whose number of triangles follows from a mesh width.
 enum Shape {
-    /// Four corners; bumpy ones are uneven like plaster, flat at the rim.
+    /// Four corners; a bumpy patch is uneven like plaster, but flat at its rim.
     Patch { corners: [DVec3; 4], bumpy: bool },
-    /// A ball of a radius.
+    /// A sphere.
     Ball { centre: DVec3, radius: f64 },
-    /// A round post between two points.
+    /// A cylinder between two points.
     Post { from: DVec3, to: DVec3, radius: f64 },
 }
 
@@ -59,7 +59,7 @@ impl Shape {
     }
 
     fn rings(radius: f64, width: f64) -> u64 {
-        // Curved faces are worth a finer mesh than flat ones.
+        // Curved faces get a finer mesh than flat ones.
         ((std::f64::consts::PI * radius / (0.4 * width)).round() as u64).max(3)
     }
 
@@ -109,7 +109,7 @@ struct Piece {
     shapes: Vec<Shape>,
 }
 
-/// Pieces that make up one part of the scene.
+/// The pieces of one part of the scene.
 struct Group {
     name: &'static str,
     pieces: Vec<Piece>,
@@ -150,7 +150,7 @@ pub(super) fn write(options: &SceneOptions, extent: f64, folder: &Path) -> Resul
     Ok(files)
 }
 
-/// The finest mesh width (by bisection) with at most `triangles` in total.
+/// The smallest mesh width (by bisection) with at most `triangles` triangles in total.
 fn mesh_width(total: impl Fn(f64) -> u64, triangles: u64) -> f64 {
     let (mut fine, mut coarse) = (1e-5_f64, 100.0_f64);
     for _ in 0..60 {
@@ -163,7 +163,7 @@ fn mesh_width(total: impl Fn(f64) -> u64, triangles: u64) -> f64 {
 fn furnish(options: &SceneOptions, extent: f64) -> Vec<Group> {
     let (a, b) = (0.5 * extent, 0.375 * extent);
     let p = DVec3::new;
-    // A cross-section with a low wall at +x and the roof's slope above it.
+    // Cross-section with a low wall at +x and the slope of the roof above it.
     let (low, flat) = (1.4, a - 2.0);
     let face = |corners| Shape::Patch { corners, bumpy: true };
     let walls = vec![
@@ -189,13 +189,13 @@ fn furnish(options: &SceneOptions, extent: f64) -> Vec<Group> {
     ]
 }
 
-/// Adds the faces of a box with the edges `x`, `y` and `z`.
+/// Adds the faces of a box with the edge vectors `x`, `y` and `z`.
 fn add_block(shapes: &mut Vec<Shape>, centre: DVec3, x: DVec3, y: DVec3, z: DVec3) {
     let corners = box_corners(centre, x, y, z);
     shapes.extend(BOX_FACES.map(|f| Shape::Patch { corners: f.map(|i| corners[i]), bumpy: false }));
 }
 
-/// A table with two chairs, and a board that leans against the long wall.
+/// A table with two chairs, and a board leaning against the long wall.
 fn furniture(b: f64) -> Vec<Shape> {
     let mut shapes = Vec::new();
     let mut block = |centre, x, y, z| add_block(&mut shapes, centre, x, y, z);
@@ -218,7 +218,7 @@ fn furniture(b: f64) -> Vec<Shape> {
     shapes
 }
 
-/// Shelves along the high wall, with books in them when there are triangles to spare.
+/// Shelves along the high wall, with books if the number of triangles allows it.
 fn shelf(options: &SceneOptions, a: f64) -> Vec<Piece> {
     let (mut boards, mut books) = (Vec::new(), Vec::new());
     let (length, depth, height, levels) = (2.4, 0.3, 1.9, 4);
@@ -264,7 +264,7 @@ fn shelf(options: &SceneOptions, a: f64) -> Vec<Piece> {
     pieces
 }
 
-/// Reference spheres of 14.5 cm diameter on posts, and a larger ball on the table.
+/// Reference spheres of 14.5 cm diameter on posts, and a larger sphere on the table.
 fn spheres(a: f64, b: f64) -> Vec<Piece> {
     let feet = [(a - 1.0, b - 0.9, 1.10), (a - 0.9, -b + 0.8, 0.95), (-a + 1.1, b - 0.8, 1.35)];
     let posts = feet.map(|(x, y, z)| Shape::Post {
@@ -278,7 +278,7 @@ fn spheres(a: f64, b: f64) -> Vec<Piece> {
     vec![Piece { material: "wood", shapes: posts.into() }, Piece { material: "sphere", shapes }]
 }
 
-/// A pot with a bush in the corner; its leaves use up the triangles that are left, to the last one.
+/// A pot with a bush in the corner; its leaves use up exactly the remaining triangles.
 fn plant(out: &mut ObjFile, options: &SceneOptions, extent: f64, triangles: u64) -> Result<()> {
     let foot = placed(-0.5 * extent + 0.6, -0.375 * extent + 0.6, 0.0);
     out.material("pot");

@@ -1,4 +1,4 @@
-//! Meshes of the shapes that scenes consist of.
+//! Meshes of elementary shapes.
 
 use super::obj::ObjFile;
 use super::random::Relief;
@@ -7,7 +7,7 @@ use crate::geom::DVec3;
 use libm::{cos, sin};
 use std::f64::consts::{PI, TAU};
 
-/// Unit vectors (u, v) that with `w` form a right-handed frame.
+/// Unit vectors (u, v) that form a right-handed frame with `w`.
 pub(super) fn frame(w: DVec3) -> (DVec3, DVec3) {
     let helper = if w.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
     let u = crate::geom::unit(helper.cross(w));
@@ -52,7 +52,7 @@ pub(super) fn ground(out: &mut ObjFile, relief: &Relief, extent: f64, cells: u64
     })
 }
 
-/// A tube along `spine` with a radius for each of its points; the ends are open. 2·sides·(points − 1) triangles.
+/// Writes a tube along `spine`, whose entries are points with radii; the ends are open. 2·sides·(points − 1) triangles.
 pub(super) fn tube(out: &mut ObjFile, spine: &[(DVec3, f64)], sides: u64) -> Result<()> {
     let Some((&(first, _), &(last, _))) = spine.first().zip(spine.last()) else { return Ok(()) };
     let (u, v) = frame(crate::geom::unit(last - first));
@@ -63,12 +63,12 @@ pub(super) fn tube(out: &mut ObjFile, spine: &[(DVec3, f64)], sides: u64) -> Res
     })
 }
 
-/// Triangles of [`ball`].
+/// Number of triangles of [`ball`].
 pub(super) fn ball_triangles(rings: u64) -> u64 {
     4 * rings * (rings - 1)
 }
 
-/// A closed ball of `rings` ≥ 2 rings and twice as many sectors whose radius is `shape` of the unit direction.
+/// Writes a closed ball of `rings` ≥ 2 rings and twice as many sectors; `shape` maps a unit direction to the radius.
 pub(super) fn ball(
     out: &mut ObjFile,
     centre: DVec3,
@@ -106,10 +106,10 @@ pub(super) fn ball(
     Ok(())
 }
 
-/// A leaf of two triangles folded along its midrib: 2 triangles of `area` m² each. `along` is the midrib's direction,
-/// `normal` roughly the upper side's.
+/// Writes a leaf of two triangles of `area` m² each, folded along its midrib. `along` is the direction of the midrib,
+/// `normal` roughly that of the upper side.
 pub(super) fn leaf(out: &mut ObjFile, base: DVec3, along: DVec3, normal: DVec3, area: f64) -> Result<()> {
-    // A leaf is twice as long as it is wide: each half is length · (length/4) / 2.
+    // The leaf is twice as long as it is wide: each half has the area length · (length/4) / 2.
     let length = (8.0 * area).sqrt();
     let across = crate::geom::unit(along.cross(normal)) * (0.25 * length);
     let lift = crate::geom::unit(across.cross(along)) * (0.07 * length);
@@ -122,9 +122,9 @@ pub(super) fn leaf(out: &mut ObjFile, base: DVec3, along: DVec3, normal: DVec3, 
     out.face(numbers)
 }
 
-/// A drooping spray of four triangles of about `area` m² each: a ribbon of two quads bent downwards along its way.
+/// Writes a drooping spray of four triangles of about `area` m² each: a ribbon of two quads that bends downwards.
 pub(super) fn spray(out: &mut ObjFile, base: DVec3, along: DVec3, normal: DVec3, area: f64) -> Result<()> {
-    // A ribbon three times as long as it is wide.
+    // The ribbon is three times as long as it is wide.
     let length = (12.0 * area).sqrt();
     let across = crate::geom::unit(along.cross(normal)) * (length / 6.0);
     let droop = DVec3::NEG_Z * (0.12 * length);
@@ -140,8 +140,8 @@ pub(super) fn spray(out: &mut ObjFile, base: DVec3, along: DVec3, normal: DVec3,
     Ok(())
 }
 
-/// A bilinear patch between four corners (in order around it) with `columns` × `rows` quads; `offset` is added to the
-/// point at (u, v) of the unit square.
+/// Writes a bilinear patch between four corners (in order around it) with `columns` × `rows` quads; `offset` is added
+/// to the point at (u, v) of the unit square.
 pub(super) fn patch(
     out: &mut ObjFile,
     corners: [DVec3; 4],
@@ -157,8 +157,8 @@ pub(super) fn patch(
     })
 }
 
-/// The eight corners of a box with edges `x`, `y`, `z` (vectors) around `centre`: lower four counter-clockwise, then
-/// upper four.
+/// The eight corners of a box with edge vectors `x`, `y`, `z` around `centre`: lower four counter-clockwise, then upper
+/// four.
 pub(super) fn box_corners(centre: DVec3, x: DVec3, y: DVec3, z: DVec3) -> [DVec3; 8] {
     let at = |i: f64, j: f64, k: f64| centre + x * i + y * j + z * k;
     let (l, h) = (-0.5, 0.5);

@@ -1,11 +1,11 @@
-//! The surveys that scan generated scenes: what `scanners.xml`, `platforms.xml`, `scene.xml` and `survey.xml` hold.
+//! The texts of `scanners.xml`, `platforms.xml`, `scene.xml` and `survey.xml` of generated scenes.
 
 use super::{Kind, Part, room};
 use crate::geom::{DVec3, degrees, radians};
 use libm::{atan, tan};
 use std::fmt::Write as _;
 
-/// The texts of a survey and how many pulses it emits.
+/// The XML texts of a survey and the number of pulses that it emits.
 pub(super) struct SurveyTexts {
     pub(super) scanners: String,
     pub(super) platforms: String,
@@ -15,12 +15,12 @@ pub(super) struct SurveyTexts {
 
 const XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 
-/// `scene.xml` with its parts in order; their ids are 0, 1, ….
+/// Text of `scene.xml` with its parts in order; their ids are 0, 1, ….
 pub(super) fn scene_text(kind: Kind, parts: &[Part]) -> String {
     let mut text = format!("{XML}<document>\n  <scene id=\"{0}\" name=\"{0}\">\n", kind.name());
     for (id, part) in parts.iter().enumerate() {
         let file = format!("<param type=\"string\" key=\"filepath\" value=\"{}\"/>", part.file);
-        // Without an id every instance is a part of its own.
+        // Without an id every instance becomes a separate part.
         let (id, filter) = match part.file.rsplit('.').next() {
             Some("csv") => (String::new(), format!("<filter type=\"instances\">{file}</filter>")),
             Some("vox") => (
@@ -40,8 +40,8 @@ pub(super) fn scene_text(kind: Kind, parts: &[Part]) -> String {
     text
 }
 
-/// The survey of a scene of `extent` metres whose ground is at `ground` metres on average; `pulses` overrides the
-/// default pulse rate or resolution.
+/// The survey of a scene of `extent` metres whose mean ground height is `ground`, m. `pulses` overrides the default
+/// pulse rate or resolution.
 pub(super) fn survey_texts(kind: Kind, extent: f64, ground: f64, pulses: Option<u64>) -> SurveyTexts {
     match kind {
         Kind::Forest => Airborne::FOREST.texts(kind, extent, ground, pulses),
@@ -56,12 +56,12 @@ enum Mirror {
     Oscillating,
 }
 
-/// How an aeroplane scans.
+/// Parameters of an airborne scan.
 struct Airborne {
     mirror: Mirror,
     height: f64,
     speed: f64,
-    /// Largest half angle, degrees.
+    /// Maximum half angle, degrees.
     half_angle: f64,
     pulse_rate: f64,
     scanner_id: &'static str,
@@ -95,7 +95,7 @@ impl Airborne {
 
     fn texts(&self, kind: Kind, extent: f64, ground: f64, pulses: Option<u64>) -> SurveyTexts {
         let swath = |angle: f64| 2.0 * self.height * tan(radians(angle));
-        // Neighbouring strips overlap by an eighth at least.
+        // Neighbouring strips overlap by at least an eighth.
         let strips = (extent / (0.87 * swath(self.half_angle))).ceil().max(2.0);
         let spacing = extent / strips;
         let reach = 0.53 * extent + 0.5 * (strips - 1.0) * spacing;
@@ -107,7 +107,7 @@ impl Airborne {
         };
         let rate_for = |n: u64| n as f64 * self.speed / (strips * length * emitting);
         let rate = (pulses.map_or(self.pulse_rate, rate_for) / 100.0).round().clamp(10.0, 1e7) * 100.0;
-        // As far between lines as between the pulses of a line.
+        // Equal spacing of lines and of pulses within a line.
         let full = if self.mirror == Mirror::Polygon { self.half_angle } else { angle };
         let lines = (self.speed * rate / swath(full)).sqrt();
         let scan_rate = match self.mirror {
@@ -176,7 +176,7 @@ const TRIPOD: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>
 </document>
 ";
 
-/// Two positions of a panorama scanner.
+/// Two positions of a panoramic scanner.
 fn room_texts(extent: f64, pulses: Option<u64>) -> SurveyTexts {
     const FIELD: f64 = 105.0;
     const LINES_PER_SECOND: f64 = 120.0;
@@ -249,7 +249,7 @@ mod tests {
                 assert!(file.descendants().any(|n| n.has_tag_name(tag) && n.attribute("id") == Some(id)));
             }
             let rates: Vec<_> = document.descendants().filter_map(|n| n.attribute("pulseFreq_hz")).collect();
-            // Pulse rates are whole numbers of at most nine digits for every reader.
+            // Every reader accepts integer pulse rates of at most nine digits.
             assert!(rates.iter().all(|r| r.parse::<u32>().is_ok()), "{rates:?}");
         }
     }

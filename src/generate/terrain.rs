@@ -19,7 +19,7 @@ pub(super) const MATERIALS: Materials = Materials {
     ],
 };
 
-/// 1 M triangles are 500 m × 500 m.
+/// Default edge of the square, m: 1 M triangles cover 500 m × 500 m.
 pub(super) fn default_extent(triangles: u64) -> f64 {
     (500.0 * (triangles as f64 / 1e6).sqrt()).max(60.0)
 }
@@ -64,7 +64,7 @@ fn write_houses(seed: u64, relief: &Relief, extent: f64, folder: &Path, houses: 
     out.finish()
 }
 
-/// A house with a gable roof of its own thickness: 4 walls, 2 gables and 2 × 4 roof faces.
+/// Writes a house with a gable roof of finite thickness: 4 walls, 2 gables and 2 × 4 roof faces.
 fn house(out: &mut ObjFile, random: &mut Random, relief: &Relief, extent: f64) -> Result<()> {
     let mut at = || 0.42 * extent * (2.0 * random.unit() - 1.0);
     let (x, y) = (at(), at());
@@ -104,7 +104,8 @@ fn house(out: &mut ObjFile, random: &mut Random, relief: &Relief, extent: f64) -
         let normal = crate::geom::unit(along.cross(slope) * -side);
         let slab =
             box_corners((lower + upper) * 0.5 + normal * 0.12, along * (1.08 * length), slope, normal * 0.2);
-        // The ends towards the ridge are hidden in the other half, the two gable ends and the outer four are not.
+        // The faces towards the ridge are hidden within the other half; the two gable faces and the outer four are
+        // visible.
         let mut numbers = [0; 8];
         for (number, p) in numbers.iter_mut().zip(slab) {
             *number = out.vertex(p)?;
@@ -116,7 +117,7 @@ fn house(out: &mut ObjFile, random: &mut Random, relief: &Relief, extent: f64) -
     Ok(())
 }
 
-/// Boulders of up to a few metres, and stones until the triangles are used up (to the last seven).
+/// Writes boulders of up to a few metres, then stones until at most seven of the triangles are left.
 fn write_boulders(seed: u64, relief: &Relief, extent: f64, folder: &Path, triangles: u64) -> Result<Mesh> {
     let mut out = ObjFile::create(&folder.join("boulders.obj"), MATERIAL_FILE)?;
     out.material("rock");

@@ -8,7 +8,7 @@ use crate::geom::{DVec3, unit};
 use libm::{cos, sin};
 use std::f64::consts::{PI, TAU};
 
-/// What grows in the forest.
+/// Plants of the forest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Species {
     Spruce,
@@ -63,7 +63,7 @@ impl Species {
         }
     }
 
-    /// Where the crown begins, share of the height.
+    /// Height of the crown's base, as a fraction of the tree's height.
     fn crown_base(self) -> f64 {
         match self {
             Species::Spruce => 0.14,
@@ -73,10 +73,10 @@ impl Species {
     }
 }
 
-/// Leaves of meshes with few triangles would otherwise become sails.
+/// Maximum area of a leaf, m²; meshes with few triangles would otherwise have implausibly large leaves.
 const MAX_LEAF_AREA: f64 = 0.6;
 
-/// A tree that stands somewhere.
+/// A tree and its position.
 pub(super) struct Tree {
     pub(super) species: Species,
     number: u64,
@@ -92,18 +92,18 @@ impl Tree {
         Tree { species, number, foot, height, radius }
     }
 
-    /// Its number in the stand.
     pub(super) fn number(&self) -> u64 {
         self.number
     }
 
-    /// Centre and half axes of an ellipsoid about the crown.
+    /// Centre and half axes of an ellipsoid around the crown, m.
     pub(super) fn crown(&self) -> (DVec3, DVec3) {
         let (base, half) = (self.species.crown_base(), 0.5 * self.height * (1.0 - self.species.crown_base()));
         (self.foot + DVec3::Z * (base * self.height + half), DVec3::new(self.radius, self.radius, half))
     }
 
-    /// Leaf area of the crown, m²: trees share the triangles by it, so that leaves are of one size everywhere.
+    /// Leaf area of the crown, m². Triangles are distributed in proportion to it, so that all leaves have about the
+    /// same size.
     pub(super) fn leaf_area(&self) -> f64 {
         self.species.leaf_area_index() * PI * self.radius * self.radius
     }
@@ -125,7 +125,7 @@ impl Tree {
         }
     }
 
-    /// The trunk's axis from a little below the ground to near the top, slightly curved, with its radius.
+    /// Axis of the trunk from a little below the ground to near the top, slightly curved, as points with radii.
     fn trunk(&self, random: &mut Random, segments: u64) -> Vec<(DVec3, f64)> {
         let (dx, dy) = random.heading();
         let sway = 0.03 * self.height * random.unit();
@@ -155,7 +155,8 @@ impl Tree {
         const PER_WHORL: f64 = 9.0;
         let base = self.species.crown_base() * self.height;
         let whorls = (0.9 * (self.height - base)).round().max(4.0);
-        // The bough at crown level t (0 = lowest) with the given share of a turn: root and outward direction.
+        // Root and outward direction of the bough at crown level t (0 = lowest) and azimuth `turn`, as a fraction of a
+        // turn.
         let bough = |t: f64, turn: f64| {
             let angle = TAU * turn;
             let root = on_axis(trunk, (base + t * (self.height - base)) / self.height);
@@ -170,8 +171,8 @@ impl Tree {
         out.material(self.species.foliage());
         let mut left = pairs;
         while left > 0 {
-            // Boughs get shorter upwards, so their number of needles does: density falls as 1 − t.
-            // The tip keeps some all the same.
+            // Boughs get shorter upwards and so bear fewer needles: the density falls as 1 − t. The tip keeps some
+            // nevertheless.
             let falling = 1.0 - (1.0 - random.unit()).sqrt();
             let level = (if random.unit() < 0.12 { 1.0 - 0.5 * falling } else { falling }) * whorls;
             let t = (level.floor() + 0.6 * random.unit()) / whorls;
@@ -231,7 +232,7 @@ impl Tree {
     }
 }
 
-/// A low round bush of `pairs` leaves.
+/// Writes a low round bush of `pairs` leaves.
 pub(super) fn shrub(out: &mut ObjFile, seed: u64, number: u64, foot: DVec3, pairs: u64) -> Result<()> {
     let mut random = Random::new(seed, Topic::Shrub, number);
     let radius = random.between(0.5, 1.1);
@@ -245,7 +246,7 @@ pub(super) fn shrub(out: &mut ObjFile, seed: u64, number: u64, foot: DVec3, pair
     Ok(())
 }
 
-/// A leaf whose upper side looks outwards and up, give or take.
+/// Writes a leaf whose upper side faces roughly outwards and up.
 pub(super) fn leaf_around(
     out: &mut ObjFile,
     random: &mut Random,
@@ -259,7 +260,7 @@ pub(super) fn leaf_around(
     leaf(out, place, u * c + v * s, normal, area)
 }
 
-/// How many of a tree's triangles are wood: about a seventh.
+/// Number of a tree's triangles that are wood: about a seventh.
 struct Wood {
     sides: u64,
     segments: u64,
@@ -285,10 +286,10 @@ impl Wood {
     }
 }
 
-/// The fewest triangles that a tree can be written with.
+/// Minimum number of triangles of a tree.
 pub(super) const MIN_TREE_TRIANGLES: u64 = 20;
 
-/// The point of the trunk's axis at share `t` of the tree's height.
+/// The point of the trunk's axis at the fraction `t` of the tree's height.
 fn on_axis(trunk: &[(DVec3, f64)], t: f64) -> DVec3 {
     let at = t.clamp(0.0, 1.0) * (trunk.len() - 1) as f64;
     let i = (at as usize).min(trunk.len() - 2);
