@@ -29,7 +29,6 @@ pub enum Attribute {
 }
 
 impl Attribute {
-    /// Number of attributes.
     pub const COUNT: usize = 10;
 
     const ALL: [Attribute; Attribute::COUNT] = [
@@ -51,8 +50,8 @@ impl Attribute {
     /// The three components of the normal.
     pub const NORMAL: [Attribute; 3] = [Attribute::NormalX, Attribute::NormalY, Attribute::NormalZ];
 
-    /// The names that programs give the attribute, in lower case and without underscores. Where a file has several of
-    /// them, the first of this list counts.
+    /// The names that programs use for the attribute, in lower case and without underscores. If a file has several of
+    /// them, the first in this list counts.
     fn names(self) -> &'static [&'static str] {
         match self {
             Attribute::X => &["x"],
@@ -68,7 +67,7 @@ impl Attribute {
         }
     }
 
-    /// What a value of the attribute is, for messages.
+    /// Description of a value of the attribute, for messages.
     pub fn described(self) -> &'static str {
         match self {
             Attribute::X => "x, a number of metres",
@@ -83,13 +82,13 @@ impl Attribute {
     }
 }
 
-/// For each attribute the column that holds it.
+/// The column of each attribute.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Columns([Option<usize>; Attribute::COUNT]);
 
 impl Columns {
-    /// Finds the columns by their names, compared without case, underscores, units in brackets and the prefix of
-    /// CloudCompare's scalar fields.
+    /// Finds the columns by their names, which are compared ignoring case, underscores, units in brackets and the
+    /// prefix of CloudCompare's scalar fields.
     pub fn find<'n>(names: impl IntoIterator<Item = &'n str>) -> Columns {
         let names: Vec<String> = names.into_iter().map(plain).collect();
         let column = |attribute: Attribute| {
@@ -98,33 +97,31 @@ impl Columns {
         Columns(Attribute::ALL.map(column))
     }
 
-    /// These columns and one more.
+    /// Adds a column.
     pub fn with(mut self, attribute: Attribute, column: usize) -> Columns {
         self.0[attribute as usize] = Some(column);
         self
     }
 
-    /// The column of an attribute.
     pub fn get(&self, attribute: Attribute) -> Option<usize> {
         self.0[attribute as usize]
     }
 
-    /// Whether an attribute has a column.
     pub fn has(&self, attribute: Attribute) -> bool {
         self.get(attribute).is_some()
     }
 
-    /// The columns that hold attributes.
+    /// The attributes that have a column, with the columns.
     pub fn used(&self) -> impl Iterator<Item = (Attribute, usize)> {
         Attribute::ALL.into_iter().filter_map(|a| Some((a, self.get(a)?)))
     }
 
-    /// The point of a row whose column `i` has the number `value(i)`. A coordinate without a column is NaN.
+    /// The point of a row, where `value(i)` is the number in column `i`. A coordinate without a column is NaN.
     pub fn row(&self, value: impl Fn(usize) -> f64) -> PointRow {
         let number = |attribute| self.get(attribute).map(&value);
         let vector = |of: [Attribute; 3]| DVec3::from(of.map(|a| number(a).unwrap_or(f64::NAN)));
         let has_normal = Attribute::NORMAL.iter().all(|a| self.has(*a));
-        // A cast of a float saturates; NaN becomes 0.
+        // A cast from float saturates; NaN becomes 0.
         PointRow {
             position: vector(Attribute::POSITION),
             normal: has_normal.then(|| vector(Attribute::NORMAL)),
@@ -136,7 +133,7 @@ impl Columns {
     }
 }
 
-/// A column's name as [`Attribute::names`] has it.
+/// Normalises a column's name to the form used in [`Attribute::names`].
 fn plain(name: &str) -> String {
     let name = name.find(['[', '(']).map_or(name, |at| &name[..at]);
     let name: String = name.trim().chars().filter(|c| *c != '_').map(|c| c.to_ascii_lowercase()).collect();

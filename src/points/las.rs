@@ -7,14 +7,14 @@ use laz::las::selective::DecompressionSelection;
 use laz::{LasZipDecompressor, LazVlr};
 use std::io::{Cursor, Seek};
 
-/// Length of a record of point formats 0 to 10 without extra bytes.
+/// Lengths of a record of point formats 0 to 10 without extra bytes, bytes.
 const MIN_RECORD_BYTES: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
 
-/// The bit of the format's byte that says that records are compressed, and the bits of the format itself.
+/// Bit of the format byte that marks compressed records; the bits of the format itself.
 const COMPRESSED: u8 = 0x80;
 const FORMAT: u8 = 0x3f;
 
-/// Whether a file begins as LAS files do.
+/// Whether a file begins with the signature of LAS files.
 pub fn is_las(bytes: &[u8]) -> bool {
     bytes.starts_with(b"LASF")
 }
@@ -23,7 +23,6 @@ pub fn is_las(bytes: &[u8]) -> bool {
 pub struct LasReader<'a> {
     file: Fields<'a>,
     records: Records<'a>,
-    /// What the header says of the records.
     pub header: Header,
     record: Vec<u8>,
     at: u64,
@@ -41,34 +40,32 @@ struct Compressed<'a> {
     decompressor: LasZipDecompressor<'a, Cursor<&'a [u8]>>,
     /// Number of layers of a chunk, if chunks are layered.
     layers: Option<usize>,
-    /// Number of the first point of the next chunk, whose layers are to be checked before they are decompressed.
+    /// Number of the first point of the next chunk. The layers of that chunk are checked before they are decompressed.
     next_chunk: u64,
 }
 
-/// What the header of a file says of its records.
+/// The properties of the records, from the header of a file.
 #[derive(Clone, Debug)]
 pub struct Header {
     /// Point format, 0 to 10.
     pub format: u8,
-    /// Number of points.
     pub count: u64,
     record_length: u16,
     scale: DVec3,
     offset: DVec3,
-    /// Centre of the bounding box.
     centre: DVec3,
 }
 
 /// Which fields of compressed records are decompressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Selection {
-    /// Position and class.
+    /// Position and class only.
     PositionAndClass,
-    /// The whole record.
+    /// All fields.
     All,
 }
 
-/// The numbers in the bytes of a file.
+/// Little-endian numbers in the bytes of a file.
 #[derive(Clone, Copy)]
 struct Fields<'a>(&'a [u8]);
 
@@ -99,7 +96,7 @@ impl<'a> Fields<'a> {
         Ok(DVec3::new(self.f64(at)?, self.f64(at + 8)?, self.f64(at + 16)?))
     }
 
-    /// The data of a variable length record, also of an extended one (LAS 1.4).
+    /// The data of a variable length record, or of an extended one (LAS 1.4).
     fn variable_record(self, user: &str, id: u16) -> Result<Option<&'a [u8]>, String> {
         let (header_size, count) = (self.u16(94)?, self.u32(100)?);
         let normal = (usize::from(header_size), u64::from(count), 54);
@@ -139,7 +136,7 @@ impl Header {
             true => file.u64(247)?,
             false => u64::from(file.u32(107)?),
         };
-        // The box is stated as the greatest and the least x, then y, then z.
+        // The header states the maximum and minimum of x, then of y, then of z.
         let middle = |at| Ok::<f64, String>(0.5 * (file.f64(at + 8)? + file.f64(at)?));
         let header = Header {
             format,
@@ -193,7 +190,7 @@ impl<'a> LasReader<'a> {
         Ok(reader)
     }
 
-    /// Extra dimensions that hold the unscaled amplitude and the object.
+    /// The extra dimensions with the unscaled amplitude and the object.
     fn shown_dimensions(&self) -> Result<(Option<ExtraDimension>, Option<ExtraDimension>), String> {
         let all = self.extra_dimensions()?;
         let columns = Columns::find(all.iter().map(|(name, _)| name.as_str()));
@@ -215,14 +212,15 @@ impl<'a> LasReader<'a> {
             let (kind, options) = (descriptor[2], descriptor[3]);
             let name = descriptor[4..36].split(|&b| b == 0).next().unwrap_or_default();
             let dimension = ExtraDimension { offset, kind };
-            // Type 0 is a run of bytes whose number stands in the options.
+            // Type 0 is a sequence of bytes whose length is in the options field.
             offset += if kind == 0 { usize::from(options) } else { size_of_kind(kind) };
             (String::from_utf8_lossy(name).into_owned(), dimension)
         };
         Ok(descriptors.chunks_exact(DESCRIPTOR_BYTES).map(dimension).collect())
     }
 
-    /// Calls `take` with the bytes of some records and their positions; `false` after the last one.
+    /// Calls `take` with the bytes and the position of each record of the next batch; returns `false` after the last
+    /// one.
     pub fn read_records(&mut self, mut take: impl FnMut(&[u8], DVec3)) -> Result<bool, String> {
         let end = self.header.count.min(self.at + BATCH_POINTS as u64);
         without_panic(|| {
@@ -300,7 +298,7 @@ impl PointReader for LasReader<'_> {
     }
 }
 
-/// An extra dimension of the points: where it stands in a record, and its data type.
+/// An extra dimension of the points: its offset in a record and its data type.
 #[derive(Clone, Copy, Debug)]
 pub struct ExtraDimension {
     offset: usize,
@@ -308,7 +306,7 @@ pub struct ExtraDimension {
 }
 
 impl ExtraDimension {
-    /// Its value in a record; `None` where its type is no number. Scale and offset are not applied.
+    /// Its value in a record; `None` if its type is not numeric. Scale and offset are not applied.
     pub fn value(self, record: &[u8]) -> Option<f64> {
         let bytes = record.get(self.offset..self.offset + size_of_kind(self.kind))?;
         Some(match self.kind {
@@ -327,7 +325,7 @@ impl ExtraDimension {
     }
 }
 
-/// Bytes of an extra-bytes data type (LAS 1.4 table 24).
+/// Size of an extra-bytes data type, bytes (LAS 1.4 table 24).
 fn size_of_kind(kind: u8) -> usize {
     match kind {
         1 | 2 => 1,
@@ -338,7 +336,7 @@ fn size_of_kind(kind: u8) -> usize {
     }
 }
 
-/// Calls `read`, in which `laz` may panic on damaged data.
+/// Calls `read` and turns a panic of `laz` on damaged data into an error.
 fn without_panic<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     let done = damage::catch_decoder_panic(read);
     done.unwrap_or_else(|| Err("its compressed points are damaged; is the file whole?".to_owned()))
@@ -372,7 +370,7 @@ impl<'a> Compressed<'a> {
         Ok(Compressed { decompressor, layers, next_chunk: 0 })
     }
 
-    /// The sum of the items' sizes, and the number of layers of a chunk if the items are layered.
+    /// The sum of the item sizes, bytes, and the number of layers of a chunk if the items are layered.
     fn items(record: &[u8]) -> Result<(u32, Option<usize>), String> {
         const POINT_14: u16 = 10;
         const BYTES_14: u16 = 14;
@@ -393,7 +391,7 @@ impl<'a> Compressed<'a> {
         Ok((size, layered.then_some(layers)))
     }
 
-    /// Checks that the layers of the chunk that begins with point number `at`, if one does, lie within the file. The
+    /// Checks that the layers of the chunk starting at point number `at`, if one does, lie within the file. The
     /// decompressor allocates memory for them before it reads them.
     fn check_chunk(&mut self, at: u64, record_length: usize) -> Result<(), String> {
         let Some(layers) = self.layers.filter(|_| at == self.next_chunk) else { return Ok(()) };
@@ -415,12 +413,11 @@ impl<'a> Compressed<'a> {
     }
 }
 
-/// Checks that the table of chunks is no longer than the file can hold: the decompressor allocates memory for it before
-/// it reads it.
+/// Checks that the chunk table is no longer than the file: the decompressor allocates memory for it before it reads it.
 fn check_chunk_table(file: Fields, data_at: usize, points: u64) -> Result<(), String> {
     let Ok(mut at) = file.u64(data_at) else { return Err("the file ends before its points".to_owned()) };
     if at <= data_at as u64 || at >= i64::MAX as u64 {
-        // Writers that cannot seek put it at the end of the file.
+        // Writers that cannot seek store the offset of the table at the end of the file.
         at = file.u64(file.0.len().saturating_sub(8))?;
     }
     let Ok(at) = usize::try_from(at) else { return Ok(()) };

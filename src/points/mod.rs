@@ -18,35 +18,33 @@ pub use ply::{PlyReader, is_ply};
 
 use crate::geom::DVec3;
 
-/// Points that [`PointReader::read_batch`] appends at most.
+/// Maximum number of points that one call of [`PointReader::read_batch`] appends.
 const BATCH_POINTS: usize = 1 << 16;
 
-/// A point as its file describes it; attributes that the file lacks are 0.
+/// A point as stored in its file; attributes that the file lacks are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PointRow {
-    /// In the units of the file, not checked.
+    /// In the units of the file; not validated.
     pub position: DVec3,
-    /// Surface normal of any length, not checked.
+    /// Surface normal of any length; not validated.
     pub normal: Option<DVec3>,
-    /// Strength of the return.
     pub intensity: f32,
-    /// Point class.
     pub class: u8,
-    /// Number of the return, from 1.
+    /// Return number, from 1.
     pub return_number: u8,
     /// Number of the object that was hit.
     pub object: i64,
 }
 
-/// A file whose points are read one after the other.
+/// Reads the points of a file in order.
 pub trait PointReader {
     /// Whether the file has an attribute.
     fn has(&self, attribute: Attribute) -> bool;
 
-    /// The centre of the points by the file's header, if it states one.
+    /// The centre of the points according to the file's header, if it states one.
     fn stated_centre(&self) -> Option<DVec3>;
 
-    /// Appends some points, in the order of the file; `false` after the last one. An error tells what is wrong with the
-    /// file.
+    /// Appends the next points, in the order of the file; returns `false` after the last one. The error describes what
+    /// is wrong with the file.
     fn read_batch(&mut self, batch: &mut Vec<PointRow>) -> Result<bool, String>;
 }

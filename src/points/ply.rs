@@ -1,4 +1,4 @@
-//! PLY files, text and binary: their vertices.
+//! Reads the vertices of PLY files, text and binary.
 
 use super::{Attribute, BATCH_POINTS, Columns, PointReader, PointRow};
 use crate::geom::DVec3;
@@ -9,29 +9,29 @@ use ply_rs_bw::ply::{
 };
 use std::io::{BufRead, Read};
 
-/// Longest line of a text file that is read: a file without line ends must not fill the memory.
+/// Maximum length of a line of a text file, bytes: a file without line ends must not fill the memory.
 const MAX_LINE_BYTES: u64 = 1 << 16;
 
-/// Whether a file begins as PLY files do.
+/// Whether a file begins with the signature of PLY files.
 pub fn is_ply(bytes: &[u8]) -> bool {
     matches!(bytes, [b'p', b'l', b'y', b'\r' | b'\n', ..])
 }
 
-/// Reads the vertices of a file from first to last.
+/// Reads the vertices of a file in order.
 pub struct PlyReader<'a> {
     parser: Parser<Vertex>,
     encoding: Encoding,
     element: ElementDef,
-    /// The bytes after the header that are not yet read.
+    /// The unread bytes after the header.
     rest: &'a [u8],
-    /// The attributes that the vertices have, each with its own number as column.
+    /// The attributes of the vertices; the column of each is the number of the attribute.
     columns: Columns,
     line: String,
     at: usize,
 }
 
 impl<'a> PlyReader<'a> {
-    /// Reads the header of a file and passes over the elements before the vertices.
+    /// Reads the header of a file and skips the elements before the vertices.
     pub fn open(bytes: &'a [u8]) -> Result<PlyReader<'a>, String> {
         let parser = Parser::<Vertex>::new();
         let mut reader = Reader::new(bytes);
@@ -81,8 +81,8 @@ impl<'a> PlyReader<'a> {
     }
 }
 
-/// Renames the properties that hold attributes to the attributes' numbers, so that names are compared once per file and
-/// not once per vertex.
+/// Renames the properties that hold attributes to the attributes' numbers, so that names are compared once per file
+/// instead of once per vertex.
 fn number_properties(element: &mut ElementDef) -> Columns {
     let found = Columns::find(element.properties.keys().map(String::as_str));
     let (mut numbered, mut columns) = (KeyMap::new(), Columns::default());
@@ -120,7 +120,7 @@ impl PointReader for PlyReader<'_> {
     }
 }
 
-/// The numbers of a vertex by attribute.
+/// The values of a vertex, by attribute.
 struct Vertex([f64; Attribute::COUNT]);
 
 impl PropertyAccess for Vertex {
@@ -140,7 +140,7 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// A property as a number; `None` for a list.
+/// The value of a property as a number; `None` for a list.
 fn number(property: &Property) -> Option<f64> {
     Some(match *property {
         Property::Char(v) => f64::from(v),

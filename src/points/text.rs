@@ -1,14 +1,14 @@
-//! Splits and parses lines of text that hold a point each.
+//! Splits and parses lines of text with one point each.
 
 use super::{Attribute, Columns, PointRow};
 use std::ops::Range;
 
-/// Whether `byte` separates words of a line. A carriage return does, so that CRLF files need no further care.
+/// Whether `byte` separates words of a line. This includes the carriage return, which handles CRLF line ends.
 pub fn is_blank(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\r' | 0x0b | 0x0c)
 }
 
-/// The number that `word` is, if the whole of it is one.
+/// Parses `word` as a number; `None` unless all of it is one.
 pub fn float(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
@@ -18,15 +18,15 @@ pub fn is_skipped(line: &[u8]) -> bool {
     matches!(line.trim_ascii_start(), [] | [b'/', b'/', ..] | [b'#', ..]) || line.iter().all(|&b| is_blank(b))
 }
 
-/// The characters that separate columns. Blanks may be repeated; other separators enclose empty words.
+/// The characters that separate columns. Blanks may be repeated; every other separator delimits a column, possibly
+/// empty.
 #[derive(Clone, Copy, Debug)]
 pub struct Separators<'a>(pub &'a [u8]);
 
 impl Separators<'static> {
-    /// Blanks.
     pub const BLANKS: Separators<'static> = Separators(b" ");
 
-    /// Commas or semicolons if the line has any, else blanks.
+    /// Commas or semicolons if the line has any, otherwise blanks.
     pub fn guess(line: &[u8]) -> Separators<'static> {
         match line.iter().any(|b| matches!(b, b',' | b';')) {
             true => Separators(b",;"),
@@ -57,7 +57,7 @@ impl<'a> Separators<'a> {
     }
 }
 
-/// Whether a line names columns: it has three words or more, each of which begins with a letter and is no number.
+/// Whether a line is a heading: it has at least three words, each of which begins with a letter and is not a number.
 pub fn is_heading(line: &[u8], words: &[Range<usize>]) -> bool {
     let is_name = |at: &Range<usize>| {
         let word = line[at.clone()].trim_ascii();
@@ -67,18 +67,17 @@ pub fn is_heading(line: &[u8], words: &[Range<usize>]) -> bool {
     words.len() >= 3 && words.iter().all(is_name)
 }
 
-/// A column that lacks a number.
+/// A column without a usable number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadColumn {
-    /// What it should hold.
     pub attribute: Attribute,
-    /// Where its word stands in the line; empty at the end of a line that is too short.
+    /// Position of its word in the line; empty, at the end, for a line that is too short.
     pub at: Range<usize>,
 }
 
 impl Columns {
-    /// Parses the words of a line. Normals are optional: they are absent where the line is too short for them, and NaN
-    /// where they are no numbers. The object need not be a number.
+    /// Parses the words of a line. Normals are optional: they are absent if the line is too short for them, and NaN if
+    /// they are not numbers. The object need not be a number.
     pub fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, BadColumn> {
         let number = |column: usize| words.get(column).and_then(|at| float(line[at.clone()].trim_ascii()));
         for (attribute, column) in self.used() {
