@@ -5,7 +5,7 @@ use bytemuck::AnyBitPattern;
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::Arc;
 
-/// An array in memory or in a mapped file, read as a slice. Changing a mapped array copies it into memory first.
+/// An array in memory or in a mapped file, read as a slice. Changing a mapped array first copies it into memory.
 #[derive(Clone)]
 pub struct Store<T>(Data<T>);
 
@@ -16,12 +16,11 @@ enum Data<T> {
 }
 
 impl<T> Store<T> {
-    /// An empty array.
     pub const fn new() -> Store<T> {
         Store(Data::Owned(Vec::new()))
     }
 
-    /// Bytes of memory held; none for a mapped array, whose pages the system can evict at any time.
+    /// Bytes of memory held; 0 for a mapped array, whose pages the system can evict at any time.
     pub fn memory(&self) -> usize {
         match &self.0 {
             Data::Owned(values) => values.capacity() * size_of::<T>(),
@@ -31,7 +30,8 @@ impl<T> Store<T> {
 }
 
 impl<T: AnyBitPattern> Store<T> {
-    /// The bytes `at` of a file as values. `None` unless they lie within it, aligned, and are a whole number of values.
+    /// Interprets the bytes `at` of a file as values. `None` unless the range lies within the file, is aligned, and has
+    /// a multiple of the size of `T`.
     pub(super) fn mapped(file: &Arc<FileBytes>, at: Range<usize>) -> Option<Store<T>> {
         MappedArray::new(file, at).map(|values| Store(Data::Mapped(values)))
     }
@@ -56,7 +56,7 @@ impl<T: Clone> DerefMut for Store<T> {
 }
 
 impl<T: Clone> Store<T> {
-    /// The array as a vector in memory.
+    /// The array as a mutable vector; a mapped array is copied into memory first.
     pub fn to_mut(&mut self) -> &mut Vec<T> {
         if let Data::Mapped(_) = self.0 {
             self.0 = Data::Owned(self.to_vec());
@@ -67,27 +67,22 @@ impl<T: Clone> Store<T> {
         }
     }
 
-    /// Like [`Vec::push`].
     pub fn push(&mut self, value: T) {
         self.to_mut().push(value);
     }
 
-    /// Like [`Vec::extend`].
     pub fn extend(&mut self, values: impl IntoIterator<Item = T>) {
         self.to_mut().extend(values);
     }
 
-    /// Like [`Vec::append`].
     pub fn append(&mut self, values: &mut Vec<T>) {
         self.to_mut().append(values);
     }
 
-    /// Like [`Vec::truncate`].
     pub fn truncate(&mut self, len: usize) {
         self.to_mut().truncate(len);
     }
 
-    /// Like [`Vec::split_off`].
     pub fn split_off(&mut self, at: usize) -> Vec<T> {
         self.to_mut().split_off(at)
     }

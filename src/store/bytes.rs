@@ -1,5 +1,5 @@
-//! Encodes small values one after the other, little-endian and bit for bit. The bytes carry no types of their own: a
-//! checksum guards them, and the reader asks for what the writer wrote.
+//! Encodes small values one after the other, little-endian and bit for bit. The encoding carries no types: a checksum
+//! protects it, and the reader must request the types that the writer wrote, in the same order.
 
 use crate::geom::DVec3;
 
@@ -8,22 +8,19 @@ use crate::geom::DVec3;
 pub struct ByteWriter(Vec<u8>);
 
 impl ByteWriter {
-    /// The bytes written so far.
     pub fn bytes(&self) -> &[u8] {
         &self.0
     }
 
-    /// Appends an integer.
     pub fn u64(&mut self, value: u64) {
         self.0.extend(value.to_le_bytes());
     }
 
-    /// Appends the bits of a number.
+    /// Appends the bits of a float.
     pub fn f64(&mut self, value: f64) {
         self.u64(value.to_bits());
     }
 
-    /// Appends three numbers.
     pub fn vector(&mut self, value: DVec3) {
         value.to_array().into_iter().for_each(|x| self.f64(x));
     }
@@ -38,13 +35,13 @@ impl ByteWriter {
         self.blob(value.as_bytes());
     }
 
-    /// Appends bytes with their number.
+    /// Appends the number of bytes, then the bytes.
     pub fn blob(&mut self, value: &[u8]) {
         self.u64(value.len() as u64);
         self.0.extend(value);
     }
 
-    /// Appends a flag and, if there is one, the value.
+    /// Appends a flag and, if there is a value, the value.
     pub fn option<T>(&mut self, value: Option<T>, write: impl FnOnce(&mut ByteWriter, T)) {
         self.flag(value.is_some());
         if let Some(value) = value {
@@ -52,14 +49,14 @@ impl ByteWriter {
         }
     }
 
-    /// Appends values with their number.
+    /// Appends the number of values, then the values.
     pub fn list<T>(&mut self, values: &[T], mut write: impl FnMut(&mut ByteWriter, &T)) {
         self.u64(values.len() as u64);
         values.iter().for_each(|value| write(self, value));
     }
 }
 
-/// The bytes end before a value is complete, or encode no value of the wanted type.
+/// The bytes end before a value is complete, or do not encode a value of the requested type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnexpectedEnd;
 
@@ -74,7 +71,6 @@ impl<'a> ByteReader<'a> {
         Ok(taken)
     }
 
-    /// Reads an integer.
     pub fn u64(&mut self) -> Result<u64, UnexpectedEnd> {
         self.take(8)?.try_into().map(u64::from_le_bytes).map_err(|_| UnexpectedEnd)
     }
@@ -89,33 +85,27 @@ impl<'a> ByteReader<'a> {
         usize::try_from(self.u64()?).map_err(|_| UnexpectedEnd)
     }
 
-    /// Reads the bits of a number.
     pub fn f64(&mut self) -> Result<f64, UnexpectedEnd> {
         self.u64().map(f64::from_bits)
     }
 
-    /// Reads three numbers.
     pub fn vector(&mut self) -> Result<DVec3, UnexpectedEnd> {
         Ok(DVec3::new(self.f64()?, self.f64()?, self.f64()?))
     }
 
-    /// Reads a boolean.
     pub fn flag(&mut self) -> Result<bool, UnexpectedEnd> {
         Ok(self.take(1)? != [0])
     }
 
-    /// Reads a string.
     pub fn text(&mut self) -> Result<String, UnexpectedEnd> {
         String::from_utf8(self.blob()?.to_vec()).map_err(|_| UnexpectedEnd)
     }
 
-    /// Reads bytes with their number.
     pub fn blob(&mut self) -> Result<&'a [u8], UnexpectedEnd> {
         let count = self.size()?;
         self.take(count)
     }
 
-    /// Reads a value that may be absent.
     pub fn option<T>(
         &mut self,
         read: impl FnOnce(&mut ByteReader<'a>) -> Result<T, UnexpectedEnd>,
@@ -123,13 +113,12 @@ impl<'a> ByteReader<'a> {
         if self.flag()? { read(self).map(Some) } else { Ok(None) }
     }
 
-    /// Reads a list of values.
     pub fn list<T>(
         &mut self,
         mut read: impl FnMut(&mut ByteReader<'a>) -> Result<T, UnexpectedEnd>,
     ) -> Result<Vec<T>, UnexpectedEnd> {
         let count = self.u64()?;
-        // Every value takes a byte or more, so a wrong count cannot make this allocate more than that.
+        // Every value takes at least one byte, so a corrupt count cannot cause a larger allocation than this.
         (0..count.min(self.0.len() as u64 + 1)).map(|_| read(self)).collect()
     }
 }

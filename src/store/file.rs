@@ -1,14 +1,14 @@
-//! A file of named arrays, to be mapped.
+//! File format of named arrays, for mapping.
 //!
 //! ```text
-//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ offset, length, checksum of the table │ length of the file │ checksum
+//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ table: offset, length, checksum │ file length │ checksum
 //! 64   arrays, each at a multiple of 64, padded with zeros
 //!      table: for each array its name, first and last offset, bytes of an element, checksum
 //! ```
 //!
-//! Opening checks the header and the table, which takes microseconds whatever the size: it finds files of another format,
-//! version or byte order, truncated and extended ones, and damage outside of the arrays. The checksums of the arrays
-//! require reading all of them and are compared by [`ArrayFile::verify`] only.
+//! Opening checks the header and the table, which takes microseconds for any file size: it detects other formats,
+//! versions and byte orders, truncated and extended files, and damage outside the arrays. Comparing the checksums of
+//! the arrays requires reading all of them and is done by [`ArrayFile::verify`] only.
 
 use super::array::Store;
 use super::bytes::{ByteReader, ByteWriter, UnexpectedEnd};
@@ -26,18 +26,18 @@ use xxhash_rust::xxh3::xxh3_64;
 
 const MAGIC: &[u8; 8] = b"VLSCENE\n";
 
-/// Version of the contents; incremented whenever the elements of an array or anything else changes its meaning.
+/// Version of the contents; incremented whenever the meaning of any content changes, such as the elements of an array.
 const VERSION: u32 = 2;
 
-/// Written in native byte order: a machine of the other order reads another number.
+/// Written in native byte order; a machine of the opposite order reads a different number.
 const BYTE_ORDER: u32 = 0x0102_0304;
 
 const HEADER_BYTES: usize = 64;
 
-/// Offsets of arrays are multiples of this, which satisfies the alignment of every element type.
+/// Offsets of arrays are multiples of this number of bytes, which satisfies the alignment of every element type.
 const ALIGNMENT: u64 = 64;
 
-/// Writes a file of arrays, which gets its name when it is complete.
+/// Writes a file of arrays under a temporary name; the final name is set when it is complete.
 pub struct ArrayFileWriter {
     temporary: TemporaryFile,
     out: BufWriter<File>,
@@ -63,7 +63,6 @@ impl ArrayFileWriter {
         Ok(writer)
     }
 
-    /// Appends an array.
     pub fn array<T: NoUninit>(&mut self, name: impl Into<String>, values: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         let gap = self.at.next_multiple_of(ALIGNMENT) - self.at;
@@ -75,7 +74,7 @@ impl ArrayFileWriter {
         Ok(())
     }
 
-    /// Completes the file. Returns its length.
+    /// Completes the file and returns its length, bytes.
     pub fn finish(mut self) -> Result<u64> {
         let mut table = ByteWriter::default();
         table.list(&self.table, |w, e| {
@@ -138,7 +137,6 @@ impl ArrayFile {
         Ok(ArrayFile { path: path.to_path_buf(), bytes: Arc::new(bytes), table })
     }
 
-    /// The file's name.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -148,7 +146,7 @@ impl ArrayFile {
         self.bytes.len() as u64
     }
 
-    /// An array by its name. The error tells why it cannot be used.
+    /// An array by its name. The error is the reason why it cannot be used.
     pub fn array<T: AnyBitPattern>(&self, name: &str) -> std::result::Result<Store<T>, String> {
         let entry = self.table.iter().find(|e| e.name == name);
         let entry = entry.ok_or_else(|| format!("it lacks the array {name}"))?;
@@ -168,7 +166,7 @@ impl ArrayFile {
     /// Reads all arrays and compares their checksums.
     ///
     /// # Errors
-    /// [`Error::Input`] that names the damaged arrays.
+    /// [`Error::Input`] with the names of the damaged arrays.
     pub fn verify(&self) -> Result<()> {
         let sum = |e: &Entry| self.bytes.get(e.bytes.start as usize..e.bytes.end as usize).map(xxh3_64);
         let damaged: Vec<&str> =
@@ -179,7 +177,7 @@ impl ArrayFile {
         Err(self.refuse(&format!("it is damaged: the checksums of {} differ", damaged.join(", "))))
     }
 
-    /// The error that this file cannot be used.
+    /// The error for a file that cannot be used.
     pub fn refuse(&self, reason: &str) -> Error {
         refuse(&self.path, reason)
     }
@@ -282,7 +280,7 @@ mod tests {
         }
         for at in 0..whole.len() {
             with(&|b| b[at] ^= 16);
-            // Padding is not checked; any other change is found, at the latest by the checksum of an array.
+            // Padding is not checked; any other change is detected, at the latest by the checksum of an array.
             let found = ArrayFile::open(&path).and_then(|a| a.verify());
             let is_padding = whole[at] == 0 && (56..whole.len() - 140).contains(&at);
             assert!(found.is_err() || is_padding, "a change of byte {at} is not found");

@@ -1,10 +1,10 @@
-//! Files that are mapped into memory, and arrays within them. The only `unsafe` code of this module.
+//! Memory-mapped files and the arrays within them. The only `unsafe` code of this module.
 //!
-//! A mapping is shared with the file: what another program writes to the file while it is mapped becomes visible here, and
-//! reading a page beyond the end of a file that was shortened meanwhile ends the process (`SIGBUS`). That is accepted, as
-//! by every program that maps its input: copying gigabytes of scene before each run would cost more than the fault is
-//! worth, and a file that changes during a run has no correct result either way. Arrays of a changed file may hold other
-//! numbers, but never invalid values: their types accept every bit pattern ([`AnyBitPattern`]).
+//! A mapping is shared with the file: what another program writes to the file while it is mapped becomes visible here,
+//! and reading a page beyond the end of a file that was shortened meanwhile ends the process (`SIGBUS`). This is
+//! accepted, as in other programs that map their input: copying gigabytes of scene before each run would cost more than
+//! the fault, and a file that changes during a run has no correct result either way. Arrays of a changed file may hold
+//! other numbers, but never invalid values: their types accept every bit pattern ([`AnyBitPattern`]).
 #![allow(unsafe_code)]
 
 use bytemuck::AnyBitPattern;
@@ -16,12 +16,12 @@ use std::path::Path;
 use std::ptr::NonNull;
 use std::sync::Arc;
 
-/// The bytes of a file: mapped, or read where the name is that of a pipe.
+/// The bytes of a file: mapped if it is a regular file, otherwise read, for example from a pipe.
 #[derive(Debug)]
 pub enum FileBytes {
     /// A mapped regular file.
     Mapped(Mmap),
-    /// Bytes in memory.
+    /// Bytes read into memory.
     Read(Vec<u8>),
 }
 
@@ -32,7 +32,7 @@ impl FileBytes {
         let metadata = file.metadata()?;
         if metadata.is_file() && metadata.len() > 0 {
             // SAFETY: the mapping is read-only. That the file is not shortened or rewritten meanwhile cannot be
-            // guaranteed; the module's documentation says what happens then and why it is accepted.
+            // guaranteed; the documentation of this module describes the consequences and why they are accepted.
             return Ok(FileBytes::Mapped(unsafe { Mmap::map(&file)? }));
         }
         let mut bytes = Vec::new();
@@ -52,21 +52,22 @@ impl Deref for FileBytes {
     }
 }
 
-/// `len` values from `first` on, which lie within `file`.
+/// `len` values starting at `first`, all within `file`.
 pub(super) struct MappedArray<T> {
     first: NonNull<T>,
     len: usize,
     file: Arc<FileBytes>,
 }
 
-// SAFETY: the values are only read, through `&self`, and the counted reference to the file, which may be sent and shared
+// SAFETY: the values are only read, through `&self`, and the counted reference to the file, which is `Send` and `Sync`
 // itself, keeps them in place.
 unsafe impl<T: Sync> Send for MappedArray<T> {}
 // SAFETY: the values are only read, and `T` may be read by several threads.
 unsafe impl<T: Sync> Sync for MappedArray<T> {}
 
 impl<T: AnyBitPattern> MappedArray<T> {
-    /// The bytes `at` of a file as values. `None` unless they lie within it, aligned, and are a whole number of values.
+    /// Interprets the bytes `at` of a file as values. `None` unless the range lies within the file, is aligned, and has
+    /// a multiple of the size of `T`.
     pub fn new(file: &Arc<FileBytes>, at: Range<usize>) -> Option<MappedArray<T>> {
         let values: &[T] = bytemuck::try_cast_slice(file.get(at)?).ok()?;
         let first = NonNull::new(values.as_ptr().cast_mut())?;
@@ -79,8 +80,8 @@ impl<T> Deref for MappedArray<T> {
 
     #[inline(always)]
     fn deref(&self) -> &[T] {
-        // SAFETY: `new` took pointer and length from a slice of such values in the file's bytes, which stay where they
-        // are as long as `file` does; every bit pattern is a value of the type.
+        // SAFETY: `new` took pointer and length from a slice of such values in the file's bytes, which stay in place as
+        // long as `file` exists; every bit pattern is a value of the type.
         unsafe { std::slice::from_raw_parts(self.first.as_ptr(), self.len) }
     }
 }
