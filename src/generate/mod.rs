@@ -72,7 +72,7 @@ impl Kind {
 pub struct SceneOptions {
     /// Kind of the scene.
     pub kind: Kind,
-    /// Number of triangles of the scene; the result deviates by at most 1 %, usually by much less.
+    /// Number of triangles of the scene; the result deviates by at most 1 %, usually by a few triangles.
     pub triangles: u64,
     /// Seed of all random numbers.
     pub seed: u64,

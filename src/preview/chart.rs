@@ -1,5 +1,5 @@
-//! The waveform of a pulse as a chart: amplitude over range and travel time, echoes with the Gaussians that fit them. The
-//! chart is a list of marks that becomes a picture or a page with an SVG drawing.
+//! Draws the waveform of a pulse as a chart: amplitude over range and travel time, returns with the Gaussians fitted to
+//! them. The chart is a list of marks that is rendered as a picture or as a page with an SVG drawing.
 
 use super::font;
 use super::label::{grouped, round_below, round_number};
@@ -8,12 +8,12 @@ use super::wave::Wave;
 use crate::pulse::{RecordedEcho, recorded_echoes};
 use std::fmt::Write as _;
 
-/// m/ns.
+/// Speed of light, m/ns.
 const LIGHT_SPEED: f64 = 0.299_792_458;
 const PAPER: Rgb = [16, 20, 27];
 const ECHOES: [Rgb; 5] = [[246, 174, 66], [118, 204, 120], [226, 100, 130], [178, 140, 230], [236, 220, 110]];
 
-/// The role of a mark, which decides its colour: by the colour scheme of the reader on a page, dark on a picture.
+/// The role of a mark, which decides its colour: taken from the reader's colour scheme on a page, dark on a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     Ink,
@@ -48,7 +48,7 @@ impl Role {
     }
 }
 
-/// Something that is drawn, in dots from the upper left corner.
+/// A graphic element, in dots from the upper left corner.
 enum Mark {
     Stroke {
         path: Vec<[f64; 2]>,
@@ -56,7 +56,7 @@ enum Mark {
         dashed: bool,
         role: Role,
     },
-    /// The surface between a path and a horizontal line.
+    /// The area between a path and a horizontal line.
     Below {
         path: Vec<[f64; 2]>,
         floor: f64,
@@ -68,7 +68,7 @@ enum Mark {
         role: Role,
         note: String,
     },
-    /// Text whose line of capitals begins at `at`, or ends there if `at_end`.
+    /// Text whose baseline starts at `at`, or ends there if `at_end`.
     Text {
         at: [f64; 2],
         text: String,
@@ -77,17 +77,16 @@ enum Mark {
     },
 }
 
-/// A waveform, ready to be drawn.
 pub struct Chart {
     width: f64,
     height: f64,
-    /// Dots of the picture per dot of the font.
+    /// Scale of the font: dots of the chart per dot of the font.
     text: f64,
     title: String,
     marks: Vec<Mark>,
 }
 
-/// The ranges of values and their positions on the chart.
+/// The ranges of the values and their positions on the chart.
 struct Axes {
     left: f64,
     right: f64,
@@ -110,7 +109,8 @@ impl Axes {
 }
 
 impl Chart {
-    /// Draws a waveform; `name` is that of its file, may be empty. Sizes are held within 480 to 8192 and 320 to 8192 dots.
+    /// Draws a waveform. `name` is the name of its file and may be empty. The size is clamped to 480 to 8192 by 320 to
+    /// 8192 dots.
     pub fn new(wave: &Wave, name: &str, width: u32, height: u32) -> Chart {
         let (width, height) = (f64::from(width.clamp(480, 8192)), f64::from(height.clamp(320, 8192)));
         let text = (width.min(height * 4.0 / 3.0) / 620.0).floor().max(1.0);
@@ -207,7 +207,7 @@ impl Chart {
         self.line([axes.left, axes.bottom], [axes.right, axes.bottom], Role::Faint);
         self.write(20.0 * t, axes.top - 14.0 * t, "time, ns".to_owned(), Role::Faint);
         self.write(20.0 * t, axes.bottom + 10.0 * t, "range, m".to_owned(), Role::Ink);
-        // Between the numbers, which it would hide
+        // Between the numbers, so as not to hide them.
         let between = match heights[..] {
             [.., second, first] => 0.5 * (first + second) - 3.0 * t,
             _ => axes.top + 2.0 * t,
@@ -226,7 +226,7 @@ impl Chart {
             dashed: false,
             role: Role::Curve,
         });
-        // Dots only where they can be told apart.
+        // Dots are drawn only if they can be distinguished.
         if path.len() >= 2 && path[1][0] - path[0][0] >= 4.0 * self.text {
             for (i, at) in path.into_iter().enumerate() {
                 let note = format!("{:.3} m, {:.3} ns: {}", time(i) * LIGHT_SPEED, time(i), wave.samples[i]);
@@ -257,7 +257,7 @@ impl Chart {
                 };
                 let path = (0..=96).map(at).collect();
                 self.marks.push(Mark::Stroke { path, width: 1.2 * t, dashed: true, role });
-                // The fitted width, where the bell has fallen to 1/e.
+                // Marks the fitted width, where the Gaussian has fallen to 1/e.
                 let y = axes.y(bell(width).clamp(axes.amplitude.0, axes.amplitude.1));
                 let [from, to] =
                     [middle, middle + width].map(|time| axes.x(time.clamp(axes.time.0, axes.time.1)));
@@ -288,9 +288,9 @@ impl Chart {
         }
     }
 
-    /// The chart as a picture.
+    /// Renders the chart as a picture.
     pub fn picture(&self) -> Picture {
-        // Twice as large, then halved, so that slanted lines are smooth.
+        // Rendered at twice the size, then halved, which smooths slanted lines.
         let dots = |v: f64| (2.0 * v).round().max(0.0) as u32;
         let mut fine = Picture::new(dots(self.width), dots(self.height), PAPER);
         for mark in &self.marks {
@@ -310,7 +310,7 @@ impl Chart {
         fine.halved()
     }
 
-    /// The chart as a page.
+    /// Renders the chart as a page.
     pub fn page(&self) -> String {
         let mut page = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -392,7 +392,7 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Four digits that count.
+/// Formats a number with four significant digits.
 fn significant(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -401,7 +401,7 @@ fn significant(value: f64) -> String {
     format!("{value:.*}", digits.max(0) as usize)
 }
 
-/// Round numbers from `low` to `high`, about `count` of them.
+/// About `count` round numbers from `low` to `high`.
 fn ticks(low: f64, high: f64, count: f64) -> impl Iterator<Item = f64> {
     let step = round_below((high - low) / count);
     let first = (low / step).ceil();

@@ -5,7 +5,7 @@ use super::points::Points;
 use super::{ColourBy, label};
 use libm::{cos, sin};
 
-/// From low to high: dark to light and blue to yellow, so that it can be read in grey and by colour-blind eyes.
+/// From low to high: dark to light and blue to yellow, readable in greyscale and with colour vision deficiency.
 const HEIGHTS: [Rgb; 8] = [
     [62, 54, 130],
     [54, 92, 168],
@@ -16,7 +16,7 @@ const HEIGHTS: [Rgb; 8] = [
     [240, 222, 84],
     [255, 247, 204],
 ];
-/// From faint to strong: violet over red to pale yellow.
+/// From weak to strong: violet over red to pale yellow.
 const STRENGTHS: [Rgb; 7] = [
     [58, 36, 98],
     [112, 44, 122],
@@ -29,9 +29,9 @@ const STRENGTHS: [Rgb; 7] = [
 const RETURNS: [Rgb; 6] =
     [[236, 240, 244], [96, 178, 240], [246, 174, 66], [118, 204, 120], [226, 100, 130], [178, 140, 230]];
 
-/// How values become colours.
+/// How values are mapped to colours.
 pub(super) enum Colouring {
-    /// A continuous value between two ends.
+    /// A continuous value between two limits.
     Ramp { value: ColourBy, low: f32, high: f32, table: &'static [Rgb] },
     /// A colour for each number.
     Table { value: ColourBy, colours: Vec<Rgb> },
@@ -47,12 +47,12 @@ pub(super) struct Entry {
 pub(super) enum Legend {
     /// A bar of colours with numbers beside it.
     Bar { title: &'static str, low: f32, high: f32, table: &'static [Rgb] },
-    /// Colours with names; the number of those that did not fit.
+    /// Colours with names; `more` is the number of entries that did not fit.
     List { title: &'static str, entries: Vec<Entry>, more: usize },
 }
 
 impl Colouring {
-    /// Colours by `wanted`, or by height when the points do not have that attribute.
+    /// Colours by `wanted`, or by height if the points lack that attribute.
     pub(super) fn new(points: &Points, wanted: ColourBy) -> Colouring {
         let has = points.attributes;
         match wanted {
@@ -78,7 +78,6 @@ impl Colouring {
         }
     }
 
-    /// Colour of point `i`.
     pub(super) fn of(&self, points: &Points, i: usize) -> Rgb {
         match self {
             Colouring::Ramp { value, low, high, table } => {
@@ -90,8 +89,8 @@ impl Colouring {
         }
     }
 
-    /// The numbers that the `chosen` points have: name, colour, and how many points have it; objects by falling count, all
-    /// others in their order. Nothing for continuous values.
+    /// The distinct values of the `chosen` points with name, colour and number of points; objects in order of
+    /// decreasing count, all others by value. Empty for continuous values.
     pub(super) fn names(&self, points: &Points, chosen: &[u32]) -> Vec<(usize, String, Rgb, u64)> {
         let Colouring::Table { value, colours } = self else { return Vec::new() };
         let mut counts = vec![0u64; colours.len()];
@@ -140,7 +139,7 @@ impl Colouring {
     }
 }
 
-/// What a number of a list stands for.
+/// Name of the value `n`, as shown in the legend.
 fn name(points: &Points, value: ColourBy, n: usize) -> String {
     match value {
         ColourBy::Class => class_name(n),
@@ -161,10 +160,10 @@ fn number(points: &Points, value: ColourBy, i: usize) -> usize {
     }
 }
 
-/// The colour at share `t` of a table.
+/// The colour at the fraction `t` of a table, 0–1.
 pub(super) fn mixed(table: &[Rgb], t: f32) -> Rgb {
     let at = t.clamp(0.0, 1.0) * (table.len() - 1) as f32;
-    // A range of no width gives NaN, which is the lowest colour.
+    // A range of zero width results in NaN, which maps to the lowest colour.
     let i = (at as usize).min(table.len().saturating_sub(2));
     let part = if at.is_nan() { 0.0 } else { at - i as f32 };
     std::array::from_fn(|c| {
@@ -173,7 +172,7 @@ pub(super) fn mixed(table: &[Rgb], t: f32) -> Rgb {
     })
 }
 
-/// The range that holds all values but half a per cent at either end.
+/// The range of the values without the lowest and the highest half per cent.
 fn inner_range(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
     const BINS: usize = 4096;
     let finite = values.filter(|v| v.is_finite());
@@ -220,7 +219,7 @@ fn class_colour(class: usize) -> Rgb {
     }
 }
 
-/// Names of LAS 1.4.
+/// Name of a point class (LAS 1.4).
 fn class_name(class: usize) -> String {
     let name = match class {
         0 => "no class",
@@ -246,8 +245,8 @@ fn class_name(class: usize) -> String {
     format!("{class} {name}")
 }
 
-/// Distinct colours of one lightness for as many objects as there are: hues a golden angle apart in the Oklab space
-/// (Ottosson 2020), in two strengths.
+/// Colour of an object. Distinct colours of equal lightness for any number of objects: hues a golden angle apart in the
+/// Oklab space (Ottosson 2020), with two chroma levels.
 fn object_colour(number: usize) -> Rgb {
     let hue = (number as f64 * 2.399_963_229_728_653 + 0.6) % std::f64::consts::TAU;
     let lightness = if number.is_multiple_of(2) { 0.78 } else { 0.68 };

@@ -1,12 +1,12 @@
 //! A font of 5 × 7 dots.
 
-/// Dots from one character to the next.
+/// Distance from one character to the next, dots.
 pub(super) const ADVANCE: u32 = 6;
-/// Height of the capitals, dots; two more rows below hold the descenders.
+/// Height of the capitals, dots; descenders take two more rows below.
 pub(super) const HEIGHT: u32 = 7;
 
-/// The dots of a character: seven rows of five (bit 4 is the leftmost), and how many rows it hangs below the line.
-/// Characters that are not drawn are a box.
+/// The dots of a character: seven rows of five (bit 4 is the leftmost), and the number of rows that it extends below
+/// the baseline. Characters without a glyph are drawn as a box.
 pub(super) fn glyph(c: char) -> ([u8; 7], u32) {
     let rows = |bits: [u8; 7]| (bits, 0);
     let hanging = |bits: [u8; 7]| (bits, 2);

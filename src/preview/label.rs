@@ -1,6 +1,6 @@
-//! Numbers as people write them.
+//! Numbers formatted for people.
 
-/// 1234567 as "1 234 567".
+/// Groups digits: 1234567 becomes "1 234 567".
 pub(super) fn grouped(n: usize) -> String {
     let digits = n.to_string();
     let mut text = String::new();
@@ -13,7 +13,7 @@ pub(super) fn grouped(n: usize) -> String {
     text
 }
 
-/// Metres with as many decimals as they deserve.
+/// Formats metres, with fewer decimals for larger values.
 pub(super) fn metres(m: f64) -> String {
     match m.abs() {
         a if a >= 1000.0 => format!("{m:.0}"),
@@ -22,7 +22,7 @@ pub(super) fn metres(m: f64) -> String {
     }
 }
 
-/// A per cent value.
+/// Formats a percentage.
 pub(super) fn share(percent: f64) -> String {
     match percent {
         p if p >= 9.95 => format!("{p:.0}%"),
@@ -46,7 +46,7 @@ pub(super) fn round_below(limit: f64) -> f64 {
     [5.0, 2.0, 1.0].into_iter().map(|m| m * decade).find(|m| *m <= limit).unwrap_or(decade)
 }
 
-/// A round number without needless decimals.
+/// Formats a multiple of `step` without unnecessary decimals.
 pub(super) fn round_number(value: f64, step: f64) -> String {
     let decimals = (0..9).find(|d| step * 10f64.powi(*d) > 0.999).unwrap_or(9);
     let text = format!("{value:.*}", decimals as usize);

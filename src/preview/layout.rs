@@ -1,4 +1,4 @@
-//! The arrangement of a picture: views, captions, scale bars, legend.
+//! The layout of a picture: views, captions, scale bars, legend.
 
 use super::colour::{Colouring, Legend, mixed};
 use super::label::{grouped, metres, round_below, round_number};
@@ -12,11 +12,11 @@ const GROUND: Rgb = [23, 29, 38];
 const INK: Rgb = [226, 231, 236];
 const FAINT: Rgb = [142, 152, 164];
 
-/// The arrangement of one picture.
+/// The layout of one picture.
 pub(super) struct Sheet {
     width: u32,
     height: u32,
-    /// Dots of the picture per dot of the font.
+    /// Scale of the font: dots of the picture per dot of the font.
     text: u32,
     title: String,
     panels: Vec<(Panel, String)>,
@@ -43,13 +43,13 @@ impl Extent {
         [0, 1, 2].map(|a| 0.5 * (self.low[a] + self.high[a]))
     }
 
-    /// Everything, a little enlarged for rounding.
+    /// Limits that include all points, slightly enlarged for rounding.
     fn keep(&self) -> [[f32; 3]; 2] {
         [[0, 1, 2].map(|a| (self.low[a] - 1.0) as f32), [0, 1, 2].map(|a| (self.high[a] + 1.0) as f32)]
     }
 }
 
-/// The frames of the two views and their dots per metre.
+/// The frames of the two views and their scale, dots per metre.
 struct Split {
     above: (Frame, f64),
     south: (Frame, f64, f64),
@@ -97,7 +97,7 @@ impl Sheet {
         sheet
     }
 
-    /// The better of side by side and one above the other, at the best ratio.
+    /// The better of the side-by-side and the stacked layout, each at its best ratio.
     fn split(&self, extent: &Extent) -> Split {
         let (gap, line) = (6 * self.text, (font::HEIGHT + 6) * self.text);
         let left = 2 * gap;
@@ -108,7 +108,7 @@ impl Sheet {
         let beside = full.saturating_sub(legend + 2 * gap).max(8);
         let mut best: Option<Split> = None;
         for percent in (15..=75).step_by(1) {
-            // One above the other: the view from the south is as wide as the picture.
+            // Stacked: the view from the south is as wide as the picture.
             let rows = tall.saturating_sub(line);
             let lower = (rows * percent / 100).max(8);
             let upper = rows.saturating_sub(lower).max(8);
@@ -204,13 +204,13 @@ impl Sheet {
     }
 }
 
-/// Replaces the arrangement if this one shows more.
+/// Replaces the layout if this one shows the cloud at a larger scale.
 fn consider(best: &mut Option<Split>, extent: &Extent, above: Frame, south: Frame, legend: Frame) {
     let (dx, dy, dz) = (extent.size(0), extent.size(1), extent.size(2));
     let fit =
         |frame: Frame, w: f64, h: f64| (f64::from(frame.width) / w).min(f64::from(frame.height) / h) * 0.97;
     let above_scale = fit(above, dx, dy);
-    // Flat country would be a line.
+    // Flat terrain would otherwise be drawn as a line.
     let wanted = 0.1 * dx / dz;
     let exaggeration = [1.0, 2.0, 5.0, 10.0, 20.0].into_iter().find(|e| *e >= wanted).unwrap_or(20.0);
     let south_scale = fit(south, dx, dz * exaggeration);
@@ -223,12 +223,12 @@ fn consider(best: &mut Option<Split>, extent: &Extent, above: Frame, south: Fram
     }
 }
 
-/// Height above which the view from above leaves points out, as in the data; none where nothing hides the rest.
+/// Height above which the view from above omits points, in world coordinates; `None` if no ceiling hides the rest.
 pub(super) fn ceiling(points: &Points, options: &PreviewOptions) -> Option<f64> {
     if points.is_empty() { None } else { Section::choose(points, &Extent::of(points), options).cut_above }
 }
 
-/// Which points the views show.
+/// The points that the views show.
 struct Section {
     south: f64,
     north: f64,
@@ -256,11 +256,11 @@ impl Section {
     }
 }
 
-/// The thinnest slice about `middle` that holds enough points to look at.
+/// Thickness of the thinnest slice about `middle` that contains enough points for a readable view, m.
 fn slice(points: &Points, extent: &Extent, middle: f64) -> f64 {
     const MIN_POINTS: usize = 60_000;
     let depth = extent.size(1);
-    // A third of the height shows whole crowns rather than single twigs.
+    // A third of the height shows crowns rather than single twigs.
     let mut thickness = (extent.size(2) / 3.0).clamp(0.04 * depth, 0.25 * depth);
     while thickness < depth {
         let half = (0.5 * thickness) as f32;
@@ -273,7 +273,7 @@ fn slice(points: &Points, extent: &Extent, middle: f64) -> f64 {
     depth
 }
 
-/// Whether there is a ceiling over most of a floor.
+/// Whether a ceiling covers most of the floor.
 fn is_room(points: &Points, extent: &Extent) -> bool {
     const CELLS: usize = 48;
     let height = extent.size(2);

@@ -1,4 +1,5 @@
-//! A point cloud as one HTML page to turn around: hand-written WebGL 2, nothing to be fetched, points packed into the page.
+//! Writes a point cloud as one interactive HTML page: hand-written WebGL 2, no external resources, points packed into
+//! the page.
 
 mod pack;
 
@@ -15,7 +16,7 @@ use std::io::{self, Write};
 
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
-/// In the order in which they build on one another.
+/// In order of dependency.
 const SCRIPTS: [&str; 4] = [
     include_str!("page/points.js"),
     include_str!("page/draw.js"),
@@ -23,14 +24,15 @@ const SCRIPTS: [&str; 4] = [
     include_str!("page/main.js"),
 ];
 
-/// How a page is written.
+/// Settings of [`write_page`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PageOptions {
-    /// What the colours show first; height where the points lack the attribute.
+    /// What the colours show first; height if the points lack the attribute.
     pub colour: ColourBy,
-    /// Name of the cloud, usually that of the file; may be empty.
+    /// Name of the cloud, usually that of its file; may be empty.
     pub title: String,
-    /// Points beyond this number are left out: of as many equal runs of points as that, each gives one.
+    /// Maximum number of points; beyond it the points are divided into this number of equal runs, one point of each is
+    /// kept.
     pub max_points: usize,
 }
 
@@ -40,20 +42,20 @@ impl Default for PageOptions {
     }
 }
 
-/// What a page holds.
+/// Summary of a written page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Page {
-    /// Points that it shows.
+    /// Number of points that it shows.
     pub shown: usize,
-    /// Points that the cloud has.
+    /// Number of points of the cloud.
     pub total: usize,
 }
 
-/// Writes a cloud as a page that works without a network. The same points and options give the same bytes. Positions are
-/// kept to a millimetre, or to 1/2 097 152 of the longest side of a larger cloud.
+/// Writes a cloud as a page that works offline. The same points and options result in the same bytes. Positions have a
+/// resolution of 1 mm, or of 1/2 097 152 of the longest side of a larger cloud.
 ///
 /// # Errors
-/// Those of `out`.
+/// When writing to `out` fails.
 pub fn write_page(points: &Points, options: &PageOptions, out: &mut dyn Write) -> io::Result<Page> {
     let chosen = sample(points.len(), options.max_points);
     let page = Page { shown: chosen.len(), total: points.len() };
@@ -100,7 +102,7 @@ fn facts(points: &Points, page: Page) -> String {
     facts
 }
 
-/// The ways to colour that the points have attributes for, as in the picture.
+/// The colourings for which the points have attributes, with the colours of the picture.
 struct Legends {
     ways: Vec<(ColourBy, Colouring)>,
     ranges: Ranges,
@@ -120,7 +122,7 @@ impl Legends {
         Legends { ways, ranges: Ranges { intensity: intensity.unwrap_or((0.0, 1.0)) } }
     }
 
-    /// What the page's script has to know besides the points.
+    /// Metadata for the page's script, as JSON.
     fn meta(&self, points: &Points, packed: &Packed, chosen: &[u32], options: &PageOptions) -> String {
         let bounds = points.bounds();
         let low = if points.is_empty() { [0.0; 3] } else { bounds.min.to_array() };
@@ -139,7 +141,7 @@ impl Legends {
         for (way, colouring) in &self.ways {
             meta[way.name()] = entries(colouring, points, chosen, low[2]);
         }
-        // Nothing in a script element may look like its end.
+        // The text of a script element must not contain anything that looks like its end.
         meta.to_string().replace('<', "\\u003c")
     }
 }
@@ -159,7 +161,7 @@ fn entries(colouring: &Colouring, points: &Points, chosen: &[u32], lowest: f64) 
 }
 
 impl ColourBy {
-    /// Whether the points have what this shows.
+    /// Whether the points have the attribute of this colouring.
     pub(super) fn shown_by(self, points: &Points) -> bool {
         let has = points.attributes();
         match self {

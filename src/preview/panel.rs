@@ -1,4 +1,4 @@
-//! One view of the cloud: projection, nearest point per dot, and the shading that makes structure visible.
+//! Draws one view of the cloud: projection, nearest point per dot, and shading that emphasises structure.
 
 use super::colour::Colouring;
 use super::picture::{Frame, Picture, Rgb};
@@ -11,9 +11,9 @@ const FINE: usize = 2;
 /// The position of the viewer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum View {
-    /// Above, north at the top.
+    /// From above, north at the top.
     Above,
-    /// South, looking north.
+    /// From the south, looking north.
     South,
 }
 
@@ -23,26 +23,26 @@ pub(super) struct Panel {
     pub(super) frame: Frame,
     /// Dots per metre.
     pub(super) scale: f64,
-    /// Heights are drawn this many times too large (seen from the south).
+    /// Vertical exaggeration in the view from the south.
     pub(super) exaggeration: f64,
-    /// What the centre of the panel shows: offset from the points' origin, m.
+    /// Point at the centre of the panel, relative to the points' origin, m.
     pub(super) centre: [f64; 3],
-    /// Points outside are left out: lower and upper offsets, m.
+    /// Lower and upper limits of the points shown, relative to the points' origin, m.
     pub(super) keep: [[f32; 3]; 2],
-    /// How much of the colour the farthest points lose, 0–1.
+    /// Loss of colour of the farthest points, 0–1.
     pub(super) haze: f32,
 }
 
-/// The nearest points of the samples.
+/// The nearest point of each sample.
 struct Samples {
     width: usize,
     height: usize,
-    /// Towards the viewer, in samples; −∞ where there is nothing.
+    /// Towards the viewer, in samples; −∞ where there is no point.
     depth: Vec<f32>,
     point: Vec<u32>,
 }
 
-/// Where a point falls: sample coordinates and depth, all in samples.
+/// Projects points to sample coordinates and depth, all in samples.
 struct Projection<'a> {
     panel: &'a Panel,
     fine: f64,
@@ -68,7 +68,7 @@ impl Projection<'_> {
 }
 
 impl Panel {
-    /// Draws the panel on `picture`, on a ground of colour `ground`.
+    /// Draws the panel on `picture`, on a background of colour `ground`.
     pub(super) fn draw(&self, picture: &mut Picture, points: &Points, colouring: &Colouring, ground: Rgb) {
         let samples = self.nearest(points);
         let shade = samples.shade(self.view);
@@ -117,7 +117,7 @@ impl Panel {
     }
 }
 
-/// A radius (in samples) that lets points on a surface just touch: from the points per sample where there are any.
+/// Radius, in samples, at which points on a surface just touch, derived from the number of points per occupied sample.
 fn splat_radius(points: &Points, projection: &Projection, width: usize, height: usize) -> f64 {
     const CELL: usize = 8;
     let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
@@ -129,13 +129,13 @@ fn splat_radius(points: &Points, projection: &Projection, width: usize, height: 
     }
     counts.retain(|&n| n > 0);
     counts.sort_unstable();
-    // The thinner half of the covered area decides.
+    // The sparser half of the covered area determines the radius.
     let typical = counts.get(counts.len() * 2 / 5).copied().unwrap_or(1);
     let per_sample = f64::from(typical) / (CELL * CELL) as f64;
     (2.4 / (std::f64::consts::PI * per_sample)).sqrt().clamp(0.5, 5.0 * FINE as f64)
 }
 
-/// Offsets of the samples that a disc of `radius` covers, and how far each lies behind the disc's middle.
+/// Offsets of the samples that a disc of `radius` covers, and how far each lies behind the centre of the disc.
 fn splat(radius: f64) -> Vec<(f64, f64, f32)> {
     let reach = radius.floor() as i32;
     let mut covered = Vec::new();
@@ -162,7 +162,7 @@ impl Samples {
         }
     }
 
-    /// Farthest and nearest depth.
+    /// Minimum and maximum depth.
     fn depth_range(&self) -> (f32, f32) {
         self.depth
             .iter()
@@ -170,8 +170,8 @@ impl Samples {
             .fold((f32::INFINITY, f32::NEG_INFINITY), |(f, n), &d| (f.min(d), n.max(d)))
     }
 
-    /// Brightness of every sample: dark where neighbours stand nearer to the viewer (eye-dome lighting, Boucheny 2009),
-    /// and, seen from above, lit from the north-west like a map.
+    /// Brightness of every sample: dark where neighbours are nearer to the viewer (eye-dome lighting, Boucheny 2009),
+    /// and in the view from above lit from the north-west like a map.
     fn shade(&self, view: View) -> Vec<f32> {
         let mut shade: Vec<f32> = self.per_sample(|x, y| self.dome(x, y));
         if view == View::Above {
@@ -186,7 +186,7 @@ impl Samples {
         shade
     }
 
-    /// A value for every sample that shows a point, 0 elsewhere.
+    /// Evaluates `value` for every sample that shows a point; 0 elsewhere.
     fn per_sample(&self, value: impl Fn(usize, usize) -> f32 + Sync) -> Vec<f32> {
         let mut values = vec![0.0; self.depth.len()];
         values.par_chunks_mut(self.width).enumerate().for_each(|(y, row)| {
@@ -199,7 +199,7 @@ impl Samples {
         values
     }
 
-    /// Eye-dome term, 0–1.
+    /// Eye-dome term of a sample, 0–1.
     fn dome(&self, x: usize, y: usize) -> f32 {
         const RINGS: [(isize, f32); 3] = [(1, 0.12), (FINE as isize + 1, 0.3), (4 * FINE as isize, 0.6)];
         const WAYS: [(isize, isize); 8] =
@@ -219,8 +219,8 @@ impl Samples {
         libm::expf(-0.1 * hidden)
     }
 
-    /// Light from the upper left on the smoothed surface, about 1. Slopes are scaled to the relief that there is, so that
-    /// plains show their folds and canopies are not torn to black and white.
+    /// Light from the upper left on the smoothed surface; about 1. Slopes are scaled to the relief of the cloud, so
+    /// that plains show their folds and canopies do not become black and white.
     fn sun(&self) -> Vec<f32> {
         let fine = self.smoothed(FINE);
         let coarse = self.smoothed(5 * FINE);
@@ -250,7 +250,7 @@ impl Samples {
         })
     }
 
-    /// Mean depth over the square of samples within `reach`, where there is something.
+    /// Mean depth over the samples that show a point in the square within `reach`.
     fn smoothed(&self, reach: usize) -> Vec<f32> {
         let rows = self.blurred(&self.depth, reach as isize, (1, 0));
         self.blurred(&rows, reach as isize, (0, 1))

@@ -1,4 +1,4 @@
-//! A picture of dots, and what is drawn on it besides points.
+//! A raster picture with rectangles, text and PNG output.
 
 use super::font;
 use crate::error::{Error, Result};
@@ -6,7 +6,6 @@ use crate::error::{Error, Result};
 /// Red, green, blue, 0–255 (sRGB).
 pub type Rgb = [u8; 3];
 
-/// A picture in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
     width: u32,
@@ -14,7 +13,6 @@ pub struct Picture {
     dots: Vec<Rgb>,
 }
 
-/// A rectangle of dots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Frame {
     pub(super) x: u32,
@@ -24,24 +22,21 @@ pub(super) struct Frame {
 }
 
 impl Picture {
-    /// A picture of one colour.
     pub fn new(width: u32, height: u32, colour: Rgb) -> Picture {
         Picture { width, height, dots: vec![colour; width as usize * height as usize] }
     }
 
-    /// Width in dots.
     #[cfg(test)]
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Height in dots.
     #[cfg(test)]
     pub fn height(&self) -> u32 {
         self.height
     }
 
-    /// The colour of a dot; black outside of the picture.
+    /// The colour of a dot; black outside the picture.
     pub fn dot(&self, x: u32, y: u32) -> Rgb {
         let inside = x < self.width && y < self.height;
         if inside { self.dots[y as usize * self.width as usize + x as usize] } else { [0; 3] }
@@ -61,7 +56,7 @@ impl Picture {
         }
     }
 
-    /// Writes text with its upper left corner at (x, y), each dot of the font `scale` × `scale` dots.
+    /// Draws text with its upper left corner at (x, y); each dot of the font is `scale` × `scale` dots.
     pub(super) fn text(&mut self, x: u32, y: u32, text: &str, scale: u32, colour: Rgb) {
         for (i, c) in text.chars().enumerate() {
             let (rows, drop) = font::glyph(c);
@@ -79,7 +74,7 @@ impl Picture {
         }
     }
 
-    /// The picture at half the size; each dot is the mean of four.
+    /// The picture at half its size; each dot is the mean of four.
     pub(super) fn halved(&self) -> Picture {
         let (width, height) = (self.width / 2, self.height / 2);
         let mut half = Picture::new(width, height, [0; 3]);
@@ -91,7 +86,7 @@ impl Picture {
         half
     }
 
-    /// The picture as PNG.
+    /// Encodes the picture as PNG.
     pub fn png(&self) -> Result<Vec<u8>> {
         let failed = |e: png::EncodingError| Error::Internal(format!("PNG encoding: {e}"));
         let mut bytes = Vec::new();

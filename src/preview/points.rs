@@ -1,37 +1,32 @@
-//! A point cloud as a preview keeps it: 20 bytes a point.
+//! A point cloud in memory: 20 bytes per point.
 
 use crate::geom::{Aabb, DVec3};
 use std::collections::HashMap;
 
-/// One point that is added to [`Points`].
+/// A point to be added to [`Points`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Point<'a> {
     /// World position, m.
     pub position: DVec3,
-    /// Strength of the echo, any unit.
+    /// Strength of the return, any unit.
     pub intensity: f32,
-    /// Point class.
     pub class: i32,
-    /// Number of the return, from 1; 0 when unknown.
+    /// Return number, from 1; 0 if unknown.
     pub return_number: u32,
-    /// Name of the object that was hit; empty when unknown.
+    /// Name of the object that was hit; empty if unknown.
     pub object: &'a str,
 }
 
-/// Which attributes the points came with.
+/// The attributes that the points have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Attributes {
-    /// Strengths of the echoes.
     pub intensity: bool,
-    /// Point classes.
     pub class: bool,
-    /// Numbers of the returns.
     pub return_number: bool,
-    /// Objects that were hit.
     pub object: bool,
 }
 
-/// A point cloud. Positions are kept as `f32` offsets from an origin among the points.
+/// A point cloud. Positions are `f32` offsets from an origin near the points.
 #[derive(Clone, Debug, Default)]
 pub struct Points {
     pub(super) attributes: Attributes,
@@ -49,13 +44,13 @@ pub struct Points {
 }
 
 impl Points {
-    /// An empty cloud whose points will come with `attributes`; the others cost no memory.
+    /// An empty cloud whose points have `attributes`; the others take no memory.
     pub fn new(attributes: Attributes) -> Points {
         Points { attributes, ..Points::default() }
     }
 
-    /// Adds a point. A point whose position is not finite is counted and left out. Classes above 255 become 255; names
-    /// of objects beyond the first 65 535 share one.
+    /// Adds a point. A point whose position is not finite is counted and skipped. Classes above 255 become 255; object
+    /// names beyond the first 65 535 share one number.
     pub fn push(&mut self, point: &Point) {
         if !point.position.is_finite() {
             self.skipped += 1;
@@ -98,39 +93,37 @@ impl Points {
         self.latest_object
     }
 
-    /// Sets the origin of the offsets. It must be called before the first point is added, which is the origin otherwise.
+    /// Sets the origin of the offsets; by default it is the first point. It must be called before the first point is
+    /// added.
     pub fn set_origin(&mut self, origin: DVec3) {
         if self.offsets.is_empty() && origin.is_finite() {
             self.origin = Some(origin);
         }
     }
 
-    /// World position that offsets are counted from.
+    /// World position of the origin of the offsets, m.
     pub(super) fn origin(&self) -> DVec3 {
         self.origin.unwrap_or(DVec3::ZERO)
     }
 
-    /// Number of points.
     pub fn len(&self) -> usize {
         self.offsets.len()
     }
 
-    /// Whether there is no point.
     pub fn is_empty(&self) -> bool {
         self.offsets.is_empty()
     }
 
-    /// Box around the points, m; empty without points.
+    /// Box around the points, world frame, m; empty without points.
     pub fn bounds(&self) -> Aabb {
         if self.is_empty() { Aabb::EMPTY } else { self.bounds }
     }
 
-    /// Points that were left out because their position is not finite.
+    /// Number of points skipped because their position is not finite.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
 
-    /// Which attributes the points have.
     pub fn attributes(&self) -> Attributes {
         self.attributes
     }

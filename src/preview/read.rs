@@ -12,15 +12,15 @@ use std::io::{BufRead, BufReader, Read};
 use std::ops::Range;
 use std::path::Path;
 
-/// Reads a point cloud; the ending of its name tells the format: `.las` and `.laz`, `.ply`, `.parquet`; everything else is
-/// text or an Arrow stream, which its first bytes tell. `-` is one of these two from stdin.
+/// Reads a point cloud. The extension of the file name determines the format: `.las` and `.laz`, `.ply`, `.parquet`;
+/// everything else is text or an Arrow stream, distinguished by the first bytes. `-` reads one of these two from stdin.
 ///
-/// Text has one point per line, columns separated by blanks, tabs, commas or semicolons: `x y z` and, if there is a
-/// fourth, an intensity; 11 columns are the point files of this program and of HELIOS++ (spec outputs §3). A first line of
-/// more than four names, X, Y and Z among them, tells the columns. Empty lines and lines beginning with `#` or `//` are
-/// passed over, and so is a first line of other names.
+/// Text has one point per line, columns separated by blanks, tabs, commas or semicolons: `x y z` and optionally an
+/// intensity in the fourth column; 11 columns are the point files of this program and of HELIOS++ (spec outputs §3). If
+/// the first line consists of more than four names, X, Y and Z among them, it names the columns. Empty lines, lines
+/// beginning with `#` or `//`, and a first line of other names are skipped.
 ///
-/// Fails with [`Error::Input`] when the file is not what it says, with the lines of text that are wrong.
+/// Fails with [`Error::Input`] when the file does not have its stated format, with the invalid lines of text.
 pub fn read_points(path: &Path) -> Result<Points> {
     if path.as_os_str() == "-" {
         return read_text_or_arrow(std::io::stdin().lock(), Path::new("<stdin>"));
@@ -38,7 +38,7 @@ pub fn read_points(path: &Path) -> Result<Points> {
 }
 
 fn read_text_or_arrow(mut source: impl BufRead, path: &Path) -> Result<Points> {
-    // A pipe may bring the first bytes one by one.
+    // A pipe may deliver the first bytes one by one.
     let mut first = Vec::new();
     while detect_arrow(&first) == ArrowDetection::NeedMoreBytes {
         let arrived = source.fill_buf().map_err(|e| Error::io("read", path, e))?;
@@ -54,7 +54,7 @@ fn read_text_or_arrow(mut source: impl BufRead, path: &Path) -> Result<Points> {
     if is_arrow { super::read_table::read_arrow(whole, path) } else { read_text(whole, path) }
 }
 
-/// Reads a file of points with a header.
+/// Reads a binary file of points.
 fn read_binary(path: &Path, is_las: bool) -> Result<Points> {
     let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
     let failed = |problem: String| Error::input(format!("{}: {problem}", path.display()));
@@ -78,7 +78,7 @@ fn read_binary(path: &Path, is_las: bool) -> Result<Points> {
     not_empty(points, path)
 }
 
-/// Adds a point; `object` replaces its number.
+/// Adds a point; `object` replaces the number of its object.
 pub(super) fn push_row(points: &mut Points, row: &PointRow, object: Option<&str>) {
     let mut number = itoa::Buffer::new();
     points.push(&Point {
@@ -90,7 +90,7 @@ pub(super) fn push_row(points: &mut Points, row: &PointRow, object: Option<&str>
     });
 }
 
-/// The points, of which there must be some.
+/// Returns the points, or an error if there are none.
 pub(super) fn not_empty(points: Points, path: &Path) -> Result<Points> {
     match points.is_empty() {
         true => Err(Error::input(format!("{} holds no points", path.display()))),
@@ -98,7 +98,7 @@ pub(super) fn not_empty(points: Points, path: &Path) -> Result<Points> {
     }
 }
 
-/// The attributes of a file that has some.
+/// The attributes for which `has` is true.
 pub(super) fn attributes(has: impl Fn(Attribute) -> bool) -> Attributes {
     Attributes {
         intensity: has(Attribute::Intensity),
@@ -111,10 +111,10 @@ pub(super) fn attributes(has: impl Fn(Attribute) -> bool) -> Attributes {
 /// Number of problems after which reading stops.
 const MAX_PROBLEMS: usize = 10;
 
-/// Longest line that is read: a binary file without line ends must not fill the memory.
+/// Maximum length of a line, bytes: a binary file without line ends must not fill the memory.
 const MAX_LINE_BYTES: u64 = 1 << 16;
 
-/// Reads text; `path` is its name in messages.
+/// Reads text; `path` is the name of the file in messages.
 fn read_text(mut source: impl BufRead, path: &Path) -> Result<Points> {
     let mut problems = Diagnostics::default();
     let mut points: Option<Points> = None;
@@ -168,11 +168,11 @@ fn read_text(mut source: impl BufRead, path: &Path) -> Result<Points> {
     not_empty(points.unwrap_or_default(), path)
 }
 
-/// Columns of the point files of this program and of HELIOS++ (spec outputs §3).
+/// Number of columns of the point files of this program and of HELIOS++ (spec outputs §3).
 const FULL_COLUMNS: usize = 11;
 
-/// What the words of a line hold by their number. The name of the hit object may be empty, which blanks do not show: its
-/// word is inserted then.
+/// Assigns columns by the number of words of a line. The name of the hit object may be empty, which is not visible
+/// between blanks: its word is inserted then.
 fn columns_by_count(line: &[u8], words: &mut Vec<Range<usize>>) -> Columns {
     const OBJECT: usize = 8;
     words.truncate(FULL_COLUMNS);
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn point_files_of_eleven_columns_have_everything() {
-        // The example of spec outputs §3, and one whose object has no name.
+        // The example of spec outputs §3, and a line whose object has no name.
         let points = read(
             "-2.8380 -25.5432 -0.0065 5.6037 0.0000 1 2 1 17 5 86391.000000000\n\
              1 2 3 4.5 0.0000 2 2 1  6 86391.000000000\n",
@@ -262,7 +262,7 @@ mod tests {
         for bytes in [&b""[..], b"\n\n", b"#only a comment\n", b"\xff\xfe\x00\x01\x02", &[0u8; 300_000]] {
             assert!(matches!(read_text(bytes, Path::new("rubbish")), Err(Error::Input(_))));
         }
-        // Infinite coordinates are numbers; the point is left out.
+        // Infinite coordinates are numbers; the point is skipped.
         assert!(matches!(read("inf 0 0\n"), Err(Error::Input(_))));
         assert_eq!(read("inf 0 0\n1 2 3\n").unwrap().skipped(), 1);
     }
@@ -373,7 +373,7 @@ mod tests {
             list.iter().for_each(|v| binary.extend_from_slice(&v.to_le_bytes()));
         }
         check(&read_ply(&binary).unwrap());
-        // Cut anywhere, it is an input problem.
+        // Truncated at any length, it is an input error.
         for length in (0..binary.len()).step_by(7) {
             assert!(matches!(read_ply(&binary[..length]), Err(Error::Input(_))), "cut at {length}");
         }

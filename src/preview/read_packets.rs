@@ -1,5 +1,5 @@
-//! Reads the waveform of one pulse from the packets that points of LAS and LAZ refer to (LAS 1.4 R15, point formats 4, 5, 9
-//! and 10).
+//! Reads the waveform of one pulse from the wave packets of LAS and LAZ files (LAS 1.4 R15, point formats 4, 5, 9 and
+//! 10).
 
 use super::wave::{NearestPulses, Wave};
 use crate::error::{Error, Result};
@@ -10,15 +10,15 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Metres per nanosecond.
+/// Speed of light, m/ns.
 const C: f64 = 0.299792458;
-/// Longest packet that is accepted, bytes.
+/// Maximum size of a packet, bytes.
 const MAX_PACKET_BYTES: u32 = 1 << 28;
 
-/// Finds the packet of pulse `number`, which the points name in the extra dimension `fullwaveIndex`.
+/// Finds the packet of pulse `number`; the extra dimension `fullwaveIndex` of the points holds the numbers of pulses.
 ///
 /// # Errors
-/// [`Error::Input`] when the file has no packets or none of that pulse, with the nearest that are there.
+/// [`Error::Input`] when the file has no packets or none of that pulse; the message lists the nearest pulses.
 pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
     let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
     let failed = |problem: String| Error::input(format!("{}: {problem}", path.display()));
@@ -41,7 +41,7 @@ pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
     while more {
         more = reader
             .read_records(|record, position| {
-                // Files have the low 32 bits of the number.
+                // Files store the low 32 bits of the number.
                 let Some(pulse) = index.value(record).map(|pulse| pulse as i64 as u32) else { return };
                 near.see(u64::from(pulse), number_wanted);
                 if u64::from(pulse) != number_wanted & u64::from(u32::MAX) {
@@ -82,15 +82,15 @@ fn place(format: u8) -> Option<(usize, usize)> {
     }
 }
 
-/// A point's reference to its packet.
+/// The packet reference of a point.
 #[derive(Clone, Copy, Debug)]
 struct Packet {
     descriptor: u8,
     offset: u64,
     bytes: u32,
-    /// Picoseconds from the first sample to the echo.
+    /// Time from the first sample to the return, ps.
     location: f64,
-    /// Metres per picosecond, towards the scanner.
+    /// Direction towards the scanner, m/ps.
     step: DVec3,
 }
 
@@ -134,7 +134,7 @@ impl Packet {
             f64::from(u32::from_le_bytes(sample_bytes))
         });
         let mut samples: Vec<f64> = raw.map(|sample| zero + gain * sample).collect();
-        // Packets are filled up with zeros to the length that their descriptor has.
+        // Packets are padded with zeros to the length given in their descriptor.
         while samples.len() > 2 && samples.last() == Some(&0.0) {
             samples.pop();
         }
@@ -144,7 +144,7 @@ impl Packet {
         }
         let direction = -self.step / self.step.length();
         let bin = metres / C;
-        // Where the range is not known, the first sample is where time begins.
+        // Without a range, the first sample is the origin of time.
         let before = self.location / spacing * bin;
         let range = echo.range.unwrap_or(before * C);
         let start = range / C - before;
@@ -153,7 +153,7 @@ impl Packet {
         Ok(Wave { pulse, origin, direction, start, end, gps_time: echo.gps_time, samples, duplicates: 0 })
     }
 
-    /// The packet from this file, or from the one beside it.
+    /// Reads the packet from this file or from the `.wdp` file beside it.
     fn bytes(&self, path: &Path) -> Result<Vec<u8>> {
         let failed = |path: &Path| {
             let path = path.to_path_buf();
@@ -178,7 +178,7 @@ impl Packet {
         start.copy_from_slice(&head[227..235]);
         let mut start = u64::from_le_bytes(start);
         let mut home = path.to_path_buf();
-        // Global encoding: bit 1 says inside, bit 2 beside.
+        // Global encoding: bit 1 means within the file, bit 2 in a file beside it.
         if encoding & 4 != 0 || start == 0 {
             (home, start) = (beside(path), 0);
             file = File::open(&home).map_err(failed(&home))?;

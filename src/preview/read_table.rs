@@ -1,4 +1,4 @@
-//! Reads points from Arrow streams and files and from Parquet: columns by their names, whatever their order.
+//! Reads points from Arrow streams and files and from Parquet: columns are found by name, in any order.
 
 use super::points::Points;
 use super::read::{attributes, not_empty, push_row};
@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Finds the columns of the points among those of a table; text columns have empty names.
+/// Finds the columns of the points by name; text columns have empty names.
 fn find_columns(names: &[&str], path: &Path) -> Result<Columns> {
     let columns = Columns::find(names.iter().copied());
     match Attribute::POSITION.into_iter().find(|axis| !columns.has(*axis)) {
@@ -24,7 +24,7 @@ fn find_columns(names: &[&str], path: &Path) -> Result<Columns> {
     }
 }
 
-/// Reads an Arrow stream or file from its beginning; `path` is its name in messages.
+/// Reads an Arrow stream or file; `path` is its name in messages.
 pub(super) fn read_arrow(mut source: impl Read, path: &Path) -> Result<Points> {
     let mut decoder = ArrowDecoder::new(path);
     let mut read: Option<(Columns, Points)> = None;
@@ -41,7 +41,7 @@ pub(super) fn read_arrow(mut source: impl Read, path: &Path) -> Result<Points> {
         while let Some(batch) = decoder.next_batch()? {
             if read.is_none() {
                 let fields = decoder.fields().map(|fields| fields.to_vec()).unwrap_or_default();
-                // What is no number is not looked for.
+                // Non-numeric columns are not considered.
                 let names: Vec<&str> =
                     fields.iter().map(|f| if f.is_number() { f.heading.as_str() } else { "" }).collect();
                 let columns = find_columns(&names, path)?;
@@ -57,7 +57,6 @@ pub(super) fn read_arrow(mut source: impl Read, path: &Path) -> Result<Points> {
     not_empty(read.map(|(_, points)| points).unwrap_or_default(), path)
 }
 
-/// Reads a Parquet file.
 pub(super) fn read_parquet(path: &Path) -> Result<Points> {
     let file = File::open(path).map_err(|e| Error::open(path, e))?;
     let failed = |e: &dyn std::fmt::Display| {

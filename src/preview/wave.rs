@@ -10,7 +10,6 @@ use std::path::Path;
 /// The recorded waveform of a pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wave {
-    /// Number of the pulse.
     pub pulse: u64,
     /// Origin of the pulse, m.
     pub origin: DVec3,
@@ -22,14 +21,14 @@ pub struct Wave {
     pub end: f64,
     /// Emission time, s.
     pub gps_time: f64,
-    /// Amplitudes, at equal intervals of time.
+    /// Amplitudes at equal intervals of time.
     pub samples: Vec<f64>,
-    /// Number of further waveforms with this pulse number, of other channels.
+    /// Number of further waveforms of this pulse, from other channels.
     pub duplicates: u64,
 }
 
 impl Wave {
-    /// Time from sample to sample, ns.
+    /// Time between samples, ns.
     pub fn interval(&self) -> f64 {
         (self.end - self.start) / (self.samples.len().max(2) - 1) as f64
     }
@@ -37,16 +36,17 @@ impl Wave {
 
 /// Columns before the samples.
 const FIXED_COLUMNS: usize = 10;
-/// Longest line that is accepted, bytes.
+/// Maximum length of a line, bytes.
 const MAX_LINE_BYTES: u64 = 1 << 28;
 
-/// Finds the waveform of pulse `number`, of the first channel that has one.
+/// Finds the waveform of pulse `number`, from the first channel that has one.
 ///
 /// # Errors
-/// [`Error::Input`] when a line is no waveform, with its place, or when the pulse is not there, with those that are.
+/// [`Error::Input`] when a line is not a waveform, with its place, or when the pulse is missing, with the nearest
+/// pulses.
 pub fn read_wave(source: impl Read, path: &Path, number: u64) -> Result<Wave> {
     let mut source = BufReader::with_capacity(1 << 20, source);
-    // gzip (RFC 1952) is known by its first two bytes.
+    // gzip (RFC 1952) is recognised by its first two bytes.
     let packed = source.fill_buf().map_err(|e| Error::io("read", path, e))?.starts_with(&[0x1f, 0x8b]);
     if packed {
         find(BufReader::new(MultiGzDecoder::new(source)), path, number)
@@ -113,7 +113,7 @@ fn wave(path: &Path, count: usize, text: &str, pulse: u64) -> Result<Wave> {
     })
 }
 
-/// A line that is no waveform.
+/// The error about a line that is not a waveform.
 fn wrong(path: &Path, count: usize, text: &str, found: &str, expected: &str) -> Error {
     let excerpt: String = text.trim_end().chars().take(120).collect();
     let start = if found.is_empty() {
@@ -135,7 +135,7 @@ fn wrong(path: &Path, count: usize, text: &str, found: &str, expected: &str) -> 
     Error::Input(Box::new(problems))
 }
 
-/// The pulse numbers nearest to one that is missing, for the message.
+/// The numbers of the pulses nearest to a missing one, for the message.
 #[derive(Default)]
 pub(super) struct NearestPulses {
     lines: u64,

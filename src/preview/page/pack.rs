@@ -1,7 +1,7 @@
-//! Points as a page carries them: in blocks along a curve that fills space, as differences, in planes of bytes, deflated.
+//! Packs points for a page: in blocks along a space-filling curve, as differences, in planes of bytes, deflated.
 //!
-//! Neighbours on the curve are neighbours in space, so differences are small and their upper bytes are nearly all zero; a
-//! forest takes 5 to 7 bytes a point.
+//! Neighbours on the curve are neighbours in space, so differences are small and their upper bytes are nearly all zero;
+//! a forest takes 5 to 7 bytes per point.
 
 use super::super::points::Points;
 use flate2::Compression;
@@ -9,28 +9,27 @@ use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 use std::io::{self, Write};
 
-/// Points of a block: small enough that the page stays usable while it unpacks one.
+/// Number of points per block: small enough that the page stays responsive while it unpacks one.
 const BLOCK: usize = 65_536;
-/// Steps of the grid along the longest side.
+/// Steps of the position grid along the longest side.
 const STEPS: f64 = ((1u32 << 21) - 1) as f64;
 
-/// What a byte of an attribute stands for.
+/// Ranges of the attributes that are stored as bytes.
 pub(super) struct Ranges {
-    /// Intensity at 0 and at 255.
+    /// Intensity at the byte values 0 and 255.
     pub(super) intensity: (f32, f32),
 }
 
-/// Packed points.
 pub(super) struct Packed {
-    /// Width of the grid on which positions lie, m.
+    /// Step of the position grid, m.
     pub(super) step: f64,
-    /// Typical distance of neighbours on a surface, m.
+    /// Typical distance of neighbouring points on a surface, m.
     pub(super) spacing: f64,
     blocks: Vec<(usize, Vec<u8>)>,
 }
 
-/// Which of `total` points are shown when at most `max` may be: one of each of `max` equal runs, at random, so that
-/// nothing regular in their order (returns, scan lines) shows.
+/// Selects at most `max` of `total` points: a random one from each of `max` equal runs, so that regular patterns in the
+/// order of the points (returns, scan lines) do not show.
 pub(super) fn sample(total: usize, max: usize) -> Vec<u32> {
     let total = total.min(u32::MAX as usize) as u64;
     let max = (max as u64).min(total);
@@ -42,7 +41,7 @@ pub(super) fn sample(total: usize, max: usize) -> Vec<u32> {
         .collect()
 }
 
-/// Bits without a pattern (the finaliser of SplitMix64, Steele 2014).
+/// Hashes a number (the finaliser of SplitMix64, Steele 2014).
 fn mixed_bits(i: u64) -> u64 {
     let mut z = i.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -73,10 +72,10 @@ impl Packed {
     }
 }
 
-/// The grid on which positions are kept.
+/// The grid to which positions are rounded.
 struct Grid {
     step: f64,
-    /// From the points' origin to the lowest corner, m.
+    /// Lowest corner relative to the points' origin, m.
     low: [f64; 3],
 }
 
@@ -87,7 +86,7 @@ impl Grid {
         }
         let bounds = points.bounds();
         let longest = bounds.size().max_element();
-        // A millimetre, finer for what is itself small.
+        // One millimetre, or finer for small clouds.
         let step = (longest / STEPS).max((longest / 4096.0).min(0.001)).max(1e-9);
         Grid { step, low: (bounds.min - points.origin()).to_array() }
     }
@@ -99,7 +98,7 @@ impl Grid {
     }
 }
 
-/// Place on the curve (Morton 1966): the bits of three coordinates in turn.
+/// Position on the Z-order curve (Morton 1966): the interleaved bits of three coordinates.
 fn curve(cell: [u32; 3]) -> u64 {
     let spread = |v: u32| {
         let mut v = u64::from(v) & 0x1f_ffff;
@@ -112,14 +111,14 @@ fn curve(cell: [u32; 3]) -> u64 {
     spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
 }
 
-/// The edge of the cubes, by halves, that on average hold not more than four points each: on a surface, points are about
-/// half of that apart.
+/// Typical distance of neighbouring points, m: half the edge of the cubes, found by halving, that contain at most four
+/// points on average.
 fn spacing(grid: &Grid, order: &[(u64, u32)]) -> f64 {
     for level in (0..=21u32).rev() {
         let occupied =
             1 + order.windows(2).filter(|w| w[0].0 >> (3 * level) != w[1].0 >> (3 * level)).count();
         if order.len() < 4 * occupied && level > 0 {
-            // Between this level and the next coarser one the mean passes four.
+            // The mean crosses four between this level and the next coarser one.
             let filled = order.len() as f64 / occupied as f64;
             let edge = grid.step * f64::from(1u32 << level);
             if level < 21 {
@@ -131,8 +130,8 @@ fn spacing(grid: &Grid, order: &[(u64, u32)]) -> f64 {
     grid.step
 }
 
-/// Planes of bytes: the lower, middle and upper bytes of the zigzag differences of x, of y and of z; then what else the
-/// points have.
+/// Planes of bytes: the lower, middle and upper bytes of the zigzag-coded differences of x, y and z; then the other
+/// attributes of the points.
 fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, ranges: &Ranges) -> Vec<u8> {
     let cells: Vec<[u32; 3]> = block.iter().map(|&(_, i)| grid.cell(&points.offsets[i as usize])).collect();
     let mut bytes = Vec::with_capacity(block.len() * 14);
@@ -166,7 +165,7 @@ fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, ranges: &Ranges) -
         plane(&|i| (points.object[i] >> 8) as u8);
     }
     let mut encoder = ZlibEncoder::new(Vec::with_capacity(bytes.len() / 2), Compression::default());
-    // Memory takes all that it is given.
+    // Writing to memory does not fail.
     let packed = encoder.write_all(&bytes).and_then(|()| encoder.finish());
     packed.unwrap_or_default()
 }
@@ -213,7 +212,7 @@ mod tests {
         let chosen = sample(1_000_003, 1000);
         assert_eq!(chosen.len(), 1000);
         assert!(chosen.windows(2).all(|w| w[0] < w[1] && w[1] - w[0] < 2002));
-        // Every second point is a second return: about half of the sample are.
+        // Every second point is a second return: so are about half of the sample.
         let second = chosen.iter().filter(|&&i| i % 2 == 1).count();
         assert!((430..570).contains(&second), "{second}");
         assert!(sample(0, 10).is_empty());
