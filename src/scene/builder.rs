@@ -1,4 +1,4 @@
-//! A scene that is being loaded: what the loaders append to.
+//! A scene under construction, to which the loaders append.
 
 use super::library::Library;
 use super::model::{MovingPart, Part};
@@ -16,33 +16,33 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Largest coordinate of a primitive, m. Beyond it double precision does not resolve millimetres.
+/// Maximum coordinate of a primitive, m. Beyond it double precision does not resolve millimetres.
 pub(super) const MAX_COORDINATE: f64 = 1e12;
 
-/// Largest number of vertices, and of primitives, of a scene: their numbers have 32 bits and the last one means "none".
+/// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means "none".
 pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
 
 /// Settings of [`load`](super::load()).
 #[derive(Clone, Debug)]
 pub struct LoadOptions {
-    /// Wavelength of the first device, nm; spectra are evaluated there.
+    /// Wavelength of the first device, nm, at which spectra are evaluated.
     pub wavelength_nm: f64,
     /// Seed of random materials and random voxel shifts.
     pub seed: u64,
-    /// Where the reading of materials and leaf angle tables departs from the reference's.
+    /// Departures from the reference's reading of materials and leaf angle tables.
     pub rules: MaterialRules,
-    /// Leave out OBJ faces with more than four vertices, as the reference does (spec input-formats §10, trap 51).
+    /// Whether to skip OBJ faces with more than four vertices, as the reference does (spec input-formats §10, trap 51).
     pub drop_polygons: bool,
-    /// Largest memory of the scene without the tree over it, bytes.
+    /// Maximum memory of the scene without its tree, bytes.
     pub max_memory: Option<u64>,
-    /// Threads; 0 means all.
+    /// Number of threads; 0 means all.
     pub jobs: usize,
     /// When parts share meshes.
     pub sharing: Sharing,
 }
 
 impl Default for LoadOptions {
-    /// 1064 nm, seed 0, the reference's materials, all polygons, no limit, all threads.
+    /// 1064 nm, seed 0, the reference's materials, all polygons, no memory limit, all threads.
     fn default() -> LoadOptions {
         LoadOptions {
             wavelength_nm: 1064.0,
@@ -56,11 +56,11 @@ impl Default for LoadOptions {
     }
 }
 
-/// When parts share the mesh of a file that several of them name. The points of a survey do not depend on it.
+/// When parts share the mesh of a file that several of them name. Does not change the points of a survey.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sharing {
-    /// When it saves much memory: rays traverse stored triangles faster than instances.
+    /// If it saves much memory: rays traverse stored triangles faster than instances.
     #[default]
     Auto,
     /// Whenever a mesh can be shared, even by a single part.
@@ -69,33 +69,32 @@ pub enum Sharing {
     Never,
 }
 
-/// An OBJ file and whether its y axis points up.
+/// Path of an OBJ file and whether its y axis points up.
 pub(super) type MeshFile = (PathBuf, bool);
 
-/// Meshes that several parts share, as far as they are loaded.
+/// Meshes that several parts share, as far as they have been loaded.
 #[derive(Default)]
 pub(super) struct SharedMeshes {
-    /// Files that are shared, with the number of the model once it is read.
+    /// Shared files, with the index of the model once it is loaded.
     pub files: HashMap<MeshFile, Option<u32>>,
     /// Meshes in their own frames.
     pub models: Vec<Arc<Model>>,
-    /// Materials of their triangles.
+    /// Material of each triangle of each model.
     pub materials: Vec<Vec<u32>>,
-    /// Instances: model, number of triangles stored before it, placement.
+    /// Model, number of triangles stored before it, and placement of each instance.
     pub placements: Vec<(u32, u32, Placement)>,
-    /// The part that each instance is.
+    /// The part of each instance.
     pub parts: Vec<u32>,
 }
 
 impl SharedMeshes {
-    /// Bytes held.
     fn memory(&self) -> u64 {
         self.models.iter().map(|m| m.memory() as u64).sum::<u64>()
             + self.materials.iter().map(|m| 4 * m.len() as u64).sum::<u64>()
             + (self.placements.len() * size_of::<(u32, u32, Placement)>()) as u64
     }
 
-    /// The corners of all triangles of an instance, one after the other, in the world's frame.
+    /// The corners of all triangles of an instance, in order, world frame.
     pub fn corners(&self, instance: usize) -> impl Iterator<Item = DVec3> {
         let (model, _, placement) = self.placements[instance];
         let geometry = &self.models[model as usize].geometry;
@@ -104,65 +103,54 @@ impl SharedMeshes {
     }
 }
 
-/// Geometry and materials as far as they are loaded.
+/// Geometry and materials as far as they have been loaded.
 pub(super) struct SceneBuilder<'a> {
-    /// Settings of the run.
     pub options: &'a LoadOptions,
     /// Primitives, world frame.
     pub geometry: Geometry,
-    /// Attributes of the cubes.
+    /// Attributes of the cubes, parallel to `geometry.cubes`.
     pub voxels: Vec<Voxel>,
     /// Surface of each triangle.
     pub triangle_surfaces: Vec<u32>,
     /// Surface of each cube.
     pub cube_surfaces: Vec<u32>,
-    /// Distinct surfaces.
     pub surfaces: Vec<Surface>,
-    /// Parts that hold at least one primitive.
+    /// Parts with at least one primitive.
     pub parts: Vec<Part>,
-    /// The parts that move.
     pub moving_parts: Vec<MovingPart>,
-    /// Materials.
     pub library: Library,
-    /// Meshes that parts share.
     pub meshes: SharedMeshes,
     /// Geometry files and tables that were opened.
     pub sources: Vec<PathBuf>,
-    /// Rules that make a difference to some leaf angle table.
+    /// Rules that change some leaf angle table.
     pub leaf_table_rules: MaterialRules,
-    /// Problems met so far.
     pub diagnostics: Diagnostics,
     surface_numbers: HashMap<Surface, u32>,
 }
 
-/// The part that a loader works for.
+/// The part that is being loaded.
 pub(super) struct PartSource<'a> {
-    /// Its index among the scene's parts.
+    /// Index among the scene's parts.
     pub index: u32,
-    /// Its place in the scene's file.
+    /// Position in the scene's file.
     pub place: Option<&'a Place>,
 }
 
-/// The primitives of one part.
+/// The primitives of one part, as index ranges.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Extent {
-    /// Its vertices.
     pub vertices: Range<usize>,
-    /// Its triangles.
     pub triangles: Range<usize>,
-    /// Its cubes.
     pub cubes: Range<usize>,
 }
 
 impl Extent {
-    /// Whether the part has no primitive.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty() && self.cubes.is_empty()
     }
 }
 
 impl<'a> SceneBuilder<'a> {
-    /// An empty scene.
     pub fn new(options: &'a LoadOptions, library: Library, meshes: SharedMeshes) -> SceneBuilder<'a> {
         SceneBuilder {
             options,
@@ -182,7 +170,7 @@ impl<'a> SceneBuilder<'a> {
         }
     }
 
-    /// The number of a (part, material) pair.
+    /// The index of the surface of a (part, material) pair, which is added if it is new.
     pub fn surface(&mut self, part: u32, material: u32) -> u32 {
         let surface = Surface { part, material };
         *self.surface_numbers.entry(surface).or_insert_with(|| {
@@ -191,14 +179,14 @@ impl<'a> SceneBuilder<'a> {
         })
     }
 
-    /// The empty extent behind everything loaded so far, for [`SceneBuilder::since`].
+    /// The empty extent after all primitives loaded so far, for [`SceneBuilder::since`].
     pub fn end(&self) -> Extent {
         let Geometry { vertices, triangles, cubes } = &self.geometry;
         let (v, t, c) = (vertices.len(), triangles.len(), cubes.len());
         Extent { vertices: v..v, triangles: t..t, cubes: c..c }
     }
 
-    /// Everything appended since `start` was the end.
+    /// The primitives appended since `start` was the end.
     pub fn since(&self, start: &Extent) -> Extent {
         let end = self.end();
         Extent {
@@ -208,13 +196,13 @@ impl<'a> SceneBuilder<'a> {
         }
     }
 
-    /// Gives the `count` cubes just appended their materials in turn.
+    /// Assigns the materials cyclically to the last `count` cubes.
     pub fn assign_materials_in_turn(&mut self, part: u32, materials: &[u32], count: usize) {
         let surfaces: Vec<u32> = materials.iter().map(|&m| self.surface(part, m)).collect();
         self.cube_surfaces.extend(surfaces.iter().cycle().take(count));
     }
 
-    /// Removes the cubes from number `first` on that `keep` rejects.
+    /// Removes the cubes from index `first` on for which `keep` is false.
     pub fn retain_cubes(&mut self, first: usize, keep: impl Fn(&Cube) -> bool) {
         let mut kept = first;
         for i in first..self.geometry.cubes.len() {
@@ -230,8 +218,8 @@ impl<'a> SceneBuilder<'a> {
         self.cube_surfaces.truncate(kept);
     }
 
-    /// Completes triangles that were appended after `start` with vertex numbers counted from there: removes vertices that
-    /// none of them uses and numbers the others within the scene.
+    /// Completes triangles appended after `start`, whose vertex indices count from there: removes unused vertices and
+    /// converts the indices to those of the scene.
     pub fn finish_mesh(&mut self, start: &Extent) -> Result<()> {
         let (first, vertices) = (start.vertices.start, self.geometry.vertices.to_mut());
         let triangles = &mut self.geometry.triangles[start.triangles.start..];
@@ -258,7 +246,7 @@ impl<'a> SceneBuilder<'a> {
         self.check_counts()
     }
 
-    /// Refuses more vertices or primitives than can be numbered.
+    /// Fails if there are more vertices or primitives than indices.
     pub fn check_counts(&self) -> Result<()> {
         let (vertices, primitives) = (self.geometry.vertices.len(), self.geometry.len());
         if vertices.max(primitives) > MAX_ELEMENTS {
@@ -269,7 +257,7 @@ impl<'a> SceneBuilder<'a> {
         Ok(())
     }
 
-    /// Refuses when what is loaded and `more` bytes for `file` exceed the limit.
+    /// Fails if the loaded data and `more` bytes for `file` exceed the memory limit.
     pub fn check_memory(&self, more: u64, file: &Path) -> Result<()> {
         let Some(limit) = self.options.max_memory else { return Ok(()) };
         let Geometry { vertices, triangles, cubes } = &self.geometry;
@@ -287,7 +275,7 @@ impl<'a> SceneBuilder<'a> {
     }
 }
 
-/// Bytes of a frozen scene with so many vertices, triangles and cubes: 24 per vertex, 16 per triangle, 60 per cube.
+/// Memory of a frozen scene, bytes: 24 per vertex, 16 per triangle, 60 per cube.
 pub(super) fn memory_of(vertices: usize, triangles: usize, cubes: usize) -> u64 {
     let per_triangle = size_of::<[u32; 3]>() + size_of::<u32>();
     let per_cube = size_of::<Cube>() + size_of::<Voxel>() + size_of::<u32>();
@@ -297,7 +285,7 @@ pub(super) fn memory_of(vertices: usize, triangles: usize, cubes: usize) -> u64 
         .saturating_add(bytes(cubes, per_cube))
 }
 
-/// A number of bytes with a decimal prefix.
+/// Formats a number of bytes with a decimal prefix.
 pub(super) fn format_bytes(bytes: u64) -> String {
     const UNITS: [&str; 5] = ["B", "kB", "MB", "GB", "TB"];
     let mut value = bytes as f64;
@@ -309,7 +297,7 @@ pub(super) fn format_bytes(bytes: u64) -> String {
     if unit == 0 { format!("{bytes} B") } else { format!("{value:.1} {}", UNITS[unit]) }
 }
 
-/// The bounding box of the images of points.
+/// The bounding box of the points mapped by `image`.
 pub(super) fn bounds_of_points(points: &[DVec3], image: impl Fn(DVec3) -> DVec3 + Sync) -> Aabb {
     points.par_iter().fold(|| Aabb::EMPTY, |b, &v| b.with(image(v))).reduce(|| Aabb::EMPTY, Aabb::union)
 }

@@ -1,4 +1,4 @@
-//! Epochs: repeated surveys of a scene whose parts are swapped in between (spec input-formats §3.8).
+//! Epochs: repeated surveys of a scene with parts swapped in between (spec input-formats §3.8).
 
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3};
@@ -7,10 +7,10 @@ use crate::scene::pack::Pack;
 use crate::survey::{Loader, PartRecipe, SceneRecipe, Swap};
 use std::borrow::Cow;
 
-/// Number of epochs of a scene: at least one, and as many as it takes until every part has been in all of its states.
+/// Number of epochs of a scene: the largest number of states of any part, at least one.
 ///
 /// # Errors
-/// When the scene is a packed one that cannot be used.
+/// When the scene is packed and the pack cannot be used.
 pub fn count_epochs(recipe: &SceneRecipe) -> Result<u32> {
     if let Some(path) = &recipe.packed {
         return Ok(Pack::open(path)?.epochs());
@@ -28,13 +28,12 @@ pub struct SceneFrame {
 }
 
 impl SceneFrame {
-    /// The frame and the bounding box of a scene.
     pub fn of(scene: &Scene) -> SceneFrame {
         SceneFrame { shift: scene.shift, bounds: scene.bounds }
     }
 
-    /// The bounding box of a later epoch whose primitives have the box `found`: the first epoch's, grown symmetrically to
-    /// hold them, or `found` where a part does not want the first epoch's frame kept.
+    /// The bounding box of a later epoch whose primitives have the box `found`: the first epoch's, extended
+    /// symmetrically to hold them, or `found` unless the first epoch's frame is kept.
     pub(super) fn bounds(&self, found: Aabb, keep: bool) -> Aabb {
         if found.is_empty() {
             return self.bounds;
@@ -47,19 +46,19 @@ impl SceneFrame {
     }
 }
 
-/// Whether later epochs keep the frame of the first: the last swap of each part decides, and one part against it is
-/// enough.
+/// Whether later epochs keep the frame of the first: this depends on the last swap of each part, and a single part that
+/// does not keep it suffices.
 pub(super) fn keeps_frame(recipe: &SceneRecipe) -> bool {
     recipe.parts.iter().filter_map(|p| p.swaps.last()).all(|swap| swap.keep_crs)
 }
 
-/// The part in the given epoch, counted from 0; `None` if it is absent then.
+/// The part in an epoch, counted from 0; `None` if it is absent in that epoch.
 pub(super) fn part_in_epoch(part: &PartRecipe, epoch: u32) -> Option<Cow<'_, PartRecipe>> {
     if epoch == 0 || part.swaps.is_empty() {
         return Some(Cow::Borrowed(part));
     }
     let mut swapped = part.clone();
-    // The loader of a swap that names none: that of the first epoch, until the part has vanished once.
+    // The loader for swaps that name none: that of the first epoch, until the part has been absent once.
     let (mut baseline, mut present, mut begins) = (Some(&part.loader), true, 1u64);
     for swap in &part.swaps {
         if begins > u64::from(epoch) {
@@ -71,7 +70,7 @@ pub(super) fn part_in_epoch(part: &PartRecipe, epoch: u32) -> Option<Cow<'_, Par
     present.then_some(Cow::Owned(swapped))
 }
 
-/// Changes the part to its next state; `false` if it is absent in it.
+/// Changes the part to its next state; `false` if it is absent in that state.
 fn apply_swap<'a>(part: &mut PartRecipe, swap: &'a Swap, baseline: &mut Option<&'a Loader>) -> bool {
     if swap.vanish {
         *baseline = None;

@@ -9,12 +9,10 @@ use std::path::{Path, PathBuf};
 /// The reference's rules.
 pub(super) const HELIOS: MaterialRules = MaterialRules::from_array([false; MaterialRules::COUNT]);
 
-/// A folder with scene files and the parts made of them.
 pub(super) struct Fixture {
     folder: tempfile::TempDir,
-    /// The recipe's parts.
     pub parts: Vec<PartRecipe>,
-    /// How the scene is loaded; two threads.
+    /// Loaded with two threads.
     pub options: LoadOptions,
 }
 
@@ -36,7 +34,7 @@ impl Fixture {
         self.folder.path()
     }
 
-    /// Adds a part whose place is line 10 + its number of the scene's file.
+    /// Adds a part whose place is line 10 + its index in the scene's file.
     pub fn part(&mut self, loader: Loader) -> &mut PartRecipe {
         let number = self.parts.len() as u32;
         self.parts.push(PartRecipe {
@@ -58,7 +56,6 @@ impl Fixture {
         self.part(Loader::Obj { files, up: UpAxis::Z })
     }
 
-    /// The recipe of all parts.
     pub fn recipe(&self) -> SceneRecipe {
         SceneRecipe {
             id: "s".to_owned(),
@@ -75,20 +72,20 @@ impl Fixture {
         load(&self.recipe(), &self.options)
     }
 
-    /// The scene, which must load without a warning.
+    /// Loads the scene, which must not cause a warning.
     pub fn scene(&self) -> Scene {
         let (scene, diagnostics) = self.load().unwrap_or_else(|e| panic!("{}", report(&e)));
         assert!(diagnostics.items().is_empty(), "{}", diagnostics.render(false));
         scene
     }
 
-    /// The report that loading ends with.
+    /// Loads the scene, which must fail, and returns the error as text.
     pub fn error(&self) -> String {
         report(&self.load().expect_err("the scene must not load"))
     }
 }
 
-/// What the user would read.
+/// The text of an error as shown to the user.
 pub(super) fn report(e: &Error) -> String {
     match e {
         Error::Input(d) => d.render(false),

@@ -7,28 +7,25 @@ use crate::geom::{Aabb, DVec3};
 use crate::tree::{Cube, Geometry};
 use rayon::prelude::*;
 
-/// A part that is loaded and transformed.
+/// A loaded and transformed part.
 pub(super) struct LoadedPart {
-    /// Reported id.
     pub id: String,
-    /// Its primitives.
     pub body: Body,
-    /// Its `onGround` mode.
     pub on_ground: i64,
-    /// Its place in the scene's file.
+    /// Position in the scene's file.
     pub place: Option<Place>,
 }
 
-/// The primitives of a part.
+/// The geometry of a part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Body {
-    /// Primitives of its own.
+    /// Its primitives are stored in the scene.
     Stored(Extent),
-    /// An instance of a shared mesh, by its number.
+    /// Index of an instance of a shared mesh.
     Instance(usize),
 }
 
-/// Drops all parts that ask for it to the ground, in their order.
+/// Drops all parts with `onGround` to the ground, in their order.
 pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
     for part in parts.iter().filter(|p| p.on_ground != 0) {
         let corners = corners(scene, &part.body);
@@ -62,7 +59,7 @@ pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
     }
 }
 
-/// Every ⌊n / min(k, n)⌋-th of the first min(k, n) of n corners, as the reference's approximate search looks at them.
+/// Every ⌊n / min(k, n)⌋-th of the first min(k, n) of n corners, the sample of the reference's approximate search.
 fn sampled(corners: &[DVec3], k: i64) -> impl Iterator<Item = &DVec3> {
     let first = usize::try_from(k).unwrap_or(usize::MAX).min(corners.len());
     corners[..first].iter().step_by(corners.len().checked_div(first).unwrap_or(1).max(1))
@@ -73,13 +70,13 @@ fn min_by_value(points: impl Iterator<Item = DVec3>, value: impl Fn(DVec3) -> f6
     points.map(|p| (value(p), p)).reduce(|best, p| if p.0 < best.0 { p } else { best }).map(|(_, p)| p)
 }
 
-/// The corners of all triangles, one after the other, and the lower corner of each cube.
+/// The corners of all triangles, in order, and the lower corner of each cube.
 fn corners(scene: &SceneBuilder, body: &Body) -> Vec<DVec3> {
     points(scene, body, |c| c.centre - DVec3::splat(c.half))
 }
 
-/// The points to which the plane of the ground is fitted. Cubes count with their centres, so that the heights of their
-/// corners do not tilt the plane.
+/// The points to which the ground plane is fitted. Cubes contribute their centres, so that the heights of their corners
+/// do not tilt the plane.
 fn corners_of_ground(scene: &SceneBuilder, body: &Body) -> Vec<DVec3> {
     points(scene, body, |c| c.centre)
 }
@@ -122,7 +119,7 @@ pub(super) fn bounds_of(scene: &SceneBuilder, body: &Body) -> Aabb {
     }
 }
 
-/// The bounding box of an extent all of whose vertices are used.
+/// The bounding box of an extent whose vertices are all in use.
 pub(super) fn bounds(geometry: &Geometry, extent: &Extent) -> Aabb {
     let vertices = bounds_of_points(&geometry.vertices[extent.vertices.clone()], |v| v);
     let cubes = geometry.cubes[extent.cubes.clone()]
@@ -132,7 +129,7 @@ pub(super) fn bounds(geometry: &Geometry, extent: &Extent) -> Aabb {
     vertices.union(cubes)
 }
 
-/// Moves a part vertically.
+/// Moves a part vertically, m.
 fn raise(scene: &mut SceneBuilder, body: &Body, by: f64) {
     match body {
         Body::Instance(i) => scene.meshes.placements[*i].2.raise = by,

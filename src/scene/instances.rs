@@ -1,5 +1,5 @@
-//! Instances of shared meshes: when many or large parts name the same file, its mesh is kept once, as a model, and every
-//! such part is an instance of it.
+//! Instances of shared meshes: if many or large parts name the same file, its mesh is stored once, as a model, and each
+//! of these parts is an instance of it.
 
 use super::builder::{
     MAX_COORDINATE, MAX_ELEMENTS, MeshFile, SceneBuilder, SharedMeshes, Sharing, bounds_of_points,
@@ -15,10 +15,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Bytes of OBJ text whose meshes need not be stored again, above which [`Sharing::Auto`] shares a file.
+/// Minimum number of bytes of OBJ text whose repeated storage is avoided for [`Sharing::Auto`] to share a file.
 const MIN_SHARED_BYTES: u64 = 64 << 20;
 
-/// Decides which files share their meshes in an epoch.
+/// Selects the files whose meshes are shared in an epoch.
 pub(super) fn plan_sharing(recipe: &SceneRecipe, epoch: u32, sharing: Sharing) -> SharedMeshes {
     let mut users: HashMap<MeshFile, u64> = HashMap::new();
     let parts = recipe.parts.iter().filter_map(|part| part_in_epoch(part, epoch));
@@ -37,7 +37,7 @@ pub(super) fn plan_sharing(recipe: &SceneRecipe, epoch: u32, sharing: Sharing) -
     SharedMeshes { files: shared.collect(), ..SharedMeshes::default() }
 }
 
-/// The file that a part may share: one OBJ file, of a part that does not move.
+/// The file that a part can share: its only OBJ file, if the part does not move.
 fn mesh_file(part: &PartRecipe) -> Option<MeshFile> {
     match &part.loader {
         Loader::Obj { files, up } if part.motions.is_empty() && files.len() == 1 => {
@@ -47,8 +47,8 @@ fn mesh_file(part: &PartRecipe) -> Option<MeshFile> {
     }
 }
 
-/// Makes the next part an instance if its file is shared, loading the file with `load` when it is the first; `None` if the
-/// part is to be stored. The instance has a number unless its mesh is empty.
+/// Makes the next part an instance if its file is shared; the first use loads the file with `load`. Returns `None` if
+/// the part is to be stored; the instance has an index unless its mesh is empty.
 pub(super) fn add_instance(
     scene: &mut SceneBuilder,
     part: &PartRecipe,
@@ -75,7 +75,7 @@ pub(super) fn add_instance(
     Ok(Some(Some(meshes.placements.len() - 1)))
 }
 
-/// Loads a file as a stored part without transform and moves its triangles into a model.
+/// Loads a file as a stored part without transform and moves its triangles to a model.
 fn read_model(
     scene: &mut SceneBuilder,
     part: &PartRecipe,
@@ -97,8 +97,8 @@ fn read_model(
     Ok(scene.meshes.models.len() as u32 - 1)
 }
 
-/// The finished instances, whose triangles are numbered on from the `own` primitives of the scene; `None` when there are
-/// none.
+/// Completes the instances, whose triangle indices continue after the `own` primitives of the scene; `None` if there
+/// are none.
 pub(super) fn freeze(meshes: SharedMeshes, own: usize) -> Result<Option<InstanceSet>> {
     if meshes.placements.is_empty() {
         return Ok(None);
@@ -118,13 +118,13 @@ pub(super) fn freeze(meshes: SharedMeshes, own: usize) -> Result<Option<Instance
     }))
 }
 
-/// Whether an instance is certainly within [`MAX_COORDINATE`]; a quick test that may say no by mistake.
+/// Whether an instance is certainly within [`MAX_COORDINATE`]; a conservative test.
 pub(super) fn is_near(meshes: &SharedMeshes, instance: usize) -> bool {
     let (model, _, placement) = meshes.placements[instance];
     placement.magnitude(DVec3::ZERO, meshes.models[model as usize].reach()) <= MAX_COORDINATE
 }
 
-/// The exact bounding box of an instance in the world's frame.
+/// The exact bounding box of an instance, world frame, m.
 pub(super) fn bounds(meshes: &SharedMeshes, instance: usize) -> Aabb {
     let (model, _, placement) = meshes.placements[instance];
     bounds_of_points(&meshes.models[model as usize].geometry.vertices, |v| placement.place(v, DVec3::ZERO))

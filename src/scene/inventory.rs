@@ -1,4 +1,4 @@
-//! Counts what a scene holds.
+//! Counts the contents of a scene.
 
 use super::{Scene, Surface};
 use crate::geom::{Aabb, DVec3};
@@ -6,40 +6,38 @@ use crate::tree::Geometry;
 use rayon::prelude::*;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Largest height of a sliver over its longest edge, relative to that edge.
+/// Maximum height of a sliver over its longest edge, relative to that edge.
 const MAX_SLIVER_RATIO: f64 = 1e-6;
 
-/// What a scene holds.
+/// Numbers of primitives, instances and defects of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Inventory {
-    /// Triangles that are stored, as instances, and cubes.
+    /// Stored triangles, without those of instances.
     pub triangles: u64,
     /// Triangles of all instances.
     pub instanced_triangles: u64,
-    /// Voxels.
     pub cubes: u64,
-    /// Instances and the meshes that they share.
     pub instances: u64,
-    /// Shared meshes.
+    /// Meshes shared by instances.
     pub models: u64,
-    /// Box around everything, world frame.
+    /// Box around all primitives, world frame, m.
     pub bounds: Aabb,
-    /// Primitives of each part.
+    /// Number of primitives of each part.
     pub of_part: Vec<u64>,
-    /// Primitives of each material.
+    /// Number of primitives of each material.
     pub of_material: Vec<u64>,
-    /// Stored triangles, those of shared meshes counted once, that are all but a line: rays can hardly hit them.
+    /// Triangles degenerate to a line, which rays can hardly hit; those of shared meshes are counted once.
     pub slivers: u64,
-    /// Triangles with the same corners as another one of the same mesh.
+    /// Triangles with the same corners as another triangle of their mesh.
     pub duplicates: u64,
-    /// Voxels with the place and size of another one.
+    /// Voxels with the position and size of another voxel.
     pub duplicate_cubes: u64,
-    /// Instances with the placement of another instance of the same mesh.
+    /// Instances with the placement of another instance of their mesh.
     pub duplicate_instances: u64,
 }
 
 impl Inventory {
-    /// Counts the contents of a scene. Looks at every stored primitive.
+    /// Counts the contents of a scene by visiting every stored primitive.
     pub fn of(scene: &Scene) -> Inventory {
         let mut all = Inventory {
             triangles: scene.geometry.triangles.len() as u64,
@@ -80,12 +78,12 @@ impl Inventory {
         all
     }
 
-    /// All primitives.
+    /// Number of all primitives, including those of instances.
     pub fn primitives(&self) -> u64 {
         self.triangles + self.instanced_triangles + self.cubes
     }
 
-    /// What the coordinates look like.
+    /// Describes the likely coordinate system of the scene.
     pub fn coordinates(&self) -> &'static str {
         let (min, max) = (self.bounds.min, self.bounds.max);
         let within =
@@ -110,13 +108,13 @@ impl Inventory {
     }
 }
 
-/// How many equal another one before them.
+/// Number of elements that equal a previous one.
 fn repeated<T: Ord + Send>(mut all: Vec<T>) -> u64 {
     all.par_sort_unstable();
     all.windows(2).filter(|w| w[0] == w[1]).count() as u64
 }
 
-/// Numbers that can be compared bit by bit; −0 is 0.
+/// Bit patterns for comparison; −0 becomes 0.
 fn bits<const N: usize>(numbers: &[f64; N]) -> [u64; N] {
     numbers.map(|x| (x + 0.0).to_bits())
 }
@@ -126,7 +124,7 @@ fn is_sliver([a, b, c]: &[DVec3; 3]) -> bool {
     (*b - *a).cross(*c - *a).length() <= MAX_SLIVER_RATIO * longest
 }
 
-/// A hash that is equal for triangles with the same corners in any order; others collide once in 2⁶⁴.
+/// A hash that is equal for triangles with the same corners in any order; the probability of a collision is 2⁻⁶⁴.
 fn fingerprint(corners: [DVec3; 3]) -> u64 {
     let mut bits = corners.map(|p| (p + DVec3::ZERO).to_array().map(f64::to_bits));
     bits.sort_unstable();

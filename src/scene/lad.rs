@@ -1,7 +1,7 @@
-//! Leaf angle tables: how much leaf area a direction sees (spec pulse-physics §2.6, input-formats §4.6).
+//! Leaf angle tables: the projection of leaf area in each direction (spec pulse-physics §2.6, input-formats §4.6).
 //!
-//! G is the mean projection of a unit of leaf area, |cos| averaged over the leaf normals (Ross 1981): over all directions it
-//! averages 1/2, whatever the leaf angles. The reference's tables hold 2πG, which averages π.
+//! G is the mean projection of a unit of leaf area, |cos| averaged over the leaf normals (Ross 1981): its average over
+//! all directions is 1/2 for any leaf angles. The reference's tables contain 2πG, whose average is π.
 
 use super::material::SPHERICAL_MEAN_COSINE;
 use super::number::float;
@@ -21,29 +21,29 @@ pub struct LadTable {
     values: Vec<f64>,
     /// Mean of the values over all directions.
     mean: f64,
-    /// Mean over the leaves of (3 cos² − 1)/2 of the angle between normal and zenith: 1 for level leaves, 0 for those that
-    /// face all directions alike, −1/2 for upright ones.
+    /// Mean over the leaves of (3 cos² − 1)/2 of the angle between normal and zenith: 1 for horizontal leaves, 0 for a
+    /// uniform distribution of directions, −1/2 for vertical leaves.
     horizontality: f64,
 }
 
-/// What the values of a table were found to be.
+/// Properties found in the values of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TableKind {
-    /// Mean of its values over all directions.
+    /// Mean of the values over all directions.
     pub mean: f64,
-    /// Its values are G itself.
+    /// The values are G itself.
     pub is_g: bool,
-    /// It covers one hemisphere only.
+    /// The table covers one hemisphere only.
     pub is_half: bool,
 }
 
 /// Number of steps of the integrals over the sphere.
 const INTEGRATION_STEPS: u32 = 4096;
 
-/// Largest deviation of a table's mean from 1/2 or π that is not reported, as a fraction.
+/// Maximum relative deviation of a table's mean from 1/2 or π that is not reported.
 const MAX_MEAN_ERROR: f64 = 0.1;
 
-/// Largest value of a table; no leaves project that much on a scale where an isotropic canopy has π.
+/// Maximum value of a table, far above any projection on a scale where an isotropic canopy has π.
 const MAX_G: f64 = 1e3;
 
 fn is_unit(d: DVec3) -> bool {
@@ -54,8 +54,8 @@ fn is_unit(d: DVec3) -> bool {
 const SAME_ANGLE: f64 = 1e-7;
 
 impl LadTable {
-    /// The table of rows (unit direction, G). A direction with x < 0 has a zenith angle above π. Of rows with equal angles
-    /// the first counts. `None` without rows.
+    /// The table of rows (unit direction, G). A direction with x < 0 has a zenith angle above π. The first of several
+    /// rows with equal angles counts. `None` without rows.
     pub fn new(rows: impl IntoIterator<Item = (DVec3, f64)>) -> Option<LadTable> {
         let angle = |d: DVec3| {
             let angle = acos(d.z.clamp(-1.0, 1.0));
@@ -67,12 +67,12 @@ impl LadTable {
         (!rows.is_empty()).then(|| LadTable::of_rows(rows))
     }
 
-    /// The table of rows (unit direction, value) by the rules, and what it turned out to be. `None` without rows.
+    /// The table of rows (unit direction, value) according to the rules, and its properties. `None` without rows.
     fn by_rules(rows: Vec<(DVec3, f64)>, rules: MaterialRules) -> Option<(LadTable, TableKind)> {
         let is_half =
             rows.iter().all(|(d, _)| d.z > -SAME_ANGLE) || rows.iter().all(|(d, _)| d.z < SAME_ANGLE);
         let table = if rules.leaf_table_mirror {
-            // The azimuth does not matter, so that rows of all azimuths describe the same curve.
+            // The azimuth does not matter: rows of all azimuths describe the same curve.
             let folded = rows.into_iter().map(|(d, g)| (DVec3::new(d.x.abs(), d.y, d.z), g));
             let opposite = |(d, g): (DVec3, f64)| [(d, g), (DVec3::new(d.x, d.y, -d.z), g)];
             let folded: Vec<_> = if is_half { folded.flat_map(opposite).collect() } else { folded.collect() };
@@ -86,7 +86,7 @@ impl LadTable {
         Some((LadTable::of_rows(rows), kind))
     }
 
-    /// Mean over all directions of a function of the zenith angle and the value there.
+    /// Mean over all directions of a function of the zenith angle and the table's value.
     fn mean_of(&self, f: impl Fn(f64, f64) -> f64) -> f64 {
         let mean = |i: u32| {
             let z = 2.0 * (f64::from(i) + 0.5) / f64::from(INTEGRATION_STEPS) - 1.0;
@@ -100,7 +100,7 @@ impl LadTable {
         self.angles.iter().copied().zip(self.values.iter().copied())
     }
 
-    /// The table of [`LadTable::rows`], of which there is at least one.
+    /// The inverse of [`LadTable::rows`]; needs at least one row.
     pub(super) fn of_rows(rows: Vec<(f64, f64)>) -> LadTable {
         let (angles, values) = rows.into_iter().unzip();
         let mut table = LadTable { angles, values, mean: 0.0, horizontality: 0.0 };
@@ -114,8 +114,8 @@ impl LadTable {
         table
     }
 
-    /// Mean cosine of the incidence on the leaves that a ray along the unit vector `direction` meets, each as often as it
-    /// projects: the mean of cos² over the leaf normals, which the second moment of G gives, over G.
+    /// Mean cosine of the incidence on the leaves that a ray along the unit vector `direction` hits, weighted by their
+    /// projection: the mean of cos² over the leaf normals, which follows from the second moment of G, divided by G.
     pub fn mean_cosine(&self, direction: DVec3) -> f64 {
         let g = 0.5 * self.g(direction) / self.mean;
         let square = (1.0 + self.horizontality * (3.0 * direction.z * direction.z - 1.0)) / 3.0;
@@ -123,7 +123,7 @@ impl LadTable {
         if mean.is_nan() { SPHERICAL_MEAN_COSINE } else { mean }
     }
 
-    /// 2πG for a ray along the unit vector `direction`: linear between the neighbouring angles, constant beyond the first
+    /// 2πG for a ray along the unit vector `direction`: linear between neighbouring angles, constant beyond the first
     /// and the last. A vertical ray whose z exceeds 1 by rounding counts as vertical.
     pub fn g(&self, direction: DVec3) -> f64 {
         self.at(acos(direction.z.clamp(-1.0, 1.0)))
@@ -142,7 +142,7 @@ impl LadTable {
         (b * self.values[upper] + a * self.values[upper - 1]) / (a + b)
     }
 
-    /// Reads a table of lines `x,y,z,G` by the rules, and returns the rules that make a difference to it. `None` after
+    /// Reads a table of lines `x,y,z,G` according to the rules, and returns the rules that change it. `None` after
     /// errors, all of which are reported.
     pub(super) fn read(
         source: &Source,
@@ -193,7 +193,7 @@ impl LadTable {
 }
 
 impl TableKind {
-    /// Reports what the table was taken for.
+    /// Reports how the table was interpreted.
     fn report(&self, source: &Source, rules: MaterialRules, diagnostics: &mut Diagnostics) {
         let place = || Some(source.place(0, 0..0));
         let is_g = self.is_g && rules.leaf_table_scale;
@@ -242,12 +242,12 @@ mod tests {
         DVec3::new(0.0, z.sin(), z.cos())
     }
 
-    /// G of level leaves.
+    /// G of horizontal leaves.
     fn level(z: f64) -> f64 {
         z.cos().abs()
     }
 
-    /// G of upright leaves of all azimuths.
+    /// G of vertical leaves of all azimuths.
     fn upright(z: f64) -> f64 {
         2.0 / PI * z.sin()
     }
@@ -278,7 +278,7 @@ mod tests {
         }
         let (helios, _) = LadTable::by_rules(rows(0, 90, |z| TAU * level(z)), HELIOS).unwrap();
         assert!(helios.g(towards(140.0)) < 1e-12, "the reference repeats the edge");
-        // The other half of the circle, which the reference never looks at.
+        // The other half of the circle, which the reference ignores.
         let west = rows(0, 90, level).into_iter().map(|(d, g)| (DVec3::new(-d.x, d.y, d.z), g)).collect();
         let (table, _) = LadTable::by_rules(west, REFINED).unwrap();
         assert!((table.g(towards(40.0)) / TAU - level(40f64.to_radians())).abs() < 1e-12);
@@ -308,8 +308,8 @@ mod tests {
         assert_eq!(report(&text(1.0), HELIOS), (false, vec![]));
     }
 
-    /// The leaves of a canopy by the closed forms of their angles: cos² over |cos| for level ones is |cos|; for upright ones
-    /// (sin²/2)/(2 sin/π); for spherical ones 2/3.
+    /// Mean cosines for closed forms of the leaf angles: cos² over |cos| is |cos| for horizontal leaves, (sin²/2)/(2
+    /// sin/π) for vertical ones, and 2/3 for spherical ones.
     #[test]
     fn mean_cosines_by_leaf_angle() {
         let fine = |g: fn(f64) -> f64| {

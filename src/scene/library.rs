@@ -1,4 +1,4 @@
-//! From material definitions to the scene's materials (spec pulse-physics §3.2, input-formats §3.5 and §5).
+//! Resolves material definitions to the scene's materials (spec pulse-physics §3.2, input-formats §3.5 and §5).
 
 use super::material::{Material, Reflection};
 use super::mtl::{self, Definition};
@@ -13,27 +13,27 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::path::{Path, PathBuf};
 
-/// The name of the material of faces that name none; no file can redefine it.
+/// Name of the material of faces without one; no file can redefine it.
 pub(super) const DEFAULT: &str = "default";
 
-/// Reflectances above this are taken as per cent; those between 1 and this may be of retroreflectors.
+/// Reflectances above this are interpreted as per cent; those between 1 and this can be of retroreflectors.
 const MAX_FRACTION: f64 = 2.0;
-/// Largest number of randomised variants of one material.
+/// Maximum number of randomised variants of one material.
 const MAX_VARIANTS: u32 = 10_000;
 
-/// The materials of a scene and the files that define them. A material is resolved when a primitive first uses it.
+/// The materials of a scene and the files that define them. A material is resolved at its first use by a primitive.
 pub(super) struct Library {
     spectra: Spectra,
     rules: MaterialRules,
-    /// Rules that make a difference to some material.
+    /// Rules that change some material.
     pub relevant_rules: MaterialRules,
-    /// Reflectances that are missing or no fractions.
+    /// Reflectances that are missing or not fractions.
     pub issues: ReflectanceIssues,
     seed: u64,
     files: Vec<MtlFile>,
     file_of: HashMap<PathBuf, Option<usize>>,
     index_of: HashMap<Key, u32>,
-    /// The materials in the order of first use.
+    /// In the order of first use.
     pub materials: Vec<Material>,
 }
 
@@ -46,23 +46,22 @@ struct MtlFile {
 enum Key {
     Defined(DefinitionId),
     Named(String),
-    /// A material that differs from another one in its class.
+    /// Copy of a material with another class.
     Classified(u32, u8),
 }
 
-/// A definition: its file and its position therein.
+/// A definition: the index of its file and its position in it.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct DefinitionId {
     file: usize,
     index: usize,
 }
 
-/// The names that the files of one part may use; the first definition of a name counts.
+/// The names available to the files of one part; the first definition of a name counts.
 #[derive(Default)]
 pub(super) struct Names(HashMap<String, DefinitionId>);
 
 impl Library {
-    /// An empty library.
     pub fn new(spectra: Spectra, rules: MaterialRules, seed: u64) -> Library {
         Library {
             spectra,
@@ -77,7 +76,6 @@ impl Library {
         }
     }
 
-    /// The files that were read.
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
         self.files.iter().map(|f| f.source.path().to_path_buf()).chain(self.spectra.files().cloned())
     }
@@ -108,7 +106,7 @@ impl Library {
         file
     }
 
-    /// Resolves a name to a material; the flag tells whether a file defines it.
+    /// Resolves a name to a material; the flag is true if a file defines it.
     pub fn named(&mut self, name: &str, names: &Names, diagnostics: &mut Diagnostics) -> (u32, bool) {
         match names.0.get(name) {
             Some(&known) => (self.defined(known, diagnostics), true),
@@ -126,7 +124,7 @@ impl Library {
         })
     }
 
-    /// A material that differs from another one in its class only.
+    /// A copy of a material with another class.
     pub fn of_class(&mut self, material: u32, class: u8) -> u32 {
         let base = &self.materials[material as usize];
         if base.classification == i32::from(class) {
@@ -213,8 +211,8 @@ impl Library {
         }
     }
 
-    /// The materials of a part whose loader has none of its own: the chosen one and its randomised variants. Primitive i
-    /// of the part uses material i modulo their number. `None` after an error.
+    /// The materials of a part whose loader defines none: the selected one and its randomised variants. Primitive i of
+    /// the part uses material i modulo their number. `None` after an error.
     pub fn chosen(
         &mut self,
         choice: &MaterialChoice,
@@ -291,7 +289,7 @@ fn is_specular_only(d: &Definition) -> bool {
     d.kd == [0.0; 3] && d.ks != [0.0; 3]
 }
 
-/// The angular law; without `has_share` the specular share stays 0, as the reference leaves it for most materials.
+/// The angular law; without `has_share` the specular share remains 0, as in the reference for most materials.
 fn reflection(d: &Definition, has_share: bool, rules: MaterialRules) -> Reflection {
     let (kd, ks): (f64, f64) = (d.kd.iter().sum(), d.ks.iter().sum());
     let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);

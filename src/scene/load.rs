@@ -1,5 +1,5 @@
-//! From the description of a scene to the finished scene (spec input-formats §3.6): loads all parts, transforms each, drops
-//! to the ground those that ask for it, and moves the origin to the centre of the whole.
+//! Builds the finished scene from its description (spec input-formats §3.6): loads and transforms all parts, drops
+//! those with `onGround` to the ground, and moves the origin to the centre of the scene.
 
 use super::builder::{Extent, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
 use super::epoch::{SceneFrame, keeps_frame, part_in_epoch};
@@ -18,14 +18,14 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Loads a scene in its first epoch, with the warnings about it. All problems of all files are collected before an error is
-/// returned. The result does not depend on the number of threads. Moving parts are in their initial pose.
+/// Loads a scene in its first epoch and returns it with its warnings. All problems of all files are collected before an
+/// error is returned. The result does not depend on the number of threads. Moving parts are in their initial pose.
 pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
     load_epoch(recipe, options, 0, None)
 }
 
-/// Loads a scene in the given epoch, counted from 0. Later epochs share the frame of the `first`. Parts have the same
-/// numbers in all epochs: a swapped part keeps its number and its one id, also while it is absent.
+/// Loads a scene in an epoch, counted from 0. Later epochs share the frame of the `first`. Part indices are equal in
+/// all epochs: a swapped part keeps its index and its single id, also while it is absent.
 pub fn load_epoch(
     recipe: &SceneRecipe,
     options: &LoadOptions,
@@ -75,20 +75,20 @@ fn load_sources(
     Ok((Scene { dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
 }
 
-/// Assigns ids: a part without one is numbered, and each of its files is a part of its own.
+/// Assigns ids: a part without one gets numbers, and each of its files becomes a separate part.
 #[derive(Default)]
 struct Ids {
     additional: u64,
 }
 
 impl Ids {
-    /// The id of a part that is a single one whatever the number of its files.
+    /// The id of a part that remains a single part for any number of files.
     fn single(&self, part: &PartRecipe) -> String {
         let numbered = || (u64::from(part.number) + self.additional).to_string();
         part.id.clone().filter(|id| !id.is_empty()).unwrap_or_else(numbered)
     }
 
-    /// The ids of the parts that a recipe makes, each with its files.
+    /// The ids of the parts created from a recipe, each with its files.
     fn with_files<'a>(&mut self, part: &PartRecipe, files: &'a [PathBuf]) -> Vec<(String, &'a [PathBuf])> {
         if !part.swaps.is_empty() || part.id.as_ref().is_some_and(|id| !id.is_empty()) {
             return vec![(self.single(part), files)];
@@ -218,8 +218,8 @@ fn load_files(
     Ok(())
 }
 
-/// Applies a part's transform (spec input-formats §3.3), without dropping it to the ground. Triangles and point clouds take all
-/// of it; cubes stay upright, and those of vegetation are scaled in place.
+/// Applies a part's transform (spec input-formats §3.3), except dropping it to the ground. Triangles and point clouds
+/// are fully transformed; cubes remain axis-aligned, and vegetation cubes are scaled in place.
 fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transform, extent: &Extent) {
     if (Transform { on_ground: 0, ..*transform }) == Transform::IDENTITY {
         return;
@@ -240,7 +240,7 @@ fn choose(scene: &mut SceneBuilder, part: &PartSource, choice: &MaterialChoice) 
     scene.library.chosen(choice, part.index, part.place, &mut scene.diagnostics)
 }
 
-/// Opens a file of a part; `None` after an error about its name.
+/// Opens a file of a part; `None` after an error in its name.
 fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
     match Source::open(file) {
         Ok(source) => {
@@ -255,7 +255,7 @@ fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Opti
     }
 }
 
-/// Whether an error is about the file's name and thus a mistake in the scene's description.
+/// Whether an error is due to the file's name and thus a mistake in the scene's description.
 fn is_wrong_name(e: &std::io::Error) -> bool {
     use std::io::ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
     matches!(e.kind(), NotFound | PermissionDenied | IsADirectory | NotADirectory | InvalidInput)
@@ -288,7 +288,7 @@ fn check_coordinates(scene: &mut SceneBuilder, id: &str, body: &Body, place: Opt
     }
 }
 
-/// Moves the origin to the centre of the scene, or to that of the first epoch, and takes the scene out of its builder.
+/// Moves the origin to the centre of the scene, or to that of the first epoch, and builds the final scene.
 fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> Result<(Scene, Diagnostics)> {
     let SceneBuilder { mut geometry, mut voxels, library, mut sources, .. } = scene;
     let mut instances = instances::freeze(scene.meshes, geometry.len())?;

@@ -1,31 +1,29 @@
-//! How a surface reflects (spec pulse-physics §3.2).
+//! Reflection of surfaces (spec pulse-physics §3.2).
 
 use super::MaterialRules;
 
-/// A material with its reflectance already resolved for the scanner's wavelength.
+/// A material with its reflectance at the scanner's wavelength.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// Name in its MTL file.
     pub name: String,
-    /// ρ as it enters the energy computation: `helios_reflectance` verbatim, otherwise that of the spectrum, otherwise a
-    /// half; spectra and the half are in per cent unless [`MaterialRules::reflectance_fraction`] holds.
+    /// ρ as used in the energy computation: `helios_reflectance` verbatim, otherwise that of the spectrum, otherwise
+    /// one half; spectra and the half are in per cent unless [`MaterialRules::reflectance_fraction`] is set.
     pub reflectance: f64,
-    /// Angular law.
     pub reflection: Reflection,
-    /// Point class of its echoes.
+    /// Point class of its returns.
     pub classification: i32,
-    /// Legs and parts may be placed on it.
+    /// Whether legs and parts may be placed on it.
     pub is_ground: bool,
 }
 
-/// Angular law of reflection back to where the light comes from: f(θ) = π·BRDF·cos θ.
+/// Angular law of the reflection back to the source: f(θ) = π·BRDF·cos θ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reflection {
-    /// ρ whatever the angle (no Kd, no Ks).
+    /// ρ at any angle (neither Kd nor Ks).
     Uniform,
     /// ρ·cos θ (Kd only).
     Lambert,
-    /// ρ·[(1−s) + s·|cos 2θ|^N / cos θ]·cos θ (Kd and Ks), the reference's.
+    /// ρ·[(1−s) + s·|cos 2θ|^N / cos θ]·cos θ (Kd and Ks), the law of the reference.
     Phong {
         /// Specular share s, 0–1.
         specularity: f64,
@@ -34,10 +32,10 @@ pub enum Reflection {
     },
     /// ρ·[(1−s)·(A + B·sin θ·tan θ) + s·(N+2)/2·max(0, cos 2θ)^N]·cos θ.
     ///
-    /// The first term is the qualitative model of Oren and Nayar (1994) for light that returns to its source (both polar
-    /// angles are θ, the azimuths are equal); without roughness it is Lambert's. The second is the modified Phong lobe of
-    /// Lafortune and Willems (1994), which reflects no more than s·ρ: the mirror direction is 2θ away from the source, and
-    /// beyond 45° no light of the lobe returns.
+    /// The first term is the qualitative model of Oren and Nayar (1994) for light that returns to its source (both
+    /// polar angles are θ, the azimuths are equal); without roughness it is Lambert's law. The second is the modified
+    /// Phong lobe of Lafortune and Willems (1994), which reflects at most s·ρ: the mirror direction is 2θ away from the
+    /// source, and beyond 45° the lobe does not return any light.
     Lobes {
         /// Specular share s, 0–1.
         specularity: f64,
@@ -48,11 +46,11 @@ pub enum Reflection {
     },
 }
 
-/// Mean of cos θ over leaves that face all directions alike, by how often each is met: 1/3 over 1/2.
+/// Mean of cos θ over uniformly distributed leaf normals, weighted by projected area: 1/3 over 1/2.
 pub const SPHERICAL_MEAN_COSINE: f64 = 2.0 / 3.0;
 
 impl Material {
-    /// A material that no file describes: a half, whatever the angle or Lambertian by the rules.
+    /// A material without a definition: reflectance one half, uniform or Lambertian according to the rules.
     pub fn unnamed(name: &str, rules: MaterialRules) -> Material {
         Material {
             name: name.to_owned(),
@@ -70,7 +68,7 @@ impl Material {
             Reflection::Lambert => self.reflectance * cosine,
             Reflection::Phong { specularity: s, exponent } => {
                 let lobe = libm::pow((2.0 * cosine * cosine - 1.0).abs(), exponent);
-                // cos θ cancels, so a grazing hit stays finite.
+                // cos θ cancels, so the result is finite at grazing incidence.
                 self.reflectance * ((1.0 - s) * cosine + s * lobe)
             }
             Reflection::Lobes { specularity: s, exponent, roughness } => {
@@ -88,11 +86,11 @@ impl Material {
         }
     }
 
-    /// Mean reflectance factor of the leaves that a ray meets in foliage, each as often as it projects, where the mean of
-    /// cos θ over them is `mean_cosine`.
+    /// Mean reflectance factor of the leaves that a ray hits in foliage, weighted by their projection; `mean_cosine` is
+    /// the mean of cos θ over them.
     ///
-    /// Exact for Lambert's law whatever the leaf angles, and for all laws where leaves face all directions alike: the
-    /// density of cos θ is 2 cos θ then. Other laws are scaled from there like Lambert's.
+    /// Exact for Lambert's law with any leaf angles, and for all laws with uniformly distributed leaf normals, where
+    /// the density of cos θ is 2 cos θ. For other angles, other laws are scaled like Lambert's.
     pub fn leaf_factor(&self, mean_cosine: f64) -> f64 {
         let relative = mean_cosine / SPHERICAL_MEAN_COSINE;
         match self.reflection {
@@ -109,7 +107,7 @@ impl Material {
     }
 }
 
-/// A and B of Oren and Nayar's qualitative model for a roughness in rad.
+/// Coefficients A and B of Oren and Nayar's qualitative model for a roughness in rad.
 fn oren_nayar(roughness: f64) -> (f64, f64) {
     let square = roughness * roughness;
     (1.0 - 0.5 * square / (square + 0.33), 0.45 * square / (square + 0.09))
@@ -117,9 +115,9 @@ fn oren_nayar(roughness: f64) -> (f64, f64) {
 
 /// Mean of the lobe (N+2)/2·cos^N(2θ)·cos θ over cos θ with the density 2 cos θ.
 ///
-/// With u = cos 2θ it is (N+2)/4·∫₀¹ u^N·√((1+u)/2) du, and with v = u^(N+1) an integral of a smooth function, by Gauss and
-/// Legendre's rule of five points. For sharp lobes it tends to 1/4: leaves that are mirrors scatter like a sphere that is
-/// one.
+/// With u = cos 2θ it is (N+2)/4·∫₀¹ u^N·√((1+u)/2) du, and with v = u^(N+1) an integral of a smooth function,
+/// evaluated by five-point Gauss-Legendre quadrature. For sharp lobes it tends to 1/4: specular leaves scatter like a
+/// specular sphere.
 fn mean_lobe(exponent: f64) -> f64 {
     const RULE: [(f64, f64); 5] = [
         (0.046910077030668, 0.118463442528095),
@@ -162,7 +160,7 @@ mod tests {
         let glossy = lobes(0.5, 10.0, 0.0);
         // 0.5·(0.5 + 0.5·12/2)
         assert!((glossy.factor(1.0) - 1.75).abs() < 1e-15);
-        // cos 60° = 1/2 between mirror and source at 30°
+        // cos 60° = 1/2 between mirror direction and source at 30°
         let c30 = 3f64.sqrt() / 2.0;
         assert!((glossy.factor(c30) - 0.5 * c30 * (0.5 + 3.0 / 1024.0)).abs() < 1e-15);
         for degrees in [45.1f64, 60.0, 80.0, 89.0] {
@@ -178,7 +176,7 @@ mod tests {
         }
     }
 
-    /// The normalisation: light that comes in along the normal leaves within s·ρ, here all of it.
+    /// Normalisation: light incident along the normal leaves with at most s·ρ, here exactly s·ρ.
     #[test]
     fn a_faced_lobe_sends_back_its_share_and_no_more() {
         for exponent in [0.0, 1.0, 10.0, 200.0] {

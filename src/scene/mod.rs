@@ -1,31 +1,31 @@
-//! What is scanned: parts with geometry and materials in one frame.
+//! The scanned scene: parts with geometry and materials in one frame.
 //!
 //! ```text
 //! SceneRecipe ─ load ─► loaders: obj │ geotiff │ xyz │ vox ─► builder ─ transform ─ ground ─ shift ─► Scene
 //!                          └ mtl, spectra ─► library (materials at the scanner's wavelength)
 //! ```
 //!
-//! A scene never changes once it is loaded. Moving parts have a plan and a state beside it, and scenes with swapped parts are
-//! loaded anew for every epoch:
+//! A scene is immutable once it is loaded. Moving parts have a plan and a state outside it, and scenes with swapped
+//! parts are loaded anew for every epoch:
 //!
 //! ```text
-//! SceneRecipe, Scene ─► MotionPlan, MotionState ─► DynamicScene: moving parts in the poses that rays see
+//! SceneRecipe, Scene ─► MotionPlan, MotionState ─► DynamicScene: moving parts in the poses that rays hit
 //! SceneRecipe ─ load_epoch(0, 1, …) ─► a Scene per epoch
 //! ```
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `load`, `builder` | load a scene; what the loaders append to |
+//! | `load`, `builder` | load a scene; the scene under construction |
 //! | `obj`, `geotiff`, `xyz`, `vox` | loaders: meshes, rasters, point clouds, vegetation voxels |
 //! | `text`, `number` | files of text: lines, problems with their places, numbers |
-//! | `library`, `mtl`, `spectra`, `reflectance_issues`, `rules` | material definitions, how they are resolved, and what is wrong with them |
+//! | `library`, `mtl`, `spectra`, `reflectance_issues`, `rules` | material definitions, their resolution and problems |
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
 //! | `instances`, `instance_set` | parts that share a mesh |
-//! | `model`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and what it consists of |
+//! | `model`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and its components |
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
 //! | `pack` | packed scenes |
-//! | `inventory` | counts what a scene holds |
+//! | `inventory` | counts the contents of a scene |
 
 mod builder;
 mod epoch;

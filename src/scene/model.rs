@@ -1,4 +1,4 @@
-//! The frozen scene that workers share.
+//! The loaded scene, which workers share.
 
 use super::instance_set::InstanceSet;
 use super::lad::LadTable;
@@ -14,17 +14,17 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A loaded scene. Its frame is the world's minus [`Scene::shift`], the centre of the box around all primitives, so that
-/// world coordinates of any size lose no digits. Immutable once built.
+/// A loaded scene. Its frame is the world frame minus [`Scene::shift`], the centre of the box around all primitives, so
+/// that large world coordinates lose no digits. Immutable once built.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// World position of the local origin, m.
     pub shift: DVec3,
-    /// Box around all primitives, local frame.
+    /// Box around all primitives, local frame, m.
     pub bounds: Aabb,
-    /// Primitives, local frame.
+    /// Primitives, local frame, m.
     pub geometry: Geometry,
-    /// For each primitive its index in `surfaces`.
+    /// The index in `surfaces` of each primitive.
     pub surface_ids: SurfaceIds,
     /// Distinct (part, material) pairs.
     pub surfaces: Vec<Surface>,
@@ -34,29 +34,28 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Attributes of the cubes, parallel to `geometry.cubes`.
     pub voxels: Store<Voxel>,
-    /// Parts that move, in document order; everything above holds them in their initial pose.
+    /// Moving parts in document order; their primitives in the fields above are in the initial pose.
     pub moving_parts: Vec<MovingPart>,
-    /// Instances of shared meshes, if there are any: their triangles are numbered on from the primitives of `geometry`.
-    /// Moving parts are never among them.
+    /// Instances of shared meshes, if any; their triangle indices continue after the primitives of `geometry`. Moving
+    /// parts are never instances.
     pub instances: Option<InstanceSet>,
-    /// Simulation steps from one update of the moving parts to the next.
+    /// Number of simulation steps between updates of the moving parts.
     pub dyn_step: u32,
-    /// Seconds from one update to the next; overrides all steps.
+    /// Time between updates, s; overrides all step counts.
     pub dyn_time_step: Option<f64>,
-    /// Rules that make a difference to its materials or leaf angle tables.
+    /// Rules that change its materials or leaf angle tables.
     pub relevant_rules: MaterialRules,
-    /// Files that it was loaded from, as far as they are not named by its description.
+    /// Files that it was loaded from, except those named in its description.
     pub sources: Vec<PathBuf>,
     /// The tree of a packed scene.
     pub packed_tree: Option<Arc<PackedTree>>,
 }
 
-/// A tree that was built before.
+/// A tree that was stored in a pack.
 #[derive(Debug)]
 pub struct PackedTree {
-    /// The builder that built it.
     pub builder: Builder,
-    /// The tree over all primitives that do not move.
+    /// The tree over all static primitives.
     pub tree: Tree,
 }
 
@@ -67,31 +66,28 @@ pub struct MovingPart {
     pub part: u32,
     /// Its vertices, which no other part uses.
     pub vertices: Range<usize>,
-    /// Its triangles.
     pub triangles: Range<usize>,
-    /// Its cubes, numbered from the scene's first cube.
+    /// Its cubes, counted from the scene's first cube.
     pub cubes: Range<usize>,
-    /// How it moves.
     pub motions: Vec<MotionSequence>,
-    /// When.
     pub timing: MotionTiming,
 }
 
-/// A part of the scene: what an echo's object id names.
+/// A part of the scene, identified by the object id of returns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Part {
     /// Reported id, normally a number as text.
     pub id: String,
-    /// Leaf angles of its voxels, if it has a table; the strength of their echoes then follows another law
-    /// (spec pulse-physics §3.5).
+    /// Leaf angle table of its voxels, if it has one; it changes the law for the strength of their returns (spec
+    /// pulse-physics §3.5).
     pub lad: Option<Arc<LadTable>>,
 }
 
 impl Scene {
-    /// The tree over all primitives that do not move and all instances. A packed scene comes with the tree of one builder.
+    /// The tree over all static primitives and all instances. A packed scene contains the tree of one builder.
     pub fn tree(&self, options: &BuildOptions) -> Tree {
         let default = BuildOptions::of(options.builder);
-        // The other settings are those of kd-trees.
+        // The other settings apply to kd-trees.
         let is_default = options.builder == Builder::Bvh
             || *options == BuildOptions { jobs: options.jobs, delegate: options.delegate, ..default };
         if let Some(ready) = self.packed_tree.as_ref().filter(|r| is_default && r.builder == options.builder)
@@ -105,7 +101,8 @@ impl Scene {
         }
     }
 
-    /// About how many bytes [`Scene::tree`] takes, see [`Tree::estimate_build_memory`]; models of instances have a tree each.
+    /// Approximate memory of [`Scene::tree`], bytes, see [`Tree::estimate_build_memory`]; each model of instances has a
+    /// tree.
     pub fn tree_forecast(&self, builder: Builder) -> u64 {
         let set = self.instances.as_ref().map_or(0, |p| {
             let models = p.instances.models.iter().map(|m| m.geometry.len() as u64).sum::<u64>();
@@ -118,12 +115,12 @@ impl Scene {
         }
     }
 
-    /// Number of primitives, those of instances included.
+    /// Number of primitives, including those of instances.
     pub fn primitives(&self) -> usize {
         self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
     }
 
-    /// What primitive `i` belongs to and is made of. Panics if there is no such primitive.
+    /// Part and material of primitive `i`. Panics if the index is out of range.
     #[inline]
     pub fn surface(&self, i: u32) -> Surface {
         match self.surface_ids.get(i as usize) {
@@ -147,8 +144,8 @@ impl Scene {
         self.instances.as_ref().and_then(|p| p.instances.triangle(i))
     }
 
-    /// The number that primitive `i` has in the same scene without instances, where parts are numbered in their order,
-    /// cubes last.
+    /// The index of primitive `i` in the same scene without instances, where primitives are in the order of their
+    /// parts, cubes last.
     pub fn number_when_stored(&self, i: u32) -> u32 {
         let own = self.geometry.triangles.len();
         self.instances.as_ref().map_or(i, |p| p.instances.number_when_stored(i, own))
@@ -169,17 +166,17 @@ impl Scene {
         self.voxels.get((i as usize).checked_sub(self.geometry.triangles.len())?)
     }
 
-    /// World coordinates of a point of the scene's frame.
+    /// Converts a point from the local to the world frame.
     pub fn to_world(&self, p: DVec3) -> DVec3 {
         p + self.shift
     }
 
-    /// A point of the world in the scene's frame.
+    /// Converts a point from the world to the local frame.
     pub fn to_local(&self, p: DVec3) -> DVec3 {
         p - self.shift
     }
 
-    /// Whether primitive `i` does not move.
+    /// Whether primitive `i` is static.
     pub fn is_still(&self, i: u32) -> bool {
         let (i, triangles) = (i as usize, self.geometry.triangles.len());
         !self.moving_parts.iter().any(|m| match i.checked_sub(triangles) {
@@ -188,7 +185,7 @@ impl Scene {
         })
     }
 
-    /// Bytes that the scene holds, without the tree over it.
+    /// Memory of the scene without its tree, bytes.
     pub fn memory(&self) -> usize {
         let names = self.materials.iter().map(|m| m.name.capacity()).sum::<usize>()
             + self.parts.iter().map(|p| p.id.capacity()).sum::<usize>();
@@ -205,15 +202,15 @@ impl Scene {
             + self.materials.capacity() * size_of::<Material>()
     }
 
-    /// Height of the ground at (x, y), all in the scene's frame: the lowest surface whose material is ground; of a cube
-    /// its upper face (spec kinematics §2.7). `None` where there is no ground. Looks at every primitive once.
+    /// Height of the ground at (x, y), local frame, m: the lowest surface whose material is ground; for a cube its
+    /// upper face (spec kinematics §2.7). `None` where there is no ground. Visits every primitive once.
     pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
         let is_ground_material: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
         let is_ground: Vec<bool> =
             self.surfaces.iter().map(|s| is_ground_material[s.material as usize]).collect();
         let ground = |i: usize| self.surface_ids.get(i).is_some_and(|s| is_ground[s as usize]);
         let count = self.geometry.triangles.len();
-        // What is hit from below, and the height that counts then.
+        // For each primitive, the height to compare and the height to return.
         let triangles = (0..count).filter(|&i| ground(i)).filter_map(|i| {
             let z = height_in_triangle(self.geometry.triangle(i), x, y)?;
             Some((z, z))
@@ -232,7 +229,7 @@ impl Scene {
 }
 
 impl Scene {
-    /// Heights of the triangles of instances over (x, y) whose material is one of `wanted`.
+    /// Heights over (x, y) of the triangles of instances whose material is one of `wanted`.
     fn instances_over(&self, wanted: &[bool], x: f64, y: f64) -> impl Iterator<Item = f64> {
         self.instances.iter().flat_map(move |set| {
             let has_wanted: Vec<bool> =
@@ -252,10 +249,10 @@ impl Scene {
     }
 }
 
-/// Height of a triangle over (x, y); its edges belong to it, so that no point falls between two neighbours.
+/// Height of a triangle over (x, y); its edges belong to it, so that there is no gap between neighbours.
 fn height_in_triangle(corners: [DVec3; 3], x: f64, y: f64) -> Option<f64> {
     let [a, b, c] = corners.map(|p| (p.x - x, p.y - y));
-    // Swapping the two points only changes the sign, so neighbours agree about their common edge.
+    // Swapping the two points only changes the sign, so neighbours agree on their common edge.
     let side = |p: (f64, f64), q: (f64, f64)| p.0 * q.1 - p.1 * q.0;
     let (wa, wb, wc) = (side(b, c), side(c, a), side(a, b));
     let inside = (wa >= 0.0 && wb >= 0.0 && wc >= 0.0) || (wa <= 0.0 && wb <= 0.0 && wc <= 0.0);

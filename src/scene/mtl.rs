@@ -5,10 +5,10 @@ use super::text::{Line, Lines, Problems, Source, Words, shown};
 use crate::diag::Diagnostics;
 use std::ops::Range;
 
-/// A material as its file defines it.
+/// A material as defined in its file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Definition {
-    /// Name, the first word after `newmtl`.
+    /// The first word after `newmtl`.
     pub name: String,
     /// Diffuse colour.
     pub kd: [f64; 3],
@@ -47,7 +47,7 @@ impl Definition {
     }
 }
 
-/// Reads all definitions in the order of the file. A value that cannot be read is an error.
+/// Reads all definitions in the order of the file. An unreadable value is an error.
 pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Definition> {
     if !source.is_text("a material file", diagnostics) {
         return Vec::new();
@@ -144,7 +144,7 @@ fn set(
     Ok(())
 }
 
-/// Three components; a single one is used for all three, as the format specifies.
+/// Parses three components; a single one is used for all three, as the format specifies.
 fn colour(values: &[(&[u8], Range<usize>)]) -> Option<[f64; 3]> {
     let component = |i: usize| float(values.get(i)?.0).filter(|c| (0.0..=1e9).contains(c));
     let red = component(0)?;
@@ -164,7 +164,7 @@ fn boolean(word: &[u8]) -> Option<bool> {
     }
 }
 
-/// A name in a file: UTF-8, otherwise Latin-1.
+/// Decodes a name: UTF-8, otherwise Latin-1.
 pub(super) fn name_of(bytes: &[u8]) -> String {
     match std::str::from_utf8(bytes) {
         Ok(text) => text.to_owned(),

@@ -1,8 +1,8 @@
-//! Decimal text to `f64`, exactly, from bytes.
+//! Parses decimal text to `f64`, correctly rounded, from bytes.
 //!
-//! Short decimals take Clinger's fast path ("How to read floating point numbers accurately", 1990): a mantissa below 2⁵³
-//! and a power of ten up to 10²² are both exact, so one multiplication or division rounds correctly. Everything else goes
-//! to the standard library.
+//! Short decimals take Clinger's fast path ("How to read floating point numbers accurately", 1990): a mantissa up to
+//! 2⁵³ and a power of ten up to 10²² are both exact, so one multiplication or division rounds correctly. All others are
+//! parsed by the standard library.
 
 pub(super) use crate::points::text::{float, is_blank};
 
@@ -11,8 +11,8 @@ const POWERS: [f64; 23] = [
     1e19, 1e20, 1e21, 1e22,
 ];
 
-/// The number that starts at `at` and ends before a blank or the end of `line`, and where it ends. `None` for a word that
-/// is no number; `nan` and `inf` are numbers here.
+/// Parses the number that starts at `at` and ends before a blank or the end of `line`; returns it with its end. `None`
+/// for a word that is not a number; `nan` and `inf` are accepted as numbers.
 pub(super) fn float_at(line: &[u8], at: usize) -> (Option<f64>, usize) {
     let mut i = at;
     let negative = line.get(i) == Some(&b'-');
@@ -38,7 +38,7 @@ pub(super) fn float_at(line: &[u8], at: usize) -> (Option<f64>, usize) {
     if matches!(line.get(i), Some(b'e' | b'E')) {
         let (value, end) = exponent_at(line, i + 1);
         exponent = exponent.saturating_add(value);
-        // An `e` without digits is no number; the slow path rejects it.
+        // An `e` without digits is invalid; the slow path rejects it.
         i = if end > i + 1 { end } else { i };
     }
     let complete = line.get(i).is_none_or(|&b| is_blank(b));

@@ -5,16 +5,16 @@ use crate::geom::{Aabb, DVec3};
 /// A plane through `centre` with unit `normal`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plane {
-    /// A point of it.
+    /// A point of the plane.
     pub centre: DVec3,
-    /// Direction in which the points spread least; its sign is arbitrary.
+    /// Direction of the smallest spread of the points; its sign is arbitrary.
     pub normal: DVec3,
 }
 
 /// Second moments of points about some centre: xx, xy, xz, yy, yz, zz.
 pub(super) type Moments = [f64; 6];
 
-/// The moments of points given relative to the centre.
+/// The second moments of points given relative to the centre.
 pub(super) fn moments(centred: impl Iterator<Item = DVec3>) -> Moments {
     centred.fold([0.0; 6], |m, d| {
         [
@@ -29,15 +29,15 @@ pub(super) fn moments(centred: impl Iterator<Item = DVec3>) -> Moments {
 }
 
 /// The plane through the centre of the box around `points` that minimises the sum of their squared distances; `None`
-/// without points. The centroid would fit more closely, but the reference puts parts on this plane.
+/// without points. The centroid would fit better, but the reference uses this plane for `onGround`.
 pub(super) fn fit(points: &[DVec3]) -> Option<Plane> {
     let centre = Aabb::around(points.iter().copied()).centre();
     let normal = least_direction(moments(points.iter().map(|&p| p - centre)));
     (!points.is_empty()).then_some(Plane { centre, normal })
 }
 
-/// Unit eigenvector of the smallest eigenvalue (Jacobi rotations; only +, −, ×, ÷ and square roots, so the same on every
-/// machine). Among equal eigenvalues the later axis wins.
+/// Unit eigenvector of the smallest eigenvalue (Jacobi rotations; only +, −, ×, ÷ and square roots, so the result is
+/// the same on every machine). Among equal eigenvalues the later axis wins.
 pub(super) fn least_direction(m: Moments) -> DVec3 {
     let mut a = [[m[0], m[1], m[2]], [m[1], m[3], m[4]], [m[2], m[4], m[5]]];
     let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

@@ -1,15 +1,14 @@
-//! Materials whose reflectance is missing or no fraction, collected to be reported file by file.
+//! Collects materials whose reflectance is missing or not a fraction, to report them file by file.
 
 use crate::diag::{Diagnostics, Place};
 
-/// What is wrong with a reflectance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ReflectanceIssue {
-    /// There is none.
+    /// There is no reflectance.
     Missing,
-    /// It is above 1, or a spectrum has a negative one.
+    /// It is above 1, or a spectrum contains a negative one.
     NoFraction,
-    /// It is so large that it is taken as per cent.
+    /// It is so large that it is interpreted as per cent.
     PerCent,
 }
 
@@ -17,18 +16,18 @@ pub(super) enum ReflectanceIssue {
 #[derive(Clone, Debug, Default)]
 pub(super) struct ReflectanceIssues(Vec<(ReflectanceIssue, String, Place)>);
 
-/// Largest number of names in one message.
+/// Maximum number of names in one message.
 const MAX_LISTED: usize = 8;
 
 impl ReflectanceIssues {
-    /// Records an issue of the material `name` that is defined or used at `place`.
+    /// Records an issue of the material `name`, defined or used at `place`.
     pub fn add(&mut self, issue: ReflectanceIssue, name: &str, place: Place) {
         if !self.0.iter().any(|(i, n, p)| *i == issue && n == name && *p == place) {
             self.0.push((issue, name.to_owned(), place));
         }
     }
 
-    /// Reports one message per file and issue, with the names of the materials and their number.
+    /// Reports one message per file and issue, with the number of materials and their names.
     pub fn report(&self, diagnostics: &mut Diagnostics) {
         for (i, (issue, _, place)) in self.0.iter().enumerate() {
             let is_alike =

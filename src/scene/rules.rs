@@ -2,15 +2,14 @@
 
 macro_rules! material_rules {
     ($($(#[$doc:meta])* $rule:ident,)*) => {
-        /// Departures from the reference, each of which is the correction of the refined physics of the same name. The
-        /// default has none of them.
+        /// Departures from the reference, each of which is the correction of the same name in the refined physics. By
+        /// default all are off.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         pub struct MaterialRules {
             $($(#[$doc])* pub $rule: bool,)*
         }
 
         impl MaterialRules {
-            /// Number of rules.
             pub(super) const COUNT: usize = [$(stringify!($rule)),*].len();
 
             /// The rules in the order of the fields.
@@ -23,12 +22,12 @@ macro_rules! material_rules {
                 MaterialRules { $($rule),* }
             }
 
-            /// The rules that hold in `self`, in `other`, or in both.
+            /// The rules that are set in `self`, in `other`, or in both.
             pub(super) fn or(self, other: MaterialRules) -> MaterialRules {
                 MaterialRules { $($rule: self.$rule | other.$rule),* }
             }
 
-            /// The rules that hold in both.
+            /// The rules that are set in both.
             pub(super) fn and(self, other: MaterialRules) -> MaterialRules {
                 MaterialRules { $($rule: self.$rule & other.$rule),* }
             }

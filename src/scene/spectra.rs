@@ -6,13 +6,13 @@ use crate::diag::Diagnostics;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Lines before the table.
+/// Number of lines before the table.
 const HEADER_LINES: usize = 26;
 
-/// Largest wavelength and reflectance of a table.
+/// Maximum wavelength and reflectance of a table.
 const MAX_VALUE: f64 = 1e6;
 
-/// The spectra of all asset folders, read when a material asks for them.
+/// The spectra of all asset folders, read on first use by a material.
 pub(super) struct Spectra {
     folders: Vec<PathBuf>,
     wavelength_um: f32,
@@ -21,7 +21,7 @@ pub(super) struct Spectra {
 }
 
 impl Spectra {
-    /// The spectra in the `spectra` folders within `asset_folders`, evaluated at `wavelength_nm`.
+    /// The spectra in the `spectra` folders of `asset_folders`, evaluated at `wavelength_nm`.
     pub fn new(asset_folders: &[PathBuf], wavelength_nm: f64) -> Spectra {
         Spectra {
             folders: asset_folders.iter().map(|f| f.join("spectra")).filter(|f| f.is_dir()).collect(),
@@ -43,12 +43,11 @@ impl Spectra {
         value
     }
 
-    /// The files that were read.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.files.iter()
     }
 
-    /// Where spectra are looked for, for messages.
+    /// The folders that are searched, for messages.
     pub fn described(&self) -> String {
         match self.folders.as_slice() {
             [] => "no asset folder holds a folder \"spectra\"".to_owned(),

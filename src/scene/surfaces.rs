@@ -1,11 +1,11 @@
-//! Surfaces, and which one each primitive has.
+//! Surfaces, and the surface of each primitive.
 
 use crate::error::Result;
 use crate::store::{ArrayFile, ArrayFileWriter, Store};
 use crate::tree::prefetch;
 use std::ops::Range;
 
-/// What a primitive belongs to and is made of.
+/// Part and material of primitives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Surface {
     /// Index in [`Scene::parts`](super::Scene::parts).
@@ -14,18 +14,17 @@ pub struct Surface {
     pub material: u32,
 }
 
-/// For each primitive the number of its surface: two bytes each as long as all numbers fit, four otherwise. Scenes have few
-/// surfaces and many primitives.
+/// The surface index of each primitive: two bytes each if all indices fit, otherwise four. Scenes have few surfaces and
+/// many primitives.
 #[derive(Clone, Debug)]
 pub enum SurfaceIds {
-    /// Numbers below 65 536.
+    /// Indices below 65 536.
     Narrow(Store<u16>),
-    /// Numbers of any size.
+    /// Indices of any size.
     Wide(Store<u32>),
 }
 
 impl SurfaceIds {
-    /// Number of primitives.
     pub fn len(&self) -> usize {
         match self {
             SurfaceIds::Narrow(numbers) => numbers.len(),
@@ -33,12 +32,11 @@ impl SurfaceIds {
         }
     }
 
-    /// Whether there is no primitive.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The surface of primitive `i`, if there is such a primitive.
+    /// The surface of primitive `i`, if the index is in range.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Option<u32> {
         match self {
@@ -47,22 +45,19 @@ impl SurfaceIds {
         }
     }
 
-    /// The surfaces of all primitives.
     pub fn iter(&self) -> impl Iterator<Item = u32> {
         self.range(0..self.len())
     }
 
-    /// The surfaces of a range of primitives, as far as there are any.
+    /// The surfaces of those primitives of a range that exist.
     pub fn range(&self, primitives: Range<usize>) -> impl Iterator<Item = u32> {
         primitives.map_while(|i| self.get(i))
     }
 
-    /// Appends the surface of one more primitive.
     pub fn push(&mut self, surface: u32) {
         self.extend([surface]);
     }
 
-    /// Appends the surfaces of further primitives.
     pub fn extend(&mut self, surfaces: impl IntoIterator<Item = u32>) {
         for surface in surfaces {
             match (&mut *self, u16::try_from(surface)) {
@@ -77,7 +72,7 @@ impl SurfaceIds {
         }
     }
 
-    /// Prefetches the number of primitive `i` into the cache.
+    /// Prefetches the surface index of primitive `i` into the cache.
     #[inline(always)]
     pub fn prefetch(&self, i: usize) {
         match self {
@@ -86,7 +81,6 @@ impl SurfaceIds {
         }
     }
 
-    /// Bytes held.
     pub fn memory(&self) -> usize {
         match self {
             SurfaceIds::Narrow(numbers) => numbers.memory(),
@@ -94,7 +88,7 @@ impl SurfaceIds {
         }
     }
 
-    /// Writes the numbers as an array of a file.
+    /// Writes the indices as an array of a file.
     pub fn pack(&self, name: String, out: &mut ArrayFileWriter) -> Result<()> {
         match self {
             SurfaceIds::Narrow(numbers) => out.array(name, numbers),
@@ -102,7 +96,7 @@ impl SurfaceIds {
         }
     }
 
-    /// Maps the numbers that [`SurfaceIds::pack`] wrote. The error tells why they cannot be used.
+    /// Maps the indices written by [`SurfaceIds::pack`]. The error is the reason why they cannot be used.
     pub fn unpack(name: &str, file: &ArrayFile) -> std::result::Result<SurfaceIds, String> {
         match file.array(name) {
             Ok(numbers) => Ok(SurfaceIds::Narrow(numbers)),

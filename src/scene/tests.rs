@@ -1,4 +1,4 @@
-//! Whole scenes: parts, ids, ground, shift, limits.
+//! Tests of complete scenes: parts, ids, ground, shift, limits.
 
 use super::fixture::{Fixture, report};
 use super::{Scene, SceneFrame, load_epoch};
@@ -152,7 +152,7 @@ fn a_part_without_ground_below_stays_and_says_so() {
     assert!(warning.message.contains("\"1\" stays") && warning.place.as_ref().unwrap().line == 11);
 }
 
-/// The same scene stored and with everything shared that can be.
+/// The scene loaded once with stored parts and once with all possible meshes shared.
 fn both_ways(f: &mut Fixture) -> [Scene; 2] {
     [super::Sharing::Never, super::Sharing::Always].map(|sharing| {
         f.options.sharing = sharing;

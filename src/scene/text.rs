@@ -1,4 +1,4 @@
-//! Scene files as bytes: mapped, split into lines, and pointed at in messages.
+//! Scene files as bytes: mapped, split into lines, and quoted in messages.
 
 use super::number::{is_blank, skip_blanks, word_end};
 use crate::diag::{Diagnostics, Place};
@@ -8,21 +8,21 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Largest number of problems of one file that are reported one by one.
+/// Maximum number of problems of one file that are reported one by one.
 pub(super) const MAX_SHOWN_PROBLEMS: usize = 20;
 
-/// Largest part of a line in a message, bytes.
+/// Maximum length of the excerpt of a line in a message, bytes.
 const MAX_SHOWN_BYTES: usize = 160;
 
-/// A file of a scene, mapped.
+/// A mapped file of a scene.
 pub(super) struct Source {
     path: PathBuf,
     data: FileBytes,
-    /// Where the content begins: behind a byte order mark.
+    /// Start of the content, after a byte order mark.
     begin: usize,
 }
 
-/// UTF-8's byte order mark, which carries no information.
+/// UTF-8 byte order mark.
 const MARK: &[u8] = b"\xef\xbb\xbf";
 
 impl Source {
@@ -36,23 +36,22 @@ impl Source {
         Source { path: path.to_path_buf(), data, begin }
     }
 
-    /// A source without a file.
+    /// A source without a file, for tests.
     #[cfg(test)]
     pub fn of(path: &str, text: &[u8]) -> Source {
         Source::new(Path::new(path), FileBytes::Read(text.to_vec()))
     }
 
-    /// The file's name.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The whole content.
+    /// The content without a byte order mark.
     pub fn bytes(&self) -> &[u8] {
         &self.data[self.begin..]
     }
 
-    /// Whether the file holds text at all; otherwise an error that names the first line that is none.
+    /// Whether the file is text; otherwise reports an error at the first line that is not.
     pub fn is_text(&self, what: &str, diagnostics: &mut Diagnostics) -> bool {
         let bytes = self.bytes();
         if bytes.is_empty() {
@@ -70,7 +69,7 @@ impl Source {
         false
     }
 
-    /// The last line if nothing ends it: its number, where it begins, and its text.
+    /// The last line if it lacks a line end: its number, start and text.
     pub fn unended_line(&self) -> Option<(usize, usize, &[u8])> {
         let bytes = self.bytes();
         if bytes.last().is_none_or(|b| *b == b'\n') {
@@ -80,7 +79,7 @@ impl Source {
         Some((memchr::memchr_iter(b'\n', bytes).count() + 1, start, &bytes[start..]))
     }
 
-    /// The place of the bytes `at` in line `number` (from 1). Bytes that are no text are shown as `�`.
+    /// The place of the bytes `at` in line `number` (from 1). Bytes that are not text are shown as `�`.
     pub fn place(&self, number: usize, at: Range<usize>) -> Place {
         let bytes = self.bytes();
         let start = memrchr(b'\n', &bytes[..at.start.min(bytes.len())]).map_or(0, |i| i + 1);
@@ -95,7 +94,7 @@ impl Source {
     }
 }
 
-/// Bytes as they may be shown in a terminal.
+/// Makes bytes printable in a terminal.
 pub(super) fn shown(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes)
         .chars()
@@ -109,21 +108,21 @@ pub(super) struct Line<'a> {
     pub number: usize,
     /// Offset of its first byte.
     pub start: usize,
-    /// Text without the line's end.
+    /// Text without the line end.
     pub text: Cow<'a, [u8]>,
 }
 
-/// The lines of a piece of text.
+/// Iterates over the lines of a text.
 pub(super) struct Lines<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// Physical lines passed so far.
+    /// Number of physical lines read so far.
     pub passed: usize,
     continued: bool,
 }
 
 impl<'a> Lines<'a> {
-    /// The lines of `bytes`; with `continued` a `\` at the end of a line joins it with the next one.
+    /// Iterates over the lines of `bytes`; `continued` joins a line that ends with `\` with the next one.
     pub fn new(bytes: &'a [u8], continued: bool) -> Lines<'a> {
         Lines { bytes, at: 0, passed: 0, continued }
     }
@@ -151,7 +150,7 @@ impl<'a> Iterator for Lines<'a> {
         if !(self.continued && is_continued(text)) {
             return Some(Line { number, start, text: Cow::Borrowed(text) });
         }
-        // The `\` and what ends the line become blanks, so that offsets within the joined text stay offsets in the file.
+        // The `\` and the line end become blanks, so that offsets within the joined text remain offsets in the file.
         let mut joined = text.to_vec();
         while is_continued(&joined) {
             blank_continuation(&mut joined);
@@ -163,7 +162,7 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Whether a line without its end goes on in the next one.
+/// Whether a line without its end continues in the next one.
 pub(super) fn is_continued(line: &[u8]) -> bool {
     matches!(line, [.., b'\\'] | [.., b'\\', b'\r'])
 }
@@ -177,14 +176,14 @@ fn blank_continuation(line: &mut [u8]) {
     }
 }
 
-/// The words of a line with their positions; a word that begins with `#` and everything after it is a comment.
+/// Iterates over the words of a line with their positions; a word that begins with `#` starts a comment.
 pub(super) struct Words<'a> {
     line: &'a [u8],
     at: usize,
 }
 
 impl<'a> Words<'a> {
-    /// The words from byte `at` of `line` on.
+    /// Starts at byte `at` of `line`.
     pub fn new(line: &'a [u8], at: usize) -> Words<'a> {
         Words { line, at }
     }
@@ -203,8 +202,8 @@ impl<'a> Iterator for Words<'a> {
     }
 }
 
-/// Problems of one file, collected anywhere and reported in the order of the file: errors, where the file is provably
-/// broken, and warnings.
+/// Problems of one file, collected in any order and reported in the order of the file: errors, where the file is
+/// provably broken, and warnings.
 #[derive(Default)]
 pub(super) struct Problems {
     errors: List,
@@ -243,12 +242,12 @@ impl List {
 }
 
 impl Problems {
-    /// Records an error in line `line` (from 1) at the bytes `at`.
+    /// Records an error at the bytes `at` of line `line` (from 1).
     pub fn error(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
         self.errors.push(line, at, message);
     }
 
-    /// Records something that is replaced or left out.
+    /// Records a warning about something that is replaced or omitted.
     pub fn warn(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
         self.warnings.push(line, at, message);
     }
@@ -258,7 +257,7 @@ impl Problems {
         self.errors.shown.len() >= MAX_SHOWN_PROBLEMS
     }
 
-    /// Takes over the problems of a later piece of the file that begins `lines` lines and `bytes` bytes into it.
+    /// Appends the problems of a later piece of the file, which begins `lines` lines and `bytes` bytes into it.
     pub fn append(&mut self, later: Problems, lines: usize, bytes: usize) {
         self.errors.append(later.errors, lines, bytes);
         self.warnings.append(later.warnings, lines, bytes);
@@ -269,7 +268,7 @@ impl Problems {
         self.errors.count == 0
     }
 
-    /// Adds all of them to `diagnostics` in the order of the file; `false` if there was an error.
+    /// Adds all problems to `diagnostics` in the order of the file; `false` if there was an error.
     pub fn report(self, source: &Source, diagnostics: &mut Diagnostics) -> bool {
         let is_sound = self.is_sound();
         let mut all = Vec::new();
@@ -294,7 +293,7 @@ impl Problems {
     }
 }
 
-/// Cuts `bytes` into pieces of about `length` bytes that end with a complete logical line.
+/// Divides `bytes` into pieces of about `length` bytes that end with a complete logical line.
 pub(super) fn cut_into_pieces(bytes: &[u8], length: usize) -> Vec<Range<usize>> {
     let mut pieces = Vec::new();
     let mut start = 0;
@@ -312,7 +311,7 @@ pub(super) fn cut_into_pieces(bytes: &[u8], length: usize) -> Vec<Range<usize>> 
     pieces
 }
 
-/// Whether a line holds nothing but blanks.
+/// Whether a line consists of blanks only.
 pub(super) fn is_empty_line(line: &[u8]) -> bool {
     line.iter().all(|&b| is_blank(b))
 }

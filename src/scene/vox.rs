@@ -12,36 +12,36 @@ use crate::tree::Cube;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Columns of a voxel that the format always has.
+/// Number of columns of a voxel that the format always has.
 const COLUMNS: usize = 16;
 const DENSITY: usize = 3;
 const TRANSMITTANCE: usize = 13;
 
-/// Bytes that one task reads.
+/// Bytes read by one task.
 const PIECE_BYTES: usize = 1 << 20;
 
-/// What a file's header says.
+/// The header of a file.
 #[derive(Debug, PartialEq)]
 struct Header {
     min_corner: DVec3,
     resolution: f64,
-    /// Cells along x, y, z.
+    /// Number of cells along x, y, z.
     split: [f64; 3],
     max_density: Option<f64>,
-    /// Where the voxels begin: bytes and lines before them.
+    /// Start of the voxels: bytes and lines before them.
     body: (usize, usize),
 }
 
-/// Largest density of a part's file, for the scaling of its voxels.
+/// Maximum density of a part's file, for scaling its voxels.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Densities {
-    /// The file's cubes in the scene.
+    /// The file's cubes, as indices in the scene.
     pub cubes: Range<usize>,
     /// PAD_max.
     pub largest: f64,
 }
 
-/// Appends the voxels of a file, still without the part's transform and scaling. Returns what scaling needs; `None` after
+/// Appends the voxels of a file, without the part's transform and scaling. Returns the data for scaling; `None` after
 /// an error.
 pub(super) fn load(
     scene: &mut SceneBuilder,
@@ -86,7 +86,7 @@ pub(super) fn load(
     Ok(is_sound.then_some(Densities { cubes, largest }))
 }
 
-/// A last line without an end is cut short if it has fewer columns than the first row.
+/// A last line without a line end is truncated if it has fewer columns than the first row.
 fn check_last_row(source: &Source, body: usize, problems: &mut Problems) {
     let Some((number, at, text)) = source.unended_line().filter(|(_, at, _)| *at >= body) else { return };
     let columns = |line: &[u8]| Words::new(line, 0).count();
@@ -156,7 +156,7 @@ struct Fields {
 }
 
 impl Fields {
-    /// A header line holds one or more fields `#name: values`.
+    /// Parses a header line with one or more fields `#name: values`.
     fn read(&mut self, line: &Line, problems: &mut Problems) {
         for field in line.text.split(|&b| b == b'#') {
             let Some(colon) = field.iter().position(|&b| b == b':') else { continue };
@@ -203,7 +203,7 @@ fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
             Ok(row) => {
                 let index = DVec3::from(row.index.map(f64::from));
                 if index.cmpge(DVec3::from(header.split)).any() {
-                    // The reference looks at the lower corner only, so the place is certain.
+                    // The reference uses the lower corner only, so the position is well-defined.
                     slice.problems.warn(line.number, line.start..line.start + line.text.len(), || {
                         format!("the cell lies outside of the header's #split of {:?}", header.split)
                     });
@@ -219,7 +219,7 @@ fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
     slice
 }
 
-/// What happens to rays in a voxel (spec pulse-physics §2.5).
+/// The interaction of rays with a voxel (spec pulse-physics §2.5).
 fn kind(mode: VoxelMode, transmittance: f64) -> VoxelKind {
     match mode {
         VoxelMode::Transmittive => VoxelKind::Transmittive,
@@ -262,8 +262,9 @@ fn read_row(line: &Line) -> std::result::Result<Row, (Range<usize>, String)> {
     })
 }
 
-/// `scaled` voxels after the part's transform: the edge times (PAD/PAD_max)^exponent, and with `random_shift` a random
-/// place within the original cube. A voxel without density (NaN) has no size and is removed.
+/// Applies `scaled` to voxels after the part's transform: the edge is multiplied by (PAD/PAD_max)^exponent, and with
+/// `random_shift` the cube gets a random position within the original one. A voxel without density (NaN) has no size
+/// and is removed.
 pub(super) fn scale_by_density(
     scene: &mut SceneBuilder,
     files: &[Densities],

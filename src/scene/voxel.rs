@@ -1,18 +1,18 @@
-//! Attributes of cubes: how rays interact with them (spec pulse-physics §2.3–2.5).
+//! Attributes of cubes: their interaction with rays (spec pulse-physics §2.3–2.5).
 
 use crate::geom::{Affine, DVec3, Rotation};
 use bytemuck::{Pod, Zeroable};
 
-/// What happens to a ray in a cube.
+/// The interaction of a ray with a cube.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 #[repr(u32)]
 pub enum VoxelKind {
-    /// The ray stops where it enters.
+    /// The ray stops at its entry.
     #[default]
     Opaque,
-    /// The ray stops after an exponential free path or goes on (`transmittive`).
+    /// The ray stops after an exponentially distributed free path or passes through (`transmittive`).
     Transmittive,
-    /// The ray goes on (`fixed` and `scaled` voxels whose transmittance is 1 or NaN).
+    /// The ray passes through (`fixed` and `scaled` voxels whose transmittance is 1 or NaN).
     Transparent,
 }
 
@@ -23,12 +23,12 @@ pub struct Voxel {
     /// Plant area density `PadBVTotal`, 1/m; 0 for cubes of point clouds.
     pub density: f64,
     normal: [f32; 3],
-    /// A [`VoxelKind`].
+    /// A [`VoxelKind`] as an integer.
     kind: u32,
 }
 
 impl Voxel {
-    /// A cube of a point cloud: opaque, with the normal of its points if they have one.
+    /// An opaque cube of a point cloud, with the normal of its points if they have one.
     pub fn of_points(normal: Option<DVec3>) -> Voxel {
         Voxel {
             density: 0.0,
@@ -37,12 +37,10 @@ impl Voxel {
         }
     }
 
-    /// A cube of vegetation with its density.
     pub fn of_plants(density: f64, kind: VoxelKind) -> Voxel {
         Voxel { density, normal: [0.0; 3], kind: kind as u32 }
     }
 
-    /// What happens to a ray in the cube.
     #[inline]
     pub fn kind(&self) -> VoxelKind {
         const TRANSMITTIVE: u32 = VoxelKind::Transmittive as u32;
@@ -54,7 +52,6 @@ impl Voxel {
         }
     }
 
-    /// Rotates the normal.
     pub(super) fn rotate(&mut self, rotation: &Rotation) {
         if let Some(normal) = self.normal() {
             self.normal = rotation.apply(normal).to_array().map(|c| c as f32);
@@ -68,8 +65,8 @@ impl Voxel {
         }
     }
 
-    /// The surface normal of the points in the cube; without one the normal of the nearest face is used
-    /// (spec pulse-physics §2.4).
+    /// The surface normal of the points in the cube; without one, the normal of the nearest face is used (spec
+    /// pulse-physics §2.4).
     pub fn normal(&self) -> Option<DVec3> {
         (self.normal != [0.0; 3]).then(|| DVec3::from(self.normal.map(f64::from)))
     }
