@@ -1,4 +1,4 @@
-//! Where the pixels of a raster lie (OGC GeoTIFF 1.1, §7.1 and annex B.6; GDAL's no-data tag).
+//! Position of the pixels of a raster (OGC GeoTIFF 1.1, §7.1 and annex B.6; GDAL's no-data tag).
 
 use crate::geom::DVec3;
 use crate::scene::builder::MAX_COORDINATE;
@@ -11,7 +11,7 @@ const RASTER_TYPE_KEY: u16 = 1025;
 const PIXEL_IS_POINT: u16 = 2;
 const MODEL_TYPE_KEY: u16 = 1024;
 const MODEL_IS_GEOGRAPHIC: u16 = 2;
-/// Pixels as small as this, in what should be metres, are those of rasters in degrees: 1 km is 0.009°.
+/// Maximum pixel size that, in a raster supposedly in metres, indicates degrees: 1 km is 0.009°.
 const MAX_DEGREE_STEP: f64 = 0.01;
 
 /// Position of the pixel centres: x = origin.0 + column·step.0, y = origin.1 + row·step.1.
@@ -19,25 +19,25 @@ const MAX_DEGREE_STEP: f64 = 0.01;
 pub(super) struct Georeference {
     /// Centre of the first pixel.
     pub origin: (f64, f64),
-    /// From pixel to pixel and from row to row; the second is negative when north is up.
+    /// Step between pixels and between rows; the second is negative if north is up.
     pub step: (f64, f64),
 }
 
 impl Georeference {
-    /// The centre of a pixel at height `z`.
+    /// Position of a pixel's centre at height `z`.
     pub fn centre(&self, column: usize, row: usize, z: f64) -> DVec3 {
         DVec3::new(self.origin.0 + column as f64 * self.step.0, self.origin.1 + row as f64 * self.step.1, z)
     }
 
-    /// Whether all pixels up to that one lie where coordinates can be computed.
+    /// Whether all pixels up to this one have representable coordinates.
     pub fn is_near(&self, column: usize, row: usize) -> bool {
         let far = self.centre(column, row, 0.0);
         let near = |x: f64| x.abs() <= MAX_COORDINATE;
         [far.x, far.y, self.origin.0, self.origin.1].into_iter().all(near)
     }
 
-    /// From the coefficients x = c₀ + c₁·column + c₂·row, y = c₃ + c₄·column + c₅·row, where (column, row) is the corner
-    /// of a pixel, or its centre if `is_point`.
+    /// Converts the coefficients x = c₀ + c₁·column + c₂·row, y = c₃ + c₄·column + c₅·row, where (column, row) is the
+    /// corner of a pixel, or its centre if `is_point`.
     fn from_affine(c: [f64; 6], is_point: bool) -> Result<Georeference, String> {
         if c.iter().any(|v| !v.is_finite()) || c[1] == 0.0 || c[5] == 0.0 {
             return Err(format!("expected a pixel size other than 0, found {} by {}", c[1], c[5]));
@@ -50,7 +50,7 @@ impl Georeference {
     }
 }
 
-/// The georeference of the current image: its tags, else the world file beside it, else `None`.
+/// The georeference of the current image: from its tags, otherwise from the world file beside it, otherwise `None`.
 pub(super) fn read<R: Read + Seek>(
     decoder: &mut Decoder<R>,
     path: &Path,
@@ -71,7 +71,7 @@ pub(super) fn read<R: Read + Seek>(
     }
 }
 
-/// The numbers of a tag; `None` where there is no such tag.
+/// The numbers of a tag; `None` if the tag is absent.
 fn doubles<R: Read + Seek>(decoder: &mut Decoder<R>, tag: Tag) -> Result<Option<Vec<f64>>, String> {
     let found = decoder.find_tag(tag).and_then(|value| value.map(|v| v.into_f64_vec()).transpose());
     found.map_err(|e| format!("its {tag:?} cannot be read: {e}"))
@@ -81,8 +81,9 @@ fn raster_type<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<Option<u16>, 
     geo_key(decoder, RASTER_TYPE_KEY)
 }
 
-/// Whether the raster's coordinates are degrees of longitude and latitude: its keys say so (OGC GeoTIFF 1.1, §7.1.2), or,
-/// where they say nothing, its pixels are as small and lie as near to the origin as only those of degrees do.
+/// Whether the raster's coordinates are degrees of longitude and latitude: according to its keys (OGC GeoTIFF 1.1,
+/// §7.1.2), or, without such keys, because its pixel size and its distance from the origin are plausible for degrees
+/// only.
 pub(super) fn is_geographic<R: Read + Seek>(decoder: &mut Decoder<R>, at: &Georeference) -> bool {
     match geo_key(decoder, MODEL_TYPE_KEY) {
         Ok(Some(kind)) => kind == MODEL_IS_GEOGRAPHIC,
@@ -94,7 +95,7 @@ pub(super) fn is_geographic<R: Read + Seek>(decoder: &mut Decoder<R>, at: &Geore
     }
 }
 
-/// The value of a GeoKey that stands in the directory itself.
+/// The value of a GeoKey that is stored in the directory itself.
 fn geo_key<R: Read + Seek>(decoder: &mut Decoder<R>, key: u16) -> Result<Option<u16>, String> {
     let tag = Tag::GeoKeyDirectoryTag;
     let keys = decoder.find_tag(tag).and_then(|value| value.map(|v| v.into_u16_vec()).transpose());
@@ -103,7 +104,7 @@ fn geo_key<R: Read + Seek>(decoder: &mut Decoder<R>, key: u16) -> Result<Option<
     Ok(keys.chunks_exact(4).skip(1).find(|k| k[0] == key && k[1] == 0).map(|k| k[3]))
 }
 
-/// The six lines of an ESRI world file, which speak of pixel centres.
+/// The six lines of an ESRI world file, which refer to pixel centres.
 fn world_file(path: &Path) -> Option<[f64; 6]> {
     let text =
         ["tfw", "tifw", "wld"].iter().find_map(|e| std::fs::read_to_string(path.with_extension(e)).ok())?;
@@ -112,7 +113,7 @@ fn world_file(path: &Path) -> Option<[f64; 6]> {
     Some([x - 0.5 * a - 0.5 * b, a, b, y - 0.5 * d - 0.5 * e, d, e])
 }
 
-/// The value of pixels without data. `None` after a tag that is no number.
+/// The no-data value of pixels; `None` without its tag, an error if the tag is not a number.
 pub(super) fn no_data<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<Option<f64>, String> {
     let Ok(text) = decoder.get_tag_ascii_string(Tag::GdalNodata) else { return Ok(None) };
     let text = text.trim_matches(|c: char| c.is_whitespace() || c == '\0');

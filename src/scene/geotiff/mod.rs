@@ -1,4 +1,5 @@
-//! Terrain from a raster (spec input-formats §4.3): one vertex per pixel at its centre, two triangles per block of four.
+//! Terrain from a raster (spec input-formats §4.3): one vertex at the centre of each pixel, two triangles between each
+//! four pixels.
 
 mod georeference;
 #[cfg(test)]
@@ -17,31 +18,30 @@ use tiff::TiffError;
 use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
-/// Largest ratio of the compressions that are read; a raster that states more pixels is damaged.
+/// Maximum compression ratio that is accepted; a raster that states more pixels is damaged.
 const MAX_COMPRESSION_RATIO: u64 = 3000;
 
-/// No-data value of rasters without one (spec input-formats §4.3).
+/// No-data value of rasters that state none (spec input-formats §4.3).
 const DEFAULT_NO_DATA: f64 = -1e10;
 
-/// Blocks or rows per thread that are decoded before they are appended: bounds the memory held twice.
+/// Blocks or rows per thread that are decoded before they are appended; limits the memory held twice.
 const BLOCKS_PER_THREAD: usize = 8;
 
-/// The size of a raster and the memory of its triangles, without the tree over them.
+/// The size of a raster and the memory of its triangles without their tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RasterNeed {
-    /// Its file.
     pub path: PathBuf,
-    /// Pixels from west to east.
+    /// Number of pixels from west to east.
     pub columns: usize,
-    /// Pixels from north to south.
+    /// Number of pixels from north to south.
     pub rows: usize,
-    /// Triangles if no pixel is without data.
+    /// Number of triangles if no pixel is without data.
     pub triangles: u64,
-    /// Bytes that the scene holds for it then.
+    /// Memory of the triangles in the scene, if no pixel is without data.
     pub bytes: u64,
 }
 
-/// The sizes of the rasters of a scene, from their headers. Damaged rasters are left out; the loader reports them.
+/// The sizes of the rasters of a scene, from their headers. Damaged rasters are omitted; the loader reports them.
 pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
     let parts = recipe.parts.iter().filter(|_| recipe.packed.is_none());
     let files = parts.filter_map(|part| match &part.loader {
@@ -61,20 +61,20 @@ pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
     files.filter_map(need).collect()
 }
 
-/// A raster's description, all checked.
+/// The validated description of a raster.
 struct Raster {
     columns: usize,
     rows: usize,
     /// Columns and rows of a strip or tile.
     block: (usize, usize),
-    /// Bytes of each block in the file; 0 for a block that is left out.
+    /// Size of each block in the file, bytes; 0 for a sparse block.
     block_bytes: Vec<u64>,
     georeference: Georeference,
     no_data: f64,
     limits: Limits,
 }
 
-/// Appends a raster's triangles with one material. Problems of the file are errors of the part.
+/// Appends a raster's triangles, all with one material. Problems of the file are errors of the part.
 pub(super) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
@@ -162,7 +162,7 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
     let (whole, rest) = (block.0.saturating_mul(block.1), rows % block.1);
     let last = if rest > 0 && tag == Tag::StripByteCounts { block.0.saturating_mul(rest) } else { whole };
     let plain = decoder.find_tag_unsigned::<u16>(Tag::Compression).map_err(readable)?.unwrap_or(1) == 1;
-    // Bands may have blocks of their own, so one band is the least that a block can hold.
+    // Each band can have its own blocks, so a block holds at least one band.
     let least = |pixels: usize| (pixels as u64).saturating_mul(bits.first().copied().unwrap_or(1)) / 8;
     let is_short = |(i, &bytes): (usize, &u64)| {
         bytes > 0 && bytes < least(if (i + 1) % blocks == 0 { last } else { whole })
@@ -232,7 +232,7 @@ fn open<'a>(source: &'a Source, raster: &Raster) -> BlockDecoder<'a> {
     Ok(decoder.with_limits(raster.limits.clone()))
 }
 
-/// The first band of a block, row by row; pixels without data are NaN.
+/// The first band of a block, row by row; pixels without data become NaN.
 fn heights(decoder: &mut BlockDecoder, raster: &Raster, block: usize) -> Result<Vec<f64>, String> {
     let decoder = decoder.as_mut().map_err(|e| e.clone())?;
     let across = raster.columns.div_ceil(raster.block.0);
@@ -254,7 +254,7 @@ fn heights(decoder: &mut BlockDecoder, raster: &Raster, block: usize) -> Result<
         DecodingResult::I64(v) => v.into_iter().map(|v| v as f64).collect(),
         DecodingResult::F16(v) => v.into_iter().map(|v| v.to_f64()).collect(),
         DecodingResult::F32(v) => {
-            // The tag is decimal text; what it means is the nearest value that a pixel can have.
+            // The tag is decimal text; it denotes the nearest value that a pixel can have.
             no_data = f64::from(no_data as f32);
             v.into_iter().map(f64::from).collect()
         }
@@ -268,11 +268,11 @@ fn heights(decoder: &mut BlockDecoder, raster: &Raster, block: usize) -> Result<
     Ok(values.into_iter().step_by(bands).map(|z| if is_height(z) { z } else { f64::NAN }).collect())
 }
 
-/// Appends the triangles between four pixels each; those with a missing corner are left out. Vertices are numbered from
-/// the raster's first.
+/// Appends two triangles between each four pixels; triangles with a missing corner are omitted. Vertex indices count
+/// from the raster's first vertex.
 fn append_triangles(scene: &mut SceneBuilder, raster: &Raster, first_vertex: usize) {
     let columns = raster.columns;
-    // Growing by doubling would exceed the stated memory. Where the reservation fails, growing may still succeed.
+    // Growth by doubling would exceed the stated memory. If the reservation fails, growth may still succeed.
     let _ = scene.geometry.triangles.to_mut().try_reserve_exact(raster.triangles());
     let vertices = &scene.geometry.vertices[first_vertex..];
     let exists = |v: usize| !vertices[v].z.is_nan();

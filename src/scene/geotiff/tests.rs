@@ -1,4 +1,4 @@
-//! Whole rasters, written byte by byte.
+//! Tests of complete rasters, written byte by byte.
 
 use crate::geom::{Aabb, DVec3};
 use crate::scene::fixture::Fixture;
@@ -23,7 +23,7 @@ enum Values {
 }
 
 impl TiffFile {
-    /// Single-band floats in one strip at (100, 50), pixels of 2 m by 4 m.
+    /// Single-band floats in one strip at (100, 50), pixels of 2 m × 4 m.
     fn new(width: u32, heights: &[f32]) -> TiffFile {
         let rows = heights.len() as u32 / width;
         let tags = vec![
@@ -98,7 +98,7 @@ fn fixture(bytes: Vec<u8>) -> Fixture {
     f
 }
 
-/// World coordinates of all vertices that triangles use, and the triangles.
+/// World coordinates of all vertices used by triangles, and the triangles.
 fn mesh(scene: &Scene) -> (Vec<DVec3>, &[[u32; 3]]) {
     (scene.geometry.vertices.iter().map(|v| scene.to_world(*v)).collect(), &scene.geometry.triangles)
 }
@@ -137,7 +137,7 @@ fn a_south_up_transformation_is_read_and_a_rotated_one_refused() {
 
 #[test]
 fn a_hole_takes_only_the_triangles_that_need_it() {
-    // The hole is corner a of the first block and no corner of the second.
+    // The missing pixel is corner a of the first block and not a corner of the second.
     for (hole, tag) in
         [(-9999.0f32, "-9999"), (f32::MIN, "-3.40282346638529e+38"), (f32::NAN, "nan"), (-1e10, "")]
     {
@@ -232,8 +232,8 @@ fn the_material_comes_from_its_file() {
 
 #[test]
 fn the_need_of_a_large_raster_is_stated_before_it_is_built() {
-    // 10 000 x 10 000 single-precision pixels: 100 M vertices of 24 bytes, 200 M triangles of 16. The file itself is
-    // small, because all but one of its tiles are left out.
+    // 10 000 × 10 000 single-precision pixels: 100 M vertices of 24 bytes, 200 M triangles of 16. The file itself is
+    // small, because all but one of its tiles are sparse.
     let mut file = TiffFile::new(1, &[0.0])
         .without(278)
         .with(256, Values::Long(vec![10_000]))

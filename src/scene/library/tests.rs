@@ -1,4 +1,4 @@
-//! Material definitions and what they are resolved to.
+//! Tests of material definitions and their resolution.
 
 use super::*;
 use crate::scene::fixture::HELIOS;

@@ -1,4 +1,4 @@
-//! The moving parts as rays see them.
+//! The moving parts in the poses that rays hit.
 
 use super::plan::{MotionPlan, PlannedPart};
 use super::state::MotionState;
@@ -7,36 +7,35 @@ use crate::scene::Scene;
 use crate::tree::{BuildOptions, Tree};
 use std::ops::Range;
 
-/// A worker's copy of the moving parts. The static part of the scene is shared by all workers and has a tree of its own.
+/// A worker's copy of the moving parts. The static part of the scene is shared by all workers and has a separate tree.
 #[derive(Clone, Debug)]
 pub struct DynamicScene<'a> {
     plan: &'a MotionPlan,
     options: BuildOptions,
     objects: Vec<DynamicObject>,
-    /// For each object the transform that [`DynamicScene::rebuild_moved`] has yet to apply.
+    /// For each object the transform to be applied by the next [`DynamicScene::rebuild_moved`].
     pending: Vec<Option<Affine>>,
 }
 
-/// A moving part in its current pose: a scene of its own with the tree over it.
+/// A moving part in its current pose: a separate scene with its tree.
 #[derive(Clone, Debug)]
 pub struct DynamicObject {
     /// The part alone; its primitives are numbered from 0.
     pub scene: Scene,
-    /// The tree over it.
     pub tree: Tree,
     transform: Affine,
-    /// Numbers of its triangles in the whole scene.
+    /// Indices of its triangles in the complete scene.
     triangles: Range<usize>,
-    /// Numbers of its cubes in the whole scene.
+    /// Indices of its cubes in the complete scene.
     cubes: Range<usize>,
 }
 
-/// Rays see an object in another pose from some pulse on.
+/// A change of the pose in which rays hit an object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObjectUpdate {
-    /// Number of the first pulse of the batch that sees the new pose.
+    /// Index of the first pulse of the batch with the new pose.
     pub first_pulse: usize,
-    /// Number of the object among the moving parts.
+    /// Index of the object among the moving parts.
     pub object: usize,
     /// From the initial pose to the new one.
     pub transform: Affine,
@@ -57,19 +56,19 @@ impl<'a> DynamicScene<'a> {
         DynamicScene { plan, options, objects, pending: vec![None; plan.parts.len()] }
     }
 
-    /// Takes over the poses that rays see in `state`.
+    /// Adopts the refreshed poses of `state`.
     pub fn set_state(&mut self, state: &MotionState) {
         for (pending, seen) in self.pending.iter_mut().zip(state.seen()) {
             *pending = Some(*seen);
         }
     }
 
-    /// Takes over the pose of one object.
+    /// Adopts the pose of one object.
     pub fn apply(&mut self, update: &ObjectUpdate) {
         self.pending[update.object] = Some(update.transform);
     }
 
-    /// Rebuilds the objects whose pose has changed since the last call; returns all of them.
+    /// Rebuilds the objects whose pose has changed since the last call; returns all objects.
     pub fn rebuild_moved(&mut self) -> &[DynamicObject] {
         for ((object, part), pending) in self.objects.iter_mut().zip(&self.plan.parts).zip(&mut self.pending)
         {
@@ -89,7 +88,7 @@ impl DynamicObject {
         self.transform = transform;
         let (from, to) = (&rest.geometry, &mut self.scene.geometry);
         to.vertices.iter_mut().zip(&from.vertices).for_each(|(v, rest)| *v = transform.apply(*rest));
-        // Cubes stay upright; only their normals turn.
+        // Cubes remain axis-aligned; only their normals rotate.
         to.cubes.iter_mut().zip(&from.cubes).for_each(|(c, rest)| c.centre = transform.apply(rest.centre));
         for (voxel, rest) in self.scene.voxels.iter_mut().zip(&rest.voxels) {
             *voxel = *rest;
@@ -97,7 +96,7 @@ impl DynamicObject {
         }
     }
 
-    /// The number in the whole scene of the object's primitive `i`.
+    /// Converts the index of a primitive of the object to that in the complete scene.
     #[inline]
     pub fn to_scene_index(&self, i: u32) -> u32 {
         let i = i as usize;
@@ -108,7 +107,8 @@ impl DynamicObject {
         number as u32
     }
 
-    /// The object's number of the whole scene's primitive `i`; `None` if the primitive is of another part.
+    /// Converts the index of a primitive of the complete scene to that in the object; `None` if it belongs to another
+    /// part.
     #[inline]
     pub fn to_object_index(&self, i: u32) -> Option<u32> {
         let i = i as usize;

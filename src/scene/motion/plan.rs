@@ -1,4 +1,4 @@
-//! How and when parts move.
+//! The schedule and the transforms of moving parts.
 
 use crate::geom::{Affine, DVec3, Rotation};
 use crate::scene::{MovingPart, Part, Scene, Surface};
@@ -10,10 +10,10 @@ use std::ops::Range;
 /// The moving parts of a scene and their motions: immutable, shared by the producer and all workers.
 #[derive(Clone, Debug)]
 pub struct MotionPlan {
-    /// Simulation steps from one update of the scene to the next; 0: only the first step updates it.
+    /// Simulation steps between scene updates; 0: only the first step updates the scene.
     pub(super) update_interval: u64,
     pub(super) parts: Vec<PlannedPart>,
-    /// Number of triangles of the whole scene.
+    /// Number of triangles of the complete scene.
     pub(super) triangles: usize,
 }
 
@@ -21,25 +21,25 @@ pub struct MotionPlan {
 #[derive(Clone, Debug)]
 pub(super) struct PlannedPart {
     pub sequences: Vec<Sequence>,
-    /// Scene updates from one move to the next.
+    /// Scene updates between moves.
     pub move_interval: u64,
-    /// Moves from one refresh of what rays see to the next.
+    /// Moves between refreshes of the pose that rays hit.
     pub refresh_interval: u64,
-    /// Centre of rotations about the part itself: that of its bounding box in the initial pose, moved along with the part.
-    /// The reference does not compute the box again after the part has turned.
+    /// Centre of rotations about the part itself: that of its bounding box in the initial pose, moved along with the
+    /// part. The reference does not recompute the box after a rotation of the part.
     pub centre: DVec3,
     /// The part alone in its initial pose, numbered from 0.
     pub rest: Scene,
-    /// Numbers of its triangles in the whole scene.
+    /// Indices of its triangles in the complete scene.
     pub triangles: Range<usize>,
-    /// Numbers of its cubes among the scene's cubes.
+    /// Indices of its cubes among the scene's cubes.
     pub cubes: Range<usize>,
 }
 
 /// A `<dmotion>`.
 #[derive(Clone, Debug)]
 pub(super) struct Sequence {
-    /// Repetitions; 0: endless.
+    /// Number of repetitions; 0: endless.
     pub loops: u32,
     pub next: Option<usize>,
     pub moves: Vec<Move>,
@@ -49,13 +49,13 @@ pub(super) struct Sequence {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub map: Affine,
-    /// About the part's own centre.
+    /// Whether it rotates about the part's centre.
     pub about_self: bool,
 }
 
 impl MotionPlan {
-    /// The moving parts of `scene`; `None` if nothing moves. `pulse_rate` is the first leg's, in Hz: time steps count in
-    /// its periods.
+    /// The moving parts of `scene`; `None` if there are none. `pulse_rate` is that of the first leg, Hz: time steps are
+    /// counted in its periods.
     pub fn new(scene: &Scene, pulse_rate: f64) -> Option<MotionPlan> {
         if scene.moving_parts.is_empty() {
             return None;
@@ -88,8 +88,8 @@ fn whole_steps(quotient: f64) -> u64 {
     quotient as u64
 }
 
-/// Scene updates between moves and moves between refreshes. Times count only where the scene has one (spec input-formats
-/// §10, trap 44).
+/// Scene updates between moves and moves between refreshes. Times are used only if the scene has one (spec
+/// input-formats §10, trap 44).
 fn intervals(timing: &MotionTiming, scene_period: Option<f64>) -> (u64, u64) {
     let Some(scene) = scene_period else {
         return (timing.dyn_step.into(), timing.tree_step.into());
@@ -107,7 +107,7 @@ fn sequences(motions: &[MotionSequence], shift: DVec3) -> Vec<Sequence> {
         .collect()
 }
 
-/// The transform of a motion in the scene's frame, whose origin lies at `shift` in the world.
+/// The transform of a motion in the local frame, whose origin is at `shift` in the world.
 fn transform_of(motion: &Motion, shift: DVec3) -> Affine {
     let rotation = |axis, angle| Affine::rotation(&Rotation::about(axis, angle));
     match motion.kind {
@@ -131,7 +131,7 @@ fn transform_of(motion: &Motion, shift: DVec3) -> Affine {
     }
 }
 
-/// Copies a moving part into a scene of its own.
+/// Copies a moving part into a separate scene.
 fn extract_part(scene: &Scene, moving: &MovingPart) -> Scene {
     let g = &scene.geometry;
     let first = moving.vertices.start as u32;

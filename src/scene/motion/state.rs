@@ -3,7 +3,7 @@
 use super::plan::{MotionPlan, PlannedPart};
 use crate::geom::Affine;
 
-/// Poses of all moving parts at a simulation step. Cheap to clone; stepping a clone gives the same bits.
+/// Poses of all moving parts at a simulation step. Cheap to clone; stepping a clone results in the same bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionState {
     update: StepCounter,
@@ -18,18 +18,19 @@ struct PartState {
     sequence: Option<(usize, u32)>,
     /// From the initial pose to the current one.
     current: Affine,
-    /// The value of `current` at the last refresh, which rays see.
+    /// The value of `current` at the last refresh, which rays hit.
     seen: Affine,
 }
 
-/// Fires on its first call and then on every n-th.
+/// Fires on its first call and then on every n-th call.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct StepCounter {
     calls_left: u64,
 }
 
 impl StepCounter {
-    /// Counts a call; true if it is the first one or the n-th since the last that fired. An `interval` of 0 fires once.
+    /// Counts a call; true if it is the first one or the n-th since the last that fired. An `interval` of 0 fires only
+    /// once.
     fn advance(&mut self, interval: u64) -> bool {
         if self.calls_left > 0 {
             self.calls_left -= 1;
@@ -53,8 +54,8 @@ impl MotionState {
         MotionState { update: StepCounter::default(), parts: plan.parts.iter().map(part).collect() }
     }
 
-    /// Ends a simulation step, after its pulses. Calls `on_refresh` for every part that rays see in another pose from now
-    /// on, with its number and the transform from its initial pose.
+    /// Ends a simulation step, after its pulses. Calls `on_refresh` for every part whose pose for rays changes now,
+    /// with its index and the transform from its initial pose.
     pub fn step(&mut self, plan: &MotionPlan, mut on_refresh: impl FnMut(usize, &Affine)) {
         if !self.update.advance(plan.update_interval) {
             return;
@@ -70,7 +71,7 @@ impl MotionState {
         }
     }
 
-    /// The transforms from the initial poses to those that rays see.
+    /// The transforms from the initial poses to the poses that rays hit.
     pub(super) fn seen(&self) -> impl Iterator<Item = &Affine> {
         self.parts.iter().map(|p| &p.seen)
     }

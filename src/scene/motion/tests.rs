@@ -7,9 +7,9 @@ use crate::scene::fixture::Fixture;
 use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming, SceneRecipe};
 use crate::tree::BuildOptions;
 
-/// Its box is centred at (2, 2, 2) and its corners are not.
+/// A part whose box is centred at (2, 2, 2), unlike its corners.
 const PART: &str = "v 1 1 1\nv 3 1 1\nv 3 3 1\nv 1 1 3\nf 1 2 3\nf 1 2 4\n";
-/// Around the origin, so that the scene's shift is 0.
+/// A part around the origin, so that the scene's shift is 0.
 const ROOM: &str = "v -9 -9 -9\nv 9 9 9\nv 9 -9 -9\nf 1 2 3\n";
 
 fn motion(kind: MotionKind) -> Motion {
@@ -31,7 +31,7 @@ fn moving(sequences: Vec<MotionSequence>) -> (SceneRecipe, Scene) {
     (f.recipe(), f.scene())
 }
 
-/// Where the corner (3, 3, 1) of the part is seen before the first step and after each of `steps`.
+/// World position of the corner (3, 3, 1) of the part, as hit by rays, before the first step and after each of `steps`.
 fn corners(recipe: &SceneRecipe, scene: &Scene, steps: usize) -> Vec<DVec3> {
     let part = recipe.parts[1].timing;
     let mut scene = scene.clone();
@@ -117,7 +117,7 @@ fn sequences_loop_and_follow_one_another() {
     assert_eq!(seen(vec![sequence(0, Some(1), &[x]), sequence(1, None, &[y])])[6], (6.0, 0.0));
 }
 
-/// The steps after which the part is seen elsewhere, among the first 30.
+/// The steps among the first 30 after which the pose that rays hit has changed.
 fn refreshes(change: impl Fn(&mut SceneRecipe)) -> Vec<usize> {
     let (mut recipe, scene) = moving(vec![sequence(0, None, &[shift(DVec3::X)])]);
     change(&mut recipe);
@@ -147,7 +147,7 @@ fn steps_are_counted_from_the_first_one() {
 
 #[test]
 fn times_are_cut_down_to_steps() {
-    // At 1000 Hz.
+    // Arguments: time steps of the scene, the part and the tree, s; the pulse rate is 1000 Hz.
     let every = |scene: Option<f64>, part: Option<f64>, tree: Option<f64>| {
         refreshes(|r| {
             r.dyn_time_step = scene;

@@ -1,5 +1,6 @@
-//! Wavefront OBJ (spec input-formats §4.1): the file is mapped, cut at line ends and read by all threads at once; the
-//! pieces are appended in the order of the file, so the result does not depend on their number.
+//! Loads Wavefront OBJ files (spec input-formats §4.1): the file is mapped, divided at line ends and read by all
+//! threads in parallel; the pieces are appended in the order of the file, so the result does not depend on their
+//! number.
 
 mod slice;
 #[cfg(test)]
@@ -19,13 +20,14 @@ use std::collections::HashSet;
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// Bytes that one task reads. Small enough to keep all threads busy, large enough to make the tasks' overhead invisible.
+/// Bytes read by one task: small enough to keep all threads busy, large enough to make the overhead per task
+/// negligible.
 const PIECE_BYTES: usize = 1 << 20;
 
-/// Pieces per thread that are read before they are appended: bounds the memory held twice.
+/// Pieces per thread that are read before they are appended; limits the memory held twice.
 const PIECES_PER_THREAD: usize = 4;
 
-/// Appends the triangles of an OBJ file to the scene. `names` holds the materials that the part's files know.
+/// Appends the triangles of an OBJ file to the scene. `names` holds the materials known to the part's files.
 pub(super) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
@@ -58,8 +60,8 @@ pub(super) fn load(
     Ok(())
 }
 
-/// Whether what was read can be all of a mesh. Vertices come first in nearly all files, so one that was cut short in
-/// its first half has no face.
+/// Reports a mesh that is probably incomplete. Vertices come first in nearly all files, so a file truncated in its
+/// first half has no face.
 fn check_whole(scene: &mut SceneBuilder, source: &Source, mesh: &Mesh) {
     let vertices = scene.geometry.vertices.len() - mesh.first_vertex;
     let has_elements = scene.geometry.triangles.len() > mesh.first_triangle || mesh.elements > 0;
@@ -73,7 +75,7 @@ fn check_whole(scene: &mut SceneBuilder, source: &Source, mesh: &Mesh) {
     scene.diagnostics.error(Some(source.place(mesh.lines.max(1), end.saturating_sub(1)..end)), message);
 }
 
-/// Where a file's triangles and vertices begin in the scene, and what is needed besides them.
+/// The position of a file's triangles and vertices in the scene, and what was counted while reading.
 struct Mesh {
     first_vertex: usize,
     first_triangle: usize,
@@ -85,7 +87,7 @@ struct Mesh {
     lines: usize,
 }
 
-/// Which triangles (counted within the file) came from which bytes.
+/// Maps triangles (counted within the file) to bytes of the file.
 struct Piece {
     first_triangle: usize,
     first_line: usize,
@@ -187,8 +189,8 @@ fn assign_materials(
     Ok(())
 }
 
-/// Reads a material library in the folder of the OBJ file. The words after `mtllib` are one file name; where no such
-/// file exists each word is tried, and `\` as a folder separator.
+/// Reads a material library in the folder of the OBJ file. The words after `mtllib` are one file name; if no such file
+/// exists, each word is tried separately, and `\` as a folder separator.
 fn add_library(
     scene: &mut SceneBuilder,
     source: &Source,

@@ -1,4 +1,4 @@
-//! One piece of an OBJ file, read independently of all others (spec input-formats §4.1).
+//! Reads one piece of an OBJ file independently of all others (spec input-formats §4.1).
 
 use crate::geom::DVec3;
 use crate::scene::builder::MAX_COORDINATE;
@@ -6,29 +6,27 @@ use crate::scene::number::{float_at, is_blank, skip_blanks};
 use crate::scene::text::{Line, Lines, Problems, Words, is_empty_line, shown};
 use std::ops::Range;
 
-/// A vertex number that no file reaches; faces with it are left out.
+/// Vertex index for invalid references; faces with it are omitted.
 pub(super) const NO_VERTEX: u32 = u32::MAX;
 
-/// What a piece holds. Vertex numbers of faces are absolute except for those listed in `relative`.
+/// The content of a piece. Vertex indices of faces are absolute except for those listed in `relative`.
 #[derive(Default)]
 pub(super) struct Slice {
-    /// Vertices; one that could not be read is NaN, so that the numbers of later ones stay right.
+    /// Vertices; an unreadable one is NaN, so that the indices of later ones remain valid.
     pub vertices: Vec<DVec3>,
-    /// Faces as triangles.
     pub triangles: Vec<[u32; 3]>,
-    /// Corners (3·triangle + corner) whose number counts from the first vertex of this piece, as a wrapped `i32`.
+    /// Corners (3·triangle + corner) whose index counts from the first vertex of this piece, as a wrapped `i32`.
     pub relative: Vec<u32>,
-    /// Changes of material.
     pub switches: Vec<Switch>,
-    /// Problems, with lines and bytes counted from the piece's begin.
+    /// Problems, with lines and bytes counted from the start of the piece.
     pub problems: Problems,
     /// Number of physical lines.
     pub lines: usize,
-    /// Faces with more than four corners.
+    /// Number of faces with more than four corners.
     pub polygons: usize,
-    /// Points, lines, curves and surfaces, which no ray hits.
+    /// Number of points, lines, curves and surfaces, which rays cannot hit.
     pub elements: usize,
-    /// Statements that the format does not have.
+    /// Number of statements that the format does not define.
     pub unknown: usize,
 }
 
@@ -38,13 +36,12 @@ pub(super) struct Switch {
     pub triangle: usize,
     /// Its line, from 1.
     pub line: usize,
-    /// What it does.
     pub statement: Statement,
     /// The bytes of its operand within the piece.
     pub at: Range<usize>,
 }
 
-/// See [`Switch`].
+/// The statements of a [`Switch`].
 pub(super) enum Statement {
     /// `usemtl` with its name.
     Use(Vec<u8>),
@@ -52,16 +49,16 @@ pub(super) enum Statement {
     Library(Vec<u8>),
 }
 
-/// How a file is read.
+/// Reading options.
 #[derive(Clone, Copy)]
 pub(in crate::scene) struct Reading {
-    /// (x, y, z) means (x, −z, y).
+    /// Whether (x, y, z) is converted to (x, −z, y).
     pub y_up: bool,
-    /// Leave out faces with more than four corners.
+    /// Whether faces with more than four corners are omitted.
     pub drop_polygons: bool,
 }
 
-/// Reads a piece that consists of whole logical lines.
+/// Reads a piece that consists of complete logical lines.
 pub(super) fn read(bytes: &[u8], reading: Reading) -> Slice {
     let mut slice = Slice::default();
     let mut corners = Vec::new();
@@ -221,7 +218,7 @@ impl Slice {
     }
 }
 
-/// The vertex number that begins at `at`, and the end of its word; texture and normal numbers are not looked at.
+/// The vertex number at `at`, and the end of its word; texture and normal numbers are ignored.
 #[inline]
 fn vertex_number(text: &[u8], at: usize) -> Option<(i64, usize)> {
     let negative = text[at] == b'-';
@@ -249,7 +246,7 @@ fn whole(line: &Line) -> Range<usize> {
     if is_empty_line(&line.text) { line.start..line.start } else { line.start..line.start + line.text.len() }
 }
 
-/// Statements of points, lines, curves and surfaces, which use vertices but make no faces.
+/// Statements of points, lines, curves and surfaces, which use vertices but have no faces.
 const ELEMENTS: &str = "l p curv curv2 surf sp bsp bzp";
 
 /// Statements of the format that affect neither triangles nor their material.

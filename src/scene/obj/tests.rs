@@ -1,4 +1,4 @@
-//! Whole OBJ files: against an independent reader, in many pieces, and hostile.
+//! Tests of complete OBJ files: against an independent reader, in many pieces, and malformed.
 
 use crate::geom::{DVec3, Rotation};
 use crate::scene::fixture::Fixture;
@@ -13,7 +13,7 @@ fn world_triangles(scene: &Scene) -> Vec<[DVec3; 3]> {
         .collect()
 }
 
-/// The same file read by tobj.
+/// The triangles of a file as read by tobj.
 fn oracle(path: &std::path::Path) -> Vec<[DVec3; 3]> {
     let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
     let (models, _) = tobj::load_obj(path, &options).unwrap();
@@ -120,7 +120,7 @@ fn thousands_of_problems_are_counted_and_twenty_shown() {
     let mut f = Fixture::new();
     f.obj("x.obj", format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n{}", "f 1 2 99\n".repeat(5000)));
     let Err(crate::Error::Input(d)) = f.load() else { panic!("a broken file loads") };
-    // The twenty are alike and stand as one; the rest is a number.
+    // The twenty reported problems are equal and merged into one item; the second item counts the others.
     assert_eq!(d.items().len(), 2);
     assert_eq!(d.items()[0].repeats, 19);
     assert!(d.items()[1].message.starts_with("4980 more problems"), "{}", d.items()[1].message);

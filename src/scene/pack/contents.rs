@@ -1,4 +1,4 @@
-//! Scenes as arrays and encoded values of a file.
+//! Encodes scenes as arrays and values of a file.
 
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3};
@@ -45,7 +45,6 @@ fn truncated(_: UnexpectedEnd) -> String {
     "its contents end too early".to_owned()
 }
 
-/// Appends an epoch.
 pub(super) fn write(
     scene: &Scene,
     tree: &Tree,

@@ -1,14 +1,14 @@
-//! Packed scenes: everything that tracing needs in one file, mapped instead of read.
+//! Packed scenes: all data for tracing in one file, mapped instead of read.
 //!
-//! A pack holds, for every epoch, the finished scene and the tree over it, as arrays that are used where they are in the
-//! mapped file. It opens in milliseconds whatever its size, and processes that use the same pack share its memory. Parts,
-//! materials and motions, the settings on which the scene depends (wavelength, seed, rules) and the files that it was made
-//! from are stored beside the arrays. [`crate::store`] tells what opening checks and what it leaves to [`Pack::verify`].
+//! For every epoch a pack contains the finished scene and its tree, as arrays that are used in place in the mapped
+//! file. It opens in milliseconds for any size, and processes that use the same pack share its memory. Parts, materials
+//! and motions, the settings on which the scene depends (wavelength, seed, rules) and the files that it was made from
+//! are stored beside the arrays. [`crate::store`] describes what opening checks and what is left to [`Pack::verify`].
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `contents` | scenes as arrays and encoded values |
-//! | `origin` | settings and files that a pack was made from, and when it is out of date |
+//! | `origin` | settings and files that a pack was made from, and whether they have changed |
 //! | `read` | opens packs |
 //! | `write` | packs scenes |
 

@@ -1,4 +1,4 @@
-//! What a packed scene was made from, and when it no longer holds.
+//! The files and settings that a packed scene was made from, and whether it is still up to date.
 
 use crate::error::{Error, Result};
 use crate::scene::{LoadOptions, MaterialRules, Scene};
@@ -11,29 +11,29 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Settings that a packed scene was made with, as far as they can make a difference to it.
+/// Settings that a packed scene was made with, as far as they can affect it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
     /// Wavelength of the spectra, nm.
     pub wavelength_nm: f64,
     /// Whether the scene has spectra.
     pub has_spectra: bool,
-    /// Seed of random materials and places.
+    /// Seed of random materials and positions.
     pub seed: u64,
-    /// Whether the scene has random materials or places.
+    /// Whether the scene has random materials or positions.
     pub is_random: bool,
     /// See [`LoadOptions::rules`].
     pub rules: MaterialRules,
-    /// The rules that make a difference to the scene.
+    /// The rules that change the scene.
     pub relevant_rules: MaterialRules,
     /// See [`LoadOptions::drop_polygons`].
     pub drop_polygons: bool,
 }
 
-/// A file as it was when the scene was packed.
+/// A file at the time the scene was packed.
 #[derive(Clone, Debug, PartialEq)]
 struct Source {
-    /// Relative to the folder of the pack if it lies below it.
+    /// Relative to the folder of the pack if the file is within it.
     path: PathBuf,
     length: u64,
     modified_ns: u64,
@@ -79,7 +79,7 @@ impl Origin {
         self.files.extend(files.iter().cloned());
     }
 
-    /// Reads all files once more for their checksums and encodes everything.
+    /// Reads all files again for their checksums and encodes the origin.
     pub fn finish(self, pack: &Path) -> Result<ByteWriter> {
         let folder = std::fs::canonicalize(folder_of(pack)).unwrap_or_default();
         let mut sources = Vec::new();
@@ -139,7 +139,8 @@ impl Origin {
         all().map_err(|UnexpectedEnd| "its origin cannot be read".to_owned())
     }
 
-    /// Checks that the files have not changed. A missing file counts as unchanged: packs may be moved without their sources.
+    /// Checks that the files have not changed. A missing file counts as unchanged: packs can be moved without their
+    /// sources.
     pub fn check_files(&self, pack: &Path) -> std::result::Result<(), String> {
         let changed = |s: &&Source| {
             let path = folder_of(pack).join(&s.path);
@@ -155,7 +156,7 @@ impl Origin {
 }
 
 impl Conditions {
-    /// Checks that a scene loaded with these options would be the same.
+    /// Checks that a scene loaded with these options would be equal.
     pub fn check(&self, options: &LoadOptions) -> std::result::Result<(), String> {
         let again = |what: String| Err(format!("{what}; pack the scene again for that"));
         if self.has_spectra && self.wavelength_nm != options.wavelength_nm {

@@ -8,7 +8,6 @@ use crate::scene::model::Scene;
 use crate::store::ArrayFile;
 use std::path::Path;
 
-/// An open packed scene.
 pub struct Pack {
     file: ArrayFile,
     origin: Origin,
@@ -19,8 +18,8 @@ impl Pack {
     /// Opens a packed scene.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] with the reason when the file is no packed scene of this version and machine, damaged, or
-    /// older than the files that it was made from.
+    /// [`crate::Error::Input`] with the reason when the file is not a packed scene of this version and byte order, is
+    /// damaged, or is older than the files that it was made from.
     pub fn open(path: &Path) -> Result<Pack> {
         let file = ArrayFile::open(path)?;
         let section = |name: &str| file.checked(name).map_err(|reason| file.refuse(&reason));
@@ -30,12 +29,10 @@ impl Pack {
         Ok(Pack { file, origin, contents })
     }
 
-    /// Number of epochs.
     pub fn epochs(&self) -> u32 {
         self.contents.epochs()
     }
 
-    /// The settings that it was packed with.
     pub fn conditions(&self) -> &Conditions {
         &self.origin.conditions
     }
@@ -43,7 +40,7 @@ impl Pack {
     /// The scene of an epoch, with its tree.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] when the scene was packed under other conditions that matter to it.
+    /// [`crate::Error::Input`] when the scene was packed under other conditions that affect it.
     pub fn scene(&self, options: &LoadOptions, epoch: u32) -> Result<Scene> {
         self.origin.conditions.check(options).map_err(|reason| self.file.refuse(&reason))?;
         if let Some(limit) = options.max_memory.filter(|limit| self.file.length() > *limit) {
@@ -56,10 +53,10 @@ impl Pack {
             .map_err(|reason| self.file.refuse(&reason))
     }
 
-    /// Reads the whole file and compares all checksums and all numbers of vertices.
+    /// Reads the complete file and checks all checksums and all vertex indices.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] that tells what is damaged.
+    /// [`crate::Error::Input`] with a description of the damage.
     pub fn verify(&self) -> Result<()> {
         self.file.verify()?;
         for epoch in 0..self.epochs() {

@@ -1,4 +1,4 @@
-//! Packed scenes against their sources.
+//! Tests of packed scenes against their sources.
 
 use super::*;
 use crate::geom::DVec3;
@@ -12,7 +12,7 @@ const MESH: &str = "mtllib m.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n
 const VOXELS: &str = "VOXEL SPACE\n#min_corner: 5 5 5\n#max_corner: 6 6 6\n#split: 2 2 2\n#res:0.5 #max_pad:4.0\ni j k\n\
     0 0 1 1.5 54.2 0.4 0.1 0.6 1.25 0.3 12.5 7 60 0.5 0.9 0.0\n1 0 1 2.5 54.2 0.4 0.1 0.6 1.25 0.3 12.5 7 60 0.5 0.9 0.0\n";
 
-/// Everything that a scene can hold but instances.
+/// A fixture with every feature of a scene except instances.
 fn everything() -> Fixture {
     let mut f = Fixture::new();
     f.file("m.mtl", "newmtl m\nKd .5 .5 .5\nKs .25 .25 .25\nhelios_spectra moss\nhelios_classification -3\n");
@@ -41,7 +41,7 @@ fn packed(f: &Fixture, recipe: &SceneRecipe) -> std::path::PathBuf {
     path
 }
 
-/// All that tracing and output can see of a scene.
+/// Everything in a scene that affects tracing and output, as text.
 fn seen(scene: &Scene) -> String {
     let set = scene.instances.as_ref().map(|p| (&p.instances.all, p.instances.shift, &p.materials, &p.parts));
     format!(

@@ -12,24 +12,24 @@ use crate::survey::SceneRecipe;
 use crate::tree::BuildOptions;
 use std::path::Path;
 
-/// Largest number of epochs of a packed scene, each of which is stored whole.
+/// Maximum number of epochs of a packed scene, each of which is stored completely.
 const MAX_EPOCHS: u32 = 64;
 
-/// What [`pack`] wrote.
+/// Summary of what [`pack`] wrote.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Packed {
-    /// Length of the file.
+    /// Length of the file, bytes.
     pub bytes: u64,
-    /// Primitives of the first epoch.
+    /// Number of primitives of the first epoch.
     pub primitives: usize,
-    /// Number of epochs.
     pub epochs: u32,
 }
 
 /// Loads a scene from its sources and packs it with its tree as `path`.
 ///
 /// # Errors
-/// As [`load_epoch`]; a scene of more than 64 epochs, and one that is packed already, are refused.
+/// The errors of [`load_epoch`]; [`crate::Error::Input`] for more than 64 epochs and for a scene that is already
+/// packed.
 pub fn pack(
     recipe: &SceneRecipe,
     options: &LoadOptions,

@@ -6,10 +6,10 @@ use crate::scene::plane::{Moments, least_direction};
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Number of independent sets of cells. Fixed, so that results do not depend on the number of threads.
+/// Number of independent sets of cells. Constant, so that results do not depend on the number of threads.
 pub(super) const SHARDS: usize = 16;
 
-/// Cell numbers along x, y, z.
+/// Cell indices along x, y, z.
 pub(super) type Cell = [u32; 3];
 
 /// A grid of cubes (spec input-formats §4.4).
@@ -21,8 +21,8 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The grid that begins at the lower corner of `extent`; along an axis without extent its single layer is centred at
-    /// the points. `None` if the cells cannot be numbered.
+    /// The grid whose lower corner is that of `extent`; along an axis without extent its single layer is centred at the
+    /// points. `None` if the cell indices would overflow.
     pub fn around(extent: Aabb, size: f64) -> Option<Grid> {
         let (mut min, mut last) = (extent.min, [0; 3]);
         for axis in 0..3 {
@@ -39,14 +39,13 @@ impl Grid {
         Some(Grid { min, size, last })
     }
 
-    /// The cell that holds `p`.
     pub fn cell_of(&self, p: DVec3) -> Cell {
         let at = (p - self.min) / self.size;
-        // A cast of a float saturates; negative numbers cannot occur but would give 0.
+        // A cast from float saturates; negative numbers cannot occur but would become 0.
         [0, 1, 2].map(|axis| (at[axis] as u32).min(self.last[axis]))
     }
 
-    /// Which set of cells `p` belongs to.
+    /// The set of cells that contains `p`.
     pub fn shard_of(&self, p: DVec3) -> usize {
         let mut hasher = CellHasher::default();
         std::hash::Hash::hash(&self.cell_of(p), &mut hasher);
@@ -58,27 +57,26 @@ impl Grid {
         self.min + (DVec3::from(cell.map(f64::from)) + 0.5) * self.size
     }
 
-    /// Cells are ordered by z, then y, then x.
+    /// Sort key of a cell: by z, then y, then x.
     pub fn order(&self, cell: Cell) -> u128 {
         u128::from(cell[2]) << 64 | u128::from(cell[1]) << 32 | u128::from(cell[0])
     }
 }
 
-/// Where the normal of a cell comes from.
+/// The source of the normal of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum NormalRule {
     /// Mean of the points' normals.
     Mean,
-    /// Normal of the point nearest to the centre.
+    /// Normal of the point nearest to the centre of the cell.
     Nearest,
-    /// Plane through the points.
+    /// Normal of the plane fitted to the points.
     Plane,
 }
 
 /// Sums over the points of a cell; 136 bytes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sums {
-    /// Number of points.
     pub count: u32,
     /// Sum of the points relative to the centre (plane) or of the normals.
     first: DVec3,
@@ -86,7 +84,7 @@ pub(super) struct Sums {
     second: Moments,
     /// Box around the points relative to the centre (plane).
     extent: Aabb,
-    /// The class that most points have, if more than half of them have it (Boyer and Moore's vote), and its lead.
+    /// The class of more than half of the points, if there is one (Boyer and Moore's majority vote), and its lead.
     pub class: u8,
     lead: u32,
 }
@@ -121,7 +119,7 @@ impl Sums {
         self.count = self.count.saturating_add(1);
     }
 
-    /// The cell's unit normal, if its points give one.
+    /// The cell's unit normal, if it can be derived from its points.
     pub fn normal(&self, rule: NormalRule) -> Option<DVec3> {
         let normal = match rule {
             NormalRule::Mean | NormalRule::Nearest => unit(self.first),
@@ -146,24 +144,22 @@ impl Sums {
 pub(super) struct Cells(HashMap<Cell, Sums, BuildHasherDefault<CellHasher>>);
 
 impl Cells {
-    /// Adds a point to its cell.
     pub fn add(&mut self, grid: &Grid, point: &PointRow, rule: NormalRule) {
         let cell = grid.cell_of(point.position);
         self.0.entry(cell).or_insert(Sums::NOTHING).add(grid.centre(cell), point, rule);
     }
 
-    /// Bytes held.
     pub fn memory(&self) -> usize {
         self.0.capacity() * (size_of::<(Cell, Sums)>() + 1)
     }
 
-    /// The cells in no particular order.
+    /// The cells in arbitrary order.
     pub fn into_iter(self) -> impl Iterator<Item = (Cell, Sums)> {
         self.0.into_iter()
     }
 }
 
-/// Multiplies and mixes; no defence against crafted collisions is needed.
+/// A multiplicative hash; crafted collisions need not be prevented.
 #[derive(Default)]
 pub(super) struct CellHasher(u64);
 
@@ -181,7 +177,7 @@ impl Hasher for CellHasher {
     }
 
     fn write_usize(&mut self, _: usize) {
-        // The length of the array, always three.
+        // The length prefix of the array, which is always three.
     }
 }
 

@@ -1,6 +1,6 @@
-//! PointRow clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from LAS, LAZ and PLY. The file is
-//! read twice, once for its extent and once into the cells of the grid, so that memory grows with the number of occupied
-//! cells and not with that of the points.
+//! Point clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from LAS, LAZ and PLY. The
+//! file is read twice, once for its extent and once into the cells of the grid, so that memory grows with the number of
+//! occupied cells instead of the number of points.
 
 mod cells;
 #[cfg(test)]
@@ -21,13 +21,13 @@ use rayon::prelude::*;
 use std::ops::Range;
 use text::RowFormat;
 
-/// Bytes of the text that one task reads.
+/// Bytes of text read by one task.
 const PIECE_BYTES: usize = 1 << 20;
 
-/// Smallest number of points to which a plane is fitted.
+/// Minimum number of points to which a plane is fitted.
 const MIN_PLANE_POINTS: u32 = 3;
 
-/// Appends one cube per occupied cell of a file's grid, in the order of z, y, x.
+/// Appends one cube per occupied cell of a file's grid, ordered by z, y, x.
 pub(super) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
@@ -80,9 +80,9 @@ pub(super) fn load(
     append_cubes(scene, part, &settings, &grid, shards, materials)
 }
 
-/// A file of points in one of the formats, recognised by its first bytes and not by its name.
+/// A point file in one of the formats, recognised by its first bytes instead of its name.
 enum Cloud {
-    /// Lines; the pieces are read side by side.
+    /// Lines of text; the pieces are read in parallel.
     Text {
         pieces: Vec<Range<usize>>,
     },
@@ -122,7 +122,7 @@ impl Cloud {
         let (mut extent, mut passed, mut wrong) = (Aabb::EMPTY, 0, None);
         let read = self.each_batch(source, |batches| {
             for point in batches.iter().flatten() {
-                // Also false for what is no number.
+                // Also false for NaN.
                 let is_near = point.position.abs().max_element() <= MAX_COORDINATE;
                 wrong =
                     wrong.or((!(point.position.is_finite() && is_near)).then_some((passed, point.position)));
@@ -146,8 +146,7 @@ impl Cloud {
         }
     }
 
-    /// Passes the points of a binary file to `take`, some batches at a time, in the order of the file, as long as it returns
-    /// true.
+    /// Passes batches of points of a binary file to `take`, in the order of the file, as long as it returns true.
     fn each_batch(
         &self,
         source: &Source,
@@ -172,13 +171,13 @@ impl Cloud {
     }
 }
 
-/// A loader's settings, checked.
+/// The validated settings of a loader.
 struct Settings {
     format: RowFormat,
     voxel_size: f64,
     default_normal: Option<DVec3>,
     rule: NormalRule,
-    /// Whether the scene names a material, whose class then counts and not that of the points.
+    /// Whether the scene names a material; if so, its class overrides that of the points.
     has_material: bool,
 }
 
@@ -203,7 +202,7 @@ impl Settings {
     }
 }
 
-/// The box around all points of a text file; `None` after errors about lines that are none.
+/// The box around all points of a text file; `None` after errors in its lines.
 fn extent_of_text(
     source: &Source,
     pieces: &[Range<usize>],
@@ -236,7 +235,7 @@ fn extent_of_text(
     problems.report(source, diagnostics).then_some(all)
 }
 
-/// Sorts points into cells. Each cell sees its points in the order of the file whatever the number of threads.
+/// Sorts points into cells. Each cell receives its points in the order of the file for any number of threads.
 struct Sorter<'a> {
     grid: &'a Grid,
     settings: &'a Settings,
@@ -296,7 +295,7 @@ impl Sorter<'_> {
 }
 
 impl Settings {
-    /// The point with a normal that can be used: a bad one is replaced by the default or costs the point.
+    /// The point with a usable normal: an invalid normal is replaced by the default, or the point is dropped.
     fn usable(&self, point: PointRow) -> Option<PointRow> {
         let is_good = |n: &DVec3| n.is_finite() && *n != DVec3::ZERO;
         match point.normal {
@@ -308,7 +307,7 @@ impl Settings {
     }
 }
 
-/// A cell's place in the order, its cube, and the class of its points.
+/// Sort key of a cell, its cube, and the class of its points.
 type Filled = (u128, Cube, Voxel, u8);
 
 fn append_cubes(

@@ -1,4 +1,4 @@
-//! Whole point clouds.
+//! Tests of complete point clouds.
 
 use crate::geom::{DVec3, Rotation};
 use crate::scene::Scene;
@@ -21,7 +21,7 @@ fn loader(files: Vec<std::path::PathBuf>, separator: &str, voxel_size: f64) -> X
     }
 }
 
-/// Loads `text` with settings changed by `change`; a second part far below keeps empty scenes loadable.
+/// Loads `text` with settings changed by `change`; a second part far below makes empty clouds loadable.
 fn scene(text: &str, separator: &str, change: impl FnOnce(&mut XyzLoader)) -> Scene {
     let mut f = Fixture::new();
     let mut settings = loader(vec![f.file("a.xyz", text)], separator, 1.0);
@@ -254,7 +254,7 @@ fn as_ply(points: &[(DVec3, DVec3, u8)], binary: bool, more: &str) -> Vec<u8> {
     file
 }
 
-/// The scene of a file's bytes, or the messages about it.
+/// Loads the bytes of a file and returns the scene or the error messages.
 fn scene_of(name: &str, bytes: &[u8], change: impl FnOnce(&mut XyzLoader)) -> Result<Scene, String> {
     let mut f = Fixture::new();
     let mut settings = loader(vec![f.file(name, bytes)], " ", 0.5);
@@ -341,7 +341,7 @@ fn damaged_clouds_are_refused_and_never_panic() {
             let message = cut.err().unwrap_or_else(|| panic!("{name} cut at {tenth} tenths is loaded"));
             assert!(message.contains(name), "{message}");
         }
-        // Any byte of the head, and some of the rest, may be anything.
+        // Replaces every second byte of the header, and some of the others.
         let rest = (400..whole.len()).step_by(whole.len() / 40);
         for at in (0..400).step_by(2).chain(rest) {
             for value in [0xff, whole[at] ^ 0x11] {

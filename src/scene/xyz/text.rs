@@ -1,4 +1,4 @@
-//! Lines of text with a point each.
+//! Reads lines of text with one point each.
 
 use crate::points::text::{Separators, is_heading, is_skipped};
 use crate::points::{Attribute, Columns, PointRow};
@@ -7,17 +7,18 @@ use crate::scene::text::{Lines, Problems, shown};
 use crate::survey::XyzLoader;
 use std::ops::Range;
 
-/// How the lines of a file are split, and what their columns hold.
+/// How the lines of a file are split, and the meaning of their columns.
 pub(super) struct RowFormat {
     separators: Vec<u8>,
     columns: Columns,
 }
 
-/// Columns of normals when the scene names none.
+/// Columns of the normal unless the scene names others.
 const DEFAULT_NORMAL: [usize; 3] = [3, 4, 5];
 
 impl RowFormat {
-    /// The format of a loader's files. Colours in the default columns of normals leave the points without normals.
+    /// The format of a loader's files. If the default columns of the normal contain colours, the points have no
+    /// normals.
     pub fn new(loader: &XyzLoader, has_normals: bool) -> RowFormat {
         let separators =
             if loader.separator.is_empty() { vec![b' '] } else { loader.separator.clone().into_bytes() };
@@ -35,7 +36,8 @@ impl RowFormat {
         Separators(&self.separators).split(line)
     }
 
-    /// If the last line, which no line end completes, has fewer columns than the first point: the columns of both.
+    /// Detects a truncated last line: one without a line end and with fewer columns than the first point. Returns the
+    /// number of columns of both.
     pub fn find_truncation(&self, bytes: &[u8], last: &[u8]) -> Option<(usize, usize)> {
         let is_heading = |line: &[u8]| is_heading(line, &self.split(line).collect::<Vec<_>>());
         let mut lines = Lines::new(bytes, false);
@@ -76,7 +78,7 @@ impl RowFormat {
         lines.passed
     }
 
-    /// The point of a line, or the axis that lacks a usable coordinate and where it stands.
+    /// The point of a line, or the axis without a usable coordinate and the position of its word.
     fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, (usize, Range<usize>)> {
         let point = self.columns.parse(line, words).map_err(|bad| (bad.attribute as usize, bad.at))?;
         // Also false for NaN.
