@@ -1,20 +1,21 @@
-//! What is to be flown: surveys and scenes as their files describe them, with every template, default and unit
-//! resolved, and nothing loaded yet.
+//! Surveys and scenes as their files describe them, with every template, default and unit resolved. Geometry is not
+//! loaded here.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `model` | the plain values that every reader produces |
-//! | `text`, `xml` | bytes to text; XML as owned elements that know their places |
-//! | `shipped`, `assets`, `catalogue` | the files that are built in; where files are looked for; the scanners and platforms that ship |
-//! | `context`, `fields`, `documents` | the problems of one reading; typed attributes of an element; documents and references |
+//! | `text`, `xml` | bytes to text; XML as owned elements with their places in the file |
+//! | `shipped`, `assets`, `catalogue` | the built-in files; the search path; the built-in scanners and platforms |
+//! | `context`, `fields`, `documents` | the problems of one run of a reader; typed attributes of an element;
+//! documents and references |
 //! | `read` | the entry points: a survey, a scene, a scanner |
 //! | `survey_xml`, `settings`, `templates`, `legs`, `trajectories` | the `<survey>` element: templates, merged settings, interpolated platforms |
 //! | `follow` | surveys that follow a stream of poses |
-//! | `checks` | limits and endless legs, which can be judged only when everything is read |
+//! | `checks` | checks that need the complete survey: limits, legs that never end |
 //! | `scanner_xml`, `deflector_xml`, `receiver_xml`, `pulse_file`, `platform_xml` | instruments and platforms |
 //! | `scene_xml`, `params`, `loaders`, `instances`, `motions` | the parts of a scene |
 //! | `pipeline` | pipeline files |
-//! | `formula`, `seed` | formulas of calibration errors; the forms of a seed |
+//! | `formula`, `seed` | formulas of calibration errors; the formats of a seed |
 
 mod assets;
 mod catalogue;

@@ -1,9 +1,9 @@
-//! Where the motion of platform and optics departs from the reference's.
+//! Optional corrections of the reference's motion of platform and optics.
 
 macro_rules! kinematics {
     ($($name:ident,)*) => {
-        /// Departures from the reference's kinematics, each of which can be chosen by itself. The field of the same name in
-        /// [`crate::pulse::Corrections`] says what it does, docs/physics.md by which formula.
+        /// Corrections of the reference's kinematics, each of which can be enabled separately. The field of the same
+        /// name in [`crate::pulse::Corrections`] describes the effect, docs/physics.md the formula.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs)]
         pub struct Kinematics {
@@ -17,10 +17,10 @@ macro_rules! kinematics {
             /// All corrections.
             pub const CORRECTED: Kinematics = Kinematics { $($name: true),* };
 
-            /// Names of all of them.
+            /// Names of all corrections.
             pub const NAMES: &[&str] = &[$(stringify!($name)),*];
 
-            /// Those whose name `is_on` says to be on.
+            /// The corrections for whose names `is_on` returns true.
             pub fn chosen(is_on: impl Fn(&str) -> bool) -> Kinematics {
                 Kinematics { $($name: is_on(stringify!($name))),* }
             }

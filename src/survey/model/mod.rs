@@ -1,5 +1,5 @@
-//! What a survey says, after every template, default and unit has been resolved. Angles are radians, lengths metres,
-//! frequencies hertz, positions world coordinates.
+//! The survey model: a survey after every template, default and unit has been resolved. Angles are radians, lengths
+//! metres, frequencies hertz, positions world coordinates.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -25,20 +25,20 @@ pub use poses::*;
 pub use receiver::*;
 pub use scene::*;
 
-/// A whole survey: the instrument, what carries it, where it goes and what it looks at.
+/// A complete survey: scanner, platform, legs and scene.
 #[derive(Clone, Debug)]
 pub struct Survey {
-    /// Names the output folder.
+    /// Name of the survey and of its output folder.
     pub name: String,
     /// The file that was read.
     pub path: PathBuf,
-    /// The seed that the survey itself asks for.
+    /// The seed in the survey file, if there is one.
     pub seed: Option<u64>,
-    /// What carries the scanner.
+    /// The platform that carries the scanner.
     pub platform: Platform,
     /// The instrument.
     pub scanner: Scanner,
-    /// What is scanned; not loaded yet.
+    /// The scanned scene; not loaded yet.
     pub scene: SceneRecipe,
     /// Legs in document order, inactive ones included.
     pub legs: Vec<Leg>,
@@ -53,32 +53,28 @@ pub struct Survey {
 pub struct Mount {
     /// Offset, m. The reference adds it in world axes, see spec kinematics §3.
     pub offset: DVec3,
-    /// Rotation.
     pub rotation: Rotation,
 }
 
 impl Mount {
-    /// No offset, no rotation.
     pub const IDENTITY: Mount = Mount { offset: DVec3::ZERO, rotation: Rotation::IDENTITY };
 }
 
 /// A platform (spec input-formats §7, kinematics §2).
 #[derive(Clone, Debug)]
 pub struct Platform {
-    /// Asset id.
     pub id: String,
-    /// How it moves.
     pub kind: PlatformKind,
-    /// The scanner's pose on it.
+    /// Pose of the scanner on the platform.
     pub mount: Mount,
-    /// Noise of its pose; a survey's elements have already replaced the platform's.
+    /// Noise of the platform's pose. Noise elements of the survey have already replaced those of the platform.
     pub noise: PlatformNoise,
 }
 
-/// The closed list of platforms.
+/// Kinds of platforms; no others exist.
 #[derive(Clone, Debug)]
 pub enum PlatformKind {
-    /// Stands still at each leg.
+    /// Stationary at each leg.
     Static,
     /// Flies straight from waypoint to waypoint.
     LinearPath,
@@ -89,9 +85,9 @@ pub enum PlatformKind {
     },
     /// Pitches, yaws and accelerates towards waypoints in the air.
     Multicopter(Multicopter),
-    /// Follows recorded poses read from files, see [`TrajectoryFile`].
+    /// Follows recorded poses of files, see [`TrajectoryFile`].
     Interpolated(Interpolated),
-    /// Follows a stream of poses as they arrive; [`Survey::legs`] then has exactly one leg.
+    /// Follows a stream of poses while they arrive; [`Survey::legs`] then has exactly one leg.
     Stream(PoseStream),
 }
 
@@ -132,7 +128,6 @@ pub enum RotationSpec {
 /// Settings of an interpolated platform.
 #[derive(Clone, Debug)]
 pub struct Interpolated {
-    /// Composition of the angles.
     pub rotation_spec: RotationSpec,
     /// Use positions only; the attitude stays identity.
     pub position_only: bool,
@@ -140,20 +135,19 @@ pub struct Interpolated {
     pub degrees: bool,
     /// Start the GPS clock at the trajectory's time.
     pub sync_gps_time: bool,
-    /// The distinct files in the order of first mention.
+    /// The distinct files in the order of their first reference.
     pub files: Vec<TrajectoryFile>,
-    /// The grid to which latitudes and longitudes are projected.
+    /// The grid on which latitudes and longitudes are projected.
     pub grid: Grid,
 }
 
 /// One trajectory file of an interpolated platform.
 #[derive(Clone, Debug)]
 pub struct TrajectoryFile {
-    /// The file, already found.
     pub path: PathBuf,
-    /// Zero-based columns of t, roll, pitch, yaw, x, y, z when the survey gives them; otherwise the file's header or order.
+    /// Zero-based columns of t, roll, pitch, yaw, x, y, z. `None`: by the file's header or in the default order.
     pub columns: Option<[usize; 7]>,
-    /// Column separator; `None` when the survey names none (a comma then, or blanks where no comma stands).
+    /// Column separator. `None` when the survey names none: a comma, or blanks in lines without a comma.
     pub separator: Option<char>,
     /// Slope filter threshold, 0 = off. Only the first file of a survey is filtered.
     pub slope_filter: f64,
@@ -168,14 +162,13 @@ pub struct PlatformNoise {
     pub attitude: [Option<Noise>; 3],
 }
 
-/// One source of noise.
+/// One noise source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Noise {
-    /// Distribution.
     pub kind: NoiseKind,
-    /// Limits to clamp to.
+    /// Limits to which a value is clamped.
     pub clip: Option<(f64, f64)>,
-    /// How many consecutive uses one drawn value serves; 0 = one unclipped value throughout.
+    /// Number of consecutive uses of one drawn value; 0 = one unclipped value throughout.
     pub lifespan: u32,
 }
 
@@ -184,41 +177,35 @@ pub struct Noise {
 pub enum NoiseKind {
     /// Normal.
     Normal {
-        /// Mean.
         mean: f64,
-        /// Standard deviation.
         stdev: f64,
     },
     /// Uniform.
     Uniform {
-        /// Lower end.
         min: f64,
-        /// Upper end.
         max: f64,
     },
 }
 
-/// One leg as the survey lists it.
+/// One leg of the survey.
 #[derive(Clone, Debug)]
 pub struct Leg {
-    /// Position among the survey's legs, from 0.
+    /// Index among the survey's legs, from 0.
     pub number: u32,
     /// Legs with the same strip share their output files.
     pub strip: Option<String>,
-    /// Where and how the platform goes.
     pub platform: PlatformSettings,
-    /// What the scanner does.
     pub scanner: ScannerSettings,
-    /// Where the leg stands in its file, for messages.
+    /// Place of the leg in its file, for messages.
     pub place: Option<Place>,
 }
 
 /// Resolved platform settings of a leg (spec input-formats §2.4).
 #[derive(Clone, Debug)]
 pub struct PlatformSettings {
-    /// World position of the leg's start.
+    /// World position of the leg's start, m.
     pub position: DVec3,
-    /// Replace z by the ground height.
+    /// Whether z is replaced by the ground height.
     pub on_ground: bool,
     /// Speed, m/s.
     pub speed: f64,
@@ -230,7 +217,7 @@ pub struct PlatformSettings {
     pub slowdown: bool,
     /// Multicopter with stop-and-turn: yaw to adopt, rad.
     pub yaw_at_departure: Option<f64>,
-    /// Interpolated platforms: which part of which file.
+    /// Interpolated platforms: the flown part of a trajectory file.
     pub trajectory: Option<LegTrajectory>,
 }
 
@@ -243,15 +230,15 @@ pub struct LegTrajectory {
     pub start: Option<f64>,
     /// End in the file's own time, s; `None` = last sample.
     pub end: Option<f64>,
-    /// Jump to the start instead of travelling there.
+    /// Jump to the start instead of travelling to it.
     pub teleport: bool,
 }
 
-/// Resolved scanner settings of a leg (spec input-formats §2.5–2.6; templates, the scanner's own values and the
-/// resolution settings have been applied).
+/// Resolved scanner settings of a leg (spec input-formats §2.5–2.6): templates, the scanner's default values and the
+/// resolution settings have been applied.
 #[derive(Clone, Debug)]
 pub struct ScannerSettings {
-    /// Inactive legs emit nothing.
+    /// Whether the scanner fires; inactive legs emit no pulses.
     pub active: bool,
     /// Pulses per second.
     pub pulse_freq: u32,
@@ -259,9 +246,9 @@ pub struct ScannerSettings {
     pub scan_freq: f64,
     /// Half opening angle, rad; 0 = the device's maximum (rotating, conic, fibres).
     pub scan_angle: f64,
-    /// Lower limit of deflection angles that fire, rad.
+    /// Lower limit of the deflection angles that fire, rad.
     pub vertical_min: Option<f64>,
-    /// Upper limit.
+    /// Upper limit of the deflection angles that fire, rad.
     pub vertical_max: Option<f64>,
     /// Head speed, rad/s, signed, not yet limited by the device.
     pub head_rate: f64,
@@ -271,13 +258,13 @@ pub struct ScannerSettings {
     pub head_stop: f64,
     /// Beam divergence of device 0, rad.
     pub beam_divergence: f64,
-    /// Divergence that the leg asks for, rad, where the reference takes its value for "not given" (0.003).
+    /// Divergence that the leg specifies, rad, where the reference treats its value (0.003) as "not given".
     pub written_divergence: Option<f64>,
     /// Spacing of trajectory samples, s; 0 = none.
     pub trajectory_interval: f64,
-    /// Ends the leg after that simulated time, s.
+    /// Simulated time after which the leg ends, s.
     pub max_duration: Option<f64>,
-    /// Head and deflector advance that long before the first pulse, s.
+    /// Time for which head and deflector move before the first pulse, s.
     pub warmup: f64,
 }
 
@@ -299,31 +286,24 @@ pub struct Scanner {
 /// One device: deflector, head, optics, detector.
 #[derive(Clone, Debug)]
 pub struct Device {
-    /// Reported id.
+    /// Id in outputs.
     pub id: String,
-    /// Beam deflector.
     pub deflector: Deflector,
     /// Mechanical scan angle limit (half angle), rad.
     pub scan_angle_max: f64,
     /// Scan frequency limits, Hz; a maximum of 0 is no limit.
     pub scan_freq: (f64, f64),
-    /// Scanner head.
     pub head: Head,
     /// The emitter's pose on the head.
     pub beam_origin: Mount,
-    /// The laser.
     pub beam: Beam,
-    /// Detection.
     pub detector: Detector,
-    /// The receiver.
     pub receiver: Receiver,
-    /// Waveform digitisation.
     pub waveform: WaveformSettings,
-    /// Calibration errors.
     pub errors: MechanicalErrors,
 }
 
-/// The closed list of deflectors (spec kinematics §4).
+/// Kinds of deflectors (spec kinematics §4); no others exist.
 #[derive(Clone, Debug)]
 pub enum Deflector {
     /// `rotating`: polygon mirror.
@@ -340,12 +320,11 @@ pub enum Deflector {
     Conic,
     /// `line`: fibre array.
     Fibres {
-        /// Number of fibres.
         count: u32,
     },
     /// `risley` prisms.
     Risley {
-        /// Prisms in the order the beam meets them; those without a wedge are left out.
+        /// Prisms in the order in which the beam passes them; flat ones without a wedge are left out.
         prisms: Vec<Prism>,
         /// Refractive index of air.
         air: f64,
@@ -368,36 +347,34 @@ pub struct Prism {
 /// A rotating head (spec kinematics §5).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Head {
-    /// Axis, any length.
+    /// Axis, of any length.
     pub axis: DVec3,
-    /// Largest speed, rad/s; 0 = cannot turn.
+    /// Maximum speed, rad/s; 0 = cannot turn.
     pub max_rate: f64,
 }
 
 /// Emission (spec pulse-physics §0.1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beam {
-    /// Divergence, rad; of an elliptical beam the one along the emitter's x axis.
+    /// Divergence, rad; for an elliptical beam along the emitter's x axis.
     pub divergence: f64,
     /// Divergence along the emitter's z axis, rad; `None` = round.
     pub divergence_y: Option<f64>,
-    /// Profile.
     pub profile: BeamProfile,
-    /// Diameter where the beam leaves the instrument, m; 0 = as small as diffraction allows.
+    /// Beam diameter at the exit of the instrument, m; 0 = diffraction-limited.
     pub aperture: f64,
     /// Pulse length, ns.
     pub pulse_length: f64,
     /// Wavelength, nm.
     pub wavelength: f64,
-    /// Wavelength that the atmosphere was computed for, nm (a channel's override does not change it).
+    /// Wavelength for which the atmosphere is computed, nm (a channel's override does not change it).
     pub atmosphere_wavelength: f64,
     /// Average power, W.
     pub average_power: f64,
-    /// Energy of a pulse, J; `None` = by the average power.
+    /// Energy of a pulse, J; `None` = derived from the average power.
     pub pulse_energy: Option<f64>,
     /// M².
     pub quality: f64,
-    /// Optical efficiency.
     pub efficiency: f64,
     /// Receiver diameter, m.
     pub receiver_diameter: f64,
@@ -410,15 +387,16 @@ pub struct Beam {
 pub struct Detector {
     /// 1σ range noise, m.
     pub accuracy: f64,
-    /// Nearest range, m.
+    /// Minimum range, m.
     pub range_min: f64,
-    /// Farthest range, m.
+    /// Maximum range, m.
     pub range_max: f64,
-    /// Most returns per pulse, 0 = unlimited.
+    /// Maximum number of returns per pulse, 0 = unlimited.
     pub max_returns: u32,
     /// Detection threshold on the waveform, W.
     pub threshold: f64,
-    /// Whether the instrument names its threshold; else it is a default that the reference compares with nanowatts.
+    /// Whether the instrument specifies its threshold. Otherwise it is a default, which the reference compares with
+    /// nanowatts.
     pub threshold_given: bool,
     /// Factor on the range noise as a function of the range in metres.
     pub distance_error: Option<Formula>,
@@ -433,23 +411,23 @@ pub struct WaveformSettings {
     pub window: f64,
     /// Number of concentric rings of subrays.
     pub quality: u32,
-    /// Longest waveform, ns; 0 = unlimited.
+    /// Maximum length of a waveform, ns; 0 = unlimited.
     pub max_range: f64,
 }
 
 /// Calibration errors (spec input-formats §6.2).
 #[derive(Clone, Debug, Default)]
 pub struct MechanicalErrors {
-    /// Metres added to every range, as a function of the exact deflection angle.
+    /// Metres added to every range, as a function of the deflection angle without errors.
     pub range: Option<Formula>,
     /// Radians added to the deflection angle, polygon only.
     pub deflection: Option<Formula>,
-    /// Radians added to the head angle, and the distance kept from multiples of π (rad), polygon only.
+    /// Radians added to the head angle, and the minimum distance from multiples of π (rad), polygon only.
     pub head: Option<(Formula, f64)>,
 }
 
 impl MechanicalErrors {
-    /// Whether any error is present; points are then reported along the exact direction.
+    /// Whether any error is present; points are then reported along the direction without errors.
     pub fn any(&self) -> bool {
         self.range.is_some() || self.deflection.is_some() || self.head.is_some()
     }

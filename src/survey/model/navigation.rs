@@ -1,9 +1,9 @@
-//! Errors of navigation: how what a platform reports of its pose differs from what it flew.
+//! Errors of navigation: the difference between the pose that a platform reports and the one that it flew.
 
 use crate::geom::radians;
 
-/// Errors of position and attitude as the navigation system reports them, and of the scanner's calibration. The beam is traced
-/// from the true pose; points are georeferenced with the reported one. Everything 0 is no error.
+/// Errors of position and attitude as the navigation system reports them, and of the scanner's calibration. The beam
+/// is traced from the true pose; points are georeferenced with the reported pose. All 0 means no error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NavigationErrors {
     /// Standard deviation of the position to the east, north and up, m.
@@ -22,11 +22,11 @@ pub struct NavigationErrors {
     pub attitude_drift: [f64; 3],
     /// Error of the boresight: roll, pitch, heading, rad.
     pub boresight: [f64; 3],
-    /// Standard deviation of a boresight error that is drawn once for the run, rad.
+    /// Standard deviation of a boresight error that is drawn once per run, rad.
     pub boresight_sigma: [f64; 3],
     /// Error of the lever arm to the right, forward and up, m.
     pub lever_arm: [f64; 3],
-    /// Standard deviation of a lever arm error that is drawn once for the run, m.
+    /// Standard deviation of a lever arm error that is drawn once per run, m.
     pub lever_arm_sigma: [f64; 3],
 }
 
@@ -52,7 +52,7 @@ const KEYS: [(&str, &str); 11] = [
 ];
 
 impl NavigationErrors {
-    /// No errors; the correlation times are those of a processed GNSS solution and of a tactical IMU aided by it.
+    /// No errors; the correlation times are typical of a processed GNSS solution and of a tactical IMU aided by it.
     pub const NONE: NavigationErrors = NavigationErrors {
         position: [0.0; 3],
         position_correlation: 300.0,
@@ -67,12 +67,11 @@ impl NavigationErrors {
         lever_arm_sigma: [0.0; 3],
     };
 
-    /// Names of all keys, and their meanings. Standard deviations belong to first-order Gauss-Markov processes, whose
-    /// correlation falls by a factor e in the correlation time. Every key but the correlation times takes one number for all
-    /// three components, or three.
+    /// Names of all keys, and their meanings. Standard deviations belong to first-order Gauss-Markov processes,
+    /// whose correlation falls by a factor e within the correlation time. Every key but the correlation times takes
+    /// one number for all three components, or three numbers.
     pub const KEYS: &[(&str, &str)] = &KEYS;
 
-    /// Whether there are any errors.
     pub fn any(&self) -> bool {
         let vectors = [
             self.position,
@@ -88,7 +87,7 @@ impl NavigationErrors {
         vectors.iter().flatten().any(|v| *v != 0.0)
     }
 
-    /// Sets what `key` names to one number (for all three components) or to three.
+    /// Sets the errors of `key` to one number (for all three components) or to three.
     ///
     /// # Errors
     /// What was expected, in one sentence: an unknown key, a wrong count of numbers, a number out of range.

@@ -1,27 +1,27 @@
-//! Recorded trajectories: where poses come from and how they are meant.
+//! Settings of recorded trajectories: source, layout and meaning of the poses.
 
 use super::RotationSpec;
 use crate::geom::{DVec3, UtmZone};
 use std::path::PathBuf;
 
-/// A trajectory that is flown along as its poses arrive (`--trajectory`, `[trajectory]`).
+/// Settings of a trajectory that is flown while its poses arrive (`--trajectory`, `[trajectory]`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseStream {
-    /// Where the poses come from; `-` is standard input.
+    /// Source of the poses; `-` is standard input.
     pub path: PathBuf,
-    /// The layout; `None` finds it out from the content.
+    /// The layout; `None` detects it from the content.
     pub format: Option<PoseFormat>,
-    /// How the angles of text compose; `None` is [`AngleConvention::Helios`] for the text files of HELIOS++ and
-    /// [`AngleConvention::Heading`] for all others. SBET and TerraScan have headings.
+    /// Composition of the angles of text. `None`: [`AngleConvention::Helios`] for text files of HELIOS++,
+    /// [`AngleConvention::Heading`] for all others. SBET and TerraScan contain headings.
     pub rotation: Option<AngleConvention>,
-    /// Angles of text are degrees where no unit stands behind a column's name.
+    /// Whether angles of text are degrees where the heading of a column names no unit.
     pub degrees: bool,
-    /// Columns of text, by name in their order or as `name=number` from 1, when neither a header line nor the default
-    /// order time,x,y,z,roll,pitch,yaw is meant.
+    /// Columns of text, by name in their order or as `name=number` from 1. `None`: by the header line, or in the
+    /// default order time,x,y,z,roll,pitch,yaw.
     pub columns: Option<Vec<String>>,
     /// Column separator; `None` guesses from the first line.
     pub separator: Option<char>,
-    /// The grid to which latitudes and longitudes are projected.
+    /// The grid on which latitudes and longitudes are projected.
     pub grid: Grid,
     /// Added to all heights, m.
     pub height_offset: f64,
@@ -29,12 +29,11 @@ pub struct PoseStream {
     pub lever_arm: DVec3,
     /// Roll, pitch and heading of the scanner's platform frame in the frame of the poses, rad, composed as headings.
     pub boresight: [f64; 3],
-    /// Nothing is fired between poses that are farther apart than this, s.
+    /// Maximum time between poses across which pulses are fired, s.
     pub max_gap: f64,
 }
 
 impl PoseStream {
-    /// The trajectory at `path` with all defaults.
     pub fn at(path: impl Into<PathBuf>) -> PoseStream {
         PoseStream {
             path: path.into(),
@@ -93,7 +92,7 @@ pub enum AngleConvention {
 }
 
 impl AngleConvention {
-    /// How HELIOS++ reports these angles in its trajectory files.
+    /// The convention by which HELIOS++ reports these angles in its trajectory files.
     pub fn rotation_spec(self) -> RotationSpec {
         match self {
             AngleConvention::Canonical => RotationSpec::Canonical,
@@ -112,19 +111,19 @@ pub enum AngleUnit {
     Rad,
 }
 
-/// The rectangular grid to which latitudes and longitudes are projected.
+/// The rectangular grid on which latitudes and longitudes are projected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grid {
-    /// The UTM zone in which the first pose lies.
+    /// The UTM zone of the first pose.
     FirstFix,
     /// This UTM zone.
     Utm(UtmZone),
-    /// The scene's coordinate reference system, which is no UTM zone: nothing can be projected.
+    /// The scene's coordinate reference system, which is not a UTM zone: nothing can be projected.
     Foreign,
 }
 
 impl Grid {
-    /// The grid of a scene whose coordinate reference system may be known; a zone that is chosen stays.
+    /// The grid for a scene whose coordinate reference system may be known; a chosen zone takes precedence.
     pub fn of_scene(self, crs_wkt: Option<&str>) -> Grid {
         match (self, crs_wkt) {
             (Grid::FirstFix, Some(wkt)) => UtmZone::of_wkt(wkt).map_or(Grid::Foreign, Grid::Utm),

@@ -1,4 +1,4 @@
-//! What an instrument's receiver does to the light beyond the reference's threshold on a noiseless waveform. All of it acts
+//! Settings of an instrument's receiver beyond the reference's threshold on a noiseless waveform. All of them apply
 //! in refined physics only (correction `receiver`).
 
 use std::sync::Arc;
@@ -10,30 +10,28 @@ pub enum BeamProfile {
     /// Gaussian; divergences are full angles at 1/e² of the intensity on the axis.
     #[default]
     Gaussian,
-    /// Even within the cone of the divergence, nothing outside.
+    /// Uniform within the cone of the divergence, nothing outside.
     TopHat,
 }
 
-/// The receiver behind the optics. The default is ideal: no noise, no saturation, the reference's detector.
+/// Settings of the receiver behind the optics. The default is ideal: no noise, no saturation, the reference's
+/// detector.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
-    /// Power of the outgoing pulse over time as measured; `None` = the reference's gamma-like curve.
+    /// Measured power of the outgoing pulse over time; `None` = the reference's gamma-like curve.
     pub pulse_shape: Option<Arc<PulseSamples>>,
-    /// Noise of detector and amplifier.
     pub noise: Option<AmplifierNoise>,
-    /// Shot noise of signal and background light.
     pub shot: Option<ShotNoise>,
     /// Electrical bandwidth, Hz; `None` = matched to the pulse.
     pub bandwidth: Option<f64>,
-    /// Target whose echo just reaches the threshold; replaces [`super::Detector::threshold`].
+    /// Target whose echo just reaches the threshold; overrides [`super::Detector::threshold`].
     pub max_range: Option<ReferenceTarget>,
     /// Amplitude at which the receiver saturates, W.
     pub saturation: Option<f64>,
-    /// Range that an echo right at the threshold is measured too far, m.
+    /// Amount by which the range of an echo right at the threshold is too long, m.
     pub range_walk: f64,
-    /// Samples lie on a grid of bins counted from the emission instead of beginning with the first return.
+    /// Whether samples lie on a grid of bins counted from the emission, instead of beginning with the first return.
     pub digitiser_clock: bool,
-    /// How the range of an echo is read from the waveform.
     pub ranging: Ranging,
 }
 
@@ -51,23 +49,22 @@ pub struct PulseSamples {
 pub enum AmplifierNoise {
     /// Noise equivalent power: standard deviation of a sample, W.
     Power(f64),
-    /// The power of which the peak of that target's echo is `value` times the standard deviation.
+    /// The power at which the peak of that target's echo is `value` times the standard deviation.
     Ratio {
-        /// The target.
         target: ReferenceTarget,
         /// Peak amplitude over standard deviation.
         value: f64,
     },
 }
 
-/// An extended Lambert target that faces the instrument, for which a data sheet states a figure.
+/// An extended Lambertian target that faces the instrument, to which a figure of a data sheet refers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReferenceTarget {
     /// Range, m.
     pub range: f64,
     /// Reflectance, 0 to 1.
     pub reflectance: f64,
-    /// Pulse rate at which the figure holds, Hz; `None` = the scanner's first.
+    /// Pulse rate to which the figure applies, Hz; `None` = the scanner's first.
     pub pulse_freq: Option<f64>,
 }
 
@@ -80,7 +77,7 @@ pub struct ShotNoise {
     pub responsivity: f64,
 }
 
-/// How the range of an echo is read from the waveform.
+/// Estimators of the range of an echo from the waveform.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ranging {
@@ -93,10 +90,11 @@ pub enum Ranging {
     Gaussian,
 }
 
-/// Full width at half maximum of x²e^(−x): −2W₀(−1/(√2·e)) and −2W₋₁(−1/(√2·e)) are the half-power points.
+/// Full width at half maximum of x²e^(−x), whose half-power points are −2W₀(−1/(√2·e)) and −2W₋₁(−1/(√2·e)).
 const GAMMA_WIDTH: f64 = 3.394_680_670_846_504;
 
-/// Length (ns) of the reference's pulse (t/τ)²·e^(−t/τ), τ = length/7, that is `fwhm` ns wide at half maximum.
+/// Length (ns) of the reference's pulse (t/τ)²·e^(−t/τ), τ = length/7, whose full width at half maximum is `fwhm`
+/// ns.
 pub fn pulse_length_of_width(fwhm: f64) -> f64 {
     7.0 * fwhm / GAMMA_WIDTH
 }

@@ -1,4 +1,4 @@
-//! The scene as its file describes it: what the module `scene` loads, and how it places it.
+//! The scene as its file describes it: the input of the module `scene`.
 
 use crate::diag::Place;
 use crate::geom::{DVec3, Rotation};
@@ -7,17 +7,15 @@ use std::path::PathBuf;
 /// A scene as its file describes it; geometry is not loaded yet.
 #[derive(Clone, Debug)]
 pub struct SceneRecipe {
-    /// Asset id.
     pub id: String,
-    /// The file that holds it.
     pub path: PathBuf,
     /// Parts in document order.
     pub parts: Vec<PartRecipe>,
     /// Moving scenes: update every n-th pulse period.
     pub dyn_step: u32,
-    /// The same in seconds, overrides all steps.
+    /// Moving scenes: update interval in seconds; overrides all steps.
     pub dyn_time_step: Option<f64>,
-    /// The packed scene that this is; it has no parts then.
+    /// Path of a packed scene, which has no parts; `None` for other scenes.
     pub packed: Option<PathBuf>,
     /// Folders that may hold a `spectra` folder, in search order.
     pub asset_folders: Vec<PathBuf>,
@@ -30,17 +28,14 @@ pub struct PartRecipe {
     pub id: Option<String>,
     /// Running number of the part element in its scene, from 0 (a skipped part keeps its number).
     pub number: u32,
-    /// What is loaded.
     pub loader: Loader,
-    /// How it is placed.
     pub transform: Transform,
-    /// Rigid motions; empty for a still part.
+    /// Rigid motions; empty for a part at rest.
     pub motions: Vec<MotionSequence>,
-    /// Motion timing.
     pub timing: MotionTiming,
     /// Geometry swaps between epochs; empty for most parts.
     pub swaps: Vec<Swap>,
-    /// Where the part stands in its file.
+    /// Place of the part in its file, for messages.
     pub place: Option<Place>,
 }
 
@@ -58,53 +53,46 @@ pub struct Transform {
 }
 
 impl Transform {
-    /// Leaves everything where it is.
     pub const IDENTITY: Transform =
         Transform { rotation: Rotation::IDENTITY, scale: 1.0, offset: DVec3::ZERO, on_ground: 0 };
 
-    /// The image of `p`.
     pub fn apply(&self, p: DVec3) -> DVec3 {
         self.rotation.apply(p) * self.scale + self.offset
     }
 }
 
-/// Which axis of an OBJ file points up.
+/// Up axis of an OBJ file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UpAxis {
-    /// z, nothing changes.
+    /// z: coordinates are unchanged.
     Z,
     /// y: (x, y, z) is read as (x, −z, y).
     Y,
 }
 
-/// Materials of loaders that have none in their files (spec input-formats §3.5).
+/// Material settings of loaders whose files have no materials (spec input-formats §3.5).
 #[derive(Clone, Debug, Default)]
 pub struct MaterialChoice {
-    /// MTL file, already found.
+    /// MTL file, resolved.
     pub file: Option<PathBuf>,
-    /// Material name; the alphabetically first one otherwise.
+    /// Material name; `None` = the alphabetically first.
     pub name: Option<String>,
     /// Number of randomised variants.
     pub random_variants: u32,
-    /// Range of the variation.
     pub random_range: f64,
 }
 
-/// The closed list of loaders (spec input-formats §4). Files are already found; several files come from `efilepath`.
+/// Loaders (spec input-formats §4); no others exist. File paths are resolved; several files come from `efilepath`.
 #[derive(Clone, Debug)]
 pub enum Loader {
     /// Wavefront OBJ.
     Obj {
-        /// Files.
         files: Vec<PathBuf>,
-        /// Up axis.
         up: UpAxis,
     },
     /// Terrain raster.
     GeoTiff {
-        /// File.
         file: PathBuf,
-        /// Material.
         material: MaterialChoice,
     },
     /// Point cloud to voxels.
@@ -116,53 +104,48 @@ pub enum Loader {
 /// Settings of the point cloud loader (spec input-formats §4.4).
 #[derive(Clone, Debug)]
 pub struct XyzLoader {
-    /// Files, each voxelised separately.
+    /// Files, each of which becomes voxels separately.
     pub files: Vec<PathBuf>,
-    /// Every character separates columns; empty means blanks.
+    /// Characters each of which separates columns; empty means blanks.
     pub separator: String,
     /// Edge length of a voxel, m.
     pub voxel_size: f64,
-    /// Divisor of colours.
+    /// Value that colours are divided by.
     pub max_color_value: f64,
-    /// Normal of points without one.
+    /// Normal of points that have none.
     pub default_normal: Option<DVec3>,
     /// Colour columns.
     pub rgb_columns: Option<[usize; 3]>,
     /// Normal columns.
     pub normal_columns: Option<[usize; 3]>,
-    /// Voxel normal is that of the point nearest to the centre.
+    /// Whether the normal of a voxel is that of the point nearest to its centre.
     pub snap_neighbor_normal: bool,
-    /// 0: none, 1: plane per voxel, 2 and more: the same in batches.
+    /// 0: none, 1: a plane per voxel, 2 and more: a plane per voxel, in batches.
     pub estimate_normals: u32,
-    /// Material.
     pub material: MaterialChoice,
 }
 
-/// How rays meet detailed voxels.
+/// How rays intersect detailed voxels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum VoxelMode {
     /// Exponential free path.
     Transmittive,
     /// Opaque cubes.
     Fixed,
-    /// Opaque cubes scaled by density to this exponent.
+    /// Opaque cubes scaled by the density to this power.
     Scaled(f64),
 }
 
 /// Settings of the AMAPVox loader (spec input-formats §4.5).
 #[derive(Clone, Debug)]
 pub struct VoxelLoader {
-    /// Files.
     pub files: Vec<PathBuf>,
-    /// Interaction.
     pub mode: VoxelMode,
-    /// Whether voxels without density are dropped (the mode was not spelled out).
+    /// Whether voxels without density are dropped; true where the scene states no mode.
     pub drop_empty: bool,
-    /// `scaled`: random displacement within the original cell.
+    /// `scaled` mode: random displacement within the original cell.
     pub random_shift: bool,
-    /// Leaf angle table.
     pub lad_table: Option<PathBuf>,
-    /// Material.
     pub material: MaterialChoice,
 }
 
@@ -171,7 +154,7 @@ pub struct VoxelLoader {
 pub struct MotionSequence {
     /// Id within the part.
     pub id: String,
-    /// Repetitions; 0 = for ever.
+    /// Repetitions; 0 = unlimited.
     pub loops: u32,
     /// Index of the sequence that follows.
     pub next: Option<usize>,
@@ -182,15 +165,14 @@ pub struct MotionSequence {
 /// One rigid motion per update step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// What it does.
     pub kind: MotionKind,
-    /// About the part's own centroid instead of the scene origin.
+    /// Whether the centre is the part's own centroid instead of the scene origin.
     pub about_self: bool,
-    /// Share of the scene shift to apply to centres and vectors.
+    /// Fraction of the scene shift that is applied to centres and vectors.
     pub auto_crs: f64,
 }
 
-/// The closed list of motions; axes and normals are unit vectors, angles radians.
+/// Rigid motions; no others exist. Axes and normals are unit vectors, angles radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs)] // the fields are the motions' own mathematical names
 pub enum MotionKind {
@@ -203,12 +185,12 @@ pub enum MotionKind {
     RotaryReflection { axis: DVec3, angle: f64, centre: Option<DVec3> },
 }
 
-/// When a moving part moves.
+/// Update intervals of a moving part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionTiming {
-    /// Move every n-th scene update.
+    /// The part moves at every n-th scene update.
     pub dyn_step: u32,
-    /// Rebuild the tree every n-th move.
+    /// The tree is rebuilt at every n-th move.
     pub tree_step: u32,
     /// `dyn_step` in seconds.
     pub dyn_time_step: Option<f64>,
@@ -219,16 +201,15 @@ pub struct MotionTiming {
 /// One state of a part between epochs (spec input-formats §3.8).
 #[derive(Clone, Debug)]
 pub struct Swap {
-    /// Number of epochs it lasts.
     pub epochs: u32,
-    /// Keep the scene shift of the first epoch.
+    /// Whether the scene shift of the first epoch is kept.
     pub keep_crs: bool,
-    /// The part disappears.
+    /// Whether the part disappears.
     pub vanish: bool,
-    /// New geometry, if the first filter is a loader.
+    /// New geometry; `None` unless the first filter is a loader.
     pub loader: Option<Loader>,
-    /// New scale, if given.
+    /// New scale; `None` = unchanged.
     pub scale: Option<f64>,
-    /// New offset and grounding mode, if given.
+    /// New offset (m) and grounding mode; `None` = unchanged.
     pub offset: Option<(DVec3, i64)>,
 }
