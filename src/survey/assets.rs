@@ -1,41 +1,39 @@
-//! Where files are looked for (spec input-formats §8).
+//! The search path of input files (spec input-formats §8).
 //!
-//! One rule serves every kind of file: an absolute path is taken as it is; a relative one is looked for in the working
-//! directory, then in the asset folders in their order, then in `assets/`, then in the folder of the file that names it.
-//! Last comes the catalogue that is built in.
+//! The rule is the same for every kind of file: an absolute path is used as it is; a relative one is searched in the
+//! working directory, then in the asset folders in their order, then in `assets/`, then in the folder of the file
+//! that refers to it. The built-in catalogue comes last.
 
 use super::shipped::{self, BuiltIn};
 use regex_lite::Regex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The folders that are searched.
 #[derive(Clone, Debug)]
 pub(super) struct Assets {
     /// Working directory, asset folders, `assets/`; without duplicates.
     folders: Vec<PathBuf>,
 }
 
-/// Where a reference leads.
+/// The target of a reference.
 #[derive(Clone, Debug)]
 pub(super) enum Found {
-    /// A file.
     File(PathBuf),
     /// A file of the built-in catalogue.
     BuiltIn(&'static BuiltIn),
 }
 
-/// Why `efilepath` gives no files.
+/// Why `efilepath` yields no files.
 #[derive(Debug)]
 pub(super) enum NoMatch {
-    /// The regular expression is wrong.
+    /// The regular expression is invalid.
     Expression(String),
-    /// Nothing matches.
+    /// No file matches.
     Nothing,
 }
 
 impl Assets {
-    /// The search list with the user's asset folders.
+    /// The search path with the user's asset folders.
     pub fn new(user: &[PathBuf]) -> Assets {
         let mut assets = Assets { folders: vec![PathBuf::new()] };
         user.iter().for_each(|folder| assets.add(folder));
@@ -53,7 +51,7 @@ impl Assets {
         }
     }
 
-    /// The folders in search order with that of the referring file last; "." is the working directory.
+    /// The folders in search order; the folder of the referring file is the last. "." is the working directory.
     pub fn folders(&self, referring: &Path) -> Vec<PathBuf> {
         let mut all = self.clone();
         all.add(referring);
@@ -63,25 +61,25 @@ impl Assets {
             .collect()
     }
 
-    /// The first existing file, or nothing.
+    /// The first existing file of that name in the search path.
     pub fn file(&self, name: &str, referring: &Path) -> Option<PathBuf> {
         if name.is_empty() {
             return None;
         }
         let folders = self.folders.iter().map(PathBuf::as_path).chain([referring]);
-        // joining an absolute name gives the name
+        // joining an absolute path yields that path
         folders.map(|f| f.join(name)).find(|p| p.is_file() || is_pipe(p))
     }
 
-    /// As [`Assets::file`], with the built-in catalogue as last resort.
+    /// The first existing file of that name in the search path, else the built-in file of that name.
     pub fn document(&self, name: &str, referring: &Path) -> Option<Found> {
         let file = self.file(name, referring).map(Found::File);
         file.or_else(|| shipped::find(name).map(Found::BuiltIn))
     }
 
-    /// All files whose names match the expression after the last `/` (`efilepath`): sorted by name, each name once. A
-    /// folder earlier in the search order hides equal names in later ones; the referring file's folder counts only when
-    /// nothing else matches.
+    /// All files whose names match the expression after the last `/` (`efilepath`), sorted by name without
+    /// duplicates. A file in an earlier folder of the search path hides files of the same name in later ones; the
+    /// referring file's folder is searched only when no other file matches.
     pub fn matching(&self, expression: &str, referring: &Path) -> Result<Vec<PathBuf>, NoMatch> {
         let (folder, pattern) = expression
             .rsplit_once('/')
@@ -98,7 +96,7 @@ impl Assets {
         if files.is_empty() { Err(NoMatch::Nothing) } else { Ok(files.into_values().collect()) }
     }
 
-    /// The folders that were searched for `name`, for a message.
+    /// The folders that are searched for `name`, for messages.
     pub fn searched(&self, name: &str, referring: &Path) -> String {
         if let Some(folder) = self.folders(referring).iter().map(|f| f.join(name)).find(|path| path.is_dir())
         {

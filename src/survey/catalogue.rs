@@ -1,4 +1,4 @@
-//! Scanners and platforms that ship with the program.
+//! Built-in scanners and platforms.
 
 use super::assets::Found;
 use super::context::{Context, ReadOptions};
@@ -9,19 +9,17 @@ use super::{Platform, Scanner};
 use crate::diag::Diagnostics;
 use crate::error::Result;
 
-/// Everything that ships with the program, each entry with the reference by which surveys and pipelines name it.
+/// All built-in entries, each with the reference by which surveys and pipelines name it.
 #[derive(Clone, Debug, Default)]
 pub struct Catalogue {
-    /// Scanners, in the order of their files.
     pub scanners: Vec<(String, Scanner)>,
-    /// Platforms, in the order of their file.
     pub platforms: Vec<(String, Platform)>,
 }
 
 /// Reads the built-in catalogue.
 ///
 /// # Errors
-/// None that a user could cause; the shipped files are tested.
+/// None that a user could cause; the built-in files are tested.
 pub fn catalogue() -> Result<(Catalogue, Diagnostics)> {
     let context = Context::new(&ReadOptions::default());
     let mut catalogue = Catalogue::default();

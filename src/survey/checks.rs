@@ -1,4 +1,4 @@
-//! Checks of the whole survey: limits of the scanner, legs that would never end.
+//! Checks of the complete survey: limits of the scanner, legs that never end.
 
 use super::context::Context;
 use super::xml::Element;
@@ -6,7 +6,7 @@ use super::{Deflector, Device, Leg, PlatformKind, Survey};
 use crate::diag::Place;
 use crate::geom::degrees;
 
-/// Checks every leg against the scanner and the platform; `elements` are the legs as written, if they are.
+/// Checks every leg against the scanner and the platform. `elements` are the legs' XML elements, if they have any.
 pub(super) fn check_legs(context: &Context, survey: &Survey, elements: &[Element]) {
     for (i, leg) in survey.legs.iter().enumerate() {
         let leg = Checked { leg, element: elements.get(i) };
@@ -27,14 +27,14 @@ pub(super) fn check_legs(context: &Context, survey: &Survey, elements: &[Element
     }
 }
 
-/// A leg and the element it comes from.
+/// A leg and its XML element.
 struct Checked<'a> {
     leg: &'a Leg,
     element: Option<&'a Element>,
 }
 
 impl Checked<'_> {
-    /// Where an attribute of the scanner settings stands, or where it is missing.
+    /// The place of an attribute of the scanner settings, or of the element that lacks it.
     fn place(&self, attribute: &str) -> Option<Place> {
         let settings = self.element.and_then(|e| e.child("scannerSettings"));
         settings.map(|s| s.value_place(attribute)).or_else(|| self.leg.place.clone())
@@ -100,7 +100,7 @@ fn check_deflection(context: &Context, device: &Device, leg: &Checked) {
     }
 }
 
-/// A leg must come to an end (spec kinematics §1.3, §1.5).
+/// A leg must end (spec kinematics §1.3, §1.5).
 fn check_end(context: &Context, survey: &Survey, leg: &Checked) {
     let settings = &leg.leg.scanner;
     if settings.max_duration.is_some() || matches!(survey.platform.kind, PlatformKind::Stream(_)) {

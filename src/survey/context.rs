@@ -1,4 +1,4 @@
-//! What one run of a reader knows: options, documents already opened, problems met so far.
+//! The state of one run of a reader: options, opened documents, problems.
 
 use super::PoseStream;
 use super::assets::Assets;
@@ -13,15 +13,15 @@ use std::rc::Rc;
 /// How input files are read.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
-    /// Folders in which files are looked for, after the working directory (`--assets`).
+    /// Folders that are searched for files, after the working directory (`--assets`).
     pub assets: Vec<PathBuf>,
-    /// Warnings are errors.
+    /// Whether warnings are errors.
     pub strict: bool,
     /// Replaces the scene of the survey.
     pub scene: Option<String>,
     /// Replaces the platform of the survey ([`super::Survey::follow`]) before the survey is checked as a whole.
     pub trajectory: Option<PoseStream>,
-    /// Most bytes that the survey and its scene may need. Files of which it is certain that they need more are refused
+    /// Maximum number of bytes that the survey and its scene may need. Files that certainly need more are refused
     /// before they are read.
     pub max_memory: Option<u64>,
 }
@@ -30,7 +30,7 @@ pub struct ReadOptions {
 #[derive(Debug)]
 pub(super) struct Context {
     pub assets: Assets,
-    /// The scene that replaces that of the survey.
+    /// Replaces the scene of the survey.
     pub scene: Option<String>,
     strict: bool,
     pub(super) max_memory: Option<u64>,
@@ -54,7 +54,7 @@ impl Context {
         }
     }
 
-    /// Takes over problems met before.
+    /// Adds problems found before.
     pub fn take(&self, problems: Diagnostics) {
         self.problems.borrow_mut().extend(problems);
     }
@@ -64,7 +64,7 @@ impl Context {
         self.problems.borrow_mut().error(Some(place), message);
     }
 
-    /// Records a problem that ends the run, with what can be done about it.
+    /// Records a problem that ends the run, with a hint.
     pub fn error_help(
         &self,
         place: impl Into<Option<Place>>,
@@ -79,22 +79,22 @@ impl Context {
         self.problems.borrow_mut().warn(Some(place), message);
     }
 
-    /// Records a value that is replaced or ignored, with what can be done about it.
+    /// Records a value that is replaced or ignored, with a hint.
     pub fn warn_help(&self, place: Place, message: impl Into<String>, help: impl Into<String>) {
         set_help(self.problems.borrow_mut().warn(Some(place), message), help.into());
     }
 
-    /// Records a violated limit, which has its own exit status.
+    /// Records a violated limit, which has a separate exit status.
     pub fn limit(&self, place: Option<Place>, message: impl Into<String>, help: impl Into<String>) {
         set_help(self.limits.borrow_mut().error(place, message), help.into());
     }
 
-    /// Whether errors have been recorded, so that what is built on the values may be left out.
+    /// Whether errors have been recorded, so that dependent values need not be built.
     pub fn failed(&self) -> bool {
         self.failure.borrow().is_some() || self.problems.borrow().is_fatal(false)
     }
 
-    /// The value that was read with the warnings to be shown, or all problems.
+    /// The value with the warnings to be shown, or all problems as an error.
     pub fn finish<T>(self, value: Option<T>) -> Result<(T, Diagnostics)> {
         if let Some(failure) = self.failure.into_inner() {
             return Err(failure);

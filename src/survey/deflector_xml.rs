@@ -6,7 +6,7 @@ use super::xml::Element;
 use super::{Deflector, Prism};
 use crate::geom::{DVec3, unit};
 
-/// The closed list of optics.
+/// Kinds of optics; no others exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Optics {
     Rotating,
@@ -16,7 +16,7 @@ pub(super) enum Optics {
     Risley,
 }
 
-/// Everything that a deflector is built from, whatever its optics.
+/// All parameters of a deflector, for every kind of optics.
 #[derive(Clone, Debug)]
 pub(super) struct DeflectorSettings {
     pub optics: Optics,
@@ -33,7 +33,7 @@ pub(super) struct DeflectorSettings {
     incident: DVec3,
 }
 
-/// Wedges flatter than this (degrees) are no prisms.
+/// Wedges flatter than this (degrees) do not deflect and are left out.
 const NO_WEDGE_DEG: f64 = 1e-6;
 
 const ROTOR_FREQ: [&str; 3] = ["rotorFreq1_Hz", "rotorFreq2_Hz", "rotorFreq3_Hz"];
@@ -41,7 +41,6 @@ const WEDGE: [&str; 3] = ["angle1_deg", "angle2_deg", "angle3_deg"];
 const INDEX: [&str; 3] = ["refrIndex1", "refrIndex2", "refrIndex3"];
 
 impl DeflectorSettings {
-    /// Default settings.
     pub fn new(optics: Optics) -> DeflectorSettings {
         DeflectorSettings {
             optics,
@@ -56,7 +55,7 @@ impl DeflectorSettings {
         }
     }
 
-    /// These settings, changed by the attributes of the element.
+    /// These settings with the attributes of the element applied.
     pub fn with(&self, fields: &mut Fields) -> DeflectorSettings {
         let mut prisms = self.prisms;
         for (i, prism) in prisms.iter_mut().enumerate() {
@@ -84,7 +83,7 @@ impl DeflectorSettings {
         }
     }
 
-    /// Takes over the `<incidentBeam>` of a channel.
+    /// Sets the incident beam by the `<incidentBeam>` of a channel.
     pub fn read_incident_beam(&mut self, context: &Context, element: &Element) {
         let Some(beam) = element.child("incidentBeam") else { return };
         let mut fields = Fields::new(context, &beam);
@@ -97,7 +96,6 @@ impl DeflectorSettings {
         }
     }
 
-    /// The deflector.
     pub fn build(&self) -> Deflector {
         match self.optics {
             Optics::Rotating => Deflector::Polygon { effective_max: self.effective_max },
@@ -112,7 +110,7 @@ impl DeflectorSettings {
         }
     }
 
-    /// Warns about a mirror that never lets a pulse out.
+    /// Warns about a mirror whose settings prevent all pulses.
     pub fn check(&self, context: &Context, element: &Element) {
         if self.optics != Optics::Rotating {
             return;
@@ -128,7 +126,6 @@ impl DeflectorSettings {
     }
 }
 
-/// The optics of a scanner or channel, if the attribute is there.
 pub(super) fn read_optics(fields: &mut Fields, context: &Context) -> Option<Optics> {
     Some(match fields.text("optics")? {
         "rotating" => Optics::Rotating,

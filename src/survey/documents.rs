@@ -1,4 +1,4 @@
-//! Documents, and the assets and files that they refer to.
+//! Documents, and resolution of references to assets and files.
 
 use super::assets::Found;
 use super::context::Context;
@@ -10,11 +10,11 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// Least memory that a byte of a scene's description takes, bytes, as XML or as a table of instances.
+/// Minimum memory that one byte of a scene's description takes, bytes, as XML or as a table of instances.
 const MIN_MEMORY_PER_BYTE: u64 = 8;
 
 impl Context {
-    /// The bytes of a description, unless what is in them would take more memory than is allowed.
+    /// The bytes of a description; an error if its contents would need more memory than the limit.
     pub fn read(&self, path: &Path) -> std::io::Result<Vec<u8>> {
         let mut file = std::fs::File::open(path)?;
         let about = file.metadata()?;
@@ -34,7 +34,7 @@ impl Context {
         }
     }
 
-    /// The root of the document that was found, which must be a `<document>`. Problems are recorded once.
+    /// The root of a document, which must be a `<document>`. Problems are recorded once per document.
     pub fn open(&self, found: &Found) -> Option<Element> {
         let path = match found {
             Found::File(path) => path.clone(),
@@ -77,8 +77,8 @@ impl Context {
         Some(document)
     }
 
-    /// The asset that an attribute refers to: `file.xml#id`, `id` or `#id` in the same document, or `file.xml` for the
-    /// first asset of that kind in it (spec input-formats §1.2).
+    /// The asset that an attribute refers to: `file.xml#id`, `id` or `#id` in the same document, or `file.xml` for
+    /// the first asset of that kind in the file (spec input-formats §1.2).
     pub fn asset(&self, kind: &str, from: &Element, attribute: &str) -> Option<Element> {
         let reference = from.value(attribute)?;
         let place = || from.value_place(attribute);
@@ -103,7 +103,7 @@ impl Context {
         self.pick(&root, kind, id, Some(place()))
     }
 
-    /// The document that `file` names, looked for from `folder`.
+    /// The document named `file`, searched from `folder`.
     pub fn referred_document(&self, file: &str, folder: &Path, place: Option<Place>) -> Option<Element> {
         match self.assets.document(file, folder) {
             Some(found) => self.open(&found),
@@ -115,7 +115,7 @@ impl Context {
         }
     }
 
-    /// The asset of a kind in a document: that with the id, or the first one.
+    /// The asset of a kind in a document: by its id, or the first one without an id.
     pub fn pick(
         &self,
         root: &Element,
@@ -141,7 +141,7 @@ impl Context {
         found
     }
 
-    /// The existing file that an attribute names; a missing one is an error that lists the folders searched.
+    /// The existing file that an attribute names. A missing file is an error that lists the searched folders.
     pub fn file(&self, name: &str, folder: &Path, place: Place) -> Option<PathBuf> {
         let found = self.assets.file(name, folder);
         if found.is_none() {

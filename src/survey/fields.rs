@@ -1,7 +1,7 @@
 //! Typed attributes of one element (spec input-formats §1.3).
 //!
-//! Every attribute that is read is known; [`Fields::done`] reports the others. Strict values must parse completely
-//! and are replaced by their default with a warning; of lenient ones a numeric beginning is enough.
+//! [`Fields::done`] reports all attributes that have not been read. Strict values must parse completely; otherwise
+//! they are replaced by their default with a warning. Lenient values may have any text after the number.
 
 use super::context::Context;
 use super::xml::Element;
@@ -10,7 +10,7 @@ use crate::diag::nearest;
 use crate::geom::{DVec3, Rotation, degrees, radians};
 use std::fmt::Display;
 
-/// The attributes of an element while it is read.
+/// The attributes of an element while they are read.
 pub(super) struct Fields<'c> {
     pub element: &'c Element,
     context: &'c Context,
@@ -22,7 +22,7 @@ impl<'c> Fields<'c> {
         Fields { element, context, known: Vec::new() }
     }
 
-    /// Marks attributes as known that have no effect.
+    /// Marks attributes without effect as known.
     pub fn ignore(&mut self, names: &[&'static str]) {
         self.known.extend(names);
     }
@@ -41,13 +41,12 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// The text of an attribute.
     pub fn text(&mut self, name: &'static str) -> Option<&'c str> {
         self.known.push(name);
         self.element.value(name)
     }
 
-    /// The text of an attribute that must be there.
+    /// The text of an attribute; a missing one is an error.
     pub fn required(&mut self, name: &'static str) -> Option<&'c str> {
         let text = self.text(name);
         if text.is_none() {
@@ -57,7 +56,6 @@ impl<'c> Fields<'c> {
         text
     }
 
-    /// Whether the attribute is present.
     pub fn has(&self, name: &str) -> bool {
         self.element.value(name).is_some()
     }
@@ -75,7 +73,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Strict number of which NaN means that it is not set.
+    /// Strict number; NaN means "not set".
     pub fn optional_number(&mut self, name: &'static str) -> Option<f64> {
         let text = self.text(name)?;
         match text.parse::<f64>() {
@@ -114,19 +112,19 @@ impl<'c> Fields<'c> {
                 default
             }
             Err(_) => {
-                // the exact default is kept: settings are merged by comparing values
+                // return the default itself: settings are merged by comparing values
                 self.replaced(name, "a number", degrees(default));
                 default
             }
         }
     }
 
-    /// Strict angle of which NaN means that it is not set.
+    /// Strict angle in degrees as radians; NaN means "not set".
     pub fn optional_angle(&mut self, name: &'static str) -> Option<f64> {
         self.optional_number(name).map(radians)
     }
 
-    /// Strict 32-bit whole number.
+    /// Strict 32-bit integer.
     pub fn whole(&mut self, name: &'static str, default: i32) -> i32 {
         match self.text(name) {
             None => default,
@@ -137,7 +135,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Strict whole number within a range.
+    /// Strict integer within a range.
     pub fn whole_within(
         &mut self,
         name: &'static str,
@@ -158,7 +156,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Strict truth value.
+    /// Strict boolean.
     pub fn flag(&mut self, name: &'static str, default: bool) -> bool {
         match self.text(name) {
             None => default,
@@ -189,7 +187,7 @@ impl<'c> Fields<'c> {
         radians(self.lenient_number(name, default_deg))
     }
 
-    /// Lenient whole number of at least 0.
+    /// Lenient integer of at least 0.
     pub fn lenient_count(&mut self, name: &'static str, default: u32) -> u32 {
         let Some(text) = self.text(name) else { return default };
         let text = text.trim();
@@ -207,7 +205,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Lenient truth value.
+    /// Lenient boolean.
     pub fn lenient_flag(&mut self, name: &'static str, default: bool) -> bool {
         match self.text(name).map(str::trim) {
             None => default,
@@ -220,7 +218,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// A vector `a;b;c`.
+    /// A vector of the form `a;b;c`.
     pub fn vector(&mut self, name: &'static str) -> Option<DVec3> {
         let text = self.text(name)?;
         let vector = parse_vector(text);
@@ -230,7 +228,7 @@ impl<'c> Fields<'c> {
         vector
     }
 
-    /// A formula that must be there.
+    /// A formula; a missing one is an error.
     pub fn formula(&mut self, name: &'static str) -> Option<Formula> {
         let text = self.required(name)?;
         match Formula::parse(text) {
@@ -247,7 +245,7 @@ impl<'c> Fields<'c> {
         DVec3::new(self.number("x", 0.0), self.number("y", 0.0), self.number("z", 0.0))
     }
 
-    /// Records that the value cannot be used.
+    /// Records that the value is unusable.
     pub fn refuse(&self, name: &str, expected: &str) {
         let found = self.element.value(name).unwrap_or_default();
         let message = format!("`{name}` must be {expected}, found `{found}`");
@@ -274,12 +272,12 @@ impl<'c> Fields<'c> {
     }
 }
 
-/// "did you mean …" or nothing.
+/// The hint "did you mean …", or an empty text.
 pub(super) fn meant(word: &str, known: &[&'static str]) -> String {
     nearest(word, known.iter().copied()).map_or(String::new(), |near| format!("did you mean `{near}`?"))
 }
 
-/// Three finite numbers with semicolons.
+/// Parses three finite numbers separated by semicolons.
 pub(super) fn parse_vector(text: &str) -> Option<DVec3> {
     let mut parts =
         text.split(';').map(|p| p.trim().parse::<f64>().ok().filter(|v| v.abs() <= MAX_COMPONENT));
@@ -287,17 +285,18 @@ pub(super) fn parse_vector(text: &str) -> Option<DVec3> {
     parts.next().is_none().then_some(vector)
 }
 
-/// Largest component of a vector: beyond it double precision no longer resolves millimetres.
+/// Maximum component of a vector; beyond it double precision does not resolve millimetres.
 pub(super) const MAX_COMPONENT: f64 = 1e12;
 
-/// The longest beginning that is a finite number.
+/// The longest prefix that is a finite number.
 fn numeric_beginning(text: &str) -> Option<f64> {
     let text = text.trim_start();
     let end = text.bytes().take_while(|b| b.is_ascii_digit() || b"+-.eE".contains(b)).count().min(40);
     (1..=end).rev().find_map(|n| text[..n].parse::<f64>().ok().filter(|v| v.is_finite()))
 }
 
-/// Offset and rotation group of an element with `x`, `y`, `z`, `rotations` and `<rot>` children (spec input-formats §1.4, §1.5).
+/// Offset and rotations of an element with `x`, `y`, `z`, `rotations` and `<rot>` children (spec input-formats §1.4,
+/// §1.5).
 pub(super) fn read_mount(context: &Context, element: &Element) -> Mount {
     let mut fields = Fields::new(context, element);
     let offset = fields.xyz();
@@ -306,8 +305,8 @@ pub(super) fn read_mount(context: &Context, element: &Element) -> Mount {
     Mount { offset, rotation: read_rotations(context, element, local) }
 }
 
-/// The `<rot>` children of an element: about the fixed axes one after the other, or each in the frame turned by those
-/// before it (`local`).
+/// The composed `<rot>` children of an element: each about the fixed axes, or (`local`) about the axes as rotated by
+/// the preceding ones.
 pub(super) fn read_rotations(context: &Context, element: &Element, local: bool) -> Rotation {
     let turns = element.named("rot").filter_map(|rot| read_rotation(context, &rot));
     turns.fold(Rotation::IDENTITY, |all, turn| if local { all.after(turn) } else { turn.after(all) })

@@ -1,12 +1,12 @@
-//! Surveys that follow a stream of poses; default settings of legs.
+//! Surveys that follow a stream of poses, and default settings of legs.
 
 use super::{Leg, PlatformKind, PlatformSettings, PoseStream, ScannerSettings, Survey};
 use crate::geom::DVec3;
 
 impl Survey {
-    /// Replaces the platform by a stream of poses; mount and noise stay. The legs become one active leg with the scanner
-    /// settings of the first active leg (of the first leg, or the scanner's own, if there is none), without a limit of
-    /// its duration: the flight ends with the stream.
+    /// Replaces the platform by a stream of poses; mount and noise are kept. The legs are replaced by one active leg
+    /// with the scanner settings of the first active leg (else of the first leg, else the scanner's defaults),
+    /// without a maximum duration: the flight ends with the stream.
     pub fn follow(&mut self, stream: PoseStream) {
         self.platform.kind = PlatformKind::Stream(stream);
         let model = self.legs.iter().find(|leg| leg.scanner.active).or(self.legs.first());
@@ -23,7 +23,7 @@ impl Survey {
 }
 
 impl super::Scanner {
-    /// Default settings of a leg: the first pulse frequency and the first device's divergence, all angles
+    /// Default scanner settings of a leg: the first pulse frequency and the first device's divergence, all angles
     /// and frequencies 0, no vertical limits.
     pub fn own_settings(&self) -> ScannerSettings {
         let beam = self.devices.first().map(|d| d.beam.divergence);
@@ -36,7 +36,7 @@ impl super::Scanner {
 }
 
 impl PlatformSettings {
-    /// Default settings of a leg that starts at `position`.
+    /// Default platform settings of a leg that starts at `position` (world, m).
     pub fn at(position: DVec3) -> PlatformSettings {
         PlatformSettings { position, ..super::settings::PlatformLayer::unset().resolved(None) }
     }

@@ -5,10 +5,10 @@ use std::ops::Range;
 
 /// A parsed formula of one variable (spec input-formats §1.6).
 ///
-/// The variable is `t` or `THETA`; there are the constants `pi` and `e`, the operators `+ - * / ^` (all associate to the
-/// left, `^` binds strongest), brackets, and the functions `exp ln sqrt abs cos sin tan acos asin atan cosh sinh tanh` of
-/// one and `atan2` of two arguments. Angles are radians. Numbers may have an exponent, a minus sign may stand before any
-/// operand (`-t^2` is `-(t^2)`), and `x^0` is 1.
+/// The variable is `t` or `THETA`, the constants are `pi` and `e`, the operators `+ - * / ^` (all left-associative,
+/// `^` has the highest precedence). Brackets may be nested; the functions are `exp ln sqrt abs cos sin tan acos asin
+/// atan cosh sinh tanh` of one and `atan2` of two arguments. Angles are radians. Numbers may have an exponent, every
+/// operand may have a minus sign (`-t^2` is `-(t^2)`), and `x^0` is 1.
 ///
 /// ```
 /// use vlscan::Formula;
@@ -17,24 +17,24 @@ use std::ops::Range;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Formula {
-    /// The formula in postfix order; never needs more than [`MAX_STACK`] places.
+    /// The formula in postfix order; evaluation needs at most [`MAX_STACK`] stack entries.
     steps: Vec<Step>,
 }
 
-/// What is wrong with a formula and where.
+/// The error of an invalid formula, with its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FormulaError {
-    /// Bytes of the text that are wrong.
+    /// Range of the invalid bytes in the text.
     pub at: Range<usize>,
     /// What was found and what was expected.
     pub message: String,
 }
 
-/// Places on the evaluation stack.
+/// Maximum number of entries of the evaluation stack.
 const MAX_STACK: usize = 64;
-/// Nesting of brackets and functions.
+/// Maximum nesting of brackets and functions.
 const MAX_DEPTH: usize = 50;
-/// Largest literal exponent that is evaluated by repeated multiplication.
+/// Maximum literal exponent that is evaluated by repeated multiplication.
 const MAX_REPEATED: f64 = 1024.0;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,17 +47,15 @@ enum Step {
     Multiply,
     Divide,
     Power,
-    /// Repeated multiplication, which the reference uses for whole exponents.
+    /// Repeated multiplication, which the reference uses for integer exponents.
     WholePower(u32),
-    /// A function by its place in [`FUNCTIONS`].
+    /// A function by its index in [`FUNCTIONS`].
     Call(usize),
     Atan2,
 }
 
-/// A function of one argument.
 type Function = fn(f64) -> f64;
 
-/// The functions of one argument by their names.
 const FUNCTIONS: [(&str, Function); 13] = [
     ("exp", libm::exp),
     ("ln", libm::log),
@@ -75,7 +73,7 @@ const FUNCTIONS: [(&str, Function); 13] = [
 ];
 
 impl Formula {
-    /// Parses `text`; the error marks the first wrong place.
+    /// Parses `text`; the error marks the first invalid place.
     pub fn parse(text: &str) -> Result<Formula, FormulaError> {
         let mut parser =
             Parser { text, at: 0, token: Token::End, span: 0..0, steps: Vec::new(), height: 0, depth: 0 };
@@ -87,7 +85,7 @@ impl Formula {
         }
     }
 
-    /// The value at `t`. Values outside a function's domain give NaN or infinity.
+    /// The value at `t`. Arguments outside a function's domain yield NaN or infinity.
     pub fn eval(&self, t: f64) -> f64 {
         let mut stack = [0.0; MAX_STACK];
         let mut top = 0;
@@ -136,7 +134,7 @@ enum Token<'a> {
 
 struct Parser<'a> {
     text: &'a str,
-    /// End of the current token.
+    /// Offset of the end of the current token, bytes.
     at: usize,
     token: Token<'a>,
     span: Range<usize>,
@@ -194,7 +192,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Skips signs and returns whether they make the operand negative.
+    /// Skips signs and returns whether they negate the operand.
     fn signs(&mut self) -> Result<bool, FormulaError> {
         let mut negative = false;
         while let Token::Symbol(sign @ ('+' | '-')) = self.token {
@@ -256,7 +254,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// An opening bracket, `count` sums separated by commas, and the closing bracket.
+    /// Parses an opening bracket, `count` sums separated by commas, and the closing bracket.
     fn brackets(&mut self, count: usize) -> Result<(), FormulaError> {
         self.depth += 1;
         if self.depth > MAX_DEPTH {
@@ -287,7 +285,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Reads the next token. Blanks and underscores separate tokens or stand within numbers' surroundings unseen.
+    /// Reads the next token. Blanks and underscores between tokens are skipped.
     fn advance(&mut self) -> Result<(), FormulaError> {
         let rest = self.text[self.at..].trim_start_matches(|c: char| c.is_whitespace() || c == '_');
         let start = self.text.len() - rest.len();

@@ -1,4 +1,4 @@
-//! Tables of instances: which mesh stands where, a line each.
+//! Tables of instances: the mesh and the placement of each instance, one per line.
 //!
 //! ```text
 //! file,x,y,z,yaw,scale
@@ -6,14 +6,14 @@
 //! beech_2.obj,431009.1,5412203.7,113.0,275.5,0.9
 //! ```
 //!
-//! `file` is looked for beside the table, x, y and z are metres, yaw is degrees about the vertical axis, counted from x to
-//! y, and scale is a factor. Yaw and scale may be left out (0 and 1). A first line that begins with the word `file` is a
-//! heading; blank lines and lines that begin with `#` are skipped. Every line is a part of its own.
+//! `file` is searched beside the table, x, y and z are metres, yaw is degrees about the vertical axis from x to y,
+//! and scale is a factor. Yaw and scale are optional (0 and 1). A first line that begins with the word `file` is a
+//! header; blank lines and lines that begin with `#` are skipped. Every line becomes a separate part.
 //!
-//! A table stands for a part in a scene (`<filter type="instances">` with the parameter `filepath`) or is a scene by
-//! itself (`scene = "trees.csv"`). After an `objloader` an empty `file` means the file of that loader, whose `up` axis
-//! holds for all; filters between the loader and the table move the mesh before it is placed, filters after the table move
-//! all instances together.
+//! A table is used as a part of a scene (`<filter type="instances">` with the parameter `filepath`) or as a complete
+//! scene (`scene = "trees.csv"`). After an `objloader` an empty `file` means the file of that loader, whose `up`
+//! axis applies to all instances; filters between the loader and the table transform the mesh before it is placed,
+//! filters after the table transform all instances together.
 
 use super::context::Context;
 use super::fields::MAX_COMPONENT;
@@ -23,24 +23,22 @@ use crate::geom::{DVec3, Rotation, radians};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// An instance.
 pub(super) struct Row {
     pub loader: Loader,
     pub transform: Transform,
     pub place: Place,
 }
 
-/// What a table's lines are joined with.
+/// Defaults and transform that apply to all lines of a table.
 pub(super) struct Base {
-    /// The file of lines that name none.
+    /// The file of lines without a file name.
     pub file: Option<PathBuf>,
-    /// Up axis of all files.
     pub up: UpAxis,
-    /// Moves the mesh before it is placed.
+    /// Applied to the mesh before it is placed.
     pub transform: Transform,
 }
 
-/// Reads a table. All problems are recorded.
+/// Reads a table. Problems are recorded in `context`.
 pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<Vec<Row>> {
     let bytes = match context.read(path) {
         Ok(bytes) => bytes,
@@ -131,7 +129,7 @@ fn read_numbers(context: &Context, fields: &[&str], place: &dyn Fn(&str) -> Plac
 }
 
 impl Transform {
-    /// First `first`, then this one, which also decides how the part is grounded.
+    /// The composition `self ∘ first`; the grounding mode is that of `self` unless that is 0.
     pub(super) fn after(&self, first: &Transform) -> Transform {
         Transform {
             rotation: self.rotation.after(first.rotation),

@@ -8,13 +8,13 @@ use super::trajectories::Trajectories;
 use super::xml::Element;
 use super::{Deflector, Leg, Scanner};
 
-/// What legs are read with.
+/// The state of the reader of legs.
 pub(super) struct LegReader<'c> {
     context: &'c Context,
     scanner: Option<&'c Scanner>,
     scanner_templates: Templates<ScannerLayer>,
     platform_templates: Templates<PlatformLayer>,
-    /// Present for an interpolated platform.
+    /// Only for interpolated platforms.
     pub trajectories: Option<Trajectories>,
 }
 
@@ -36,7 +36,6 @@ impl<'c> LegReader<'c> {
         }
     }
 
-    /// Reads a `<leg>`.
     pub fn read(&mut self, element: &Element, number: u32) -> Leg {
         let mut fields = Fields::new(self.context, element);
         let strip = fields.text("stripId").filter(|s| *s != NO_STRIP).map(str::to_owned);
@@ -67,7 +66,7 @@ impl<'c> LegReader<'c> {
         layer.resolved(trajectory)
     }
 
-    /// The settings in which the scanner's own values, templates and resolutions have been applied.
+    /// The scanner settings of a leg, with the scanner's default values, templates and resolutions applied.
     fn read_scanner(&mut self, leg: &Element) -> ScannerLayer {
         let own = match self.scanner {
             None => ScannerLayer::DEFAULT,
@@ -85,7 +84,7 @@ impl<'c> LegReader<'c> {
     }
 }
 
-/// Replaces scan frequency and head speed by what the angular resolutions ask for (spec input-formats §2.6).
+/// Computes scan frequency and head speed from the angular resolutions (spec input-formats §2.6).
 fn apply_resolution(context: &Context, element: &Element, layer: &mut ScannerLayer, scanner: &Scanner) {
     let (vertical, horizontal) = (layer.vertical_resolution, layer.horizontal_resolution);
     if !layer.active || vertical == 0.0 && horizontal == 0.0 {

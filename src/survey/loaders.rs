@@ -1,4 +1,4 @@
-//! Parameters of the geometry loaders (spec input-formats §3.5, §4). Files are found here, not read.
+//! Parameters of the geometry loaders (spec input-formats §3.5, §4). Files are resolved here, not read.
 
 use super::assets::NoMatch;
 use super::params::Params;
@@ -6,10 +6,10 @@ use super::{Loader, MaterialChoice, UpAxis, VoxelLoader, VoxelMode, XyzLoader};
 use crate::geom::{DVec3, unit};
 use std::path::PathBuf;
 
-/// Filters that load geometry.
+/// Types of filters that load geometry.
 pub(super) const LOADERS: [&str; 4] = ["objloader", "geotiffloader", "xyzloader", "detailedvoxels"];
 
-/// Reads the loader of that (lower case) name. Problems have been recorded when there is none.
+/// Reads the loader of type `kind` (lower case). `None`: problems have been recorded.
 pub(super) fn read_loader(kind: &str, mut params: Params) -> Option<Loader> {
     let loader = match kind {
         "objloader" => read_obj(&mut params),
@@ -22,7 +22,7 @@ pub(super) fn read_loader(kind: &str, mut params: Params) -> Option<Loader> {
 }
 
 impl Loader {
-    /// The loader of each file on its own.
+    /// Splits the loader into one for each of its files.
     pub(super) fn per_file(self) -> Vec<Loader> {
         match self {
             Loader::Obj { files, up } => {
@@ -107,12 +107,12 @@ fn read_xyz(params: &mut Params) -> Option<Loader> {
     })))
 }
 
-/// Extensions of point clouds whose columns need no separator.
+/// Whether files with this extension are point clouds whose columns need no separator.
 fn is_binary_cloud(extension: &std::ffi::OsStr) -> bool {
     ["las", "laz", "ply"].iter().any(|e| extension.eq_ignore_ascii_case(e))
 }
 
-/// Three columns, which count only when the first of them is given.
+/// Three column numbers, which take effect only when the first of them is present.
 fn read_columns(params: &mut Params, keys: [&'static str; 3], first: u32) -> Option<[usize; 3]> {
     let given = params.has(keys[0]);
     let mut columns = [0; 3];
@@ -147,7 +147,7 @@ fn read_voxels(params: &mut Params) -> Option<Loader> {
     Some(Loader::DetailedVoxels(Box::new(loader)))
 }
 
-/// The files of `efilepath` or else `filepath`.
+/// The files of `efilepath`, else of `filepath`.
 fn read_files(params: &mut Params) -> Option<Vec<PathBuf>> {
     let single = params.has("filepath");
     let Some((expression, param)) = params.text("efilepath") else {

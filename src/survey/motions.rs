@@ -8,7 +8,7 @@ use crate::diag::nearest;
 use crate::geom::{DVec3, radians, unit};
 use std::collections::HashMap;
 
-/// Reads the `<dmotion>` children of a part; empty for a still part.
+/// Reads the `<dmotion>` children of a part; empty for a part at rest.
 pub(super) fn read_motions(context: &Context, part: &Element) -> Vec<MotionSequence> {
     let elements: Vec<Element> = part.named("dmotion").collect();
     let mut ids = HashMap::new();
@@ -108,7 +108,7 @@ fn axis_and_angle(fields: &mut Fields) -> (Option<DVec3>, Option<f64>) {
     (axis, angle)
 }
 
-/// A number without which the part would not move as it should: what cannot be read is an error.
+/// A number without which the motion would be wrong: an unreadable value is an error.
 fn required_number(fields: &mut Fields, name: &'static str) -> Option<f64> {
     let text = fields.required(name)?;
     let number = text.trim().parse::<f64>().ok().filter(|v| v.abs() <= MAX_COMPONENT);
@@ -123,7 +123,7 @@ fn required_vector(fields: &mut Fields, name: &'static str) -> Option<DVec3> {
     fields.vector(name)
 }
 
-/// A vector made one metre long.
+/// A vector normalised to unit length.
 fn direction(fields: &mut Fields, name: &'static str) -> Option<DVec3> {
     let vector = required_vector(fields, name)?;
     let direction = unit(vector);
@@ -134,7 +134,7 @@ fn direction(fields: &mut Fields, name: &'static str) -> Option<DVec3> {
     Some(direction)
 }
 
-/// Timing attributes of a `<part>`.
+/// Reads the timing attributes of a `<part>`.
 pub(super) fn read_timing(fields: &mut Fields) -> MotionTiming {
     MotionTiming {
         dyn_step: fields.whole_within("dynStep", 1, 0..=u32::MAX),
@@ -144,7 +144,7 @@ pub(super) fn read_timing(fields: &mut Fields) -> MotionTiming {
     }
 }
 
-/// A time step that is not set when missing or NaN.
+/// A time step, s; `None` when it is missing or NaN.
 pub(super) fn positive_time(fields: &mut Fields, name: &'static str) -> Option<f64> {
     let time = fields.optional_number(name)?;
     if time <= 0.0 {
