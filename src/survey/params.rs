@@ -7,8 +7,8 @@ use crate::diag::nearest;
 use crate::geom::{DVec3, Rotation};
 use std::collections::HashSet;
 
-/// The parameters of a filter while it is read. The declared type should be the expected one; others are read all the
-/// same, with a warning.
+/// The parameters of a filter while they are read. A declared type other than the expected one causes a warning; the
+/// value is read anyway.
 pub(super) struct Params<'c> {
     pub context: &'c Context,
     pub filter: &'c Element,
@@ -58,12 +58,12 @@ impl<'c> Params<'c> {
         }
     }
 
-    /// Marks parameters as known that have no effect.
+    /// Marks parameters without effect as known.
     pub fn ignore(&mut self, keys: &[&'static str]) {
         self.known.extend(keys);
     }
 
-    /// The parameter as it stands, if there is one; its declared type is compared with those expected.
+    /// The element of a parameter, if it is present; warns when its declared type is not in `types`.
     fn find(&mut self, key: &'static str, types: &[&str]) -> Option<Element> {
         self.known.push(key);
         let param = self.params.iter().find(|p| p.value("key") == Some(key))?.clone();
@@ -83,22 +83,20 @@ impl<'c> Params<'c> {
         Some(param)
     }
 
-    /// Whether the parameter is there.
     pub fn has(&self, key: &str) -> bool {
         self.params.iter().any(|p| p.value("key") == Some(key))
     }
 
-    /// A text and the element that holds it.
+    /// The text of a parameter and its element.
     pub fn text(&mut self, key: &'static str) -> Option<(String, Element)> {
         self.find(key, TEXT).map(|p| (p.value("value").unwrap_or_default().to_owned(), p))
     }
 
-    /// A finite number.
     pub fn number(&mut self, key: &'static str) -> Option<f64> {
         self.parsed(key, NUMBER, "a number", |t| t.parse::<f64>().ok().filter(|v| v.is_finite()))
     }
 
-    /// A whole number. Decimals such as 2.0 are accepted.
+    /// An integer. Decimals such as 2.0 are accepted.
     pub fn whole(&mut self, key: &'static str) -> Option<i64> {
         let whole = |t: &str| {
             let decimal =
@@ -108,13 +106,13 @@ impl<'c> Params<'c> {
         self.parsed(key, WHOLE, "a whole number", whole)
     }
 
-    /// A whole number of at least 0.
+    /// An integer of at least 0.
     pub fn count(&mut self, key: &'static str, default: u32) -> u32 {
         let value = self.parsed(key, WHOLE, "a whole number of at least 0", |t| t.parse::<u32>().ok());
         value.unwrap_or(default)
     }
 
-    /// A truth value; anything but a yes is a no.
+    /// A boolean; false when it is missing or unreadable.
     pub fn flag(&mut self, key: &'static str) -> bool {
         let flag = |t: &str| match t.to_ascii_lowercase().as_str() {
             "true" | "1" => Some(true),
@@ -124,25 +122,23 @@ impl<'c> Params<'c> {
         self.parsed(key, FLAG, "true or false", flag).unwrap_or(false)
     }
 
-    /// A vector `x;y;z`.
+    /// A vector of the form `x;y;z`.
     pub fn vector(&mut self, key: &'static str) -> Option<DVec3> {
         self.parsed(key, VECTOR, "three numbers with semicolons, such as 0;0;1", parse_vector)
     }
 
-    /// A rotation group.
     pub fn rotation(&mut self, key: &'static str) -> Option<Rotation> {
         let param = self.find(key, ROTATION)?;
         let local = param.value("rotations") == Some("local");
         Some(read_rotations(self.context, &param, local))
     }
 
-    /// Records that a parameter is missing.
     pub fn missing(&self, key: &str) {
         let kind = self.filter.value("type").unwrap_or_default();
         self.context.error(self.filter.place(), format!("the filter `{kind}` needs the parameter `{key}`"));
     }
 
-    /// Records that the value of a parameter cannot be used.
+    /// Records that the value of a parameter is unusable.
     pub fn refuse(&self, key: &str, expected: &str) {
         let Some(param) = self.params.iter().find(|p| p.value("key") == Some(key)) else { return };
         let found = param.value("value").unwrap_or_default();

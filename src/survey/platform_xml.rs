@@ -5,7 +5,7 @@ use super::fields::{Fields, read_mount};
 use super::xml::Element;
 use super::{Mount, Multicopter, Noise, NoiseKind, Platform, PlatformKind, PlatformNoise};
 
-/// Children of a platform that hold noise, in the order position x, y, z, attitude x, y, z.
+/// Children of a platform that describe noise, in the order position x, y, z, attitude x, y, z.
 pub(super) const NOISE: [&str; 6] = [
     "positionXNoise",
     "positionYNoise",
@@ -15,7 +15,6 @@ pub(super) const NOISE: [&str; 6] = [
     "attitudeZNoise",
 ];
 
-/// Reads a `<platform>`.
 pub(super) fn read_platform(context: &Context, element: &Element) -> Option<Platform> {
     let mut fields = Fields::new(context, element);
     let id = fields.text("id").unwrap_or_default().to_owned();
@@ -32,7 +31,7 @@ pub(super) fn read_platform(context: &Context, element: &Element) -> Option<Plat
 }
 
 fn read_kind(fields: &mut Fields, kind: Option<&str>, context: &Context) -> Option<PlatformKind> {
-    // Every attribute is read for every kind: shipped platforms list more than they need.
+    // Every attribute is read for every kind: built-in platforms list more than they need.
     let drag = fields.lenient_number("drag", 1.0);
     let multicopter = Multicopter {
         drag,
@@ -61,7 +60,7 @@ fn read_kind(fields: &mut Fields, kind: Option<&str>, context: &Context) -> Opti
     })
 }
 
-/// Replaces the sources of noise that `element` holds, one by one.
+/// Replaces the noise sources for which `element` has a child.
 pub(super) fn replace_noise(context: &Context, element: &Element, noise: &mut PlatformNoise) {
     let sources = noise.position.iter_mut().chain(&mut noise.attitude);
     for (name, source) in NOISE.iter().zip(sources) {

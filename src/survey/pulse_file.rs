@@ -1,4 +1,4 @@
-//! Pulse shapes as measured: a text file of two columns, time in nanoseconds and power in any unit.
+//! Measured pulse shapes: text files of two columns, time in nanoseconds and power in any unit.
 
 use super::PulseSamples;
 use super::context::Context;
@@ -7,13 +7,12 @@ use crate::diag::Place;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Most samples of a file.
 const MAX_SAMPLES: usize = 1 << 16;
-/// Fewest samples that have a width.
+/// Minimum number of samples for which a width is defined.
 const MIN_SAMPLES: usize = 3;
 
-/// The pulse shape in the file that `name` at `place` names, looked for from `folder`. Problems are recorded with file
-/// and line.
+/// The pulse shape of the file `name`, searched from `folder`. Problems are recorded with file and line; `place` is
+/// the place of the reference.
 pub(super) fn read_pulse_file(
     context: &Context,
     name: &str,
@@ -51,11 +50,11 @@ pub(super) fn read_pulse_file(
     }
 }
 
-/// Lines of time and power, separated by comma, semicolon or blanks; empty lines, `#` comments and a header line are
-/// skipped. Times are shifted to begin at 0, powers divided by the largest.
+/// Parses lines of time and power, separated by comma, semicolon or blanks; empty lines, `#` comments and a header
+/// line are skipped. Times are shifted to begin at 0, powers divided by their maximum.
 ///
 /// # Errors
-/// The number of the line, unless it is the file as a whole, and what was expected.
+/// The expected content, with the line number unless the error concerns the complete file.
 fn parse(text: &str) -> Result<PulseSamples, (Option<usize>, String)> {
     let (mut times, mut powers): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     let mut header_allowed = true;

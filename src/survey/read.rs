@@ -15,12 +15,12 @@ use crate::diag::{Diagnostics, Place, nearest};
 use crate::error::Result;
 use std::path::{Path, PathBuf};
 
-/// Reads the survey of an XML file with everything that it refers to, except the geometry. The second value holds
-/// warnings to be shown.
+/// Reads the survey of an XML file and everything that it refers to, except the geometry. The second value contains
+/// the warnings to be shown.
 ///
 /// # Errors
 /// All problems of all files at once as [`crate::Error::Input`]; scan frequencies outside the scanner's limits and
-/// contradicting trajectory settings as [`crate::Error::Limits`].
+/// contradictory trajectory settings as [`crate::Error::Limits`].
 pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagnostics)> {
     let context = Context::new(options);
     let root = match path.is_file() {
@@ -35,17 +35,17 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
 /// part, a table of instances (.csv), or a packed scene (.vlscene).
 ///
 /// # Errors
-/// As [`read_survey`].
+/// The errors of [`read_survey`].
 pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe, Diagnostics)> {
     let context = Context::new(options);
     let scene = find_scene(&context, reference, Path::new(""), None);
     context.finish(scene)
 }
 
-/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, or the id of one that ships.
+/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, or the id of a built-in scanner.
 ///
 /// # Errors
-/// As [`read_survey`].
+/// The errors of [`read_survey`].
 pub fn find_scanner(reference: &str, options: &ReadOptions) -> Result<(Scanner, Diagnostics)> {
     let context = Context::new(options);
     let is_file = |name: &str| name.contains('/') || extension(name) == "xml";
@@ -64,7 +64,7 @@ pub fn find_scanner(reference: &str, options: &ReadOptions) -> Result<(Scanner, 
     context.finish(scanner)
 }
 
-/// The scanner of the built-in catalogue with that id.
+/// The scanner with that id in the built-in catalogue.
 fn shipped_scanner(context: &Context, id: &str) -> Option<Scanner> {
     let mut ids = Vec::new();
     for file in &FILES {
@@ -84,7 +84,7 @@ fn shipped_scanner(context: &Context, id: &str) -> Option<Scanner> {
     None
 }
 
-/// The scene of a reference that stands in a file in `folder` at `place`.
+/// The scene of a reference in a file in `folder`; `place` is the place of the reference.
 pub(super) fn find_scene(
     context: &Context,
     reference: &str,
@@ -111,7 +111,7 @@ fn is_packed(name: &str) -> bool {
     extension(name) == "vlscene"
 }
 
-/// Whether a reference names a file that is a scene by itself.
+/// Whether a reference names a file that is a scene without XML.
 pub(super) fn is_geometry(reference: &str) -> bool {
     is_packed(reference) || matches!(extension(reference).as_str(), "obj" | "tif" | "tiff" | "vox" | "csv")
 }

@@ -1,5 +1,5 @@
-//! Attributes of scanners, channels and `<detectorSettings>` that describe beam and receiver beyond what HELIOS++ knows.
-//! HELIOS++ ignores them.
+//! Attributes of scanners, channels and `<detectorSettings>` that describe beam and receiver in more detail than
+//! HELIOS++, which ignores them.
 
 use super::context::Context;
 use super::fields::Fields;
@@ -9,7 +9,8 @@ use super::{
     pulse_length_of_width,
 };
 
-/// `base` with the element's pulse energy, width, profile and aperture. The pulse length has been read before.
+/// `base` with the element's pulse energy, width, profile and aperture applied. The pulse length has been read
+/// before.
 pub(super) fn read_emission(fields: &mut Fields, base: Beam) -> Beam {
     let mut beam = base;
     if fields.has("pulseFwhm_ns") {
@@ -31,12 +32,12 @@ pub(super) fn read_emission(fields: &mut Fields, base: Beam) -> Beam {
         beam.divergence_y = Some(fields.positive("beamDivergenceY_rad", beam.divergence));
     }
     beam.aperture = fields.not_negative("exitAperture_m", beam.aperture);
-    // Marks the names as known where they are missing.
+    // Marks the names as known where the attributes are missing.
     fields.ignore(&["pulseFwhm_ns", "pulseEnergy_uJ", "beamDivergenceY_rad"]);
     beam
 }
 
-/// `base` with the pulse shape file of the element.
+/// `base` with the pulse shape file of the element applied.
 pub(super) fn read_pulse_shape(context: &Context, fields: &mut Fields, base: &Receiver) -> Receiver {
     let mut receiver = base.clone();
     if let Some(name) = fields.text("pulseShape") {
@@ -48,8 +49,8 @@ pub(super) fn read_pulse_shape(context: &Context, fields: &mut Fields, base: &Re
     receiver
 }
 
-/// Reads what the element and its children `<snr>` and `<maxRange>` say of the receiver on top of `base`. A threshold in the element replaces a maximum range of
-/// `base`.
+/// `base` with the receiver settings of the element and of its children `<snr>` and `<maxRange>` applied. A
+/// threshold in the element replaces the maximum range of `base`.
 pub(super) fn read_receiver(
     context: &Context,
     fields: &mut Fields,
@@ -104,7 +105,7 @@ pub(super) fn read_receiver(
     receiver
 }
 
-/// The responsivity turns light into shot noise; background light needs it.
+/// Shot noise, which requires a responsivity; background light requires it, too.
 fn read_shot(context: &Context, fields: &mut Fields, base: Option<ShotNoise>) -> Option<ShotNoise> {
     let names = ["background_W", "responsivity_A_per_W"];
     if !names.iter().any(|name| fields.has(name)) {
@@ -123,7 +124,7 @@ fn read_shot(context: &Context, fields: &mut Fields, base: Option<ShotNoise>) ->
     Some(shot)
 }
 
-/// Range, reflectance and pulse rate of a data sheet's figure.
+/// Range, reflectance and pulse rate of a figure in a data sheet.
 fn read_target(fields: &mut Fields) -> Option<ReferenceTarget> {
     let given = [fields.required("range_m"), fields.required("reflectance")];
     let reflectance = fields.positive("reflectance", 1.0);

@@ -10,7 +10,6 @@ use super::{
 };
 use crate::geom::{DVec3, radians};
 
-/// Reads a `<scanner>`.
 pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scanner> {
     let mut fields = Fields::new(context, element);
     let id = fields.text("id").unwrap_or_default().to_owned();
@@ -71,17 +70,15 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
     })
 }
 
-/// The pulse length that waveform settings of a multi-channel scanner believe in, ns (spec input-formats §2.11).
+/// The pulse length that the waveform settings of a multi-channel scanner assume, ns (spec input-formats §2.11).
 pub(super) const MULTI_CHANNEL_PULSE_LENGTH: f64 = 4.0;
 
-/// Default waveform settings.
 pub(super) const WAVEFORM: WaveformSettings =
     WaveformSettings { bin: 0.25, window: 1.0, quality: 3, max_range: 0.0 };
 
-/// Most rings of subrays; a pulse of that many has about 3 million subrays.
+/// Maximum number of rings of subrays; such a pulse has about 3 million subrays.
 pub(super) const MAX_QUALITY: u32 = 1000;
 
-/// Default detector settings.
 pub(super) const DETECTOR: Detector = Detector {
     accuracy: 0.0,
     range_min: 0.0,
@@ -92,7 +89,6 @@ pub(super) const DETECTOR: Detector = Detector {
     distance_error: None,
 };
 
-/// Default beam.
 pub(super) const DEVICE_BEAM: Beam = Beam {
     divergence: 0.0003,
     divergence_y: None,
@@ -148,11 +144,11 @@ fn read_detector(fields: &mut Fields, base: &Detector) -> Detector {
     }
 }
 
-/// `base` with the accuracy and the range gate of the element.
+/// `base` with the accuracy and the range limits of the element applied.
 pub(super) fn read_ranges(fields: &mut Fields, base: &Detector) -> Detector {
     let accuracy = fields.not_negative("accuracy_m", base.accuracy);
     let range_min = fields.not_negative("rangeMin_m", base.range_min);
-    // "unlimited" may also be spelled out
+    // "unlimited" may also be written out
     let unlimited = matches!(fields.element.value("rangeMax_m"), Some("inf" | "Inf" | "INF" | "infinity"));
     let range_max = match unlimited {
         true => {
@@ -172,7 +168,7 @@ fn read_head_rate(fields: &mut Fields, base: f64) -> f64 {
     fields.angle("headRotatePerSecMax_deg", base).abs()
 }
 
-/// The axis of the head; vectors shorter than 0.1 do not count.
+/// The axis of the head; vectors shorter than 0.1 are ignored.
 fn read_head_axis(context: &Context, element: &Element, base: DVec3) -> DVec3 {
     let Some(child) = element.child("headRotateAxis") else { return base };
     let mut fields = Fields::new(context, &child);
@@ -188,8 +184,8 @@ fn read_head_axis(context: &Context, element: &Element, base: DVec3) -> DVec3 {
     base
 }
 
-/// Waveform settings of the element's `<FWFSettings>`, starting from `base`. Whenever the element is there, the window
-/// restarts from a quarter of the pulse length (spec input-formats §2.11).
+/// `base` with the element's `<FWFSettings>` applied. Whenever that element exists, the window is reset to a quarter
+/// of the pulse length (spec input-formats §2.11).
 pub(super) fn read_waveform(
     context: &Context,
     parent: &Element,
@@ -258,7 +254,7 @@ fn read_channel(
 ) -> Option<Device> {
     let mut fields = Fields::new(context, element);
     let id = fields.text("id").map_or_else(|| index.to_string(), str::to_owned);
-    // another kind of optics starts from nothing, the same kind from the scanner's
+    // a channel with other optics starts from defaults, one with the same optics from the scanner's settings
     let start = match (fields.has("optics"), read_optics(&mut fields, context)) {
         (true, None) => return None,
         (_, Some(optics)) if optics != deflector.optics => DeflectorSettings::new(optics),
@@ -302,7 +298,7 @@ fn read_channel(
     })
 }
 
-/// Attributes that belong to the scanner as a whole.
+/// Warns about attributes of a channel that take effect only in the scanner element.
 fn warn_without_effect(context: &Context, fields: &mut Fields) {
     let names = [
         "pulseFreqs_Hz",

@@ -11,7 +11,6 @@ use super::{Loader, PartRecipe, SceneRecipe, Swap, Transform, UpAxis};
 use crate::diag::nearest;
 use crate::geom::DVec3;
 
-/// Reads a `<scene>`.
 pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option<SceneRecipe> {
     let mut fields = Fields::new(context, element);
     let id = fields.text("id").unwrap_or_default().to_owned();
@@ -26,7 +25,7 @@ pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option
     let mut number = 0;
     for part in element.named("part") {
         let read = read_part(context, &part, number);
-        // a skipped part consumes its number all the same
+        // a skipped part still consumes its number
         number += u32::try_from(read.len().max(1)).unwrap_or(u32::MAX);
         parts.extend(read);
     }
@@ -45,8 +44,8 @@ pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option
     })
 }
 
-/// Reads a `<part>`: usually one recipe, none if the part has no geometry, and one for each file of a part without an
-/// id that is loaded from several files.
+/// Reads a `<part>`: usually one recipe, none for a part without geometry, and one per file for a part without an id
+/// that is loaded from several files.
 fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecipe> {
     let mut fields = Fields::new(context, element);
     let id = fields.text("id").filter(|id| !id.is_empty()).map(str::to_owned);
@@ -102,21 +101,21 @@ fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecip
     loaders.into_iter().zip(number..).map(recipe).collect()
 }
 
-/// Where a chain of filters stands.
+/// The context in which a chain of filters occurs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Where {
     Part,
-    /// A part with swaps, which may have one loader only.
+    /// A part with swaps, which may have only one loader.
     SwappedPart,
     Swap,
 }
 
-/// The effect of the filters so far (spec input-formats §3.3).
+/// The accumulated effect of a chain of filters (spec input-formats §3.3).
 struct Chain {
     loader: Option<Loader>,
-    /// A loader was there, but could not be read.
+    /// Whether a loader occurred that could not be read.
     loader_failed: bool,
-    /// The instances of a table.
+    /// The instances of a table; `None` without a table.
     rows: Option<Vec<Row>>,
     filters: usize,
     transform: Transform,
@@ -164,7 +163,7 @@ impl Chain {
         self.filters += 1;
     }
 
-    /// A loader starts afresh: what was there before is lost.
+    /// Applies a loader, which discards the effect of the filters before it.
     fn load(&mut self, params: Params, kind: &str, place: Where) {
         let (context, filter) = (params.context, params.filter);
         let second = self.loader.is_some() || self.loader_failed;
@@ -186,7 +185,7 @@ impl Chain {
         *self = Chain { loader_failed: loader.is_none(), loader, filters: self.filters, ..Chain::new() };
     }
 
-    /// From here on the part is what a table lists; filters so far move its mesh.
+    /// Replaces the part by the instances of a table; the filters so far transform the mesh of each instance.
     fn place_instances(&mut self, mut params: Params, place: Where) {
         let (context, filter) = (params.context, params.filter);
         if place != Where::Part || self.rows.is_some() {

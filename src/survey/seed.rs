@@ -1,14 +1,14 @@
-//! The forms of a seed (spec outputs §9.3).
+//! The formats of a seed (spec outputs §9.3).
 
-/// Seconds of a year, month, day, hour and minute as seeds count them: every month has 30 days.
+/// Seconds of a year, month, day, hour and minute in seeds: every month has 30 days.
 const YEAR: i64 = 31_104_000;
 const MONTH: i64 = 2_592_000;
 const DAY: i64 = 86_400;
 const HOUR: i64 = 3_600;
 const MINUTE: i64 = 60;
 
-/// Reads a seed: a whole number; a decimal number, whose bit pattern is the seed; or a time stamp
-/// `YYYY-MM-DD hh:mm:ss`, counted in seconds with months of 30 days. The error names what was expected.
+/// Parses a seed: an integer; a decimal number, whose bit pattern is the seed; or a time stamp `YYYY-MM-DD
+/// hh:mm:ss`, converted to seconds with months of 30 days. The error states what was expected.
 ///
 /// ```
 /// use vlscan::parse_seed;

@@ -1,5 +1,5 @@
-//! Settings of scanner and platform in a leg, merged from the leg, its template and the scanner (spec input-formats §2.4–2.5,
-//! spec kinematics §1.7).
+//! Scanner and platform settings of a leg, merged from the leg, its template and the scanner (spec input-formats
+//! §2.4–2.5, spec kinematics §1.7).
 
 use super::context::Context;
 use super::fields::Fields;
@@ -7,7 +7,7 @@ use super::xml::Element;
 use super::{LegTrajectory, PlatformSettings, ScannerSettings};
 use crate::geom::DVec3;
 
-/// Scanner settings as written, before they are merged. Angles are radians; NaN vertical angles are not set.
+/// Scanner settings as written, before merging. Angles are radians; vertical angles that are NaN are not set.
 #[derive(Clone, Debug)]
 pub(super) struct ScannerLayer {
     pub active: bool,
@@ -20,7 +20,7 @@ pub(super) struct ScannerLayer {
     head_start: f64,
     head_stop: f64,
     pub beam_divergence: f64,
-    /// As `beam_divergence`, NaN where nothing is written: no value of its own counts as "not given".
+    /// `beam_divergence` as written, NaN where it is not: here no value is reserved for "not given".
     own_divergence: f64,
     trajectory_interval: f64,
     max_duration: f64,
@@ -30,7 +30,7 @@ pub(super) struct ScannerLayer {
 }
 
 impl ScannerLayer {
-    /// Values without a template, which count as "not given".
+    /// Values without a template; in merging they mean "not given".
     pub const DEFAULT: ScannerLayer = ScannerLayer {
         active: true,
         pulse_freq: 0,
@@ -50,17 +50,17 @@ impl ScannerLayer {
         horizontal_resolution: 0.0,
     };
 
-    /// The scanner's own values.
+    /// The scanner's default values.
     pub fn of_scanner(pulse_freq: u32, beam_divergence: f64) -> ScannerLayer {
         let pulse_freq = i32::try_from(pulse_freq).unwrap_or(i32::MAX);
         ScannerLayer { pulse_freq, beam_divergence, own_divergence: beam_divergence, ..ScannerLayer::DEFAULT }
     }
 
-    /// Reads a `<scannerSettings>` on top of `base`.
+    /// Reads a `<scannerSettings>` with `base` as defaults.
     pub fn read(context: &Context, element: &Element, base: &ScannerLayer) -> ScannerLayer {
         let mut fields = Fields::new(context, element);
         let mut angle_or_nan = |name: &'static str, base: f64| match fields.has(name) {
-            // NaN takes back the value of a template.
+            // NaN unsets the value of a template.
             true if fields.element.value(name).is_some_and(is_nan) => {
                 fields.ignore(&[name]);
                 f64::NAN
@@ -113,7 +113,7 @@ impl ScannerLayer {
         layer
     }
 
-    /// A stop angle must lie where the head turns to.
+    /// Warns when the head does not turn towards its stop angle.
     fn check_head(&self, fields: &mut Fields) {
         let way = self.head_stop - self.head_start;
         if fields.has("headRotateStop_deg") && way * self.head_rate < 0.0 {
@@ -126,7 +126,8 @@ impl ScannerLayer {
         }
     }
 
-    /// Decides by value which of the leg (`self`), the template and the scanner wins (spec input-formats §2.5).
+    /// Selects each value from the leg (`self`), the template or the scanner by comparing values (spec input-formats
+    /// §2.5).
     pub fn merged(&self, template: Option<&ScannerLayer>, scanner: &ScannerLayer) -> ScannerLayer {
         let default = &ScannerLayer::DEFAULT;
         let template = template.unwrap_or(default);
@@ -164,7 +165,7 @@ impl ScannerLayer {
         )
     }
 
-    /// The settings as the model holds them. A pulse rate below 1 has been reported.
+    /// Converts the settings to the model. A pulse rate below 1 has been reported.
     pub fn resolved(&self) -> ScannerSettings {
         let set = |angle: f64| (!angle.is_nan()).then_some(angle);
         ScannerSettings {
@@ -192,7 +193,7 @@ fn is_nan(text: &str) -> bool {
     text.parse::<f64>().is_ok_and(f64::is_nan)
 }
 
-/// The attribute, else the text of the child element.
+/// The value of the attribute, else of the child element's text.
 fn read_duration(context: &Context, fields: &mut Fields, base: f64) -> f64 {
     let attribute = fields.number("maxDuration_s", base);
     if fields.has("maxDuration_s") {
@@ -219,16 +220,15 @@ pub(super) struct PlatformLayer {
     stop_and_turn: bool,
     smooth_turn: bool,
     slowdown: bool,
-    /// Counts only on the leg's own element.
+    /// Takes effect only in the leg's own element, not in a template.
     yaw_at_departure: Option<f64>,
     pub trajectory: TrajectoryLayer,
 }
 
-/// The attributes of interpolated platforms.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TrajectoryLayer {
     pub file: Option<String>,
-    /// The element that names the file, for messages and the search.
+    /// The element that names the file, for messages and the search path.
     pub file_at: Option<Element>,
     pub columns: Option<[usize; 7]>,
     pub separator: Option<char>,
@@ -242,7 +242,6 @@ pub(super) struct TrajectoryLayer {
 }
 
 impl PlatformLayer {
-    /// Values without a template.
     pub fn unset() -> PlatformLayer {
         PlatformLayer {
             position: DVec3::ZERO,
@@ -256,7 +255,7 @@ impl PlatformLayer {
         }
     }
 
-    /// Reads a `<platformSettings>` on top of `base`.
+    /// Reads a `<platformSettings>` with `base` as defaults.
     pub fn read(context: &Context, element: &Element, base: &PlatformLayer) -> PlatformLayer {
         let mut fields = Fields::new(context, element);
         let smooth_turn = fields.flag("smoothTurn", base.smooth_turn);
@@ -268,7 +267,7 @@ impl PlatformLayer {
             ),
             on_ground: fields.flag("onGround", base.on_ground),
             speed: fields.number("movePerSec_m", base.speed),
-            // A template that turns smoothly passes on that it does not stop.
+            // A template with smooth turns passes on that the platform does not stop.
             stop_and_turn: fields.flag("stopAndTurn", base.stop_and_turn) && !smooth_turn,
             smooth_turn,
             slowdown: fields.flag("slowdownEnabled", base.slowdown),
@@ -280,7 +279,7 @@ impl PlatformLayer {
         layer
     }
 
-    /// The settings as the model holds them.
+    /// Converts the settings to the model.
     pub fn resolved(&self, trajectory: Option<LegTrajectory>) -> PlatformSettings {
         PlatformSettings {
             position: self.position,
@@ -295,9 +294,9 @@ impl PlatformLayer {
     }
 }
 
-/// Column attributes and their positions when only some are given.
+/// Column attributes in the order of their default positions.
 const COLUMNS: [&str; 7] = ["tIndex", "rollIndex", "pitchIndex", "yawIndex", "xIndex", "yIndex", "zIndex"];
-/// Spellings of the separator; the first is the format's original one.
+/// Spellings of the separator attribute; the first is HELIOS++'s.
 const SEPARATOR: [&str; 2] = ["trajectory_seperator", "trajectory_separator"];
 
 impl TrajectoryLayer {
@@ -343,7 +342,7 @@ impl TrajectoryLayer {
     }
 }
 
-/// All columns when any is given; the others keep their usual places.
+/// All columns when at least one is given; the others keep their default positions.
 fn read_columns(fields: &mut Fields) -> Option<[usize; 7]> {
     let given = COLUMNS.iter().any(|name| fields.has(name));
     let mut columns = [0; 7];

@@ -15,7 +15,7 @@ use super::xml::Element;
 use super::{Mount, Platform, PlatformKind, PlatformNoise, PoseStream, Receiver, Scanner, Survey};
 use std::path::Path;
 
-/// The survey of a document, checked as a whole.
+/// Reads the survey of a document and checks it.
 pub(super) fn read_survey_document(
     context: &Context,
     root: &Element,
@@ -40,7 +40,8 @@ pub(super) fn read_survey_document(
     Some(survey)
 }
 
-/// The survey of a document, not yet checked as a whole, and its legs as written.
+/// Reads the survey of a document without the checks of the complete survey. The second value contains the elements
+/// of the legs.
 pub(super) fn read_survey_parts(context: &Context, root: &Element) -> Option<(Survey, Vec<Element>)> {
     let surveys: Vec<Element> = root.named("survey").collect();
     let Some(element) = surveys.first() else {
@@ -137,8 +138,8 @@ fn read_leg_offset(fields: &mut Fields) -> Option<(f64, f64)> {
     wanted.then_some((mean, stdev))
 }
 
-/// Applies the survey's waveform and detector settings, which reach the first device only. The range noise of every
-/// device is that of the first (spec input-formats §2.11–2.12, trap 17).
+/// Applies the survey's waveform and detector settings, which affect the first device only. The range noise of the
+/// first device applies to all devices (spec input-formats §2.11–2.12, trap 17).
 fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner) {
     let multi_channel = scanner.multi_channel;
     let device = &mut scanner.devices[0];
@@ -164,7 +165,8 @@ fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner)
     }
 }
 
-/// One receiver for all devices. HELIOS++ does not know these settings, so nothing asks for device 0 alone.
+/// Sets the receiver of all devices but for the pulse shape. HELIOS++ does not have these settings, so there is no reason to restrict them
+/// to device 0.
 fn set_receiver(scanner: &mut Scanner, receiver: &Receiver) {
     for device in &mut scanner.devices {
         let pulse_shape = device.receiver.pulse_shape.take();
@@ -191,7 +193,8 @@ fn ordinary_platform(context: &Context, survey: &Element) -> Option<Platform> {
     Some(platform)
 }
 
-/// An interpolated platform borrows mount and noise from the base platform; the survey's own replace them.
+/// An interpolated platform takes mount and noise from the base platform; noise elements of the survey replace its
+/// noise.
 fn interpolated_platform(context: &Context, survey: &Element, trajectories: Trajectories) -> Platform {
     let base = context.asset("platform", survey, "basePlatform").and_then(|e| read_platform(context, &e));
     let (mut mount, mut noise) =

@@ -1,15 +1,14 @@
-//! Templates of leg settings: chains of elements, each read once.
+//! Templates of leg settings: chains of elements, each of which is read once.
 
 use super::context::Context;
 use super::xml::Element;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Reads settings elements on top of their templates.
+/// Reads settings elements with their templates as defaults.
 pub(super) struct Templates<L> {
-    /// Tag of the elements.
     tag: &'static str,
-    /// Reads an element on top of settings.
+    /// Reads an element with the given settings as defaults.
     read: fn(&Context, &Element, &L) -> L,
     known: HashMap<(PathBuf, usize), L>,
 }
@@ -19,8 +18,8 @@ impl<L: Clone> Templates<L> {
         Templates { tag, read, known: HashMap::new() }
     }
 
-    /// The settings of the element's template on top of those of the template's own template and so on, down to `default`;
-    /// `None` without a `template` attribute or when it leads nowhere.
+    /// The settings of the element's template, applied on top of the template's own template and so on, down to
+    /// `default`; `None` without a `template` attribute or when it cannot be resolved.
     pub fn of(&mut self, context: &Context, element: &Element, default: &L) -> Option<L> {
         let mut chain = Vec::new();
         let mut seen = vec![element.key()];

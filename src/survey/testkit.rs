@@ -5,7 +5,6 @@ use super::settings::PlatformLayer;
 use super::*;
 use crate::geom::DVec3;
 
-/// A device with the default beam, detector and waveform settings.
 pub fn device() -> Device {
     Device {
         id: "tls".to_owned(),
@@ -27,7 +26,8 @@ pub fn tls_beam() -> Beam {
     Beam { pulse_length: 5.0, ..DEVICE_BEAM }
 }
 
-/// A device with that beam, a minimum range of 1.5 m, 3 rings, bins of 0.25 ns and a window of a quarter pulse.
+/// A device with [`tls_beam`] of the given pulse length (ns), a minimum range of 1.5 m, 3 rings, bins of 0.25 ns and
+/// a window of a quarter pulse.
 pub fn tls_device(pulse_length: f64) -> Device {
     Device {
         beam: Beam { pulse_length, ..tls_beam() },
@@ -57,12 +57,11 @@ pub fn scanner_settings(pulse_freq: u32) -> ScannerSettings {
     }
 }
 
-/// A leg with the default platform settings.
 pub fn leg(number: u32, scanner: ScannerSettings) -> Leg {
     Leg { number, strip: None, platform: PlatformLayer::unset().resolved(None), scanner, place: None }
 }
 
-/// A survey of these devices on a tripod with one leg at 1 kHz, which has the divergence of device 0.
+/// A survey of these devices on a tripod with one leg at 1 kHz and the divergence of device 0.
 pub fn survey(devices: Vec<Device>) -> Survey {
     let beam_divergence = devices[0].beam.divergence;
     Survey {

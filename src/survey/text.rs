@@ -1,19 +1,19 @@
-//! Bytes of a text file to text.
+//! Decodes the bytes of text files.
 
 use std::borrow::Cow;
 
-/// Why bytes are not text: where the first wrong byte stands and what to do about it.
+/// The error of undecodable bytes: the first invalid byte and a hint.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct NotText {
-    /// Offset of the first byte that cannot be read.
+    /// Offset of the first invalid byte.
     pub at: usize,
-    /// What is wrong, in one sentence.
+    /// The problem, in one sentence.
     pub message: String,
-    /// The text in the encoding that it is probably in.
+    /// The text, decoded in the most likely encoding.
     pub guess: Option<String>,
 }
 
-/// Bytes to text: UTF-8, UTF-16 with a byte order mark, or the single-byte encoding that an XML declaration names.
+/// Decodes UTF-8, UTF-16 with a byte order mark, or the single-byte encoding that an XML declaration names.
 pub(super) fn decode(bytes: &[u8]) -> Result<String, NotText> {
     if let Some(rest) = bytes.strip_prefix(b"\xef\xbb\xbf") {
         return utf8(rest, 3);
@@ -30,7 +30,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<String, NotText> {
             | "cp1252",
         ) => Ok(bytes.iter().map(|&b| western(b)).collect()),
         None | Some("utf-8" | "utf8") => utf8(bytes, 0),
-        // what is plain ASCII reads the same in nearly every encoding
+        // ASCII is identical in nearly every encoding
         Some(_) if bytes.is_ascii() => utf8(bytes, 0),
         Some(other) => Err(NotText {
             at: bytes.iter().position(|b| !b.is_ascii()).unwrap_or(0),
@@ -61,7 +61,6 @@ fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, NotText> {
     text.map_err(|_| NotText { at: 0, message: message.to_owned(), guess: None })
 }
 
-/// The encoding of an XML declaration, if there is one.
 fn declared_encoding(bytes: &[u8]) -> Option<String> {
     let head = String::from_utf8_lossy(&bytes[..bytes.len().min(200)]);
     let declaration = head.trim_start().strip_prefix("<?xml")?;
@@ -74,7 +73,7 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
     Some(value[1..].split(quote).next()?.to_owned())
 }
 
-/// A byte of Windows-1252, which is Latin-1 with letters where that has control characters.
+/// Decodes a byte of Windows-1252, which extends Latin-1 by letters in place of some control characters.
 fn western(byte: u8) -> char {
     const UPPER: [char; 32] = [
         '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}',
@@ -86,7 +85,7 @@ fn western(byte: u8) -> char {
     }
 }
 
-/// The line (from 1) and its text around byte `at` of something that is not text.
+/// The line number (from 1) and the text of the line around byte `at` of undecodable bytes.
 pub(super) fn line_of_bytes(bytes: &[u8], at: usize) -> (usize, Cow<'_, str>) {
     let at = at.min(bytes.len());
     let start = bytes[..at].iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);

@@ -1,11 +1,11 @@
-//! Interpolated platforms: which files the legs name and how they are read (spec input-formats §2.8).
+//! Interpolated platforms: the trajectory files of the legs and their settings (spec input-formats §2.8).
 
 use super::context::Context;
 use super::settings::{PlatformLayer, TrajectoryLayer};
 use super::xml::Element;
 use super::{Interpolated, LegTrajectory, RotationSpec, TrajectoryFile};
 
-/// Gathers the trajectory files of a survey leg by leg.
+/// Collects the trajectory files of a survey leg by leg.
 pub(super) struct Trajectories {
     platform: Interpolated,
     position_only: Option<bool>,
@@ -24,7 +24,7 @@ impl Trajectories {
         Trajectories { platform, position_only: None }
     }
 
-    /// Takes over what a leg says.
+    /// Adds the file of a leg and returns the part that the leg flies.
     pub fn add(&mut self, context: &Context, leg: &Element, layer: &PlatformLayer) -> Option<LegTrajectory> {
         let says = &layer.trajectory;
         self.platform.degrees &= says.degrees.unwrap_or(true);
@@ -78,7 +78,7 @@ impl Trajectories {
         known
     }
 
-    /// The platform's settings when all legs are known.
+    /// The platform's settings after all legs have been added.
     pub fn finish(mut self) -> Interpolated {
         self.platform.position_only = self.position_only.unwrap_or(false);
         self.platform

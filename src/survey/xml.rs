@@ -1,4 +1,4 @@
-//! XML documents as owned elements that know their places.
+//! XML documents as owned elements with their places in the file.
 
 use super::text::{decode, line_of_bytes};
 use crate::diag::{Diagnostics, Place};
@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// A parsed document. Elements are kept flat, in document order.
+/// A parsed document. Elements are stored flat, in document order.
 #[derive(Debug)]
 pub(super) struct Document {
     path: PathBuf,
@@ -19,7 +19,7 @@ pub(super) struct Document {
 #[derive(Debug)]
 struct Node {
     name: String,
-    /// The name in the start tag.
+    /// Range of the name in the start tag, bytes.
     at: Range<usize>,
     attributes: Vec<Attribute>,
     children: Vec<usize>,
@@ -34,7 +34,6 @@ struct Attribute {
     value_at: Range<usize>,
 }
 
-/// One element of a document.
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     document: Rc<Document>,
@@ -42,14 +41,14 @@ pub(super) struct Element {
 }
 
 impl Document {
-    /// Parses the bytes of `path`; what is wrong goes to `problems`.
+    /// Parses the bytes of `path`; errors are added to `problems`.
     pub fn parse(path: &Path, bytes: &[u8], problems: &mut Diagnostics) -> Option<Rc<Document>> {
         let text = match decode(bytes) {
             Ok(text) => text,
             Err(e) => {
                 let (line, excerpt) = line_of_bytes(bytes, e.at);
                 let place = Some(Place::in_line(path, line, &excerpt, 0..0));
-                // Noise is not worth a guess.
+                // Binary data is not decoded in a guessed encoding.
                 let Some(guess) = e.guess.filter(|_| !bytes.contains(&0)) else {
                     problems.error(place, e.message);
                     return None;
@@ -63,7 +62,7 @@ impl Document {
             Ok(tree) => tree,
             Err(e) => {
                 let at = match e {
-                    // These know no place of their own.
+                    // These errors have no position.
                     roxmltree::Error::UnexpectedEndOfStream | roxmltree::Error::UnclosedRootNode => {
                         text.trim_end().char_indices().last().map_or(0, |(i, _)| i)
                     }
@@ -81,7 +80,6 @@ impl Document {
         Some(Rc::new(Document { path: path.to_path_buf(), text, lines, nodes }))
     }
 
-    /// The root element.
     pub fn root(self: &Rc<Self>) -> Element {
         Element { document: self.clone(), index: 0 }
     }
@@ -97,7 +95,7 @@ impl Document {
 
 fn flatten(tree: &roxmltree::Document) -> Vec<Node> {
     let mut nodes: Vec<Node> = Vec::new();
-    // where a tree node stands in `nodes`; a parent always precedes its children
+    // Index in `nodes` by tree node; a parent always precedes its children.
     let mut index_of = std::collections::HashMap::new();
     for element in tree.descendants().filter(|n| n.is_element()) {
         let index = nodes.len();
@@ -137,42 +135,37 @@ impl Element {
         &self.document.nodes[self.index]
     }
 
-    /// Tag name.
     pub fn name(&self) -> &str {
         &self.node().name
     }
 
-    /// The file it stands in.
+    /// The file that contains the element.
     pub fn path(&self) -> &Path {
         &self.document.path
     }
 
-    /// The folder of the file it stands in.
+    /// The folder of the file that contains the element.
     pub fn folder(&self) -> &Path {
         self.document.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// The document's root element.
     pub fn root(&self) -> Element {
         self.document.root()
     }
 
-    /// A key that no other element of this run has.
+    /// A key that is unique among the elements of one run.
     pub fn key(&self) -> (PathBuf, usize) {
         (self.document.path.clone(), self.index)
     }
 
-    /// Child elements in document order.
     pub fn children(&self) -> impl Iterator<Item = Element> + '_ {
         self.node().children.iter().map(|&index| Element { document: self.document.clone(), index })
     }
 
-    /// Child elements with that tag name.
     pub fn named<'a>(&'a self, name: &'a str) -> impl Iterator<Item = Element> + 'a {
         self.children().filter(move |c| c.name() == name)
     }
 
-    /// The first child element with that tag name.
     pub fn child(&self, name: &str) -> Option<Element> {
         self.children().find(|c| c.name() == name)
     }
@@ -182,12 +175,10 @@ impl Element {
         &self.node().content
     }
 
-    /// The value of an attribute.
     pub fn value(&self, name: &str) -> Option<&str> {
         self.attribute(name).map(|a| a.value.as_str())
     }
 
-    /// Names of all attributes.
     pub fn attribute_names(&self) -> impl Iterator<Item = &str> {
         self.node().attributes.iter().map(|a| a.name.as_str())
     }
@@ -196,28 +187,28 @@ impl Element {
         self.node().attributes.iter().find(|a| a.name == name)
     }
 
-    /// Where the tag stands.
+    /// The place of the tag.
     pub fn place(&self) -> Place {
         self.document.place(&self.node().at)
     }
 
-    /// Where an attribute's value stands; the tag if there is no such attribute.
+    /// The place of an attribute's value, or of the tag if there is no such attribute.
     pub fn value_place(&self, name: &str) -> Place {
         self.document.place(self.attribute(name).map_or(&self.node().at, |a| &a.value_at))
     }
 
-    /// Where a part of an attribute's value stands.
+    /// The place of a part of an attribute's value.
     pub fn value_part_place(&self, name: &str, part: &Range<usize>) -> Place {
         let Some(attribute) = self.attribute(name) else { return self.place() };
         let at = &attribute.value_at;
-        // entities make the written value longer than the read one; then the whole value is marked
+        // entities make the written value longer than the decoded one; then the complete value is marked
         if at.len() != attribute.value.len() {
             return self.document.place(at);
         }
         self.document.place(&(at.start + part.start..at.start + part.end.max(part.start)))
     }
 
-    /// Where an attribute's name stands.
+    /// The place of an attribute's name.
     pub fn name_place(&self, name: &str) -> Place {
         self.document.place(self.attribute(name).map_or(&self.node().at, |a| &a.name_at))
     }
@@ -252,7 +243,7 @@ mod tests {
         assert!(report.contains("not well-formed") && report.contains("a.xml:3:"), "{report}");
         let report = parse("").unwrap_err();
         assert!(report.contains("not well-formed"), "{report}");
-        // What was cut off ends where it was cut.
+        // A truncated document ends where it was truncated.
         for cut in [
             "<document>\n  <leg z='1'/>\n  <sc",
             "<document>\n  <leg z='1'/>\n  é \n\n",
