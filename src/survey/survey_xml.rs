@@ -165,8 +165,8 @@ fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner)
     }
 }
 
-/// Sets the receiver of all devices but for the pulse shape. HELIOS++ does not have these settings, so there is no reason to restrict them
-/// to device 0.
+/// Sets the receiver of all devices but for the pulse shape. HELIOS++ does not have these settings, so there is no
+/// reason to restrict them to device 0.
 fn set_receiver(scanner: &mut Scanner, receiver: &Receiver) {
     for device in &mut scanner.devices {
         let pulse_shape = device.receiver.pulse_shape.take();

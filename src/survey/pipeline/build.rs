@@ -1,4 +1,4 @@
-//! Keys of a pipeline file to a survey.
+//! Builds the survey from the keys of a pipeline file.
 
 use super::super::checks::check_legs;
 use super::super::context::{Context, ReadOptions};
@@ -17,7 +17,6 @@ use crate::geom::DVec3;
 use std::path::Path;
 use toml::Spanned;
 
-/// The survey of a pipeline file.
 pub(super) fn read_survey(
     context: &Context,
     source: &Source,
@@ -117,7 +116,7 @@ fn read_carrier(
     Some(platform)
 }
 
-/// `[waveform]` and `[detector]` change every device.
+/// Applies `[waveform]` and `[detector]` to every device.
 fn change_detection(values: &Values, scanner: &mut Scanner, keys: &SurveyKeys) {
     let waveform = keys.waveform.clone().unwrap_or_default();
     let detector = keys.detector.clone().unwrap_or_default();
@@ -144,7 +143,7 @@ fn change_detection(values: &Values, scanner: &mut Scanner, keys: &SurveyKeys) {
     }
 }
 
-/// Sets the legs: one that follows a stream, the `[[leg]]` tables, or the legs of the survey file.
+/// Sets the legs: a single leg that follows a stream, the `[[leg]]` tables, or the legs of the survey file.
 fn build_legs(values: &Values, survey: &mut Survey, keys: &SurveyKeys, stream: Option<PoseStream>) {
     if !keys.leg.is_empty() {
         survey.legs =
@@ -190,7 +189,7 @@ fn read_leg(values: &Values, survey: &Survey, table: &Spanned<LegKeys>, number: 
     Leg { number, strip: keys.strip.clone(), platform, scanner, place: Some(place) }
 }
 
-/// Applies settings tables one after the other; resolutions come last.
+/// Applies the settings tables in their order, then the resolutions.
 fn change_settings(
     values: &Values,
     settings: &mut ScannerSettings,

@@ -8,7 +8,7 @@ use super::values::Values;
 use crate::geom::{DVec3, radians, unit};
 use toml::Spanned;
 
-/// The instrument of a `[scanner]` table, based on `inherited` (that of a survey) or its catalogue entry.
+/// The instrument of a `[scanner]` table, based on `inherited` (the scanner of a survey) or its catalogue entry.
 pub(super) fn read_instrument(
     values: &Values,
     table: &Spanned<InstrumentKeys>,
@@ -81,7 +81,6 @@ fn read_channel(values: &Values, base: &Device, index: usize, table: &Spanned<In
     device
 }
 
-/// A device with all defaults.
 fn bare_device() -> Device {
     Device {
         id: String::new(),
@@ -190,7 +189,7 @@ fn change_deflector(values: &Values, device: &mut Device, keys: &InstrumentKeys)
     }
 }
 
-/// Reports a key that belongs to other optics.
+/// Reports a key that does not apply to these optics.
 fn refuse_unused<T>(values: &Values, optics: &str, key: &Key<T>) {
     if let Some(key) = key {
         let place = values.source.place(key.span());

@@ -1,5 +1,5 @@
-//! Every key of a pipeline file that describes the survey; those that are options of a run, too, are in `options`. Unknown
-//! keys are errors; keys that are not given keep the default named here.
+//! The keys of a pipeline file that describe the survey; keys that are also options of a run are in `options`.
+//! Unknown keys are errors; omitted keys have the default that their documentation states.
 
 use super::super::{BeamProfile, Ranging};
 use serde::Deserialize;
@@ -45,7 +45,6 @@ macro_rules! key_table {
 }
 pub(crate) use key_table;
 
-/// All tables.
 pub const SURVEY_TABLES: [KeyTable; 12] = [
     SurveyKeys::TABLE,
     PlatformKeys::TABLE,
@@ -61,7 +60,6 @@ pub const SURVEY_TABLES: [KeyTable; 12] = [
     AxisKeys::TABLE,
 ];
 
-/// Beam deflectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Optics {
@@ -77,17 +75,17 @@ pub enum Optics {
     Risley,
 }
 
-/// Ways in which a platform moves.
+/// Kinds of motion of a platform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Movement {
-    /// It stands.
+    /// Stationary.
     Static,
-    /// It flies straight from leg to leg.
+    /// Flies straight from leg to leg.
     LinearPath,
 }
 
-/// A key that may be missing, with its place.
+/// An optional key with its place in the file.
 pub type Key<T> = Option<Spanned<T>>;
 
 key_table! {

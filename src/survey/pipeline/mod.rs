@@ -1,11 +1,12 @@
-//! Pipeline files: a whole run in one TOML file. Its options are read by `crate::options`, its survey here.
+//! Pipeline files: a complete run in one TOML file. The options of the run are read by `crate::options`, the survey
+//! here.
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `keys` | every key that describes the survey, documented |
+//! | `keys` | the documented keys that describe the survey |
 //! | `source` | the text and its tables; all problems of one file at once |
-//! | `values` | values of keys: numbers within their bounds, poses, references |
-//! | `build` | keys to a survey |
+//! | `values` | values of keys: numbers within bounds, poses, references |
+//! | `build` | builds the survey from the keys |
 //! | `instrument`, `receiver` | the `[scanner]` table |
 
 mod build;
@@ -24,17 +25,16 @@ use super::context::{Context, ReadOptions};
 use crate::diag::Diagnostics;
 use crate::error::Result;
 
-/// A survey that a pipeline file describes.
+/// The survey of a pipeline file.
 #[derive(Clone, Debug)]
 pub struct PipelineSurvey {
-    /// What is flown and scanned.
     pub survey: Survey,
-    /// Whether the file describes a flight of its own, and not that of a survey file.
+    /// Whether the file itself describes a flight, instead of taking that of a survey file.
     pub has_own_flight: bool,
 }
 
-/// Reads the survey of a pipeline file from what its other readers have left of its tables. The second value holds
-/// warnings to be shown.
+/// Reads the survey of a pipeline file from the tables whose other keys have been taken. The second value contains
+/// the warnings to be shown.
 ///
 /// # Errors
 /// All problems of all files at once as [`crate::Error::Input`]; limits of the scanner as [`crate::Error::Limits`];

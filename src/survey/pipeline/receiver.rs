@@ -6,7 +6,7 @@ use super::keys::{InstrumentKeys, Key};
 use super::values::Values;
 use toml::Spanned;
 
-/// Changes pulse energy, width, shape, profile and aperture. The pulse length and the divergence have been changed before.
+/// Applies pulse energy, width, shape, profile and aperture to the device, after pulse length and divergence.
 pub(super) fn change_emission(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     let beam = &mut device.beam;
     if let Some(key) = &keys.pulse_fwhm_ns {
@@ -32,7 +32,7 @@ pub(super) fn change_emission(values: &Values, device: &mut Device, keys: &Instr
     }
 }
 
-/// Changes noise, threshold, saturation, digitiser and detector.
+/// Applies noise, threshold, saturation, digitiser and detector to the device.
 pub(super) fn change_receiver(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     if keys.received_energy_min_w.is_some() {
         device.detector.threshold_given = true;
@@ -97,7 +97,7 @@ fn read_target(
     target
 }
 
-/// The value of a key that must be above 0, if it is given.
+/// The value of a key, which must be above 0; `None` if the key is missing.
 fn positive(values: &Values, key: &Key<f64>) -> Option<f64> {
     let mut value = f64::NAN;
     values.positive(&mut value, key);

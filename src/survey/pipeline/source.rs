@@ -1,4 +1,4 @@
-//! The text of a pipeline file, and its tables, from which readers take their keys.
+//! The text of a pipeline file, and its tables, from which each reader takes its keys.
 
 use super::super::assets::Assets;
 use super::super::context::ReadOptions;
@@ -14,21 +14,20 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue, Deserializer, ValueDeserializer};
 
-/// The text of a pipeline file.
 #[derive(Debug)]
 pub struct Source {
     path: PathBuf,
     text: String,
 }
 
-/// Problems of one file that are reported at most.
+/// Maximum number of reported problems of one file.
 const MAX_PROBLEMS: usize = 200;
 
 impl Source {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`Error::Io`], or [`Error::Input`] for bytes that are no text.
+    /// [`Error::Io`], or [`Error::Input`] for bytes that are not text.
     pub fn read(path: &Path) -> Result<Source> {
         let bytes = std::fs::read(path).map_err(|e| Error::io("read", path, e))?;
         match decode(&bytes) {
@@ -42,22 +41,20 @@ impl Source {
         }
     }
 
-    /// The folder of the file.
     pub fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// The file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The place of some bytes of the text.
+    /// The place of a range of bytes of the text.
     pub fn place(&self, at: Range<usize>) -> Place {
         Place::in_text(&self.path, &self.text, at)
     }
 
-    /// The place of a part of a text value; the whole value if it is written with escapes.
+    /// The place of a part of a string value; the complete value if it contains escapes.
     pub fn part_of(&self, value: &Spanned<String>, part: &Range<usize>) -> Place {
         let span = value.span();
         let verbatim =
@@ -72,7 +69,7 @@ impl Source {
     /// The tables of the file.
     ///
     /// # Errors
-    /// A text that is no TOML.
+    /// A text that is not TOML.
     pub fn tables(&self) -> Result<Tables<'_>> {
         let (root, errors) = DeTable::parse_recoverable(&self.text);
         let mut problems = Diagnostics::default();
@@ -86,21 +83,21 @@ impl Source {
     }
 }
 
-/// The tables of a pipeline file, from which every reader takes its keys.
+/// The tables of a pipeline file, from which each reader takes its keys.
 #[derive(Debug)]
 pub struct Tables<'t> {
     source: &'t Source,
-    /// What nothing has been taken from yet.
+    /// Tables and keys that have not been taken.
     root: Spanned<DeTable<'t>>,
-    /// Keys that are read, by table; the top of the file is the table of the name "".
+    /// Names of the keys of each table; the table at the top of the file has the name "".
     known: BTreeMap<&'static str, Vec<&'static str>>,
-    /// Where the values of keys are that were taken, by table and key.
+    /// Ranges of the values that have been taken, by table and key.
     spans: HashMap<(&'static str, String), Range<usize>>,
     problems: Diagnostics,
 }
 
 impl<'t> Tables<'t> {
-    /// Takes the keys of a table that are fields of `T`. Problems are recorded and what they concern is left out.
+    /// Takes the keys of a table that are fields of `T`. Problems are recorded; unreadable keys have their defaults.
     pub fn take<T: Deserialize<'t> + Default>(&mut self, table: &'static str) -> T {
         let fields = field_names::<T>();
         self.known.entry(table).or_default().extend(fields);
@@ -144,8 +141,8 @@ impl<'t> Tables<'t> {
         }
     }
 
-    /// Reads `T` from a table. Every key that cannot be read is reported and left out, so that all of them are found at
-    /// once.
+    /// Deserialises `T` from a table. Unreadable keys are reported and removed one at a time, so that all of them
+    /// are found in one run.
     fn read<T: Deserialize<'t>>(&mut self, mut table: Spanned<DeTable<'t>>) -> Option<T> {
         for _ in 0..MAX_PROBLEMS {
             match T::deserialize(Deserializer::from(table.clone())) {
@@ -161,7 +158,7 @@ impl<'t> Tables<'t> {
         None
     }
 
-    /// Reads the keys of the survey and reports all that nothing has taken. The caller shows the problems.
+    /// Reads the keys of the survey and reports all keys that have not been taken. The caller shows the problems.
     pub(super) fn finish(mut self) -> (Option<SurveyKeys>, Diagnostics) {
         let tables: Vec<&'static str> =
             self.known.keys().copied().filter(|table| !table.is_empty()).collect();
@@ -196,17 +193,15 @@ impl<'t> Tables<'t> {
         (self.read(root), self.problems)
     }
 
-    /// Whether the file has a table of that name.
     pub fn has(&self, table: &str) -> bool {
         self.root.get_ref().contains_key(table)
     }
 
-    /// The place of a value that was taken.
+    /// The place of a value that has been taken.
     pub fn place(&self, table: &'static str, key: &str) -> Option<Place> {
         self.spans.get(&(table, key.to_owned())).map(|span| self.source.place(span.clone()))
     }
 
-    /// The text of the file.
     pub fn source(&self) -> &'t Source {
         self.source
     }
@@ -216,7 +211,7 @@ impl<'t> Tables<'t> {
         self.problems.error(place, message)
     }
 
-    /// The existing file that a key names: beside the pipeline file, or in the folders that are searched. A missing file is
+    /// The existing file that a key names: beside the pipeline file, or in the search path. A missing file is
     /// recorded as a problem.
     pub fn find_file(&mut self, name: &Path, place: Option<Place>, options: &ReadOptions) -> Option<PathBuf> {
         let assets = Assets::new(&options.assets);
@@ -238,8 +233,8 @@ impl<'t> Tables<'t> {
         self.problems.error(Some(place), format!("unknown key `{}`", key.get_ref())).help(help);
     }
 
-    /// Records an error of serde, whose message names keys and variants in backticks. `span` is where it is unless the error
-    /// knows better.
+    /// Records an error of serde, whose message has the names of keys and variants in backticks. `span` is its place
+    /// unless the error has one.
     fn report(&mut self, error: &toml::de::Error, span: Option<Range<usize>>) {
         let place = error.span().or(span).map(|at| self.source.place(at));
         let message = error.message();
@@ -275,7 +270,7 @@ pub fn field_names<'de, T: Deserialize<'de>>() -> &'static [&'static str] {
     names
 }
 
-/// Keeps the names of the fields of a struct and gives no values.
+/// A deserialiser that records the names of a struct's fields and yields no values.
 struct FieldNames<'a>(&'a mut &'static [&'static str]);
 
 impl<'de> serde::Deserializer<'de> for FieldNames<'_> {
@@ -301,7 +296,7 @@ impl<'de> serde::Deserializer<'de> for FieldNames<'_> {
     }
 }
 
-/// The names of Rust's types are not for users.
+/// Replaces the names of Rust types in a message by plain words.
 fn in_plain_words(message: &str) -> String {
     let words = [
         ("f64", "a number"),
@@ -321,7 +316,7 @@ fn in_plain_words(message: &str) -> String {
     }
 }
 
-/// Removes the entry whose key or value has that span, else the smallest one whose value contains it.
+/// Removes the entry whose key or value has the span `at`, else the smallest entry whose value contains it.
 fn remove(table: &mut DeTable, at: &Range<usize>) -> bool {
     let exact = |key: &Range<usize>, value: &Range<usize>| key == at || value == at;
     let around = |_: &Range<usize>, value: &Range<usize>| value.start <= at.start && at.end <= value.end;
@@ -350,7 +345,7 @@ fn remove_within(value: &mut DeValue, wanted: &dyn Fn(&Range<usize>, &Range<usiz
     }
 }
 
-/// A reference to a file: one beside the pipeline file comes before those of the search list.
+/// Prefers a file beside the pipeline file to one of the search path; returns the reference to use.
 pub(super) fn near(source: &Source, reference: &str) -> String {
     let (file, id) = match reference.split_once('#') {
         Some((file, id)) => (file, Some(id)),

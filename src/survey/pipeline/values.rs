@@ -1,4 +1,4 @@
-//! Values of keys: numbers within their bounds, vectors, formulas, poses, references.
+//! Values of keys: numbers within bounds, vectors, formulas, poses, references.
 
 use super::super::context::Context;
 use super::super::xml::Element;
@@ -8,14 +8,14 @@ use super::source::{Source, near};
 use crate::geom::{DVec3, Rotation, radians};
 use toml::Spanned;
 
-/// What tables are read with.
+/// Context for reading the values of one file.
 pub(super) struct Values<'c> {
     pub context: &'c Context,
     pub source: &'c Source,
 }
 
 impl Values<'_> {
-    /// Sets `target` if the key is given; it must be a finite number for which `holds`.
+    /// Sets `target` to the value of the key, if present; it must be a finite number for which `holds` returns true.
     pub fn set(&self, target: &mut f64, key: &Key<f64>, expected: &str, holds: fn(f64) -> bool) {
         let Some(key) = key else { return };
         let value = *key.get_ref();
@@ -38,7 +38,7 @@ impl Values<'_> {
         self.set(target, key, "a finite number", |_| true);
     }
 
-    /// Degrees in the file, radians in `target`.
+    /// Sets `target` (radians) to the value of the key (degrees), if present.
     pub fn angle(&self, target: &mut f64, key: &Key<f64>) {
         if key.is_some() {
             let mut degrees = crate::geom::degrees(*target);
@@ -73,7 +73,7 @@ impl Values<'_> {
         self.context.error(self.source.place(key.span()), format!("expected {expected}"));
     }
 
-    /// The asset that a `catalogue` key names.
+    /// The catalogue element that a key refers to.
     pub fn reference(&self, name: &Spanned<String>, kind: &str) -> Option<Element> {
         let text = near(self.source, name.get_ref());
         let (file, id) = match text.split_once('#') {
@@ -85,7 +85,7 @@ impl Values<'_> {
         self.context.pick(&root, kind, id, Some(place))
     }
 
-    /// A pose from its offset and rotations.
+    /// Composes a pose from its offset and rotations.
     pub fn pose(&self, keys: &PoseKeys) -> Mount {
         let mut mount = Mount::IDENTITY;
         if let Some(offset) = self.vector(&keys.offset_m) {

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The suite, if this machine has it.
+/// The folder of the suite, if this machine has it.
 fn suite() -> Option<PathBuf> {
     let named = std::env::var_os("VLSCAN_CONFORMANCE").map(PathBuf::from);
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/conformance");

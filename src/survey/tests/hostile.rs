@@ -1,9 +1,9 @@
-//! Whatever the input, there is an answer.
+//! Damaged input yields a result or an error, never a panic.
 
 use super::*;
 use proptest::prelude::*;
 
-/// A survey that uses nearly everything.
+/// A survey that uses nearly every element.
 fn everything() -> String {
     document(
         "<scannerSettings id='t' scanFreq_hz='50'/><platformSettings id='p' x='5'/>

@@ -3,7 +3,7 @@
 use super::*;
 use crate::geom::{DVec3, radians};
 
-/// Reads a scanner through a survey whose legs are inactive.
+/// Reads a scanner in a survey whose legs are inactive.
 fn scanner_of(scanner: &str) -> crate::Result<(Scanner, Diagnostics)> {
     let legs = "<leg><platformSettings/><scannerSettings active='0'/></leg>";
     let text = document(scanner, "platform='plane'", legs).replace("scanner='mirror'", "scanner='mine'");
@@ -71,21 +71,21 @@ fn channels_change_what_they_name() {
     let [a, b, c] = &scanner.devices[..] else { panic!("three channels") };
     assert!(scanner.multi_channel);
     assert_eq!((a.id.as_str(), b.id.as_str(), c.id.as_str()), ("0", "b", "2"));
-    // the emitter's pose is replaced as a whole
+    // the emitter's pose is replaced completely
     assert_eq!(
         (a.beam_origin.offset, b.beam_origin),
         (DVec3::X, Mount { offset: DVec3::new(0.0, 0.0, 2.0), ..Mount::IDENTITY })
     );
     assert_eq!((b.beam.wavelength, b.beam.atmosphere_wavelength, b.beam.divergence), (532.0, 905.0, 0.001));
-    // a channel's angles are degrees and mean what they say (trap 73)
+    // the angles of a channel are degrees and are used unchanged (trap 73)
     assert_eq!(b.scan_angle_max, radians(45.0));
     assert!(matches!(b.deflector, Deflector::Polygon { effective_max } if effective_max == radians(40.0)));
-    // other optics inherit nothing (trap 74)
+    // a channel with other optics inherits no deflector settings (trap 74)
     assert!(matches!(c.deflector, Deflector::Fibres { count: 7 }) && c.scan_angle_max == 0.0);
-    // thresholds and errors of the scanner hold for its channels (trap 75)
+    // thresholds and errors of the scanner apply to its channels (trap 75)
     assert_eq!((a.detector.threshold, a.errors.head.is_some(), c.errors.head.is_some()), (0.5, true, false));
     assert!(c.errors.range.is_some());
-    // an own element restarts the window; the pulse length known there is 4 ns
+    // a channel's element resets the window; the pulse length assumed there is 4 ns
     assert_eq!((a.waveform.window, b.waveform.window, b.waveform.bin), (3.0, 1.0, 0.5));
 }
 

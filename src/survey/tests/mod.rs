@@ -1,4 +1,4 @@
-//! Whole documents as users write them.
+//! Tests with complete documents.
 
 use super::*;
 use crate::diag::{Diagnostics, Severity};
@@ -14,7 +14,7 @@ mod receivers;
 mod scenes;
 mod surveys;
 
-/// A folder of files that is removed afterwards.
+/// A folder of files that is removed when it is dropped.
 struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -51,20 +51,20 @@ const PLATFORMS: &str = "<platform id='tripod' type='static'/><platform id='plan
 const SCENE: &str = "<scene id='scene'><part><filter type='objloader'>\
     <param type='string' key='filepath' value='a.obj'/></filter></part></scene>";
 
-/// A document with the usual assets, `extra` ones and a survey with those attributes and that content.
+/// A document with the default assets, the `extra` ones and a survey with those attributes and that content.
 fn document(extra: &str, attributes: &str, content: &str) -> String {
     format!(
         "<document>\n{MIRROR}\n{PLATFORMS}\n{SCENE}\n{extra}\n<survey scene='scene' scanner='mirror' {attributes}>\n{content}\n</survey>\n</document>"
     )
 }
 
-/// Reads a survey whose document has the usual assets.
+/// Reads a survey whose document has the default assets.
 fn survey_of(extra: &str, attributes: &str, content: &str) -> crate::Result<(Survey, Diagnostics)> {
     let folder = Folder::new(&[("survey.xml", &document(extra, attributes, content)), ("a.obj", "")]);
     folder.read(&ReadOptions::default())
 }
 
-/// The same on the aeroplane, with no problem at all.
+/// Reads a survey on the aeroplane, which must cause no diagnostics.
 fn clean(extra: &str, content: &str) -> Survey {
     let (survey, warnings) =
         survey_of(extra, "platform='plane'", content).unwrap_or_else(|e| panic!("{}", report(&e)));
@@ -72,7 +72,6 @@ fn clean(extra: &str, content: &str) -> Survey {
     survey
 }
 
-/// A survey of a pipeline file, and the options of the file.
 type Pipeline = (Survey, Options);
 
 fn read_pipeline(path: &Path) -> crate::Result<(Pipeline, Diagnostics)> {
@@ -80,7 +79,7 @@ fn read_pipeline(path: &Path) -> crate::Result<(Pipeline, Diagnostics)> {
     Ok(((survey, options), warnings))
 }
 
-/// The report of a refused input.
+/// The report of an input error.
 fn report(error: &Error) -> String {
     match error {
         Error::Input(problems) | Error::Limits(problems) => problems.render(false),
@@ -88,7 +87,7 @@ fn report(error: &Error) -> String {
     }
 }
 
-/// The report of an input that must be refused.
+/// The report of the input error that `result` must be.
 fn refused<T>(result: crate::Result<(T, Diagnostics)>) -> String {
     match result {
         Ok((_, warnings)) => panic!("should have been refused; warnings:\n{}", warnings.render(false)),
@@ -96,7 +95,7 @@ fn refused<T>(result: crate::Result<(T, Diagnostics)>) -> String {
     }
 }
 
-/// Checks that every text is part of a report.
+/// Checks that a report contains every text.
 #[track_caller]
 fn contains(report: &str, texts: &[&str]) {
     for text in texts {

@@ -6,7 +6,7 @@ use crate::options::outputs::OutputContent;
 use crate::options::values::{Bytes, Crs, Seed};
 use crate::tree::Builder;
 
-/// A pipeline with an instrument of its own and every table.
+/// A pipeline with a complete instrument and every table.
 pub(super) const EVERYTHING: &str = r#"
 scene = "a.obj"
 name = "mine"

@@ -4,7 +4,7 @@ use super::*;
 
 const PULSE: &str = "ns, power\n0, 0\n1, 5\n3, 0\n";
 
-/// The scanner of a survey with those attributes and children of the scanner, and that content of the survey.
+/// The scanner of a survey with these attributes and children of the scanner, and this content of the survey.
 fn of_xml(attributes: &str, children: &str, survey: &str) -> crate::Result<(Scanner, Diagnostics)> {
     let scanner =
         format!("<scanner id='mine' optics='conic' pulseFreqs_Hz='5' {attributes}>{children}</scanner>");
@@ -15,7 +15,7 @@ fn of_xml(attributes: &str, children: &str, survey: &str) -> crate::Result<(Scan
     folder.read(&ReadOptions::default()).map(|(survey, warnings)| (survey.scanner, warnings))
 }
 
-/// The scanner of a pipeline with those keys in `[scanner]`, which may go on with channels.
+/// The scanner of a pipeline with these keys in `[scanner]`; channels may follow them.
 fn of_toml(keys: &str) -> crate::Result<(Scanner, Diagnostics)> {
     let text = format!(
         "scene = \"a.obj\"\n[[leg]]\nposition_m = [0, 0, 0]\nactive = false\n[platform]\nkind = \"linear_path\"\n\

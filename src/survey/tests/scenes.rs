@@ -54,7 +54,8 @@ fn rotate(axis: &str, angle: &str) -> String {
 
 #[test]
 fn transforms_accumulate_as_the_format_says() {
-    // spec input-formats §3.3: rotations accumulate, the last scale and offset win, the order among kinds does not matter
+    // spec input-formats §3.3: rotations accumulate, the last scale and offset win, the order of different kinds is
+    // irrelevant
     let part = [
         obj(),
         translate("9;9;9"),
@@ -114,7 +115,7 @@ fn ids_are_running_numbers_of_the_parts() {
         obj()
     ));
     let ids: Vec<_> = scene.parts.iter().map(|p| (p.id.as_deref(), p.number)).collect();
-    // files of a part without an id become parts of their own
+    // each file of a part without an id becomes a part
     assert_eq!(ids, [(None, 0), (Some("x"), 1), (None, 2), (None, 3), (None, 4)]);
     assert!(matches!(&scene.parts[1].loader, Loader::Obj { files, .. } if files.len() == 2));
     assert!(matches!(&scene.parts[3].loader, Loader::Obj { files, .. } if files[0].ends_with("b2.obj")));
@@ -175,7 +176,7 @@ fn point_clouds() {
     ];
     let xyz = read(&more.concat());
     assert_eq!((xyz.default_normal, xyz.normal_columns), (Some(DVec3::Z), Some([6, 4, 9])));
-    // colours count only when the first column is given
+    // colours take effect only when the first column is given
     assert_eq!((xyz.rgb_columns, xyz.snap_neighbor_normal), (None, true));
     assert_eq!((xyz.material.random_variants, xyz.material.random_range), (3, 0.2));
     let bare = refused(scene_of(&format!(
@@ -265,7 +266,7 @@ fn swaps() {
         (a.epochs, a.keep_crs, a.vanish, a.scale, a.offset),
         (2, false, false, Some(2.0), Some((DVec3::new(1.0, 2.0, 3.0), 1)))
     );
-    // the attribute's presence counts; the shift's fate is inherited
+    // the attribute takes effect by its presence; the scene shift is inherited
     assert!(b.vanish && b.loader.is_none() && !b.keep_crs && a.loader.is_none());
     assert!(c.loader.is_some() && c.scale.is_none() && c.offset.is_none());
     let (scene, text) = warned(&format!("<part>{0}<swap>{1}</swap></part>", obj(), rotate("x", "5")));

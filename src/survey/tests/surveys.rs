@@ -30,17 +30,17 @@ fn settings_merge_by_value() {
         <leg><platformSettings/><scannerSettings template='slow' scanFreq_hz='20' active='false'/></leg>";
     let survey = clean(templates, legs);
     let s: Vec<_> = survey.legs.iter().map(|l| &l.scanner).collect();
-    // without a template, the scanner's own values fill what is not given or given as the hard default
+    // without a template, the scanner's values replace values that are missing or equal to the hard-coded default
     assert_eq!((s[0].pulse_freq, s[0].beam_divergence), (100_000, 0.0005));
     assert_eq!((s[1].pulse_freq, s[1].beam_divergence), (100_000, 0.0005));
-    // with one, the template does
+    // with a template, its values do
     assert_eq!((s[2].pulse_freq, s[2].scan_freq, s[2].head_rate), (300_000, 80.0, radians(10.0)));
     assert_eq!(
         (s[2].scan_angle, s[2].vertical_min, s[2].vertical_max),
         (radians(30.0), Some(radians(-10.0)), None)
     );
     assert_eq!((s[3].scan_freq, s[3].active), (20.0, false));
-    // 0 differs from the template's 300000 and would stop the clock
+    // 0 differs from the template's 300000, so it takes effect and would stop the clock
     let stopped =
         "<leg><platformSettings/><scannerSettings template='slow' pulseFreq_hz='0' active='false'/></leg>";
     contains(
@@ -66,7 +66,7 @@ fn platform_settings_inherit_all_but_the_yaw() {
 
 #[test]
 fn a_leg_without_scanner_settings_has_open_vertical_angles() {
-    // the reference gives it an empty window
+    // the reference computes an empty window for this scanner
     let scanner = "<scanner id='free' optics='rotating' pulseFreqs_Hz='1000' scanAngleMax_deg='60' scanAngleEffectiveMax_deg='50'/>";
     let text =
         document(scanner, "platform='plane'", "<leg><platformSettings/></leg>").replace("'mirror'", "'free'");
@@ -74,7 +74,7 @@ fn a_leg_without_scanner_settings_has_open_vertical_angles() {
     let (survey, _) = folder.read(&ReadOptions::default()).unwrap_or_else(|e| panic!("{}", report(&e)));
     let settings = &survey.legs[0].scanner;
     assert_eq!((settings.pulse_freq, settings.vertical_min, settings.vertical_max), (1000, None, None));
-    // its scan frequency is 0 all the same
+    // the scan frequency is 0 nevertheless
     let error = survey_of("", "platform='plane'", "<leg><platformSettings/></leg>").unwrap_err();
     assert_eq!(error.exit_status(), 3);
 }
@@ -126,7 +126,7 @@ fn scan_frequencies_of_active_legs_are_limited() {
             contains(&report(&e), &["the scanner allows 5 to 120 Hz", "survey.xml:7:", "^^^"]);
         }
     }
-    // with another problem in the file, all are shown and the input is wrong
+    // with another problem in the file, both are shown and the exit status is that of invalid input
     let both = survey_of("", "platform='plane' seed='x'", &leg("121", true)).unwrap_err();
     assert_eq!(both.exit_status(), 2);
 }
@@ -279,7 +279,7 @@ fn survey_attributes() {
 
 #[test]
 fn survey_settings_reach_the_first_channel_only() {
-    // spec input-formats §2.11: an element restarts the window from a quarter of the pulse length
+    // spec input-formats §2.11: the element resets the window to a quarter of the pulse length
     let channels =
         "<scanner id='duo' optics='rotating' pulseFreqs_Hz='1000' pulseLength_ns='8' scanAngleMax_deg='60'
         scanAngleEffectiveMax_deg='50' accuracy_m='0.1'><FWFSettings winSize_ns='3' beamSampleQuality='2'/>
@@ -300,7 +300,7 @@ fn survey_settings_reach_the_first_channel_only() {
         (duo[1].waveform.bin, duo[1].waveform.window, duo[1].detector.range_max),
         (0.25, 3.0, f64::MAX)
     );
-    // the noise of every channel is that of the first
+    // the noise of the first channel applies to every channel
     assert_eq!((duo[0].detector.accuracy, duo[1].detector.accuracy), (0.3, 0.3));
     assert!(duo[1].detector.distance_error.is_some());
 }
@@ -381,7 +381,7 @@ fn contradicting_trajectory_settings() {
 
 #[test]
 fn a_stream_replaces_platform_and_legs() {
-    // on a tripod such a leg would never end, and the first one is not active
+    // on a tripod such a leg would never end; the first leg is inactive
     let legs = "<leg><platformSettings/><scannerSettings active='0' scanFreq_hz='5'/></leg>
         <leg><platformSettings x='4'/><scannerSettings scanFreq_hz='70'/></leg>";
     let folder = Folder::new(&[("survey.xml", &document("", "platform='tripod'", legs)), ("a.obj", "")]);
