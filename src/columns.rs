@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// What separates the columns of a line.
+/// Separator of the columns of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Separator {
     /// One character; blanks around it are ignored.
@@ -12,7 +12,7 @@ pub(crate) enum Separator {
 }
 
 impl Separator {
-    /// The separator that a survey or a user chooses.
+    /// The separator for a character that a survey or a user chooses.
     pub fn named(c: char) -> Separator {
         if c == ' ' { Separator::Blanks } else { Separator::Char(c) }
     }
@@ -35,7 +35,7 @@ impl Separator {
                     fields.push(trimmed(line, start..start + part.len()));
                     start += part.len() + c.len_utf8();
                 }
-                // A separator at the end of the line starts no further column.
+                // A separator at the end of the line does not start a further column.
                 if fields.len() > 1 && fields.last().is_some_and(|f| f.is_empty()) {
                     fields.pop();
                 }
@@ -60,7 +60,7 @@ impl Separator {
         fields
     }
 
-    /// The name in messages.
+    /// Name of the separator in messages.
     pub fn name(self) -> String {
         match self {
             Separator::Blanks => "blanks".to_owned(),
@@ -76,7 +76,7 @@ fn trimmed(line: &str, at: Range<usize>) -> Range<usize> {
     start..start + text.trim().len()
 }
 
-/// What a column measures.
+/// The quantity of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Dimension {
     /// Seconds.
@@ -87,7 +87,7 @@ pub(crate) enum Dimension {
     Angle,
     /// A plain number.
     Ratio,
-    /// A whole number of at least 0.
+    /// An integer of at least 0.
     Count,
 }
 
@@ -122,23 +122,21 @@ impl Dimension {
 /// A heading whose name is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Heading<T> {
-    /// The column of that name.
     pub column: T,
-    /// Factor to seconds, metres or radians where the heading states a unit.
+    /// Factor to seconds, metres or radians; `None` if the heading has no unit.
     pub factor: Option<f64>,
 }
 
-/// What is wrong with a heading.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum HeadingError {
-    /// `known` does not know this name.
+    /// The name is not among the known ones.
     UnknownName(String),
-    /// The unit does not fit the column: what was found, and what was expected.
+    /// The unit does not match the quantity of the column: the unit, and the expected ones.
     WrongUnit(String, String),
 }
 
-/// Parses a heading: a name, quoted or not, with a unit in brackets (`Roll[deg]`, `heading (deg)`) or behind an underscore
-/// (`time_ns`). `known` resolves names in lower case to columns and their dimensions.
+/// Parses a heading: a name, quoted or not, with a unit in brackets (`Roll[deg]`, `heading (deg)`) or after an
+/// underscore (`time_ns`). `known` resolves names in lower case to columns and their dimensions.
 pub(crate) fn parse_heading<T>(
     text: &str,
     known: impl Fn(&str) -> Option<(T, Dimension)>,

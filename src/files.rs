@@ -1,11 +1,11 @@
-//! Files that get their names only when they are complete.
+//! Files that are written under a temporary name and renamed when they are complete.
 
 use crate::error::{Error, Result};
 use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The temporary name `NAME.part` of a file that is being written, beside its final name. Dropping it removes the file.
+/// The temporary file `NAME.part` beside its target. Dropping this value removes the file.
 #[derive(Debug)]
 pub struct TemporaryFile {
     path: PathBuf,
@@ -15,9 +15,9 @@ pub struct TemporaryFile {
 }
 
 impl TemporaryFile {
-    /// Creates `NAME.part` for `target` and opens it for reading and writing. A symbolic link is followed, so that the link
-    /// stays and the file that it points to is replaced. With `overwrite` both the temporary file of an earlier run and
-    /// an existing target are replaced; without it either one is an error.
+    /// Creates `NAME.part` for `target` and opens it for reading and writing. A symbolic link is followed: the link
+    /// stays and its target is replaced. With `overwrite` both the temporary file of an earlier run and an existing
+    /// target are replaced; without it either one is an error.
     pub fn create(target: &Path, overwrite: bool) -> Result<(TemporaryFile, File)> {
         let target = match fs::canonicalize(target) {
             Ok(real) if target.is_symlink() => real,
@@ -35,31 +35,29 @@ impl TemporaryFile {
         Ok((TemporaryFile { path, target, overwrite, keep: false }, file))
     }
 
-    /// The temporary name that belongs to a final one.
+    /// The temporary name for a target.
     pub fn name_for(target: &Path) -> PathBuf {
         let mut name = target.as_os_str().to_os_string();
         name.push(".part");
         PathBuf::from(name)
     }
 
-    /// The final name.
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// The temporary name.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Gives the complete file its final name, which is returned.
+    /// Renames the complete file to its target and returns that path.
     pub fn commit(mut self) -> Result<PathBuf> {
         let target = std::mem::take(&mut self.target);
         self.commit_as(&target).map(|()| target)
     }
 
-    /// Gives the complete file the name `name`. Where a file of that name has appeared meanwhile and must not be replaced,
-    /// the complete file stays under its temporary name.
+    /// Renames the complete file to `name`. If a file of that name has appeared meanwhile and must not be replaced,
+    /// the complete file keeps its temporary name.
     pub fn commit_as(mut self, name: &Path) -> Result<()> {
         let renamed =
             if self.overwrite { fs::rename(&self.path, name) } else { rename_new(&self.path, name) };
@@ -80,7 +78,7 @@ impl Drop for TemporaryFile {
     }
 }
 
-/// Renames a file, never over another one.
+/// Renames a file without ever replacing another one.
 fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match fs::hard_link(from, to) {
         Ok(()) => fs::remove_file(from),

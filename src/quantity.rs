@@ -1,6 +1,6 @@
-//! Quantities as text for people: counts with unit prefixes, durations, lengths.
+//! Formats quantities for people: counts with unit prefixes, durations, lengths.
 
-/// A number with a unit prefix and three digits: 1.23 M.
+/// Formats a number with a unit prefix and three digits: 1.23 M.
 pub fn amount(n: f64) -> String {
     for (limit, unit) in [(1e9, " G"), (1e6, " M"), (1e3, " k")] {
         if n >= limit {
@@ -10,7 +10,7 @@ pub fn amount(n: f64) -> String {
     format!("{n:.0}")
 }
 
-/// h:mm:ss, or seconds below a minute.
+/// Formats a duration as h:mm:ss, or as seconds below a minute.
 pub fn duration(seconds: f64) -> String {
     if !seconds.is_finite() || seconds > 1e7 {
         return "?".to_owned();
@@ -19,7 +19,7 @@ pub fn duration(seconds: f64) -> String {
     if s < 60 { format!("{s} s") } else { format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60) }
 }
 
-/// A length in m or km with up to three digits.
+/// Formats a length (m) in m or km with up to three digits.
 pub fn metres(length: f64) -> String {
     match length.abs() {
         m if m >= 10_000.0 => format!("{:.0} km", length / 1000.0),

@@ -1,9 +1,10 @@
-//! Tables of numbers in an Arrow IPC stream, or in an Arrow file read from its beginning (Arrow columnar format, "IPC
-//! streaming format"): recognised by their first bytes and decoded batch by batch while they arrive.
+//! Tables of numbers in an Arrow IPC stream, or in an Arrow file read from its beginning (Arrow columnar format,
+//! "IPC streaming format"). Streams are recognised by their first bytes and decoded batch by batch while they
+//! arrive.
 //!
-//! The lengths of a message are checked here before anything is allocated for it, then `arrow-ipc` decodes and validates
-//! it. Its `StreamDecoder` is not used: it holds a schema back until the bytes of the next message arrive. Only columns of
-//! numbers are decoded; one batch is in memory at a time.
+//! The lengths of a message are checked here before anything is allocated for it, then `arrow-ipc` decodes and
+//! validates it. Its `StreamDecoder` is not used because it withholds a schema until the bytes of the next message
+//! arrive. Only columns of numbers are decoded; one batch is in memory at a time.
 
 use crate::damage::catch_decoder_panic;
 use crate::diag::{Diagnostics, Place};
@@ -26,14 +27,14 @@ use std::sync::Arc;
 
 /// First bytes of a message of a stream.
 const CONTINUATION: [u8; 4] = [0xff; 4];
-/// First bytes of a file; its messages follow.
+/// First bytes of a file, before its messages.
 const FILE_MAGIC: [u8; 8] = *b"ARROW1\0\0";
-/// Longest metadata of a message that is accepted, bytes.
+/// Maximum length of a message's metadata, bytes.
 const MAX_METADATA_BYTES: usize = 1 << 24;
-/// Longest body of a message that is accepted, bytes.
+/// Maximum length of a message's body, bytes.
 const MAX_BATCH_BYTES: usize = 1 << 30;
 
-/// Whether the first bytes of a stream are those of an Arrow stream.
+/// Whether a stream is an Arrow stream, by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArrowDetection {
     /// An Arrow stream or file.
@@ -58,12 +59,11 @@ pub fn detect_arrow(first: &[u8]) -> ArrowDetection {
     }
 }
 
-/// A column of the schema.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TableField {
-    /// Its name, followed by the unit of its metadata where the name contains none: `time[ns]`.
+    /// The name of the column, followed by the unit in its metadata unless the name contains one: `time[ns]`.
     pub heading: String,
-    /// What its values are, for messages.
+    /// Description of the values, for messages.
     pub holds: &'static str,
     is_number: bool,
 }
@@ -91,7 +91,6 @@ impl TableField {
         TableField { heading, holds, is_number }
     }
 
-    /// Whether its values are numbers.
     pub fn is_number(&self) -> bool {
         self.is_number
     }
@@ -100,21 +99,21 @@ impl TableField {
 /// The rows of one record batch.
 #[derive(Debug)]
 pub struct NumberBatch {
-    /// Its number in the stream, from 1.
+    /// Number of the batch in the stream, from 1.
     pub number: u64,
-    /// Rows of the batches before it.
+    /// Number of rows in the batches before it.
     pub before: u64,
-    /// Its rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Values by field and row; nothing for fields that are not numbers.
+    /// Values by field and row; `None` for fields that are not numbers.
     columns: Vec<Option<Vec<f64>>>,
 }
 
 impl NumberBatch {
-    /// A value; NaN where the column holds no numbers. Integers beyond 2⁵³ are rounded.
+    /// A value; NaN where the column does not contain numbers. Integers beyond 2⁵³ are rounded.
     ///
     /// # Panics
-    /// When there is no such row or column.
+    /// If there is no such row or column.
     pub fn value(&self, column: usize, row: usize) -> f64 {
         self.columns[column].as_ref().map_or(f64::NAN, |values| values[row])
     }
@@ -126,14 +125,14 @@ impl NumberBatch {
     }
 }
 
-/// A push decoder: takes bytes as they arrive and returns each batch as soon as it is complete.
+/// A push decoder, which takes bytes as they arrive and returns each batch as soon as it is complete.
 #[derive(Debug)]
 pub struct ArrowDecoder {
     path: PathBuf,
-    /// Bytes that have arrived and are not decoded yet.
+    /// Bytes that have arrived and have not been decoded.
     pending: Vec<u8>,
     has_begun: bool,
-    /// Whether the next bytes may be padding behind the first bytes of a file.
+    /// Whether the next bytes may be padding after the first bytes of a file.
     may_be_padding: bool,
     has_ended: bool,
     schema: Option<Schema>,
@@ -150,7 +149,7 @@ struct Schema {
 }
 
 impl ArrowDecoder {
-    /// A decoder that has no bytes yet; `path` is the stream's name in messages.
+    /// A decoder without bytes; `path` is the name in messages.
     pub fn new(path: &Path) -> ArrowDecoder {
         ArrowDecoder {
             path: path.to_path_buf(),
@@ -179,8 +178,8 @@ impl ArrowDecoder {
     /// The next batch with rows that has arrived completely.
     ///
     /// # Errors
-    /// [`Error::Input`] for bytes that are no Arrow stream, and for a stream with features that are not supported, with
-    /// the number of the batch.
+    /// [`Error::Input`] for bytes that are not an Arrow stream, and for unsupported features, with the number of the
+    /// batch.
     pub fn next_batch(&mut self) -> Result<Option<NumberBatch>> {
         if !self.has_begun && self.pending.len() >= FILE_MAGIC.len() {
             self.has_begun = true;
@@ -206,10 +205,10 @@ impl ArrowDecoder {
         Ok(None)
     }
 
-    /// Checks whether the stream may end here.
+    /// Checks that the stream may end here.
     ///
     /// # Errors
-    /// [`Error::Input`] when it ends within a message or before its schema.
+    /// [`Error::Input`] when the stream ends within a message or before its schema.
     pub fn end(&self) -> Result<()> {
         if !self.pending.is_empty() {
             let message = format!(
@@ -226,7 +225,8 @@ impl ArrowDecoder {
         Ok(())
     }
 
-    /// Ranges of the metadata and the body of the first message, if it has arrived completely; nothing at the end marker.
+    /// Ranges of the metadata and the body of the first message, if it has arrived completely; `None` also at the
+    /// end marker.
     fn complete_message(&mut self) -> Result<Option<(Range<usize>, Range<usize>)>> {
         if self.has_ended || self.pending.len() < 8 {
             return Ok(None);
@@ -281,7 +281,7 @@ impl ArrowDecoder {
                     return Err(self.refused(format!("batch {} is compressed", self.batches + 1), help));
                 }
                 let body = Buffer::from(&self.pending[body]);
-                // The decoder may assert what a damaged message does not keep.
+                // The decoder may panic on a damaged message.
                 let decoded = catch_decoder_panic(|| {
                     let (version, decoded) = (message.version(), schema.decoded.clone());
                     read_record_batch(&body, batch, decoded, &HashMap::new(), Some(&schema.numbers), &version)
@@ -342,7 +342,7 @@ impl ArrowDecoder {
     }
 }
 
-/// The numbers of an array, NaN for nulls; nothing if it holds other values.
+/// The numbers of an array, NaN for nulls; `None` if it contains other values.
 pub fn numbers(array: &dyn Array) -> Option<Vec<f64>> {
     fn of<T: ArrowPrimitiveType>(array: &dyn Array, number: impl Fn(T::Native) -> f64) -> Option<Vec<f64>> {
         Some(array.as_primitive_opt::<T>()?.iter().map(|v| v.map_or(f64::NAN, &number)).collect())
@@ -359,7 +359,7 @@ pub fn numbers(array: &dyn Array) -> Option<Vec<f64>> {
         .or_else(|| of::<Int64Type>(array, |v| v as f64))
 }
 
-/// An error about a table as a whole, or about a row that the message names; `help` may be empty.
+/// An error about a table or about a row that the message names; `help` may be empty.
 pub fn table_error(path: &Path, message: String, help: &str) -> Error {
     let mut problems = Diagnostics::default();
     let problem = problems.error(Some(Place::in_line(path, 0, "", 0..0)), message);
@@ -417,7 +417,7 @@ mod tests {
         }
     }
 
-    /// Reads what has another number of columns, too.
+    /// Also reads tables with other numbers of columns.
     fn read_any(bytes: &[u8]) {
         let mut decoder = ArrowDecoder::new(Path::new("t"));
         for bytes in bytes.chunks(37) {

@@ -1,5 +1,5 @@
-//! Input that is read while it arrives: [`InputStream`] reads bytes on a thread of its own, so that the consumer can wait
-//! for them with a timeout; [`arrow`] decodes Arrow streams batch by batch.
+//! Input that is read while it arrives: [`InputStream`] reads bytes on a separate thread, so that the consumer can
+//! wait for them with a timeout; [`arrow`] decodes Arrow streams batch by batch.
 
 pub mod arrow;
 
@@ -7,9 +7,9 @@ use std::io::{ErrorKind, Read};
 use std::path::Path;
 use std::time::Duration;
 
-/// Largest number of bytes of one read.
+/// Maximum number of bytes of one read.
 const MAX_READ_BYTES: usize = 1 << 16;
-/// Largest number of reads in the queue; when it is full the pipe fills up and its writer blocks.
+/// Maximum number of reads in the queue; when it is full the pipe fills up and its writer blocks.
 const MAX_QUEUED_READS: usize = 4;
 
 /// The result of waiting for bytes.
@@ -25,8 +25,8 @@ pub enum ReadEvent {
     Error(std::io::Error),
 }
 
-/// A byte stream that a thread of its own reads. The thread ends with the stream, or after the read during which this
-/// value was dropped.
+/// A byte stream that is read by a separate thread. The thread ends with the stream, or after the read during which
+/// this value was dropped.
 #[derive(Debug)]
 pub struct InputStream {
     reads: flume::Receiver<std::io::Result<Vec<u8>>>,
@@ -68,7 +68,7 @@ impl InputStream {
         std::fs::File::open(path).map(InputStream::from_reader)
     }
 
-    /// Waits for bytes; without a timeout until they arrive or the stream ends.
+    /// Waits for bytes; without a timeout until bytes arrive or the stream ends.
     pub fn next(&self, timeout: Option<Duration>) -> ReadEvent {
         let read = match timeout {
             None => self.reads.recv().map_err(|_| ReadEvent::End),
@@ -85,8 +85,8 @@ impl InputStream {
     }
 }
 
-/// A named pipe that is opened by its first read, on the reading thread: `open` blocks until a writer opens the pipe, and
-/// the run can be interrupted meanwhile.
+/// A named pipe that is opened by its first read, on the reading thread: `open` blocks until a writer opens the
+/// pipe, and the run must remain interruptible.
 enum LazyPipe {
     Closed(std::path::PathBuf),
     Open(std::fs::File),

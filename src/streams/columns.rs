@@ -5,14 +5,13 @@ use crate::diag::nearest;
 
 macro_rules! columns {
     ($($column:ident $name:literal $aliases:expr, $dimension:ident, $meaning:literal;)*) => {
-        /// A column of a stream of pulses.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(usize)]
         pub enum PulseColumn {
             $(#[doc = $meaning] $column,)*
         }
 
-        /// All columns by their numbers.
+        /// All columns in the order of their numbers.
         pub static ENTRIES: &[ColumnEntry] = &[$(ColumnEntry {
             column: PulseColumn::$column,
             name: $name,
@@ -59,31 +58,26 @@ columns! {
     OriginErrorZ "z_error" [], Length, "Reported minus true origin.";
 }
 
-/// Number of columns.
 pub const COLUMNS: usize = ENTRIES.len();
 
-/// Name and dimension of a column.
 #[derive(Debug)]
 pub struct ColumnEntry {
-    /// The column.
     pub column: PulseColumn,
-    /// Its name.
     pub name: &'static str,
-    /// Other names by which it is read.
+    /// Further names that are accepted in headings.
     aliases: &'static [&'static str],
-    /// What it measures. Times are ns inside, angles rad, lengths m.
+    /// The measured quantity. Pulses hold times in ns, angles in rad, lengths in m.
     pub(crate) dimension: Dimension,
 }
 
 impl PulseColumn {
-    /// Its name and dimension.
     pub fn entry(self) -> &'static ColumnEntry {
         &ENTRIES[self as usize]
     }
 }
 
 impl ColumnEntry {
-    /// The unit in which it is written; empty for plain numbers.
+    /// The unit of written values; empty for plain numbers.
     pub fn unit(&self) -> &'static str {
         match self.dimension {
             Dimension::Time => "ns",
@@ -93,14 +87,14 @@ impl ColumnEntry {
         }
     }
 
-    /// Name and unit as a header has them: `x[m]`.
+    /// Name and unit as in a header: `x[m]`.
     pub fn heading(&self) -> String {
         if self.unit().is_empty() { self.name.to_owned() } else { format!("{}[{}]", self.name, self.unit()) }
     }
 }
 
-/// The column of a heading such as `time[s]`, `X (m)` or `scan_angle[deg]`, and the factor that takes its values to the unit
-/// inside. Without a unit times are seconds.
+/// Parses a heading such as `time[s]`, `X (m)` or `scan_angle[deg]` to the column and the factor that converts its
+/// values to ns, rad or m. Without a unit, times are seconds.
 ///
 /// # Errors
 /// The problem and a hint.

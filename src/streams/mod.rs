@@ -7,7 +7,7 @@
 //! | `text`, `table` | writes rows as comma-separated values, and as an Arrow IPC stream |
 //! | `read` | reads blocks of rows while they arrive |
 //! | `schema` | the columns of one stream and their positions |
-//! | `text_rows`, `table_rows` | rows of lines, and rows of batches |
+//! | `text_rows`, `table_rows` | rows of text lines; rows of record batches |
 
 mod columns;
 mod read;

@@ -1,4 +1,4 @@
-//! Reads a stream of pulses as blocks of complete rows, which the workers then parse. The first bytes decide whether the
+//! Reads a stream of pulses as blocks of complete rows, which the workers parse. The first bytes decide whether the
 //! stream is text or an Arrow stream.
 
 use super::row::{PulseRow, RowFault};
@@ -16,11 +16,11 @@ use std::time::Duration;
 /// Interval at which the stop flag is polled while no bytes arrive.
 const STOP_POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Rows of pulses that are not parsed yet.
+/// Rows of pulses that have not been parsed.
 #[derive(Clone, Debug)]
 pub struct RowBlock {
     rows: Rows,
-    /// Number of rows before it in the stream.
+    /// Number of rows in the stream before this block.
     before: u64,
 }
 
@@ -30,7 +30,7 @@ enum Rows {
     Table(TableRows),
 }
 
-/// A stream of pulses being read.
+/// Reader of a stream of pulses.
 #[derive(Debug)]
 pub struct PulseReader {
     input: InputStream,
@@ -41,7 +41,6 @@ pub struct PulseReader {
     max_rows: usize,
 }
 
-/// The format of the stream with its reader.
 #[derive(Debug)]
 enum Format {
     /// Too few bytes have arrived to decide.
@@ -72,12 +71,12 @@ impl PulseReader {
         }
     }
 
-    /// Waits for at least one row and returns the rows that have arrived; nothing at the end of the stream, or when `stop`
-    /// is requested.
+    /// Waits for at least one row and returns the rows that have arrived; `None` at the end of the stream, or when
+    /// `stop` is requested.
     ///
     /// # Errors
-    /// [`Error::Input`] for an invalid header or schema and for a stream that is empty or cut off; [`Error::Io`] when it
-    /// cannot be read.
+    /// [`Error::Input`] for an invalid header or schema and for a stream that is empty or truncated; [`Error::Io`]
+    /// when it cannot be read.
     pub fn next_block(&mut self, stop: &Stop) -> Result<Option<RowBlock>> {
         loop {
             let rows = match &mut self.format {
@@ -109,7 +108,7 @@ impl PulseReader {
                 ReadEvent::Timeout => {}
                 ReadEvent::End => {
                     self.ended = true;
-                    // The beginning of an Arrow stream that is too short to be one is read as text.
+                    // A beginning of an Arrow stream that is too short to be recognised is read as text.
                     if let Format::Unknown(bytes) = &mut self.format {
                         let bytes = std::mem::take(bytes);
                         self.begin_text(&bytes);
@@ -147,14 +146,14 @@ impl PulseReader {
         self.format = Format::Text(lines);
     }
 
-    /// Adds all bytes that have arrived already, so that blocks of a fast stream are large.
+    /// Adds all bytes that have already arrived, so that blocks of a fast stream are large.
     fn receive_available(&mut self) {
         while let Format::Text(lines) = &mut self.format
             && !lines.has_rows(self.max_rows)
         {
             match self.input.next(Some(Duration::ZERO)) {
                 ReadEvent::Bytes(bytes) => lines.feed(&bytes),
-                // The end and errors are reported again by the next call.
+                // The next call reports the end and errors again.
                 _ => break,
             }
         }
@@ -185,7 +184,6 @@ impl Rows {
 }
 
 impl RowBlock {
-    /// Number of rows.
     pub fn rows(&self) -> u32 {
         u32::try_from(self.rows.count()).unwrap_or(u32::MAX)
     }
@@ -214,10 +212,11 @@ impl RowBlock {
         (RowBlock { rows: first, before: self.before }, rest)
     }
 
-    /// Appends the rows as pulses in the frame whose origin lies at `shift` in the world. `check` accepts or refuses each.
+    /// Appends the rows as pulses in the frame whose origin is at `shift` in the world. `check` accepts or refuses
+    /// each pulse.
     ///
     /// # Errors
-    /// [`Error::Input`] for the first row that is no pulse, with its place.
+    /// [`Error::Input`] for the first row that is not a valid pulse, with its place.
     pub fn pulses(
         &self,
         shift: DVec3,

@@ -5,56 +5,48 @@ use crate::columns::Dimension;
 use crate::flight::Pulse;
 use crate::geom::{DVec3, Rotation, unit};
 
-/// A pulse with what a stream says of it.
+/// A pulse with its metadata in a stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PulseRow {
-    /// The pulse, in the frame of the scene.
+    /// The pulse, in the scene frame.
     pub pulse: Pulse,
-    /// Number of the leg.
     pub leg: u32,
-    /// Simulation steps since the epoch began.
+    /// Number of simulation steps since the beginning of the epoch.
     pub step: u64,
-    /// Number of the epoch, from 0.
+    /// Index of the epoch, from 0.
     pub epoch: u32,
-    /// Divergence of device 0 at the beginning of the survey and in this leg, rad, if the stream has the column.
+    /// Divergence of device 0 at the beginning of the survey and in this leg, rad, if the stream has these columns.
     pub divergence: Option<[f64; 2]>,
 }
 
-/// The numbers of a row by column: ns, m, rad.
+/// The numbers of a row by column, in ns, m and rad.
 pub type Values = [f64; COLUMNS];
 
-/// A set of columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ColumnSet(u64);
 
 impl ColumnSet {
-    /// The set with another column.
+    /// The set with `column` added.
     pub fn with(self, column: PulseColumn) -> ColumnSet {
         ColumnSet(self.0 | 1 << column as u64)
     }
 
-    /// Whether a column is in the set.
     pub fn has(self, column: PulseColumn) -> bool {
         self.0 & 1 << column as u64 != 0
     }
 
-    /// Whether all of `columns` are in the set.
     pub fn has_all(self, columns: &[PulseColumn]) -> bool {
         columns.iter().all(|c| self.has(*c))
     }
 
-    /// Whether any of `columns` is in the set.
     pub fn has_any(self, columns: &[PulseColumn]) -> bool {
         columns.iter().any(|c| self.has(*c))
     }
 }
 
-/// The columns of an origin.
 pub const ORIGIN: [PulseColumn; 3] = [PulseColumn::X, PulseColumn::Y, PulseColumn::Z];
-/// The columns of a direction.
 pub const DIRECTION: [PulseColumn; 3] =
     [PulseColumn::DirectionX, PulseColumn::DirectionY, PulseColumn::DirectionZ];
-/// The columns of an attitude.
 pub const ATTITUDE: [PulseColumn; 4] =
     [PulseColumn::AttitudeW, PulseColumn::AttitudeX, PulseColumn::AttitudeY, PulseColumn::AttitudeZ];
 /// The columns of the attitude without mechanical errors.
@@ -69,16 +61,16 @@ pub const ORIGIN_ERROR: [PulseColumn; 3] =
 /// The columns of the rounding errors of the origin.
 pub const LOW: [PulseColumn; 3] = [PulseColumn::LowX, PulseColumn::LowY, PulseColumn::LowZ];
 
-/// Largest integer up to which all integers are exact in double precision.
+/// Maximum integer up to which all integers are exact in double precision.
 const MAX_EXACT_COUNT: f64 = 9_007_199_254_740_992.0;
-/// Largest distance of a direction from that of its quaternion, and of a quaternion's length from 1.
+/// Maximum distance between a direction and that of its quaternion, and between a quaternion's length and 1.
 const MAX_DISAGREEMENT: f64 = 1e-6;
 
-/// Why a row is no pulse: the column with the wrong value, and a message.
+/// Why a row is not a valid pulse: the column of the invalid value, and a message.
 pub type RowFault = (PulseColumn, String);
 
 impl PulseRow {
-    /// The numbers of the row; `shift` is the world position of the scene frame's origin.
+    /// Converts the pulse to the numbers of a row; `shift` is the world position of the scene frame's origin, m.
     pub fn values(&self, shift: DVec3) -> Values {
         let p = &self.pulse;
         let mut values = [0.0; COLUMNS];
@@ -123,8 +115,8 @@ impl PulseRow {
         values
     }
 
-    /// The pulse of a row of a stream with the columns `present`. `order` is its position in the stream, from 0: the number
-    /// of the pulse where the stream has no numbers.
+    /// Converts a row of a stream with the columns `present` to a pulse. `order` is the index of the row in the
+    /// stream, from 0: the number of the pulse where the stream has no numbers.
     ///
     /// # Errors
     /// The first value that no pulse can have.

@@ -1,4 +1,4 @@
-//! The columns of one stream and their positions: the same checks for headers of text and schemas of Arrow streams.
+//! The columns of one stream and their positions. Headers of text and schemas of Arrow streams are checked alike.
 
 use super::columns::{COLUMNS, PulseColumn, parse_pulse_heading};
 use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, PulseRow, RowFault, Values};
@@ -7,23 +7,22 @@ use crate::error::Result;
 use crate::geom::DVec3;
 use std::path::{Path, PathBuf};
 
-/// The columns of a stream.
 #[derive(Debug)]
 pub(super) struct StreamSchema {
     /// Name of the stream in messages.
     pub path: PathBuf,
-    /// Column, factor to its unit inside, and position in a row.
+    /// Column, factor to ns, m or rad, and position in a row.
     columns: Vec<(PulseColumn, f64, usize)>,
     present: ColumnSet,
 }
 
 impl StreamSchema {
-    /// The columns that headings name. Each heading comes with its place and, where its values are no numbers, with what
-    /// they are; `whole` is the place of the header.
+    /// Resolves headings to columns. Each heading has its place and, where its values are not numbers, a description
+    /// of them; `whole` is the place of the header.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::error::Error::Input) with every heading that is unknown, repeated or holds no numbers, and
-    /// with the columns that a pulse needs and that are missing.
+    /// [`Error::Input`](crate::error::Error::Input) with every heading that is unknown, repeated or without numbers,
+    /// and with the missing columns that a pulse requires.
     pub fn from_headings<'h>(
         path: &Path,
         headings: impl Iterator<Item = (&'h str, Place, Option<&'h str>)>,
@@ -54,7 +53,7 @@ impl StreamSchema {
         Ok(schema)
     }
 
-    /// Columns without headings, with their factors.
+    /// A schema for columns without headings, with their factors.
     pub fn without_headings(path: &Path, columns: impl Iterator<Item = (PulseColumn, f64)>) -> StreamSchema {
         let mut schema =
             StreamSchema { path: path.to_path_buf(), columns: Vec::new(), present: ColumnSet::default() };
@@ -67,7 +66,6 @@ impl StreamSchema {
         self.present = self.present.with(column);
     }
 
-    /// Number of columns.
     pub fn width(&self) -> usize {
         self.columns.len()
     }
@@ -77,7 +75,7 @@ impl StreamSchema {
         self.columns.iter().find(|c| c.0 == column).map(|c| c.2)
     }
 
-    /// The values of a row in their units inside; `number` reads one by its column and position.
+    /// The values of a row in ns, m and rad; `number` reads a value by column and position.
     pub fn values<E>(&self, number: impl Fn(PulseColumn, usize) -> Result<f64, E>) -> Result<Values, E> {
         let mut values = [0.0; COLUMNS];
         for (column, factor, position) in &self.columns {
@@ -86,8 +84,8 @@ impl StreamSchema {
         Ok(values)
     }
 
-    /// Appends the pulse of a row that `check` accepts, in the frame whose origin lies at `shift` in the world. `order` is
-    /// its position in the stream, from 0.
+    /// Appends the pulse of a row, if `check` accepts it, in the frame whose origin is at `shift` in the world.
+    /// `order` is the index of the row in the stream, from 0.
     pub fn push_pulse(
         &self,
         values: &Values,
@@ -103,7 +101,7 @@ impl StreamSchema {
     }
 }
 
-/// Reports columns that a pulse needs and that are missing, and incomplete groups of columns.
+/// Reports missing columns that a pulse requires, and incomplete groups of columns.
 fn check_complete(present: ColumnSet, place: Place, problems: &mut Diagnostics) {
     let mut missing: Vec<&str> = Vec::new();
     let mut need = |columns: &[PulseColumn]| {

@@ -1,5 +1,5 @@
-//! Pulses and poses as an Arrow IPC stream: the columns and values of the text, with the unit in the metadata of each
-//! column.
+//! Writes pulses and poses as an Arrow IPC stream. Columns and values are those of text; the metadata of each column
+//! contains its unit.
 
 use super::columns::{ENTRIES, PulseColumn};
 use super::row::{ColumnSet, PulseRow};
@@ -13,12 +13,10 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-/// Rows of a batch. It is independent of the chunks, and so are the bytes.
+/// Rows of a batch, independent of the chunks so that the bytes are, too.
 const BATCH_ROWS: usize = 16_384;
-/// Bytes of a pending value.
 const VALUE_BYTES: usize = size_of::<f64>();
 
-/// A column of a table.
 #[derive(Clone, Debug)]
 pub struct TableColumn {
     name: &'static str,
@@ -26,7 +24,7 @@ pub struct TableColumn {
     is_count: bool,
 }
 
-/// The columns of a stream of poses in the order of [`push_pose_row`].
+/// The columns of a stream of poses, in the order of [`push_pose_row`].
 pub fn pose_columns() -> Vec<TableColumn> {
     let units = [
         ("time", "s"),
@@ -40,7 +38,6 @@ pub fn pose_columns() -> Vec<TableColumn> {
     units.map(|(name, unit)| TableColumn { name, unit, is_count: false }).to_vec()
 }
 
-/// The columns of a stream of pulses.
 pub fn pulse_columns(present: ColumnSet) -> Vec<TableColumn> {
     let entries = ENTRIES.iter().filter(|e| present.has(e.column));
     let column = entries.map(|e| TableColumn {
@@ -51,8 +48,8 @@ pub fn pulse_columns(present: ColumnSet) -> Vec<TableColumn> {
     column.collect()
 }
 
-/// Time (s), position (m) and roll, pitch, heading (degrees) of a pose, as [`crate::geom::Rotation::of_heading`] composes
-/// them.
+/// Time (s), position (m) and roll, pitch, heading (degrees) of a pose in the convention of
+/// [`crate::geom::Rotation::of_heading`].
 pub fn pose_values(pose: &PoseSample, shift: DVec3) -> [f64; 7] {
     let position = pose.position + shift;
     let angles = pose.attitude.heading_angles().map(degrees);
@@ -72,20 +69,20 @@ pub fn push_pulse_row(out: &mut Vec<u8>, row: &PulseRow, present: ColumnSet, shi
     present.for_each(|column| out.extend(values[column as usize].to_le_bytes()));
 }
 
-/// Takes rows of values (`f64`, little-endian, one after the other) and writes them as an Arrow IPC stream.
+/// Writes rows of values (`f64`, little-endian, consecutive) as an Arrow IPC stream.
 pub struct TableWriter<W> {
     out: W,
     encoder: StreamEncoder,
     schema: SchemaRef,
     columns: Vec<TableColumn>,
-    /// Values of rows that fill no batch yet.
+    /// Values of rows that do not fill a batch yet.
     pending: Vec<u8>,
-    /// Whether flushing writes incomplete batches.
+    /// Whether a flush writes incomplete batches.
     live: bool,
 }
 
 impl<W: Write> TableWriter<W> {
-    /// Writes the schema.
+    /// Writes the schema and returns the writer.
     ///
     /// # Errors
     /// The errors of `out`.
@@ -105,7 +102,7 @@ impl<W: Write> TableWriter<W> {
         Ok(TableWriter { out, encoder, schema, columns, pending: Vec::new(), live })
     }
 
-    /// Writes the remaining rows and the end of the stream, and returns the writer.
+    /// Writes the remaining rows and the end of the stream, and returns `out`.
     ///
     /// # Errors
     /// The errors of `out`.

@@ -12,17 +12,16 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Decodes a stream and divides its batches into rows of a limited number.
+/// Decodes a stream and splits its batches into blocks with a limited number of rows.
 #[derive(Debug)]
 pub(super) struct BatchReader {
     path: PathBuf,
     decoder: ArrowDecoder,
     schema: Option<Arc<StreamSchema>>,
-    /// Rows of the last batch that have not been returned yet.
+    /// Rows of the last batch that have not been returned.
     current: Option<TableRows>,
 }
 
-/// Rows of one batch.
 #[derive(Clone, Debug)]
 pub(super) struct TableRows {
     schema: Arc<StreamSchema>,
@@ -31,7 +30,7 @@ pub(super) struct TableRows {
 }
 
 impl BatchReader {
-    /// A reader without any bytes yet; `path` is the name in messages.
+    /// A reader without bytes; `path` is the name in messages.
     pub fn new(path: &Path) -> BatchReader {
         BatchReader {
             path: path.to_path_buf(),
@@ -41,12 +40,11 @@ impl BatchReader {
         }
     }
 
-    /// Adds bytes that have arrived.
     pub fn feed(&mut self, bytes: &[u8]) {
         self.decoder.feed(bytes);
     }
 
-    /// Checks whether the stream may end here.
+    /// Checks that the stream may end here.
     pub fn end(&self) -> Result<()> {
         self.decoder.end()
     }
@@ -82,7 +80,6 @@ impl BatchReader {
 }
 
 impl TableRows {
-    /// Number of rows.
     pub fn count(&self) -> u64 {
         self.rows.len() as u64
     }
@@ -109,11 +106,11 @@ impl TableRows {
         (self, Some(rest))
     }
 
-    /// Appends the rows as pulses in the frame whose origin lies at `shift` in the world. `before` counts the rows of the
-    /// stream before them, and `check` accepts or refuses each.
+    /// Appends the rows as pulses in the frame whose origin is at `shift` in the world. `before` is the number of
+    /// rows in the stream before this block; `check` accepts or refuses each pulse.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::error::Error::Input) for the first row that is no pulse, with its number.
+    /// [`Error::Input`](crate::error::Error::Input) for the first row that is not a valid pulse, with its number.
     pub fn pulses(
         &self,
         shift: DVec3,

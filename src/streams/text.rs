@@ -1,5 +1,5 @@
-//! Pulses and poses as comma-separated values: a header of names and units, then one row per line. Every number has the
-//! fewest digits that restore its bits.
+//! Writes pulses and poses as comma-separated values: a header of names and units, then one row per line. Every
+//! number has the minimum number of digits that restores its bits.
 
 use super::columns::{ENTRIES, PulseColumn};
 use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, ORIGIN_ERROR, PulseRow, REPORTED};
@@ -8,10 +8,10 @@ use crate::columns::Dimension;
 use crate::flight::PoseSample;
 use crate::geom::DVec3;
 
-/// First line of a stream of poses.
+/// Header line of a stream of poses.
 pub const POSE_HEADER: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]\n";
 
-/// The columns that are written of every pulse.
+/// The columns that are written for every pulse.
 pub fn default_columns() -> ColumnSet {
     let single = [
         PulseColumn::Time,
@@ -30,12 +30,11 @@ pub fn with_errors(present: ColumnSet) -> ColumnSet {
     EXACT.iter().fold(present.with(PulseColumn::RangeError), |p, c| p.with(*c))
 }
 
-/// Adds the columns of a pose that differs from the reported one.
+/// Adds the columns of a reported pose that differs from the true one.
 pub fn with_reported(present: ColumnSet) -> ColumnSet {
     REPORTED.iter().chain(&ORIGIN_ERROR).fold(present, |p, c| p.with(*c))
 }
 
-/// The header line of a stream with these columns.
 pub fn header(present: ColumnSet) -> String {
     let headings: Vec<String> =
         ENTRIES.iter().filter(|e| present.has(e.column)).map(|e| e.heading()).collect();
@@ -76,7 +75,7 @@ fn push_count(out: &mut Vec<u8>, count: u64) {
     out.extend_from_slice(itoa::Buffer::new().format(count).as_bytes());
 }
 
-/// The shortest text that reads back as the same number.
+/// Appends the shortest text that is parsed to the same number.
 fn push_number(out: &mut Vec<u8>, value: f64) {
     let mut buffer = zmij::Buffer::new();
     let text = buffer.format(value);

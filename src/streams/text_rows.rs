@@ -11,23 +11,23 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Longest line that is accepted, bytes.
+/// Maximum length of a line, bytes.
 const MAX_LINE_BYTES: usize = 1 << 16;
 /// Approximate length of a line with all columns, bytes.
 const TYPICAL_LINE_BYTES: usize = 320;
 
-/// Collects bytes and divides them into blocks of complete lines.
+/// Collects bytes and splits them into blocks of complete lines.
 #[derive(Debug)]
 pub(super) struct LineReader {
     path: PathBuf,
-    /// Bytes that have arrived and have not been returned yet.
+    /// Bytes that have arrived and have not been returned.
     pending: Vec<u8>,
-    /// Lines that have been returned.
+    /// Number of lines that have been returned.
     line: usize,
     format: Option<Arc<TextFormat>>,
 }
 
-/// Complete lines, not parsed yet.
+/// Complete lines that have not been parsed.
 #[derive(Clone, Debug)]
 pub(super) struct TextRows {
     format: Arc<TextFormat>,
@@ -37,7 +37,6 @@ pub(super) struct TextRows {
     rows: u64,
 }
 
-/// The separator and the columns of the lines.
 #[derive(Debug)]
 struct TextFormat {
     separator: Separator,
@@ -45,27 +44,25 @@ struct TextFormat {
 }
 
 impl LineReader {
-    /// A reader without any bytes yet; `path` is the name in messages.
+    /// A reader without bytes; `path` is the name in messages.
     pub fn new(path: &Path) -> LineReader {
         LineReader { path: path.to_path_buf(), pending: Vec::new(), line: 0, format: None }
     }
 
-    /// Adds bytes that have arrived.
     pub fn feed(&mut self, bytes: &[u8]) {
         self.pending.extend_from_slice(bytes);
     }
 
-    /// Whether about `max_rows` rows have arrived, so that a block of them need not wait for more.
+    /// Whether about `max_rows` rows have arrived, so that a block of them need not wait for more bytes.
     pub fn has_rows(&self, max_rows: usize) -> bool {
         self.pending.len() >= max_rows.saturating_mul(TYPICAL_LINE_BYTES)
     }
 
-    /// Whether a header or a row has been read.
     pub fn has_begun(&self) -> bool {
         self.format.is_some()
     }
 
-    /// The next rows that have arrived, at most `max_rows`; `ended` tells that no bytes follow.
+    /// The next rows that have arrived, at most `max_rows`; `ended` means that no further bytes follow.
     pub fn next_rows(&mut self, max_rows: usize, ended: bool) -> Result<Option<TextRows>> {
         if self.format.is_none() {
             self.read_header(ended)?;
@@ -88,7 +85,7 @@ impl LineReader {
         Ok(None)
     }
 
-    /// Bytes, lines and rows of the next block of complete lines.
+    /// Numbers of bytes, lines and rows of the next block of complete lines.
     fn complete_rows(&self, max_rows: usize, ended: bool) -> Option<(usize, usize, u64)> {
         let (mut end, mut lines, mut rows) = (0, 0, 0);
         while rows < max_rows as u64
@@ -101,7 +98,7 @@ impl LineReader {
         (end > 0).then_some((end, lines, rows))
     }
 
-    /// Length of the line at `start` with its end; nothing while it is incomplete.
+    /// Length of the line at `start` with its line break; `None` while it is incomplete.
     fn line_length(&self, start: usize, ended: bool) -> Option<usize> {
         let rest = &self.pending[start..];
         match memchr::memchr(b'\n', rest) {
@@ -110,7 +107,7 @@ impl LineReader {
         }
     }
 
-    /// Reads the columns from the first line that is no comment.
+    /// Reads the columns from the first line that is not a comment.
     fn read_header(&mut self, ended: bool) -> Result<()> {
         while let Some(end) = self.line_length(0, ended) {
             if is_row(&self.pending[..end]) {
@@ -132,7 +129,7 @@ impl LineReader {
     }
 }
 
-/// Whether a line holds more than blanks or a comment.
+/// Whether a line contains more than blanks or a comment.
 fn is_row(line: &[u8]) -> bool {
     line.iter().find(|b| !b.is_ascii_whitespace()).is_some_and(|b| *b != b'#')
 }
@@ -148,8 +145,8 @@ fn line_error(path: &Path, line: usize, text: &str, at: Range<usize>, message: S
 }
 
 impl TextFormat {
-    /// The format of the first line, and whether the line is a header. Without a header seven numbers are time, origin and
-    /// direction, and six lack the time.
+    /// The format of the first line, and whether the line is a header. Without a header seven numbers are time,
+    /// origin and direction, and six are origin and direction.
     fn of(path: &Path, number: usize, line: &str) -> Result<(TextFormat, bool)> {
         let separator = Separator::guess(line);
         let fields = separator.split(line);
@@ -201,7 +198,6 @@ impl TextFormat {
 }
 
 impl TextRows {
-    /// Number of rows.
     pub fn count(&self) -> u64 {
         self.rows
     }
@@ -244,11 +240,11 @@ impl TextRows {
         (self, None)
     }
 
-    /// Appends the rows as pulses in the frame whose origin lies at `shift` in the world. `before` counts the rows of the
-    /// stream before them, and `check` accepts or refuses each.
+    /// Appends the rows as pulses in the frame whose origin is at `shift` in the world. `before` is the number of
+    /// rows in the stream before this block; `check` accepts or refuses each pulse.
     ///
     /// # Errors
-    /// [`Error::Input`] for the first row that is no pulse, with its line and column.
+    /// [`Error::Input`] for the first row that is not a valid pulse, with its line and column.
     pub fn pulses(
         &self,
         shift: DVec3,
