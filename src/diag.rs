@@ -1,5 +1,5 @@
-//! Problems of the input: what was found, where, and what was expected. All problems of a file are collected
-//! before the run ends.
+//! Problems of the input, each with its place and the expected input. All problems of a file are collected before
+//! the run ends.
 
 use crate::error::{Error, Result};
 use std::collections::HashMap;
@@ -7,34 +7,32 @@ use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// How bad a problem is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Severity {
-    /// The run cannot go on.
+    /// The run cannot continue.
     Error,
-    /// The run goes on with a default that the message names; an error with `--strict`.
+    /// The run continues with a default that the message names; an error with `--strict`.
     Warning,
-    /// What a value was taken for, where that is a matter of interpretation.
+    /// How an ambiguous value was interpreted.
     Note,
 }
 
-/// What is reported while a run goes on.
+/// A message during a run.
 #[derive(Clone, Debug)]
 pub enum Notice {
-    /// What was accepted although it looks wrong.
+    /// Input that was accepted although it is suspicious.
     Warnings(Diagnostics),
-    /// What the user should know.
+    /// Information for every user.
     Note(String),
-    /// What is of interest in a verbose log.
+    /// Details for a verbose log.
     Detail(String),
-    /// How long a step took.
+    /// Duration of a step.
     Timing(String),
 }
 
 /// A place in a text file: one line with a range of it underlined.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// The file.
     pub path: PathBuf,
     /// Line number, from 1; 0 when only the file is known.
     pub line: usize,
@@ -46,7 +44,7 @@ pub struct Place {
     pub marked: Range<usize>,
 }
 
-/// Longest excerpt in bytes; longer lines (files without line breaks) are cut around the mark.
+/// Maximum length of an excerpt, bytes; longer lines (files without line breaks) are cut around the mark.
 const MAX_EXCERPT: usize = 400;
 
 impl Place {
@@ -63,8 +61,8 @@ impl Place {
         Place::in_line(path, line, &text[line_start..line_end], start - line_start..end - line_start)
     }
 
-    /// The place of a line that is known by its number only; `text` is the line. Line 0 with an empty text means the
-    /// file as a whole, for binary ones.
+    /// The place of a line of which only the number is known; `text` is the line. Line 0 with an empty text means
+    /// the complete file, for binary files.
     pub fn in_line(path: &Path, line: usize, text: &str, marked: Range<usize>) -> Place {
         let text = text.trim_end_matches(['\n', '\r']);
         let start = text.floor_char_boundary(marked.start);
@@ -85,24 +83,23 @@ impl Place {
 /// One problem.
 #[derive(Clone, Debug)]
 pub struct Diagnostic {
-    /// How bad it is.
     pub severity: Severity,
-    /// What was found and what was expected, in one sentence without a full stop.
+    /// The problem and the expected input, in one sentence without a full stop.
     pub message: String,
-    /// Its place, if it is in a file.
+    /// Its place; `None` for problems outside of files.
     pub place: Option<Place>,
-    /// What the reader can do about it.
+    /// A hint how to solve the problem.
     pub help: Option<String>,
-    /// Number of further occurrences of the problem in its file.
+    /// Number of further occurrences in the same file.
     pub repeats: usize,
-    /// Lines of the first few repeats.
+    /// Lines of the first further occurrences.
     pub also_in_lines: Vec<usize>,
 }
 
-/// How many lines of repeats are kept.
+/// Maximum number of stored lines of further occurrences.
 const MAX_LINES: usize = 5;
 
-/// The problems found so far. A repeated message about one file is kept once, with a count.
+/// The problems found so far. A repeated message about the same file is stored once, with a count.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnostics {
     items: Vec<Diagnostic>,
@@ -121,7 +118,7 @@ impl Diagnostics {
         self.push(Severity::Warning, place, message.into())
     }
 
-    /// Records what a value was taken for.
+    /// Records how a value was interpreted.
     pub fn note(&mut self, place: Option<Place>, message: impl Into<String>) -> &mut Diagnostic {
         self.push(Severity::Note, place, message.into())
     }
@@ -146,7 +143,7 @@ impl Diagnostics {
         &mut self.items[at]
     }
 
-    /// Takes over all problems of `other`.
+    /// Adds all problems of `other`.
     pub fn extend(&mut self, other: Diagnostics) {
         for item in other.items {
             let Diagnostic { severity, message, place, help, repeats, also_in_lines } = item;
@@ -156,17 +153,17 @@ impl Diagnostics {
         }
     }
 
-    /// Whether nothing was found.
+    /// Whether there are no problems.
     pub fn is_empty(&self) -> bool {
         self.items.is_empty()
     }
 
-    /// All problems in the order in which they were met.
+    /// All problems in the order in which they were found.
     pub fn items(&self) -> &[Diagnostic] {
         &self.items
     }
 
-    /// Whether the run must end; with `strict` every warning counts.
+    /// Whether the run must end; with `strict` warnings end it, too.
     pub fn is_fatal(&self, strict: bool) -> bool {
         self.items
             .iter()
@@ -185,7 +182,7 @@ impl Diagnostics {
         Err(Error::Input(Box::new(self)))
     }
 
-    /// The first error's message and how many more there are, in one line.
+    /// The first error's message and the number of further errors, in one line.
     pub fn headline(&self) -> String {
         let first = self.items.iter().find(|d| d.severity == Severity::Error).or(self.items.first());
         let mut line = first.map_or_else(|| "invalid input".to_owned(), |d| d.message.clone());
@@ -195,20 +192,20 @@ impl Diagnostics {
         line
     }
 
-    /// The whole report with file, line, column and the underlined text of each problem.
+    /// The complete report with file, line, column and the underlined text of each problem.
     pub fn render(&self, coloured: bool) -> String {
         self.items.iter().map(|d| d.render(coloured)).collect::<Vec<_>>().join("\n")
     }
 }
 
 impl Diagnostic {
-    /// Adds what the reader can do about the problem.
+    /// Adds a hint how to solve the problem.
     pub fn help(&mut self, text: impl Into<String>) -> &mut Diagnostic {
         self.help = Some(text.into());
         self
     }
 
-    /// The known lines of the problem: of its place and of the first repeats.
+    /// The known lines of the problem: the line of its place and those of further occurrences.
     pub fn lines(&self) -> impl Iterator<Item = usize> {
         let own = self.place.as_ref().map(|p| p.line);
         own.into_iter().chain(self.also_in_lines.iter().copied())
@@ -220,7 +217,7 @@ impl Diagnostic {
         self.also_in_lines.extend(lines.iter().filter(|&&l| l > 0).take(free));
     }
 
-    /// "also in line 4, 5", if there are repeats.
+    /// The text "also in line 4, 5", if there are further occurrences.
     fn repeated(&self) -> Option<String> {
         if self.repeats == 0 {
             return None;
@@ -234,7 +231,7 @@ impl Diagnostic {
         })
     }
 
-    /// This problem as a report of a few lines that ends in a line break.
+    /// The problem as a report of a few lines that ends with a line break.
     pub fn render(&self, coloured: bool) -> String {
         use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
         let level = match self.severity {
@@ -250,7 +247,7 @@ impl Diagnostic {
                 let annotation = AnnotationKind::Primary.span(place.marked.clone());
                 let snippet =
                     Snippet::source(place.excerpt.as_str()).line_start(place.line).annotation(annotation);
-                // the renderer counts columns within the excerpt, which is wrong when the excerpt was cut
+                // the renderer counts columns within the excerpt, which is wrong for a cut excerpt
                 if place.excerpt[..place.marked.start].chars().count() + 1 == place.column {
                     title.element(snippet.path(path))
                 } else {
@@ -274,7 +271,7 @@ impl Diagnostic {
 }
 
 /// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted, missing,
-/// wrong or swapped letter counts once; case does not count). Among equally near ones the first wins.
+/// wrong or swapped letter counts once; case is ignored). Among equally near candidates the first is returned.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word = word.to_lowercase();
     let length = word.chars().count();

@@ -5,9 +5,7 @@ use super::DVec3;
 /// An axis-aligned box in metres. Empty when `min` exceeds `max` on any axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
-    /// Lower corner.
     pub min: DVec3,
-    /// Upper corner.
     pub max: DVec3,
 }
 
@@ -21,7 +19,6 @@ impl Aabb {
     /// The empty box, the neutral element of [`Aabb::union`].
     pub const EMPTY: Aabb = Aabb { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// The smallest box around `points`.
     pub fn around(points: impl IntoIterator<Item = DVec3>) -> Aabb {
         points.into_iter().fold(Aabb::EMPTY, Aabb::with)
     }
@@ -31,38 +28,34 @@ impl Aabb {
         Aabb { min: self.min.min(p), max: self.max.max(p) }
     }
 
-    /// The smallest box around both.
     pub fn union(self, other: Aabb) -> Aabb {
         Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Centre of the box.
     pub fn centre(&self) -> DVec3 {
         (self.min + self.max) * 0.5
     }
 
-    /// Edge lengths, metres.
+    /// Edge lengths, m.
     pub fn size(&self) -> DVec3 {
         self.max - self.min
     }
 
-    /// Whether the box contains no point.
     pub fn is_empty(&self) -> bool {
         self.min.x > self.max.x || self.min.y > self.max.y || self.min.z > self.max.z
     }
 
-    /// This box moved by `offset`.
     pub fn translated(&self, offset: DVec3) -> Aabb {
         Aabb { min: self.min + offset, max: self.max + offset }
     }
 
-    /// The interval `[t_in, t_out]` in which the line `origin + t·direction` is within the box, in units of `direction`, or
-    /// `None` if it misses the box. Either end may be negative.
+    /// The interval `[t_in, t_out]` in which the line `origin + t·direction` is within the box, in units of
+    /// `direction`; `None` if the line misses the box. Either end may be negative.
     #[inline]
     pub fn slabs(&self, origin: DVec3, direction: DVec3) -> Option<(f64, f64)> {
         let (mut t_in, mut t_out) = (f64::NEG_INFINITY, f64::INFINITY);
         for axis in 0..3 {
-            // By the sign bit, because division by -0.0 swaps the infinities.
+            // Decided by the sign bit, because division by -0.0 swaps the infinities.
             let (near, far) = if direction[axis].is_sign_negative() {
                 (self.max[axis], self.min[axis])
             } else {
@@ -70,7 +63,7 @@ impl Aabb {
             };
             let a = (near - origin[axis]) / direction[axis];
             let b = (far - origin[axis]) / direction[axis];
-            // 0/0, a line within the plane of a face, is NaN and leaves the interval as it is.
+            // 0/0, for a line within the plane of a face, is NaN and leaves the interval unchanged.
             if a > t_in {
                 t_in = a;
             }

@@ -2,7 +2,7 @@
 
 use super::{DVec3, Rotation};
 
-/// `p ↦ A·p + shift`. Composition rounds, so that a product depends on the order of evaluation.
+/// The map `p ↦ A·p + shift`. Composition rounds, so that a product depends on the order of evaluation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
     /// Images of the unit vectors x, y and z, without the shift.
@@ -12,7 +12,6 @@ pub struct Affine {
 }
 
 impl Affine {
-    /// The identity.
     pub const IDENTITY: Affine = Affine { columns: [DVec3::X, DVec3::Y, DVec3::Z], shift: DVec3::ZERO };
 
     /// Translation by `by`, m.
@@ -31,13 +30,11 @@ impl Affine {
         Affine { columns, shift: DVec3::ZERO }
     }
 
-    /// The image of a direction.
     pub fn apply_to_vector(&self, v: DVec3) -> DVec3 {
         let [x, y, z] = self.columns;
         x * v.x + y * v.y + z * v.z
     }
 
-    /// The image of a point.
     pub fn apply(&self, p: DVec3) -> DVec3 {
         self.apply_to_vector(p) + self.shift
     }

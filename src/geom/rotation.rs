@@ -4,7 +4,7 @@ use super::{DVec3, unit};
 use libm::{acos, asin, atan2, sincos};
 use std::f64::consts::TAU;
 
-/// A rotation of vectors, right-handed, stored as a quaternion `w + u`.
+/// A right-handed rotation of vectors, stored as the quaternion `w + u`.
 ///
 /// Products are not re-normalised: simulated motion composes rotations in a fixed order, and their last digits are part of the
 /// result (spec kinematics §0.2).
@@ -17,28 +17,28 @@ pub struct Rotation {
 }
 
 impl Rotation {
-    /// No rotation.
+    /// The identity.
     pub const IDENTITY: Rotation = Rotation { w: 1.0, u: DVec3::ZERO };
 
-    /// Right-handed rotation by `angle` (radians) about `axis`, which need not be of unit length.
+    /// Right-handed rotation by `angle` (rad) about `axis`, of any length.
     pub fn about(axis: DVec3, angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: unit(axis) * sin }
     }
 
-    /// Rotation about x.
+    /// Rotation by `angle` (rad) about x.
     pub fn about_x(angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: DVec3::new(sin, 0.0, 0.0) }
     }
 
-    /// Rotation about y.
+    /// Rotation by `angle` (rad) about y.
     pub fn about_y(angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: DVec3::new(0.0, sin, 0.0) }
     }
 
-    /// Rotation about z.
+    /// Rotation by `angle` (rad) about z.
     pub fn about_z(angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: DVec3::new(0.0, 0.0, sin) }
@@ -57,7 +57,7 @@ impl Rotation {
         }
     }
 
-    /// The rotated vector: `2[w(w v + u×v) + (u·v)u] − v`.
+    /// Rotates a vector: `2[w(w v + u×v) + (u·v)u] − v`.
     #[inline]
     pub fn apply(&self, v: DVec3) -> DVec3 {
         let (w, u) = (self.w, self.u);
@@ -80,8 +80,8 @@ impl Rotation {
         self.apply(DVec3::Y)
     }
 
-    /// The shortest rotation that takes direction `a` to direction `b` (neither need be of unit length). Opposite
-    /// directions turn by π about a fixed perpendicular. A zero vector gives NaN.
+    /// The smallest rotation from direction `a` to direction `b`, both of any length. Opposite directions are
+    /// rotated by π about a fixed perpendicular axis. A zero vector yields NaN.
     pub fn between(a: DVec3, b: DVec3) -> Rotation {
         let lengths = a.length() * b.length();
         let dot = a.dot(b);
@@ -103,16 +103,17 @@ impl Rotation {
         (self.u * (if self.w < 0.0 { -1.0 } else { 1.0 } / length), angle)
     }
 
-    /// The attitude of a body (axes right, forward, up) over the local horizon (axes east, north, up): heading clockwise
-    /// from north, then pitch with the nose up, then roll with the right side down, all in radians. This is the order of
-    /// ARINC 705 and DIN 9300, `R3(ψ) R2(θ) R1(φ)` between forward-right-down and north-east-down, which becomes
-    /// `Rz(−heading) ∘ Rx(pitch) ∘ Ry(roll)` in the axes used here (x and y swapped, z negated).
+    /// The attitude of a body (axes right, forward, up) in the local horizontal frame (axes east, north, up):
+    /// heading clockwise from north, then pitch with the nose up, then roll with the right side down, all in
+    /// radians. This is the order of ARINC 705 and DIN 9300, `R3(ψ) R2(θ) R1(φ)` between forward-right-down and
+    /// north-east-down, which becomes `Rz(−heading) ∘ Rx(pitch) ∘ Ry(roll)` in the axes used here (x and y swapped,
+    /// z negated).
     pub fn of_heading(roll: f64, pitch: f64, heading: f64) -> Rotation {
         Rotation::about_z(-heading).after(Rotation::about_x(pitch)).after(Rotation::about_y(roll))
     }
 
-    /// Roll, pitch and heading (rad, heading within [0, 2π)) that [`Rotation::of_heading`] composes to this attitude. A
-    /// body whose nose points straight up or down has no roll.
+    /// Roll, pitch and heading (rad, heading within [0, 2π)) from which [`Rotation::of_heading`] composes this
+    /// attitude. Roll is 0 where the nose points straight up or down.
     pub fn heading_angles(&self) -> [f64; 3] {
         let (right, nose, up) = (self.apply(DVec3::X), self.forward(), self.apply(DVec3::Z));
         let level = (nose.x * nose.x + nose.y * nose.y).sqrt();
@@ -127,14 +128,14 @@ impl Rotation {
         [roll + 0.0, pitch + 0.0, if heading < TAU { heading + 0.0 } else { 0.0 }]
     }
 
-    /// Angles (a, b, c) with `self = Rx(a) ∘ Ry(b) ∘ Rz(c)`; `None` at gimbal lock (|sin b| > 0.9999999999).
+    /// Angles (a, b, c), rad, with `self = Rx(a) ∘ Ry(b) ∘ Rz(c)`; `None` at gimbal lock (|sin b| > 0.9999999999).
     pub fn angles_xyz(&self) -> Option<[f64; 3]> {
         let k = self.apply(DVec3::Z);
         let m = self.inverse().apply(DVec3::X);
         (m.z.abs() <= 0.9999999999).then(|| [atan2(-k.y, k.z), asin(m.z), atan2(-m.y, m.x)])
     }
 
-    /// Angles (a, b, c) with `self = Rz(a) ∘ Ry(b) ∘ Rx(c)`; `None` at gimbal lock.
+    /// Angles (a, b, c), rad, with `self = Rz(a) ∘ Ry(b) ∘ Rx(c)`; `None` at gimbal lock (|sin b| > 0.9999999999).
     pub fn angles_zyx(&self) -> Option<[f64; 3]> {
         let i = self.apply(DVec3::X);
         let n = self.inverse().apply(DVec3::Z);
@@ -164,7 +165,7 @@ mod tests {
 
     #[test]
     fn mounting_chain_example() {
-        // spec kinematics §3.1: an eastbound craft, mirror at 20°
+        // spec kinematics §3.1: an eastbound platform, mirror at 20°
         let m = Rotation::about_z(radians(90.0)).after(Rotation::about_x(radians(-90.0)));
         let p = Rotation::about_z(radians(-90.0));
         let g = p.after(m).after(Rotation::about_x(radians(20.0)));
@@ -188,11 +189,12 @@ mod tests {
 
     #[test]
     fn headings_compose_with_roll_innermost() {
-        // Columns of the direction cosine matrix of a textbook (Titterton & Weston 2004, eq. 3.63, body to north-east-down
-        // navigation frame), at round angles: roll 30°, pitch 45°, heading 90°.
+        // Columns of the direction cosine matrix (Titterton & Weston 2004, eq. 3.63, body to north-east-down
+        // navigation frame) at round angles: roll 30°, pitch 45°, heading 90°.
         let a = Rotation::of_heading(radians(30.0), radians(45.0), radians(90.0));
         let (h, q) = (0.5f64.sqrt(), 3f64.sqrt() / 2.0);
-        // forward in NED: (cos θ cos ψ, cos θ sin ψ, −sin θ) = (0, √½, −√½); east-north-up swaps and negates.
+        // forward in NED: (cos θ cos ψ, cos θ sin ψ, −sin θ) = (0, √½, −√½); east-north-up swaps x and y and negates
+        // z.
         close(a.forward(), [h, 0.0, h]);
         // right in NED: (sin φ sin θ cos ψ − cos φ sin ψ, sin φ sin θ sin ψ + cos φ cos ψ, sin φ cos θ).
         close(a.apply(DVec3::X), [0.5 * h, -q, -0.5 * h]);

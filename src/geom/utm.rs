@@ -1,7 +1,7 @@
-//! Universal Transverse Mercator: latitude and longitude on WGS 84 to easting and northing and back, by Krüger's series in
-//! the third flattening to the sixth order (C. F. F. Karney, Transverse Mercator with an accuracy of a few nanometers,
-//! J. Geodesy 85, 2011, doi 10.1007/s00190-011-0445-3). Within 40° of the central meridian the series is exact to a
-//! micrometre.
+//! Universal Transverse Mercator: converts latitude and longitude on WGS 84 to easting and northing and back, by
+//! Krüger's series in the third flattening to the sixth order (C. F. F. Karney, Transverse Mercator with an accuracy
+//! of a few nanometers, J. Geodesy 85, 2011, doi 10.1007/s00190-011-0445-3). Within 40° of the central meridian the
+//! error of the series is below a micrometre.
 
 use libm::{asinh, atan, atan2, atanh, cos, cosh, sin, sinh, tan};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -17,30 +17,30 @@ const N: f64 = F / (2.0 - F);
 const SCALE: f64 = 0.9996;
 const FALSE_EASTING: f64 = 500_000.0;
 const FALSE_NORTHING: f64 = 10_000_000.0;
-/// Limit of the longitude from the central meridian, rad, far beyond the zone.
+/// Maximum longitude from the central meridian, rad, far beyond the zone.
 const MAX_LONGITUDE: f64 = 30.0 * (PI / 180.0);
 
-/// Radius of the sphere whose meridians have the length of the ellipsoid's, m (Karney, eq. 14).
+/// Radius of the sphere whose meridians are as long as those of the ellipsoid, m (Karney, eq. 14).
 const RECTIFYING: f64 = A / (1.0 + N) * (1.0 + N * N * (1.0 / 4.0 + N * N * (1.0 / 64.0 + N * N / 256.0)));
 
-/// One of the 60 zones, on one hemisphere: a rectangular grid in metres.
+/// One of the 60 zones on one hemisphere: a rectangular grid in metres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UtmZone {
-    /// 1 to 60.
+    /// Zone number, 1 to 60.
     number: u8,
-    /// Northings count from the equator plus 10 000 km.
+    /// Whether 10 000 km are added to northings.
     south: bool,
 }
 
 /// A point on the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridPoint {
-    /// m.
+    /// Easting, m.
     pub easting: f64,
-    /// m.
+    /// Northing, m.
     pub northing: f64,
-    /// Meridian convergence: the angle from true north clockwise to grid north, rad. A true bearing minus it is the
-    /// bearing on the grid.
+    /// Meridian convergence: the angle from true north clockwise to grid north, rad. The bearing on the grid is the
+    /// true bearing minus this angle.
     pub convergence: f64,
 }
 
@@ -53,7 +53,7 @@ impl std::str::FromStr for UtmZone {
 }
 
 impl UtmZone {
-    /// Zone `number` (1 to 60).
+    /// Zone `number` (1 to 60); `None` for other numbers.
     pub fn new(number: u8, south: bool) -> Option<UtmZone> {
         (1..=60).contains(&number).then_some(UtmZone { number, south })
     }
@@ -88,8 +88,8 @@ impl UtmZone {
         UtmZone::new(text[..digits].parse().ok()?, south)
     }
 
-    /// The zone that a coordinate reference system in WKT names: `UTM zone 32N` as EPSG writes it or `UTM_Zone_32N` as
-    /// Esri does. `None` for all others, zones on other ellipsoids than WGS 84 and GRS 80 included.
+    /// The zone that a coordinate reference system in WKT names: `UTM zone 32N` as EPSG writes it or `UTM_Zone_32N`
+    /// as Esri does. `None` for all other systems, including zones on ellipsoids other than WGS 84 and GRS 80.
     pub fn of_wkt(wkt: &str) -> Option<UtmZone> {
         let lower = wkt.to_ascii_lowercase().replace(['_', '-'], " ");
         // The two ellipsoids differ by 0.1 mm.
@@ -108,8 +108,8 @@ impl UtmZone {
         (f64::from(self.number) * 6.0 - 183.0) * (PI / 180.0)
     }
 
-    /// The grid point of a latitude and longitude in radians; `None` for an invalid latitude and more than 30° from the central
-    /// meridian.
+    /// The grid point of a latitude and longitude in radians; `None` for an invalid latitude and for longitudes more
+    /// than 30° from the central meridian.
     pub fn project(self, latitude: f64, longitude: f64) -> Option<GridPoint> {
         let east = (longitude - self.meridian() + PI).rem_euclid(2.0 * PI) - PI;
         if !(latitude.abs() <= FRAC_PI_2 && east.abs() <= MAX_LONGITUDE) {
@@ -148,7 +148,7 @@ impl UtmZone {
             eta -= beta * cos(k * y) * sinh(k * x);
         }
         let goal = sin(xi) / (sinh(eta) * sinh(eta) + cos(xi) * cos(xi)).sqrt();
-        // Newton's method (Karney, eq. 19 to 21) converges in three steps; further ones change nothing.
+        // Newton's method (Karney, eq. 19 to 21) converges in three steps; further steps change nothing.
         let mut tau = goal;
         for _ in 0..5 {
             let reached = conformal_tangent(tau);
@@ -170,7 +170,7 @@ impl fmt::Display for UtmZone {
     }
 }
 
-/// Tangent of the conformal latitude from that of the latitude (Karney, eq. 7 to 9).
+/// Tangent of the conformal latitude from the tangent of the latitude (Karney, eq. 7 to 9).
 fn conformal_tangent(tau: f64) -> f64 {
     let e = (F * (2.0 - F)).sqrt();
     let sec = (1.0 + tau * tau).sqrt();
@@ -178,7 +178,7 @@ fn conformal_tangent(tau: f64) -> f64 {
     tau * (1.0 + sigma * sigma).sqrt() - sigma * sec
 }
 
-/// Karney, eq. 35.
+/// Coefficients of the series to the grid (Karney, eq. 35).
 fn forward_series() -> [f64; 6] {
     let n = N;
     [
@@ -194,7 +194,7 @@ fn forward_series() -> [f64; 6] {
     ]
 }
 
-/// Karney, eq. 36.
+/// Coefficients of the series from the grid (Karney, eq. 36).
 fn backward_series() -> [f64; 6] {
     let n = N;
     [
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn known_points_are_projected() {
-        // The edge of a zone on the equator, as in every table of UTM.
+        // The edge of a zone on the equator, a standard value of UTM tables.
         assert!((at("31N", 0.0, 0.0).easting - 166_021.443_1).abs() < 1e-4);
         assert!((at("31N", 0.0, 6.0).easting - 833_978.556_9).abs() < 1e-4);
         assert_eq!(at("31S", 0.0, 3.0).northing, 10_000_000.0);
@@ -264,7 +264,7 @@ mod tests {
             prop_assert!((again - lat).abs() * A < 1e-6 && (lon_again - lon).abs() * A * cos(lat) < 1e-6);
         }
 
-        /// True north is `convergence` to the left of grid north, and the scale to the east is that to the north.
+        /// True north is `convergence` to the left of grid north, and the scales to the north and to the east are equal.
         #[test]
         fn the_projection_is_conformal(lat in -80.0f64..80.0, east in -5.0f64..5.0) {
             let zone = UtmZone::new(32, false).unwrap();

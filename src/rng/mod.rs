@@ -1,7 +1,7 @@
-//! Counter-based random numbers: pure functions of their purpose.
+//! Counter-based random numbers: pure functions of seed, purpose and counters.
 //!
-//! Every draw is Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3") keyed by the survey's
-//! seed and the [`Purpose`], with the emitting device, the pulse number and a counter as the plain text. No generator has
+//! Every draw is Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"). The key is the
+//! survey's seed; the plain text holds the [`Purpose`], the emitting device, the pulse number and a counter. There is no
 //! state, so no draw depends on threads, chunks or previous draws.
 
 mod normals;
@@ -10,7 +10,7 @@ pub use normals::NORMALS_PER_BLOCK;
 
 use libm::{cos, log, sin};
 
-/// What a draw is for. Streams of different purposes are independent.
+/// The purpose of a draw. Streams of different purposes are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
@@ -36,21 +36,21 @@ pub enum Purpose {
     LegOffset = 10,
     /// Random displacement of scaled voxels.
     VoxelShift = 11,
-    /// Randomised materials.
+    /// Random variants of materials.
     Material = 12,
     /// Procedural scenes.
     SceneMaking = 13,
-    /// Turn of the pattern of subrays about the beam's axis.
+    /// Rotation of the pattern of subrays about the beam's axis.
     PatternTurn = 14,
-    /// Noise of the receiver on a sample.
+    /// Noise of the receiver on a waveform sample.
     ReceiverNoise = 15,
-    /// Echoes of nothing but noise.
+    /// False alarms: returns that noise alone causes.
     FalseAlarm = 16,
-    /// Errors of navigation: of position, attitude, boresight and lever arm.
+    /// Navigation errors: position, attitude, boresight and lever arm.
     Navigation = 32,
 }
 
-/// A stream of draws: the key of a seed and a purpose.
+/// A stream of draws for one seed and purpose.
 #[derive(Clone, Copy, Debug)]
 pub struct Stream {
     key: [u32; 2],
@@ -63,14 +63,14 @@ impl Stream {
         Stream { key: [seed as u32, (seed >> 32) as u32], purpose: purpose as u32 }
     }
 
-    /// 128 random bits for (`group`, `number`, `counter`): device, pulse number, draw within the pulse. `group` and
-    /// `counter` keep their low 24 bits apart from the purpose's 8.
+    /// 128 random bits for (`group`, `number`, `counter`): device, pulse number, draw within the pulse. Only the low
+    /// 24 bits of `group` are used; the purpose takes the other 8 bits of its word.
     pub fn bits(&self, group: u32, number: u64, counter: u32) -> [u32; 4] {
         let plain = [number as u32, (number >> 32) as u32, counter, group.wrapping_shl(8) ^ self.purpose];
         philox4x32_10(plain, self.key)
     }
 
-    /// Uniform in [0, 1) with 53 bits.
+    /// Uniform in [0, 1), with a resolution of 53 bits.
     pub fn uniform(&self, group: u32, number: u64, counter: u32) -> f64 {
         let b = self.bits(group, number, counter);
         unit_interval(b[0], b[1])
@@ -82,12 +82,12 @@ impl Stream {
         // 1 − u lies in (0, 1], so the logarithm is finite.
         let radius = (-2.0 * log(1.0 - unit_interval(b[0], b[1]))).sqrt();
         let angle = std::f64::consts::TAU * unit_interval(b[2], b[3]);
-        // A random one of the two values of the pair.
+        // One of the two values of the pair is chosen at random.
         if b[3] & 1 == 0 { radius * cos(angle) } else { radius * sin(angle) }
     }
 }
 
-/// Uniform in (0, 1] with 53 bits of two words, so that its logarithm is finite.
+/// Uniform in (0, 1], with a resolution of 53 bits from two words, so that its logarithm is finite.
 pub fn open_unit(high: u32, low: u32) -> f64 {
     1.0 - unit_interval(high, low)
 }

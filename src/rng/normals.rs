@@ -1,7 +1,7 @@
-//! Eight normal draws at a time, bit for bit equal to [`Stream::normal`].
+//! Computes eight normal draws at a time, bit for bit equal to [`Stream::normal`].
 //!
-//! Logarithm, sine and cosine repeat the steps of libm for the arguments that occur here, without branches, so that the
-//! compiler can vectorise them for the instruction set that they are inlined into.
+//! Logarithm, sine and cosine repeat the steps of libm for the arguments that occur here, without branches, so that
+//! the compiler can vectorise them for the instruction set of the caller into which they are inlined.
 
 #![expect(clippy::excessive_precision, reason = "coefficients stand as they were published")]
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
@@ -9,7 +9,6 @@
 use super::{Stream, unit_interval};
 use std::f64::consts::TAU;
 
-/// Number of draws that are computed together.
 pub const NORMALS_PER_BLOCK: usize = 8;
 type Block = [f64; NORMALS_PER_BLOCK];
 
@@ -37,7 +36,7 @@ impl Stream {
         out
     }
 
-    /// [`Stream::bits`] of eight draws, word by word.
+    /// [`Stream::bits`] of eight draws, stored word by word.
     #[inline(always)]
     fn bits_of_lanes(
         &self,
@@ -106,7 +105,7 @@ fn logs(x: &Block) -> Block {
 /// [`libm::sin`] where `is_sine` is 1 and [`libm::cos`] where it is 0, of angles from 0 to 2π.
 #[inline(always)]
 fn sines(x: &Block, is_sine: &[u64; NORMALS_PER_BLOCK]) -> Block {
-    /// π/2: its first 33 bits, and the others.
+    /// π/2, split into its first 33 bits and the remainder.
     const QUARTER: [f64; 2] = [1.57079632673412561417e+00, 6.07710050650619224932e-11];
     // Upper halves of odd multiples of π/4, above which the next multiple of π/2 is subtracted.
     const FROM: [u64; 4] = [0x3fe9_21fb, 0x4002_d97c, 0x400f_6a7a, 0x4015_fdbc];
@@ -119,7 +118,7 @@ fn sines(x: &Block, is_sine: &[u64; NORMALS_PER_BLOCK]) -> Block {
         let z = x[i] - n * QUARTER[0];
         let y = z - n * QUARTER[1];
         let rest = (z - y) - n * QUARTER[1];
-        // Near multiples of π/2 libm subtracts more digits.
+        // Near multiples of π/2 libm subtracts a more precise π/2.
         let cancels = (high & 0x000f_ffff == 0x9_21fb) & (high > FROM[0]) | (high == 0x4012_d97c);
         rare |= u64::from(cancels);
         let quadrant = quarters + 3 * is_sine[i];
@@ -212,7 +211,7 @@ mod tests {
         }
     }
 
-    /// Some numbers and their nearest neighbours.
+    /// Some numbers with their neighbours in double precision.
     fn around(x: f64) -> Block {
         from_fn(|i| f64::from_bits(x.to_bits().saturating_add(i as u64).saturating_sub(3)))
     }
