@@ -1,6 +1,6 @@
 //! Geometry in double precision: rotations, boxes, angles, map projection.
 //!
-//! Transcendental functions are those of [`libm`], so that results do not depend on the machine's C library.
+//! Transcendental functions are computed by [`libm`], so that results do not depend on the machine's C library.
 
 mod aabb;
 mod affine;

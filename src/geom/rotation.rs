@@ -6,8 +6,8 @@ use std::f64::consts::TAU;
 
 /// A right-handed rotation of vectors, stored as the quaternion `w + u`.
 ///
-/// Products are not re-normalised: simulated motion composes rotations in a fixed order, and their last digits are part of the
-/// result (spec kinematics §0.2).
+/// Products are not re-normalised: simulated motion composes rotations in a fixed order, and their last digits are
+/// part of the result (spec kinematics §0.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotation {
     /// Scalar part, cos(θ/2).

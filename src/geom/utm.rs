@@ -58,8 +58,8 @@ impl UtmZone {
         (1..=60).contains(&number).then_some(UtmZone { number, south })
     }
 
-    /// The zone of a latitude and longitude in radians, with the exceptions of Norway and Svalbard; `None` for an invalid
-    /// latitude.
+    /// The zone of a latitude and longitude in radians, with the exceptions of Norway and Svalbard; `None` for an
+    /// invalid latitude.
     pub fn of(latitude: f64, longitude: f64) -> Option<UtmZone> {
         if !(latitude.abs() <= FRAC_PI_2 && longitude.is_finite()) {
             return None;
@@ -264,7 +264,7 @@ mod tests {
             prop_assert!((again - lat).abs() * A < 1e-6 && (lon_again - lon).abs() * A * cos(lat) < 1e-6);
         }
 
-        /// True north is `convergence` to the left of grid north, and the scales to the north and to the east are equal.
+        /// True north is `convergence` to the left of grid north; the scales to the north and to the east are equal.
         #[test]
         fn the_projection_is_conformal(lat in -80.0f64..80.0, east in -5.0f64..5.0) {
             let zone = UtmZone::new(32, false).unwrap();

@@ -1,8 +1,8 @@
 //! Counter-based random numbers: pure functions of seed, purpose and counters.
 //!
 //! Every draw is Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"). The key is the
-//! survey's seed; the plain text holds the [`Purpose`], the emitting device, the pulse number and a counter. There is no
-//! state, so no draw depends on threads, chunks or previous draws.
+//! survey's seed; the plain text holds the [`Purpose`], the emitting device, the pulse number and a counter. There
+//! is no state, so no draw depends on threads, chunks or previous draws.
 
 mod normals;
 

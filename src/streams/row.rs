@@ -232,8 +232,8 @@ fn two_sum(a: f64, b: f64) -> (f64, f64) {
     (sum, (a - (sum - virtual_b)) + (b - virtual_b))
 }
 
-/// `high + low − shift`, exact where `high` and `low` are the [`two_sum`] of the result and `shift`: both rounding errors
-/// are multiples of one small unit, so that their sum is exact.
+/// Computes `high + low − shift`, exactly where `high` and `low` are the [`two_sum`] of the result and `shift`: both
+/// rounding errors are multiples of one small unit, so their sum is exact.
 fn subtract_exactly(high: f64, low: f64, shift: f64) -> f64 {
     let (difference, lost) = two_sum(high, -shift);
     difference + (lost + low)

@@ -19,7 +19,7 @@ pub struct ReadOptions {
     pub strict: bool,
     /// Replaces the scene of the survey.
     pub scene: Option<String>,
-    /// Replaces the platform of the survey ([`super::Survey::follow`]) before the survey is checked as a whole.
+    /// Replaces the platform of the survey ([`super::Survey::follow`]) before the survey is checked.
     pub trajectory: Option<PoseStream>,
     /// Maximum number of bytes that the survey and its scene may need. Files that certainly need more are refused
     /// before they are read.

@@ -6,10 +6,9 @@
 //! | `model` | the plain values that every reader produces |
 //! | `text`, `xml` | bytes to text; XML as owned elements with their places in the file |
 //! | `shipped`, `assets`, `catalogue` | the built-in files; the search path; the built-in scanners and platforms |
-//! | `context`, `fields`, `documents` | the problems of one run of a reader; typed attributes of an element;
-//! documents and references |
+//! | `context`, `fields`, `documents` | the problems of one run of a reader; typed attributes of an element; documents and references |
 //! | `read` | the entry points: a survey, a scene, a scanner |
-//! | `survey_xml`, `settings`, `templates`, `legs`, `trajectories` | the `<survey>` element: templates, merged settings, interpolated platforms |
+//! | `survey_xml`, `settings`, `templates`, `legs`, `trajectories` | the `<survey>` element: templates, legs, trajectories |
 //! | `follow` | surveys that follow a stream of poses |
 //! | `checks` | checks that need the complete survey: limits, legs that never end |
 //! | `scanner_xml`, `deflector_xml`, `receiver_xml`, `pulse_file`, `platform_xml` | instruments and platforms |

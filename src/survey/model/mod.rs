@@ -110,9 +110,9 @@ pub struct Multicopter {
     pub roll_speed: f64,
     /// Yaw rate, rad/s.
     pub yaw_speed: f64,
-    /// Largest deviation from the base pitch, rad.
+    /// Maximum deviation from the base pitch, rad.
     pub pitch_offset: f64,
-    /// Largest roll, rad.
+    /// Maximum roll, rad.
     pub roll_offset: f64,
 }
 
@@ -129,11 +129,11 @@ pub enum RotationSpec {
 #[derive(Clone, Debug)]
 pub struct Interpolated {
     pub rotation_spec: RotationSpec,
-    /// Use positions only; the attitude stays identity.
+    /// Whether only positions are used and the attitude is the identity.
     pub position_only: bool,
-    /// The files' angles are degrees.
+    /// Whether angles in the files are degrees.
     pub degrees: bool,
-    /// Start the GPS clock at the trajectory's time.
+    /// Whether the GPS clock starts at the trajectory's time.
     pub sync_gps_time: bool,
     /// The distinct files in the order of their first reference.
     pub files: Vec<TrajectoryFile>,
@@ -176,15 +176,9 @@ pub struct Noise {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NoiseKind {
     /// Normal.
-    Normal {
-        mean: f64,
-        stdev: f64,
-    },
+    Normal { mean: f64, stdev: f64 },
     /// Uniform.
-    Uniform {
-        min: f64,
-        max: f64,
-    },
+    Uniform { min: f64, max: f64 },
 }
 
 /// One leg of the survey.
@@ -230,7 +224,7 @@ pub struct LegTrajectory {
     pub start: Option<f64>,
     /// End in the file's own time, s; `None` = last sample.
     pub end: Option<f64>,
-    /// Jump to the start instead of travelling to it.
+    /// Whether the platform jumps to the start instead of travelling to it.
     pub teleport: bool,
 }
 
@@ -279,7 +273,8 @@ pub struct Scanner {
     pub pulse_freqs: Vec<u32>,
     /// Devices in firing order; at least one.
     pub devices: Vec<Device>,
-    /// Whether the devices come from `<channels>` (such scanners never use the legacy energy model, spec pulse-physics §0.4).
+    /// Whether the devices come from `<channels>`. Such scanners never use the legacy energy model (spec
+    /// pulse-physics §0.4).
     pub multi_channel: bool,
 }
 
@@ -319,9 +314,7 @@ pub enum Deflector {
     /// `conic`: Palmer scanner.
     Conic,
     /// `line`: fibre array.
-    Fibres {
-        count: u32,
-    },
+    Fibres { count: u32 },
     /// `risley` prisms.
     Risley {
         /// Prisms in the order in which the beam passes them; flat ones without a wedge are left out.

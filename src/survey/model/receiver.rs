@@ -93,8 +93,7 @@ pub enum Ranging {
 /// Full width at half maximum of x²e^(−x), whose half-power points are −2W₀(−1/(√2·e)) and −2W₋₁(−1/(√2·e)).
 const GAMMA_WIDTH: f64 = 3.394_680_670_846_504;
 
-/// Length (ns) of the reference's pulse (t/τ)²·e^(−t/τ), τ = length/7, whose full width at half maximum is `fwhm`
-/// ns.
+/// Length (ns) of the reference's pulse (t/τ)²·e^(−t/τ), τ = length/7, which is `fwhm` ns wide at half maximum.
 pub fn pulse_length_of_width(fwhm: f64) -> f64 {
     7.0 * fwhm / GAMMA_WIDTH
 }

@@ -86,15 +86,9 @@ pub struct MaterialChoice {
 #[derive(Clone, Debug)]
 pub enum Loader {
     /// Wavefront OBJ.
-    Obj {
-        files: Vec<PathBuf>,
-        up: UpAxis,
-    },
+    Obj { files: Vec<PathBuf>, up: UpAxis },
     /// Terrain raster.
-    GeoTiff {
-        file: PathBuf,
-        material: MaterialChoice,
-    },
+    GeoTiff { file: PathBuf, material: MaterialChoice },
     /// Point cloud to voxels.
     Xyz(Box<XyzLoader>),
     /// AMAPVox voxels.
