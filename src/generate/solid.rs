@@ -165,6 +165,6 @@ pub(super) fn box_corners(centre: DVec3, x: DVec3, y: DVec3, z: DVec3) -> [DVec3
     [at(l, l, l), at(h, l, l), at(h, h, l), at(l, h, l), at(l, l, h), at(h, l, h), at(h, h, h), at(l, h, h)]
 }
 
-/// Corner numbers of a box's six faces, outward.
+/// Corner indices of the six faces of a box, oriented outward.
 pub(super) const BOX_FACES: [[usize; 4]; 6] =
     [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]];

@@ -44,10 +44,8 @@ impl Attribute {
         Attribute::Object,
     ];
 
-    /// The three coordinates.
     pub const POSITION: [Attribute; 3] = [Attribute::X, Attribute::Y, Attribute::Z];
 
-    /// The three components of the normal.
     pub const NORMAL: [Attribute; 3] = [Attribute::NormalX, Attribute::NormalY, Attribute::NormalZ];
 
     /// The names that programs use for the attribute, in lower case and without underscores. If a file has several of

@@ -35,7 +35,6 @@ enum Records<'a> {
     Compressed(Box<Compressed<'a>>),
 }
 
-/// Compressed records.
 struct Compressed<'a> {
     decompressor: LasZipDecompressor<'a, Cursor<&'a [u8]>>,
     /// Number of layers of a chunk, if chunks are layered.

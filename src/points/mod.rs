@@ -38,7 +38,6 @@ pub struct PointRow {
 
 /// Reads the points of a file in order.
 pub trait PointReader {
-    /// Whether the file has an attribute.
     fn has(&self, attribute: Attribute) -> bool;
 
     /// The centre of the points according to the file's header, if it states one.

@@ -13,7 +13,7 @@ pub fn float(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// Whether a line holds no point: it is blank, or a comment marked by `//` or `#`.
+/// Whether a line contains no point: it is blank, or a comment marked by `//` or `#`.
 pub fn is_skipped(line: &[u8]) -> bool {
     matches!(line.trim_ascii_start(), [] | [b'/', b'/', ..] | [b'#', ..]) || line.iter().all(|&b| is_blank(b))
 }

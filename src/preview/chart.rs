@@ -68,7 +68,7 @@ enum Mark {
         role: Role,
         note: String,
     },
-    /// Text whose baseline starts at `at`, or ends there if `at_end`.
+    /// Text whose upper left corner is `at`, or whose upper right corner it is if `at_end`.
     Text {
         at: [f64; 2],
         text: String,

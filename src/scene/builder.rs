@@ -110,9 +110,9 @@ pub(super) struct SceneBuilder<'a> {
     pub geometry: Geometry,
     /// Attributes of the cubes, parallel to `geometry.cubes`.
     pub voxels: Vec<Voxel>,
-    /// Surface of each triangle.
+    /// Index in `surfaces` of each triangle.
     pub triangle_surfaces: Vec<u32>,
-    /// Surface of each cube.
+    /// Index in `surfaces` of each cube.
     pub cube_surfaces: Vec<u32>,
     pub surfaces: Vec<Surface>,
     /// Parts with at least one primitive.
@@ -219,7 +219,7 @@ impl<'a> SceneBuilder<'a> {
     }
 
     /// Completes triangles appended after `start`, whose vertex indices count from there: removes unused vertices and
-    /// converts the indices to those of the scene.
+    /// converts the indices to indices in the scene.
     pub fn finish_mesh(&mut self, start: &Extent) -> Result<()> {
         let (first, vertices) = (start.vertices.start, self.geometry.vertices.to_mut());
         let triangles = &mut self.geometry.triangles[start.triangles.start..];

@@ -19,10 +19,10 @@ pub fn count_epochs(recipe: &SceneRecipe) -> Result<u32> {
     Ok(recipe.parts.iter().map(of).max().unwrap_or(1))
 }
 
-/// Local frame and bounding box of the first epoch's scene, on which those of later epochs depend.
+/// Local frame and bounding box of the first epoch's scene, which determine the frame and box of later epochs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneFrame {
-    /// World position of the local origin.
+    /// World position of the local origin, m.
     pub(super) shift: DVec3,
     bounds: Aabb,
 }

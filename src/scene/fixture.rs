@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::survey::{Loader, MotionTiming, PartRecipe, SceneRecipe, Transform, UpAxis};
 use std::path::{Path, PathBuf};
 
-/// The reference's rules.
+/// The rules of the reference: no departures.
 pub(super) const HELIOS: MaterialRules = MaterialRules::from_array([false; MaterialRules::COUNT]);
 
 pub(super) struct Fixture {
@@ -22,7 +22,6 @@ impl Fixture {
         Fixture { folder: tempfile::tempdir().unwrap(), parts: Vec::new(), options }
     }
 
-    /// Writes a file and returns its path.
     pub fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
         let path = self.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();

@@ -111,7 +111,6 @@ fn covers(scene: &SceneBuilder, body: &Body, p: DVec3) -> bool {
     (b.min.x..=b.max.x).contains(&p.x) && (b.min.y..=b.max.y).contains(&p.y)
 }
 
-/// The bounding box of a part.
 pub(super) fn bounds_of(scene: &SceneBuilder, body: &Body) -> Aabb {
     match body {
         Body::Stored(extent) => bounds(&scene.geometry, extent),

@@ -12,9 +12,8 @@ const MAX_SLIVER_RATIO: f64 = 1e-6;
 /// Numbers of primitives, instances and defects of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Inventory {
-    /// Stored triangles, without those of instances.
+    /// Stored triangles, without the triangles of instances.
     pub triangles: u64,
-    /// Triangles of all instances.
     pub instanced_triangles: u64,
     pub cubes: u64,
     pub instances: u64,
@@ -78,7 +77,7 @@ impl Inventory {
         all
     }
 
-    /// Number of all primitives, including those of instances.
+    /// Number of all primitives, including the triangles of instances.
     pub fn primitives(&self) -> u64 {
         self.triangles + self.instanced_triangles + self.cubes
     }

@@ -12,7 +12,7 @@ use crate::geom::DVec3;
 use libm::acos;
 use std::f64::consts::{PI, TAU};
 
-/// The projection function G over the zenith angle, on the scale where an isotropic canopy has G = π.
+/// The projection function G over the zenith angle, on the scale where an isotropic canopy has the value π.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LadTable {
     /// Zenith angles, rad, strictly ascending.

@@ -115,7 +115,7 @@ impl Scene {
         }
     }
 
-    /// Number of primitives, including those of instances.
+    /// Number of primitives, including the triangles of instances.
     pub fn primitives(&self) -> usize {
         self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
     }

@@ -1,4 +1,4 @@
-//! Where materials and leaf angle tables depart from the reference's reading of them.
+//! Departures from the reference in the reading of materials and leaf angle tables.
 
 macro_rules! material_rules {
     ($($(#[$doc:meta])* $rule:ident,)*) => {

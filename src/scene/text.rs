@@ -26,7 +26,7 @@ pub(super) struct Source {
 const MARK: &[u8] = b"\xef\xbb\xbf";
 
 impl Source {
-    /// Maps `path`, or reads it if it is no regular file.
+    /// Maps `path`, or reads it if it is not a regular file.
     pub fn open(path: &Path) -> std::io::Result<Source> {
         FileBytes::open(path).map(|data| Source::new(path, data))
     }

@@ -37,7 +37,7 @@ struct Header {
 pub(super) struct Densities {
     /// The file's cubes, as indices in the scene.
     pub cubes: Range<usize>,
-    /// PAD_max.
+    /// PAD_max, the maximum plant area density, 1/m.
     pub largest: f64,
 }
 

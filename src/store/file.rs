@@ -45,7 +45,7 @@ pub struct ArrayFileWriter {
     table: Vec<Entry>,
 }
 
-/// An array in the file.
+/// Table entry of an array.
 struct Entry {
     name: String,
     bytes: Range<u64>,

@@ -26,7 +26,7 @@ pub enum FileBytes {
 }
 
 impl FileBytes {
-    /// Maps a regular file; reads anything else to its end.
+    /// Maps a regular file; reads any other file to its end.
     pub fn open(path: &Path) -> std::io::Result<FileBytes> {
         let mut file = File::open(path)?;
         let metadata = file.metadata()?;

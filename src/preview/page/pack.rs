@@ -49,7 +49,6 @@ fn mixed_bits(i: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Packs the chosen points.
 pub(super) fn pack(points: &Points, chosen: &[u32], ranges: &Ranges) -> Packed {
     let grid = Grid::of(points);
     let mut order: Vec<(u64, u32)> =

@@ -197,7 +197,7 @@ fn readable(e: TiffError) -> String {
     e.to_string()
 }
 
-/// Appends one vertex per pixel, row by row; its height is NaN where there are no data.
+/// Appends one vertex per pixel, row by row; the height of a pixel without data is NaN.
 fn append_vertices(scene: &mut SceneBuilder, source: &Source, raster: &Raster) -> Result<(), String> {
     let first = scene.geometry.vertices.len();
     let vertices = scene.geometry.vertices.to_mut();

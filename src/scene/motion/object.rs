@@ -42,7 +42,7 @@ pub struct ObjectUpdate {
 }
 
 impl<'a> DynamicScene<'a> {
-    /// All parts in their initial pose. `options` are those of their trees.
+    /// All parts in their initial pose. `options` apply to their trees.
     pub fn new(plan: &'a MotionPlan, options: BuildOptions) -> DynamicScene<'a> {
         let options = BuildOptions { jobs: 0, ..options };
         let object = |part: &PlannedPart| DynamicObject {

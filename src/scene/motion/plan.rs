@@ -36,7 +36,7 @@ pub(super) struct PlannedPart {
     pub cubes: Range<usize>,
 }
 
-/// A `<dmotion>`.
+/// A `<dmotion>` element.
 #[derive(Clone, Debug)]
 pub(super) struct Sequence {
     /// Number of repetitions; 0: endless.
@@ -45,7 +45,7 @@ pub(super) struct Sequence {
     pub moves: Vec<Move>,
 }
 
-/// A `<motion>`.
+/// A `<motion>` element.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub map: Affine,

@@ -16,7 +16,6 @@ use xxhash_rust::xxh3::xxh3_64;
 pub struct Conditions {
     /// Wavelength of the spectra, nm.
     pub wavelength_nm: f64,
-    /// Whether the scene has spectra.
     pub has_spectra: bool,
     /// Seed of random materials and positions.
     pub seed: u64,
