@@ -79,7 +79,8 @@ pub(super) struct Navigation {
     boresight: Rotation,
     /// From the navigation system's body to the scanner's platform frame, and back.
     mounting: [Rotation; 2],
-    /// The scanner's platform frame as seen from the navigation system, m, in the axes of its body; true and reported.
+    /// Position of the scanner's platform frame relative to the navigation system, m, in the axes of its body: true and
+    /// reported.
     arm: DVec3,
     reported_arm: DVec3,
 }

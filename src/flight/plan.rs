@@ -1,4 +1,4 @@
-//! The plan of a flight: what is fixed before it starts.
+//! The plan of a flight: everything that is fixed before it starts.
 
 use super::clock::WEEK_NS;
 use super::leg::{PlannedLeg, TrajectoryLeg, check_spans, courses, trajectory_legs};

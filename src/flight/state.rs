@@ -34,7 +34,7 @@ pub struct FlightState {
     clock_base: f64,
     /// Steps of this leg.
     leg_ticks: u64,
-    /// Time from the start of the run to that of the leg, ns.
+    /// Time from the start of the run to the start of the leg, ns.
     elapsed_base_ns: f64,
     /// The GPS clock, ns of the week: a running sum, which rounds, in the reference, and a product with the exact
     /// clock.
@@ -46,7 +46,7 @@ pub struct FlightState {
     pulses_before: u64,
     /// The timer starts with the leg's first pulse.
     timer_is_pending: bool,
-    /// Time of the last trajectory sample; 0 = none in this leg.
+    /// Time of the last trajectory sample; 0 = no sample in this leg.
     last_sample_ns: f64,
     platform: PlatformState,
     devices: Vec<DeviceState>,
@@ -111,7 +111,7 @@ impl FlightState {
         (if elapsed < -0.5 * WEEK_NS { elapsed + WEEK_NS } else { elapsed }) * 1e-9
     }
 
-    /// Adds the leg's time to that of the legs before it.
+    /// Adds the leg's time to the time of the legs before it.
     fn add_leg_time(&mut self, plan: &FlightPlan) {
         self.clock_base = self.clock(plan);
         self.elapsed_base_ns += self.leg_ticks as f64 * 1e9 / plan.legs[self.leg].frequency;
@@ -313,7 +313,7 @@ impl FlightState {
         self.leg
     }
 
-    /// Number of the current leg in the survey, which names output files.
+    /// Number of the current leg in the survey; it is part of the names of output files.
     pub fn leg_number(&self, plan: &FlightPlan) -> u32 {
         plan.legs[self.leg].number
     }

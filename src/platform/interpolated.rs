@@ -28,7 +28,7 @@ impl InterpolatedState {
         InterpolatedState { time, values, row: 0, last_clock, leg_start, leg_duration, slack }
     }
 
-    /// Moves to the start of `span`; added legs have none and end at once.
+    /// Moves to the start of `span`; added legs have no span and end at once.
     pub(super) fn start_leg(&mut self, table: &TrajectoryTable, span: Option<Span>, clock: f64) {
         self.leg_start = clock;
         self.leg_duration = span.map_or(0.0, |s| s.end - s.start);

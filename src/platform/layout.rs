@@ -196,7 +196,6 @@ impl PoseLayout {
         Ok(headings.finish())
     }
 
-    /// The name of a column in messages.
     fn name_of(&self, column: PoseColumn) -> &'static str {
         match column {
             PoseColumn::X if self.geographic => PoseColumn::Longitude.name(),

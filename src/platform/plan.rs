@@ -31,7 +31,7 @@ pub enum Motion {
         /// Drag coefficient per step.
         drag: f64,
     },
-    /// Flies from leg to leg, tilting; by leg, see [`Motion::multicopter`].
+    /// Flies from leg to leg, tilting; one plan per leg, see [`Motion::multicopter`].
     Multicopter(Vec<MulticopterPlan>),
     /// Follows a table of recorded poses.
     Interpolated(TrajectoryTable),

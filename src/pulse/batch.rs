@@ -8,7 +8,7 @@ use crate::flight::PoseSample;
 pub struct Batch {
     /// Index of the leg among the survey's legs.
     pub leg: u32,
-    /// Number of the leg in records, if it is not that of the survey's leg: for streamed pulses.
+    /// Leg number in records, if it differs from the survey leg's number: for streamed pulses.
     pub leg_number: Option<u32>,
     /// Echoes, pulse by pulse, by return number within a pulse.
     pub echoes: Vec<Echo>,

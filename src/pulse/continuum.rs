@@ -246,7 +246,7 @@ mod tests {
         out.ranges().iter().zip(out.primitives()).zip(shares).map(|((r, p), s)| (*r, *p, s)).collect()
     }
 
-    /// The share of the light from before `range`, by the closed form, of what is intercepted before `end`.
+    /// By the closed form, the share of the light intercepted before `end` that comes from before `range`.
     fn expected(segments: &[MediumSegment], range: f64, end: f64) -> f64 {
         libm::expm1(-depth(segments, range.min(end))) / libm::expm1(-depth(segments, end))
     }

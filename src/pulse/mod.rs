@@ -4,7 +4,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `options`, `instrument`, `physics` | options and corrections; the constants of each device; what all workers share |
+//! | `options`, `instrument`, `physics` | options and corrections; constants of each device; data shared by all workers |
 //! | `simulator`, `ray_batch` | the three phases of many pulses; rays that are traced together |
 //! | `subray`, `footprint` | directions of subrays: rings, and patterns of equal energy |
 //! | `traced`, `energy`, `lanes` | ranges of the hits and the energy received from there, a block of subrays at a time |

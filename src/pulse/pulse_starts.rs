@@ -10,9 +10,9 @@ const SNAP: f64 = 1e-9;
 /// The starts of the pulses of a profile, in its order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PulseStarts {
-    /// Bins that they start in; whole numbers.
+    /// Bin in which each pulse starts; integers.
     bins: Vec<Block>,
-    /// Factors for their part of a bin, see [`super::shape::PulseShape::late`].
+    /// Factors for the fraction of a bin by which each pulse starts late, see [`super::shape::PulseShape::late`].
     late: Vec<[Block; 3]>,
 }
 

@@ -4,7 +4,7 @@ use crate::geom::DVec3;
 use crate::tree::{Geometry, Hits, RayGroup, TraceScratch, Tree};
 use std::ops::Range;
 
-/// Pulses of one device with what their rays hit.
+/// Pulses of one device, their rays and the hits of the rays.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RayBatch {
     pub rays: RayGroup,

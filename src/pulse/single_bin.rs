@@ -42,7 +42,7 @@ impl SingleBinDetector {
         })
     }
 
-    /// Detects the return of light that arrives within one bin: at most one. `None` if there is light in other bins.
+    /// Detects the return of light within one bin; there is at most one. `None` if other bins have light.
     #[inline(always)]
     pub fn detect(&self, profile: &ReturnProfile, detector: &DetectorSettings) -> Option<Option<Return>> {
         let (shape, light_speed) = (&detector.shape, detector.light_speed);

@@ -17,11 +17,11 @@ use crate::tree::Hits;
 
 /// Largest distance of subrays from a plane that they lie on, as a share of the pulse's length in range.
 const MAX_DISTANCE: f64 = 0.05;
-/// Smallest cosine between the normals of the plane and of what its subrays hit: of 25°.
+/// Minimum cosine between the normal of the plane and the normals at the hits: 25°.
 const MIN_COSINE: f64 = 0.906;
 /// Smallest depth, as a share of the pulse's length in range, at which the subrays' pulses no longer merge.
 const MIN_DEPTH: f64 = 0.1;
-/// Fewer subrays may lie on a plane by chance.
+/// Minimum number of subrays of a plane; fewer may lie on one by chance.
 const MIN_SUBRAYS: usize = 3;
 /// The distribution is cut off at this many standard deviations, where 6e-5 of it is left.
 const CUT_OFF: f64 = 4.0;

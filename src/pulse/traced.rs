@@ -58,7 +58,7 @@ impl<'a> TracedPulse<'a> {
         DVec3::new(x[i], y[i], z[i])
     }
 
-    /// Computes the distance of every hit from the origin by way of the hit point in the scene frame, whose rounding
+    /// Computes the distance of every hit from the origin through the hit point in the scene frame, whose rounding
     /// decides which ranges are equal (spec pulse-physics §4.2).
     #[inline(always)]
     fn measure(&self, ranges: &mut [Block]) {

@@ -130,7 +130,7 @@ impl<'a> SceneView<'a> {
     }
 }
 
-/// The nearer of two hits; of equally near ones that of the smaller number.
+/// The nearer of two hits; of equally near hits the one with the smaller number.
 fn nearer(a: Option<Hit>, b: Option<Hit>) -> Option<Hit> {
     match (a, b) {
         (Some(a), Some(b)) if (b.t, b.primitive) < (a.t, a.primitive) => Some(b),

@@ -64,7 +64,7 @@ impl Waveform {
             let limit = c * detector.max_duration + if corrections.limit_from_first { nearest } else { 0.0 };
             count = profile.ranges().iter().take_while(|range| **range <= limit).count();
         }
-        // With the correction the detector sees the pulse from its start, and only records begin at the minimum range.
+        // With the correction, detection uses the pulse from its start; only records begin at the minimum range.
         if detector.range_min / c > start && !corrections.clip_dead_zone {
             return false;
         }
@@ -104,7 +104,7 @@ impl Waveform {
         }
     }
 
-    /// Adds pulses that start with their bin; those of the same bin together.
+    /// Adds pulses that start with their bin, summing the pulses of each bin first.
     #[inline(always)]
     fn add_in_bins(&mut self, count: usize, intensities: &[f64], detector: &DetectorSettings) {
         let shape = &detector.shape;

@@ -1,4 +1,4 @@
-//! Poses in an Arrow stream, converted to text. Poses are few, so that one parser of names, units and orders suffices.
+//! Poses in an Arrow stream, converted to text. There are few poses, so one parser of names, units and orders suffices.
 
 use crate::error::Result;
 use crate::input::arrow::{ArrowDecoder, ArrowDetection, detect_arrow, table_error};

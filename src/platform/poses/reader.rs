@@ -1,4 +1,4 @@
-//! Reads a trajectory from a file, a named pipe or standard input: bytes as they arrive to poses in blocks.
+//! Reads a trajectory from a file, a named pipe or standard input: turns bytes, as they arrive, into blocks of poses.
 
 use super::arrow::TextInput;
 use super::decoder::PoseDecoder;
@@ -51,7 +51,7 @@ pub struct PoseReader {
     decoder: PoseDecoder,
     georeference: Georeference,
     checks: SequenceChecks,
-    /// Whether the UTM zone is that of the first pose.
+    /// Whether the UTM zone is detected from the first pose.
     zone_is_detected: bool,
     /// Bytes of an incomplete record.
     rest: Vec<u8>,
@@ -121,7 +121,7 @@ impl PoseReader {
         PoseReader { strict, notify: Box::new(notify), ..self }
     }
 
-    /// This reader with `observe` called with every pose; what that returns is reported.
+    /// This reader with `observe` called with every pose; the diagnostics that it returns are reported.
     pub fn on_pose(self, observe: impl FnMut(PoseEvent) -> Diagnostics + Send + 'static) -> PoseReader {
         PoseReader { observe: Box::new(observe), ..self }
     }
@@ -260,7 +260,7 @@ impl PoseReader {
         )));
     }
 
-    /// Calls the observer and reports what it finds.
+    /// Calls the observer and reports the diagnostics that it returns.
     fn report(&mut self, event: PoseEvent) {
         let found = (self.observe)(event);
         if found.is_empty() {

@@ -18,7 +18,7 @@ use crate::pulse::lanes::{Block, LANES};
 use crate::pulse::options::Corrections;
 use crate::survey::Beam;
 
-/// Pulse rate at which `average_power` is the power of a pulse, Hz, see [`pulse_energy`].
+/// Pulse rate at which `average_power` is the power of one pulse, Hz, see [`pulse_energy`].
 const RATED_FREQUENCY: f64 = 100_000.0;
 /// Length of the pulse of which `average_power` is the power, ns.
 const RATED_LENGTH: f64 = 4.0;

@@ -4,7 +4,7 @@ use super::*;
 use crate::survey::{Scanner, catalogue};
 
 /// Instruments by the ids of their entries | pulse rate (Hz), reflectance of an extended target, maximum range (m) |
-/// source of these figures, or why there are none.
+/// source of these figures, or the reason that they are missing.
 const PUBLISHED: &str = "\
 riegl_vz400 | 100000 0.9 600, 100000 0.2 280, 300000 0.9 350, 300000 0.2 160 | RIEGL VZ-400, data sheet: long range mode 100 kHz, high speed mode 300 kHz
 riegl_vz1000 | 70000 0.9 1400, 70000 0.2 700, 100000 0.9 1200, 150000 0.9 950 | RIEGL VZ-1000, data sheet

@@ -1,4 +1,4 @@
-//! Receivers that are not ideal, by their closed forms: whole pulses at a wall that faces the beam.
+//! Receivers that are not ideal, compared with closed forms: complete pulses at a wall that faces the beam.
 
 use super::*;
 use crate::pulse::{Echo, Physics};
