@@ -22,13 +22,11 @@ const MAX_DETOUR: f64 = 1000.0;
 const DETOUR_TIME: (f64, f64) = (60.0, 36_000.0);
 
 impl ProgressGuard {
-    /// A guard that checks nothing.
     pub fn disabled() -> ProgressGuard {
         let (nearest, last_nearest) = (f64::INFINITY, f64::INFINITY);
         ProgressGuard { next_check: u64::MAX, interval: u64::MAX, last_nearest, nearest }
     }
 
-    /// Watches leg `leg` from tick `now` on.
     pub fn of_leg(plan: &PlatformPlan, platform: &PlatformState, leg: usize, now: u64) -> ProgressGuard {
         let Some(distance) = platform.distance_left() else { return ProgressGuard::disabled() };
         let course = &plan.legs[leg];

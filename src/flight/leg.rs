@@ -86,7 +86,6 @@ pub(super) fn courses(
     survey.legs.iter().map(course).collect()
 }
 
-/// One leg of an interpolated platform.
 pub(super) struct TrajectoryLeg {
     pub leg: PlannedLeg,
     pub course: LegCourse,
@@ -133,7 +132,6 @@ fn span(trajectory: Option<&LegTrajectory>, table: &TrajectoryTable) -> Span {
     }
 }
 
-/// Checks the flown parts of the table.
 pub(super) fn check_spans(
     survey: &Survey,
     settings: &Interpolated,

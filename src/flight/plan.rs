@@ -225,7 +225,6 @@ fn synchronised_start(survey: &Survey, table: &TrajectoryTable) -> f64 {
     week_ns(start.map_or(table.first_time(), |t| (t - table.first_time()) + table.first_time()))
 }
 
-/// Sets the GPS times at which the legs that follow the table start.
 fn set_leg_starts(legs: &mut [PlannedLeg], courses: &[LegCourse], table: &TrajectoryTable) {
     for (leg, course) in legs.iter_mut().zip(courses) {
         leg.start_ns = course.span.map(|span| week_ns(span.start + table.first_time()));

@@ -3,7 +3,6 @@
 use super::FlightPlan;
 use crate::geom::DVec3;
 
-/// A position from which a leg measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannedPosition {
     /// Number of the leg in the survey.

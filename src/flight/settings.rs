@@ -100,7 +100,6 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
     }
 }
 
-/// Warns of polygon mirrors that never fire in a leg.
 pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &mut Diagnostics) {
     for (i, device) in devices.iter().enumerate().filter(|_| leg.settings.active) {
         let Deflector::Polygon { effective_max } = device.deflector else { continue };

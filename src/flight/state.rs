@@ -32,7 +32,6 @@ pub struct FlightState {
     ticks: u64,
     /// The step clock at the start of the leg, s, where legs have their own periods.
     clock_base: f64,
-    /// Steps of this leg.
     leg_ticks: u64,
     /// Time from the start of the run to the start of the leg, ns.
     elapsed_base_ns: f64,
@@ -111,7 +110,6 @@ impl FlightState {
         (if elapsed < -0.5 * WEEK_NS { elapsed + WEEK_NS } else { elapsed }) * 1e-9
     }
 
-    /// Adds the leg's time to the time of the legs before it.
     fn add_leg_time(&mut self, plan: &FlightPlan) {
         self.clock_base = self.clock(plan);
         self.elapsed_base_ns += self.leg_ticks as f64 * 1e9 / plan.legs[self.leg].frequency;

@@ -11,7 +11,6 @@ use crate::survey::*;
 /// The GPS start of "2024-01-01 00:00:00".
 pub const START_NS: f64 = 86_391e9;
 
-/// A survey with one device and an empty scene.
 pub fn survey(kind: PlatformKind, mount: Mount, deflector: Deflector, legs: Vec<Leg>) -> Survey {
     let mut survey = Survey { legs, ..testkit::survey(vec![device(deflector)]) };
     (survey.platform.kind, survey.platform.mount) = (kind, mount);
@@ -69,7 +68,6 @@ pub fn recorded(first_yaw: f64, sync_gps_time: bool, legs: Vec<Leg>) -> (Survey,
     (survey(kind, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs), dir)
 }
 
-/// A leg at 10 Hz along recorded poses from `start` to `end` s.
 pub fn recorded_leg(start: f64, end: f64, teleport: bool) -> Leg {
     leg([0.0; 3], 70.0, |l| {
         l.scanner.pulse_freq = 10;

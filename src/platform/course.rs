@@ -25,7 +25,6 @@ pub struct LegCourse {
     pub speed: f64,
     /// Speed, m per step: `speed / frequency`.
     pub step_length: f64,
-    /// Multicopter: stop and turn at the leg's start.
     pub stop_and_turn: bool,
     /// Multicopter: curve through the waypoint.
     pub smooth_turn: bool,
@@ -44,18 +43,14 @@ pub struct Span {
     pub end: f64,
 }
 
-/// Position, velocity and waypoints of a moving platform.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
     /// m, scene frame.
     pub position: DVec3,
     /// m per step.
     pub velocity: DVec3,
-    /// Start of the leg, m.
     pub origin: DVec3,
-    /// End of the leg, m.
     pub target: DVec3,
-    /// The waypoint after the target, m.
     pub next: DVec3,
 }
 
@@ -96,7 +91,6 @@ impl Course {
         (needed < 1.0).then_some(1.0 - needed)
     }
 
-    /// The travelled fraction of the leg.
     pub fn progress(&self, leg: &LegCourse) -> f64 {
         fraction((self.position - leg.position).length(), (self.target - self.origin).length())
     }
@@ -112,7 +106,6 @@ pub(super) fn fraction(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 1.0 }
 }
 
-/// `v` with z = 0.
 #[inline]
 pub(super) fn horizontal(v: DVec3) -> DVec3 {
     DVec3::new(v.x, v.y, 0.0)

@@ -9,9 +9,7 @@ use std::f64::consts::PI;
 /// Engine force when driving forwards, and backwards.
 pub(super) const CRUISE_FORCE: f64 = 0.02;
 const REVERSE_FORCE: f64 = -0.01;
-/// Limit of the engine force.
 const MAX_FORCE: f64 = 0.2;
-/// Change of force per step.
 const FORCE_RAMP: f64 = 1e-4;
 /// Targets at a larger angle to the nose need backing up, rad, and the cosine of it.
 const WIDE_ANGLE: f64 = PI / 5.0;

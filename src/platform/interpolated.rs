@@ -12,7 +12,6 @@ pub struct InterpolatedState {
     time: f64,
     values: PoseValues,
     row: usize,
-    /// The step clock at the last step, s.
     last_clock: f64,
     /// The step clock at the leg's start, and the leg's duration, s.
     leg_start: f64,

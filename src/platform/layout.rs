@@ -140,7 +140,6 @@ impl PoseLayout {
         layout
     }
 
-    /// Sets the index of the time column, if one is given.
     pub fn set_time(&mut self, time: Option<usize>) {
         if time.is_some() {
             self.columns[PoseColumn::Time as usize] = time;
@@ -204,7 +203,6 @@ impl PoseLayout {
         }
     }
 
-    /// This layout if it has all `wanted` columns.
     pub fn complete(self, wanted: &[PoseColumn]) -> Result<PoseLayout, String> {
         let is_missing = |c: &&PoseColumn| self.columns[**c as usize].is_none();
         let missing: Vec<&str> = wanted.iter().filter(is_missing).map(|c| c.name()).collect();

@@ -12,7 +12,6 @@ use std::f64::consts::{PI, TAU};
 const GRAVITY: f64 = 9.81;
 const CLIMB_FORCE: f64 = 0.1;
 const SINK_FORCE_PER_METRE: f64 = 0.005;
-/// Engine force of the first step.
 const INITIAL_FORCE: f64 = 1e-4;
 /// The braking distance is summed down to this force.
 const STANDSTILL_FORCE: f64 = 1e-3;
@@ -45,14 +44,12 @@ pub struct MulticopterState {
     roll: f64,
     pitch: f64,
     yaw: f64,
-    /// Horizontal engine force.
     force: DVec3,
     /// Sign of the last turn.
     last_turn: f64,
     turning: bool,
     aligning: bool,
     at_full_force: bool,
-    /// Steps left of a smooth turn.
     turn_steps: i64,
     /// Distances from the target at which turning and braking begin.
     turn_distance: f64,
@@ -221,7 +218,6 @@ impl MulticopterState {
         self.force = along * force;
     }
 
-    /// Rolls and yaws towards the next waypoint.
     fn roll_and_yaw(&mut self, plan: &MulticopterPlan, leg: &LegCourse) {
         let after = horizontal_unit(self.course.next - self.course.target);
         let wanted = heading(after.unwrap_or_else(|| horizontal(self.course.target - self.course.origin)));

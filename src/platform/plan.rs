@@ -7,15 +7,12 @@ use super::stream::StreamPlan;
 use super::table::TrajectoryTable;
 use crate::survey::{Kinematics, Multicopter, RotationSpec};
 
-/// A platform and the course of its legs.
 #[derive(Clone, Debug)]
 pub struct PlatformPlan {
     pub motion: Motion,
     /// The legs that it visits, including those that interpolated platforms add.
     pub legs: Vec<LegCourse>,
-    /// How the angles of recorded poses compose.
     pub rotation_spec: RotationSpec,
-    /// Differences from the reference.
     pub kinematics: Kinematics,
 }
 
@@ -28,7 +25,6 @@ pub enum Motion {
     Linear,
     /// Drives from leg to leg.
     GroundVehicle {
-        /// Drag coefficient per step.
         drag: f64,
     },
     /// Flies from leg to leg, tilting; one plan per leg, see [`Motion::multicopter`].
@@ -51,7 +47,6 @@ impl Motion {
 }
 
 impl PlatformPlan {
-    /// The table of recorded poses, for platforms that follow one.
     pub fn table(&self) -> Option<&TrajectoryTable> {
         match &self.motion {
             Motion::Interpolated(table) => Some(table),
@@ -59,7 +54,6 @@ impl PlatformPlan {
         }
     }
 
-    /// Whether the platform moves from waypoint to waypoint.
     pub fn has_waypoints(&self) -> bool {
         matches!(self.motion, Motion::Linear) || self.is_physical()
     }

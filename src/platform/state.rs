@@ -163,7 +163,6 @@ impl PlatformState {
         self.course().map(|c| c.to_target().length())
     }
 
-    /// The stream of poses, for platforms that follow one.
     pub fn stream_mut(&mut self) -> Option<&mut StreamState> {
         match self {
             PlatformState::Stream(s) => Some(s),

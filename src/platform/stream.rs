@@ -40,7 +40,6 @@ pub struct StreamState {
     next: StepNumber,
     /// The current step's time, s after the first pose.
     elapsed: f64,
-    /// No pose will follow.
     complete: bool,
 }
 
@@ -52,7 +51,6 @@ struct StepNumber {
 }
 
 impl StepNumber {
-    /// The first step at or after a time.
     fn first_from(elapsed: f64, plan: &StreamPlan) -> StepNumber {
         let seconds = elapsed.floor();
         let steps = ((elapsed - seconds) * f64::from(plan.frequency)).floor() as u32;
@@ -63,7 +61,6 @@ impl StepNumber {
         number
     }
 
-    /// Seconds after the first pose.
     #[inline]
     fn elapsed(self, plan: &StreamPlan) -> f64 {
         self.seconds as f64 + f64::from(self.steps) / f64::from(plan.frequency)
@@ -126,7 +123,6 @@ impl StreamState {
         self.complete = true;
     }
 
-    /// Whether any pose has arrived.
     pub fn has_begun(&self) -> bool {
         !self.window.is_empty()
     }

@@ -84,7 +84,6 @@ impl TrajectoryTable {
         table.map_or(self, |table| TrajectoryTable { first_time: first, ..table })
     }
 
-    /// This table with every position moved by `-shift`.
     pub fn shifted(mut self, shift: DVec3) -> TrajectoryTable {
         for row in &mut self.rows {
             row.values[3] -= shift.x;

@@ -35,7 +35,6 @@ pub fn course(position: [f64; 3], speed: f64) -> LegCourse {
     }
 }
 
-/// How leg `leg` of a run is entered.
 pub fn entry(leg: usize) -> LegEntry {
     if leg == 0 { LegEntry::Initial } else { LegEntry::Continuing }
 }

@@ -9,7 +9,7 @@ use super::pulse_starts::PulseStarts;
 use super::return_profile::ReturnProfile;
 use super::shape::PulseShape;
 
-/// Precomputed properties of clusters.
+/// Criteria by which reflections form clusters.
 #[derive(Clone, Debug)]
 pub(super) struct ClusterRule {
     /// Maximum distance between the first and the last start of a pulse with which there is a single peak, bins.
@@ -144,7 +144,6 @@ impl ClusterDetector {
         })
     }
 
-    /// Reports all peaks of a cluster.
     #[inline(always)]
     fn peaks(
         &mut self,

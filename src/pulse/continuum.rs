@@ -28,12 +28,10 @@ pub(super) fn depth(segments: &[MediumSegment], end: f64) -> f64 {
     segments.iter().map(|s| s.sigma * (s.to.min(end) - s.from).max(0.0)).sum()
 }
 
-/// How foliage reflects.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LeafResponse {
     /// Mean cosine of the incidence angle.
     pub cosine: f64,
-    /// Mean reflectance factor.
     pub factor: f64,
 }
 
@@ -72,7 +70,6 @@ struct Page {
     source: [Source; CELLS_PER_PAGE],
 }
 
-/// Reflector of the light in a cell.
 #[derive(Clone, Copy, Debug, Default)]
 struct Source {
     primitive: u32,
@@ -81,7 +78,6 @@ struct Source {
 }
 
 impl FoliageContinuum {
-    /// Removes the light of the previous pulse.
     pub fn clear(&mut self, detector: &DetectorSettings) {
         self.pages.clear();
         self.segments.clear();

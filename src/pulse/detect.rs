@@ -8,7 +8,7 @@ use super::reflections::Reflections;
 use super::waveform::Waveform;
 use crate::tree::simd::Simd;
 
-/// Echoes with a narrower fit are dropped, ns.
+/// Minimum fitted width of an echo, ns; narrower echoes are dropped.
 const MIN_ECHO_WIDTH: f64 = 0.1;
 
 /// Appends the returns of `waveform`, nearest first, up to the detector's maximum: those whose range `is_kept` accepts.

@@ -57,7 +57,6 @@ fn is_too_near(range: f64, detector: &DetectorSettings) -> bool {
 }
 
 impl Detection {
-    /// Appends the records of a pulse.
     #[inline(always)]
     pub fn detect<S: Simd>(
         &mut self,

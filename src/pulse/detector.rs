@@ -6,11 +6,9 @@ use super::shape::PulseShape;
 /// Conditions for a bin to be a peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PeakRule {
-    /// Minimum amplitude.
     pub threshold: f64,
     /// Bins compared on each side, plus one.
     pub window: u64,
-    /// Neighbours may lie below the threshold.
     pub weak_neighbours: bool,
     /// Bin 0 is a neighbour like any other. The reference never compares it on the left, which makes no difference as
     /// long as it holds the dark start of a pulse.
@@ -60,6 +58,6 @@ pub(super) struct Return {
     pub amplitude: f64,
     /// Width of the fit, ns, or 0.
     pub width: f64,
-    /// Whether noise of the receiver alone caused it.
+    /// Whether it is caused by noise of the receiver alone.
     pub is_noise: bool,
 }

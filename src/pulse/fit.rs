@@ -167,7 +167,6 @@ impl NormalEquations {
     }
 }
 
-/// The fitted curve: a Gaussian on a pedestal.
 #[derive(Clone, Copy, Debug)]
 struct Gaussian {
     pedestal: f64,

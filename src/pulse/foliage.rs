@@ -17,7 +17,6 @@ pub(super) struct FreePaths {
     pub stream: Stream,
     pub device: u32,
     pub pulse: u64,
-    /// Draws so far.
     pub drawn: u32,
 }
 
@@ -74,7 +73,6 @@ pub(super) fn is_scattering(scene: &Scene, i: u32) -> bool {
     scene.voxel(i).is_some_and(|v| v.kind() == VoxelKind::Transmittive)
 }
 
-/// The leaf angle table of the part that primitive `i` belongs to.
 fn leaf_angles(scene: &Scene, i: u32) -> Option<&LadTable> {
     scene.parts[scene.part_of(i) as usize].lad.as_deref()
 }

@@ -23,7 +23,6 @@ const MAX_RINGS: u32 = 512;
 /// Threshold of instruments that state none, nW. As 1e-4 W it would hide every echo, so it counts as not given and is
 /// in nanowatts with and without the correction of the unit.
 const DEFAULT_THRESHOLD: f64 = 1e-4;
-/// Maximum number of bins of an outgoing pulse.
 const MAX_PULSE_BINS: f64 = (1u32 << 20) as f64;
 
 /// A device with one divergence.
@@ -42,7 +41,6 @@ pub(super) struct Instrument {
     pub range_accuracy: f64,
     /// Factor on the range noise.
     pub distance_error: Option<Formula>,
-    /// Noise of recorded waveforms.
     pub waveform_noise: WaveformNoise,
     /// The receiver, if it is not ideal.
     pub receiver: Option<ReceiverModel>,
@@ -179,7 +177,6 @@ pub(super) enum WaveformNoise {
 }
 
 impl WaveformNoise {
-    /// Standard deviation on `samples`.
     pub fn sigma(self, samples: &[f64]) -> f64 {
         match self {
             WaveformNoise::None => 0.0,
@@ -198,7 +195,6 @@ struct Divergence {
     leg: f64,
 }
 
-/// Settings that all devices of a survey share.
 struct Context<'a> {
     options: &'a PhysicsOptions,
     multi_channel: bool,
@@ -260,7 +256,6 @@ impl InstrumentTable {
         self.devices
     }
 
-    /// Maximum number of subrays of a device.
     pub(super) fn max_rays(&self) -> usize {
         self.instruments.iter().map(|i| i.subrays.len()).max().unwrap_or(0)
     }

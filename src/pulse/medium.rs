@@ -14,13 +14,11 @@ use crate::geom::DVec3;
 use crate::scene::VoxelKind;
 use crate::tree::Hits;
 
-/// A ray on its path through foliage.
 struct MediumWalk<'v, 'a> {
     view: &'v SceneView<'a>,
     detector: &'v DetectorSettings,
     origin: DVec3,
     direction: DVec3,
-    /// The nearest scattering point so far.
     nearest: Option<Interaction>,
     search: Search<'v>,
     /// Voxels entered shortly before the point from which the search continues, with the distance of the entry from the
@@ -175,7 +173,6 @@ impl MediumWalk<'_, '_> {
         }
     }
 
-    /// The nearest scattering point, if it is in range.
     fn measured_scatter(&self) -> Option<Interaction> {
         let by_scatter_range = |s: &Interaction| s.t == 0.0 || self.detector.corrections.voxel_stop_point;
         self.nearest.filter(|s| !by_scatter_range(s) || self.detector.is_in_range(s.scatter_range))

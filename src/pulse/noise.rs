@@ -15,7 +15,7 @@ use crate::rng::{self, Stream};
 use libm::{erfc, exp, log, sqrt};
 use std::f64::consts::{LN_2, PI, SQRT_2};
 
-/// Charge of an electron, C.
+/// C.
 const ELECTRON: f64 = 1.602_176_634e-19;
 /// Half width of the window of draws, in units of σ_h.
 const HALF_WINDOW: f64 = 4.0;
@@ -59,12 +59,9 @@ pub(super) struct ReceiverNoise {
     bin: f64,
 }
 
-/// The draws of one pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PulseDraws {
-    /// Stream of the noise on samples.
     pub samples: Stream,
-    /// Stream of false alarms.
     pub alarms: Stream,
     pub device: u32,
     pub pulse: u64,
@@ -96,12 +93,10 @@ impl ReceiverNoise {
         ReceiverNoise { dark_variance, signal_variance, response, taps, bin }
     }
 
-    /// Standard deviation without an echo.
     pub fn dark_sigma(&self) -> f64 {
         sqrt(self.dark_variance)
     }
 
-    /// Threshold of instruments that state none.
     pub fn default_threshold(&self) -> f64 {
         THRESHOLD_OVER_NOISE * self.dark_sigma()
     }

@@ -31,7 +31,6 @@ pub(super) struct Peaks<'a, S: Simd> {
 }
 
 impl<'a, S: Simd> Peaks<'a, S> {
-    /// The peaks of `waveform` under `rule`.
     pub fn of(simd: S, waveform: &'a Waveform, rule: PeakRule) -> Peaks<'a, S> {
         Peaks { simd, waveform, rule, segment: 0, offset: 0 }
     }

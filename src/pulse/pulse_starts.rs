@@ -37,7 +37,6 @@ impl PulseStarts {
         }
     }
 
-    /// The bin that pulse `i` starts in.
     #[inline(always)]
     pub fn bin(&self, i: usize) -> i64 {
         self.bins.as_flattened()[i] as i64

@@ -8,14 +8,12 @@
 
 use crate::survey::Ranging;
 
-/// Tabulated shifts per bin.
 const STEPS_PER_BIN: usize = 64;
 /// Iterations of the fit of a Gaussian, which converges in a few.
 const ITERATIONS: usize = 8;
 /// Full width at half maximum of a Gaussian of standard deviation 1: √(8·ln 2).
 const GAUSSIAN_WIDTH: f64 = 2.354_820_045_030_949_3;
 
-/// A calibrated detector.
 #[derive(Clone, Debug)]
 pub(super) struct RangeReader {
     ranging: Ranging,

@@ -16,7 +16,6 @@ pub(super) struct RayBatch {
 }
 
 impl RayBatch {
-    /// Finds the nearest hit of every ray.
     pub fn trace(&mut self, tree: &Tree, geometry: &Geometry, scratch: &mut TraceScratch) {
         if self.exits.is_empty() {
             return tree.trace_group(geometry, &self.rays, &mut self.hits, scratch);

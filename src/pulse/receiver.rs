@@ -111,7 +111,7 @@ impl ReceiverModel {
         }))
     }
 
-    /// Whether pulses may have echoes without any reflection.
+    /// Whether pulses may have echoes without reflections.
     pub fn has_false_alarms(&self) -> bool {
         self.noise.as_ref().is_some_and(|noise| noise.alarm_rate(self.threshold) > 0.0)
     }

@@ -13,7 +13,6 @@ use crate::geom::{DVec3, unit};
 use crate::scene::{Material, Scene, Voxel};
 use crate::tree::Hits;
 
-/// Scratch memory of the reflection of a pulse.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ReflectScratch {
     /// Position among the reflections and cross-section of voxels that follow their own radar equation.
@@ -300,7 +299,6 @@ impl<'a> ShadedSurface<'a> {
         LeafResponse { cosine, factor: self.factor(cosine) }
     }
 
-    /// Reflectance factor.
     fn factor(&self, cosine: f64) -> f64 {
         self.material.map_or(0.0, |m| m.factor(cosine))
     }
@@ -366,7 +364,6 @@ mod tests {
         check(&view, (traced, gain_buffer.of(0, &traced)), &mut paths)
     }
 
-    /// Empty reflections with memory for a pulse.
     fn empty(instrument: &Instrument) -> Reflections {
         let mut out = Reflections::default();
         out.clear(instrument.subrays.len());

@@ -166,7 +166,6 @@ impl LaneMask {
         LaneMask(u64::from_le_bytes(bytes))
     }
 
-    /// The first subray of the mask.
     #[inline(always)]
     pub fn first(self) -> Option<usize> {
         (self.0 != 0).then(|| self.0.trailing_zeros() as usize / 8)

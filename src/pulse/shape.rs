@@ -13,7 +13,7 @@ pub(super) struct PulseShape {
     pub samples: Vec<f64>,
     /// Bin of the largest sample.
     pub peak: usize,
-    /// Width of a bin, ns.
+    /// ns.
     pub bin: f64,
     /// Bins per nanosecond if that is exact, so that times can be multiplied by it instead of divided by `bin`.
     pub bins_per_ns: Option<f64>,
@@ -27,7 +27,6 @@ pub(super) struct PulseShape {
     integral: f64,
     /// Bins per τ, inverted: x = Δ/τ; 0 for a measured shape.
     decay: f64,
-    /// e^x.
     growth: f64,
     /// Coefficients of late starts, see [`PulseShape::late`]: −2kx²e^(−kx) and x²e^(−kx), 0 in bin 0; see
     /// [`sampled::digitise`] for a measured shape.
@@ -72,7 +71,6 @@ impl PulseShape {
         }
     }
 
-    /// A pulse of measured shape.
     pub fn measured(pulse: &PulseSamples, bin: f64) -> PulseShape {
         let (samples, lateness) = sampled::digitise(pulse, bin);
         PulseShape {

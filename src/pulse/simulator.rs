@@ -140,7 +140,6 @@ impl<'p> PulseSimulator<'p> {
         (MAX_BATCH_RAYS / self.instruments.max_rays().max(1)).clamp(1, MAX_BATCH_PULSES)
     }
 
-    /// Expands pulses into the rays of their subrays.
     fn generate_rays(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
         dispatch!(self.level, _simd => self.generate_rays_generic(leg, pulses))
     }
@@ -201,7 +200,6 @@ impl<'p> PulseSimulator<'p> {
         }
     }
 
-    /// Turns the hits of the pulses in `range` into records.
     fn detect(
         &mut self,
         leg: u32,
@@ -266,7 +264,6 @@ impl<'p> PulseSimulator<'p> {
     }
 }
 
-/// Index of the subray pattern of a pulse.
 #[inline(always)]
 fn choose_pattern(physics: &Physics, subrays: &Subrays, pulse: &Pulse) -> usize {
     match subrays.patterns() {

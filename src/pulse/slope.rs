@@ -28,17 +28,15 @@ const CUT_OFF: f64 = 4.0;
 /// Maximum number of steps on either side of the mean; longer slopes have longer steps.
 const MAX_STEPS: f64 = 4096.0;
 
-/// Scratch memory for merging the subrays on slopes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SlopeMerger {
     points: Vec<Point>,
     light: Vec<(f64, f64)>,
 }
 
-/// Where a subray hit a steep surface.
+/// Hit of a subray on a steep surface.
 #[derive(Clone, Copy, Debug)]
 struct Point {
-    /// Index of the reflection.
     reflection: usize,
     /// m, relative to the pulse's origin.
     at: DVec3,

@@ -65,7 +65,6 @@ impl ReflectionSources {
         EchoTruth { fraction: own().count() as f64 / traced.primitives.len().max(1) as f64, ..of_subray }
     }
 
-    /// True cause of a single reflection.
     pub fn of_reflection(
         &self,
         i: usize,

@@ -126,12 +126,10 @@ pub fn simulate_pulses(
     batch
 }
 
-/// Pulses along +y, numbered from 1.
 pub fn pulses(count: u64) -> Vec<Pulse> {
     (1..=count).map(|number| Pulse { number, ..pulse(Rotation::IDENTITY) }).collect()
 }
 
-/// Ranges and intensities of echoes.
 pub fn measured(echoes: &[Echo]) -> Vec<(f64, f64)> {
     echoes.iter().map(|e| (e.range, e.intensity)).collect()
 }

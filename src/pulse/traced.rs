@@ -6,7 +6,6 @@ use crate::geom::DVec3;
 use crate::scene::Scene;
 use crate::tree::{Hits, RayGroup, prefetch};
 
-/// The traced subrays of a pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TracedPulse<'a> {
     /// Common origin of the subrays, m.
@@ -22,7 +21,6 @@ pub(super) struct TracedPulse<'a> {
 }
 
 impl<'a> TracedPulse<'a> {
-    /// Pulse `pulse` of a group.
     #[inline(always)]
     pub fn of(group: &'a RayGroup, hits: &'a Hits, pulse: usize) -> TracedPulse<'a> {
         let row = pulse * group.stride();

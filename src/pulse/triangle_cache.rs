@@ -13,7 +13,6 @@ pub(super) struct CachedTriangle {
     /// Index of the primitive, or [`Hits::MISS`].
     primitive: u32,
     pub part: u32,
-    /// Class of the material.
     pub classification: i32,
     law: Law,
     /// Unit normal.
@@ -22,7 +21,6 @@ pub(super) struct CachedTriangle {
     reflectance: f64,
 }
 
-/// How the reflectance factor depends on the angle.
 #[derive(Clone, Copy, Debug)]
 enum Law {
     Uniform,
@@ -126,7 +124,6 @@ pub(super) struct TriangleCache {
     moving: Vec<usize>,
 }
 
-/// Number of entries: a power of two.
 const CACHE_SIZE: usize = 256;
 
 impl Default for TriangleCache {

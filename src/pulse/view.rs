@@ -29,7 +29,7 @@ pub(super) struct SceneView<'a> {
 /// Interaction of a ray with a primitive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interaction {
-    /// Start of this segment of the ray.
+    /// Start of the current segment of the ray.
     pub from: DVec3,
     /// Distance from there, m; 0 if the ray starts within foliage.
     pub t: f64,
@@ -62,7 +62,6 @@ impl<'a> SceneView<'a> {
         moving.unwrap_or((self.scene, i))
     }
 
-    /// Whether primitive `i` belongs to a moving object.
     pub fn is_moving(&self, i: u32) -> bool {
         self.moving.iter().any(|o| o.to_object_index(i).is_some())
     }

@@ -18,7 +18,6 @@ const MAX_STORED_GAP: u64 = 64;
 pub(super) struct Waveform {
     /// Travel time of bin 0, ns.
     pub start: f64,
-    /// Number of bins.
     pub bins: u64,
     segments: Vec<Segment>,
     /// Zero after the last segment.
@@ -233,7 +232,6 @@ impl Waveform {
         }
     }
 
-    /// A waveform of recorded samples.
     pub fn of_samples(samples: &[f64]) -> Waveform {
         let whole = Segment { first: 0, at: 0, len: samples.len() };
         Waveform {
@@ -260,7 +258,6 @@ impl Waveform {
         (s.first, &self.samples[s.at..s.at + s.len])
     }
 
-    /// Amplitude of bin `i`.
     pub fn at(&self, i: u64) -> f64 {
         self.segments()
             .find_map(|(first, bins)| bins.get(usize::try_from(i.checked_sub(first)?).ok()?))

@@ -27,9 +27,7 @@ pub enum DeflectorState {
     Fibres {
         /// Current deflection.
         angle: f64,
-        /// Index of the next fibre.
         next: u32,
-        /// Number of fibres.
         count: u32,
         /// Half opening angle.
         half_angle: f64,
@@ -96,7 +94,6 @@ impl DeflectorState {
         }
     }
 
-    /// Moves by one step.
     #[inline]
     pub fn step(&mut self, plan: &DevicePlan) {
         match self {
@@ -157,12 +154,10 @@ impl DeflectorState {
         }
     }
 
-    /// Whether the deflection currently has an error.
     pub fn has_error(&self) -> bool {
         matches!(self, DeflectorState::Polygon(mirror) if mirror.angle != mirror.exact)
     }
 
-    /// The deflection with its error.
     pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
         match self {
             DeflectorState::Polygon(mirror) => Rotation::about_x(mirror.angle),
@@ -170,7 +165,6 @@ impl DeflectorState {
         }
     }
 
-    /// The deflection without error.
     pub fn exact_rotation(&self, plan: &DevicePlan) -> Rotation {
         match self {
             DeflectorState::Conic { turn, half_angle, .. } => {

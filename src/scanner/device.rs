@@ -12,12 +12,10 @@ pub struct DeviceState {
     pub deflector: DeflectorState,
     /// Pulses emitted so far, over all legs.
     pub pulses: u64,
-    /// The leg's warm-up is complete.
     pub is_warmed_up: bool,
 }
 
 impl DeviceState {
-    /// The device before any leg.
     pub fn at_rest(plan: &DevicePlan) -> DeviceState {
         DeviceState {
             head: HeadState::default(),
@@ -36,7 +34,6 @@ impl DeviceState {
         self.deflector.start_leg(plan, settings, frequency);
     }
 
-    /// Turns the head by one step.
     #[inline]
     pub fn step_head(&mut self, plan: &DevicePlan) {
         // The head's error depends on the deflection of the step before.

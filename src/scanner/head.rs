@@ -57,7 +57,6 @@ impl HeadState {
         }
     }
 
-    /// Whether the stop angle is reached.
     #[inline]
     pub fn is_completed(&self) -> bool {
         if self.rate < 0.0 { self.angle <= self.stop } else { self.angle >= self.stop }
@@ -73,7 +72,6 @@ impl HeadState {
         }
     }
 
-    /// The head's rotation with its error.
     pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
         match &self.still {
             Some([with_error, _]) => *with_error,
@@ -81,7 +79,6 @@ impl HeadState {
         }
     }
 
-    /// The head's rotation without error.
     pub fn exact_rotation(&self, plan: &DevicePlan) -> Rotation {
         match &self.still {
             Some([_, exact]) => *exact,

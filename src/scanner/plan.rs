@@ -9,22 +9,19 @@ pub struct DevicePlan {
     pub deflector: Deflector,
     /// Mechanical scan angle limit (half angle), rad.
     pub scan_angle_max: f64,
-    /// Highest scan frequency, Hz.
+    /// Hz.
     pub scan_freq_max: f64,
     /// Axis of the head, unit vector.
     pub head_axis: DVec3,
-    /// Largest speed of the head, rad/s.
+    /// rad/s.
     pub head_max_rate: f64,
-    /// The emitter's pose on the head.
     pub beam_origin: Mount,
     pub errors: MechanicalErrors,
-    /// Differences from the reference.
     pub kinematics: Kinematics,
     pub(super) prisms: Option<PrismTrain>,
 }
 
 impl DevicePlan {
-    /// The plan of `device`.
     pub fn new(device: &Device, kinematics: Kinematics) -> DevicePlan {
         let axis = device.head.axis;
         let prisms = match &device.deflector {

@@ -10,7 +10,6 @@ pub struct Polygon {
     pub angle: f64,
     /// The angle without error.
     pub exact: f64,
-    /// Change per step.
     step: f64,
     /// The mirror fires at `lower < angle ≤ upper`.
     lower: f64,
@@ -24,7 +23,6 @@ pub(crate) fn firing_window(effective_max: f64, scan_angle: f64, settings: &Scan
 }
 
 impl Polygon {
-    /// The mirror at the start of a leg.
     pub fn new(
         effective_max: f64,
         scan_angle_max: f64,

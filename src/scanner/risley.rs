@@ -5,7 +5,6 @@ use crate::survey::Prism;
 use libm::{acos, asin, cos, sin, sincos};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// A train of prisms with its constants.
 #[derive(Clone, Debug)]
 pub(super) struct PrismTrain {
     prisms: Vec<Wedge>,

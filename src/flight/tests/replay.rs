@@ -144,7 +144,7 @@ fn scanning(l: &mut Leg) {
     l.scanner.trajectory_interval = 0.1;
 }
 
-/// Flies along the poses, which arrive in blocks of `cut`.
+/// Flies along `poses`, which arrive in blocks of `cut`.
 fn fly_stream(s: &Survey, poses: &[Pose], cut: usize) -> Keep {
     let (plan, _) = plan_of(s).unwrap();
     let (mut state, mut blocks, mut keep) = (FlightState::start(&plan), poses.chunks(cut), Keep::default());

@@ -46,7 +46,6 @@ impl TextInput {
         Ok(())
     }
 
-    /// Whether more bytes are needed to detect the format.
     pub fn is_unknown(&self) -> bool {
         matches!(self, TextInput::Unknown)
     }

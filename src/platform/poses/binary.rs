@@ -13,7 +13,6 @@ use super::fix::{Decoded, Fix, FixPlace, RecordError, RecordPlace};
 use crate::geom::{Rotation, radians};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Bytes of an SBET record.
 const SBET_BYTES: usize = 136;
 /// Bytes of a TerraScan header that are read.
 const HEADER_BYTES: usize = 24;
@@ -42,7 +41,6 @@ enum RecordFormat {
 
 #[derive(Clone, Copy, Debug)]
 struct Header {
-    /// Bytes of a record.
     record: usize,
     /// Number of records; 0 where the writer did not know it.
     count: u64,
@@ -150,7 +148,6 @@ impl RecordDecoder {
     }
 }
 
-/// The first `N` doubles of a record.
 fn doubles<const N: usize>(bytes: &[u8]) -> [f64; N] {
     std::array::from_fn(|i| {
         let mut eight = [0; 8];

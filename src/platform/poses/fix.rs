@@ -12,7 +12,6 @@ pub struct Pose {
     pub time: f64,
     /// World coordinates, m.
     pub position: DVec3,
-    /// Attitude of the platform.
     pub attitude: Rotation,
 }
 
@@ -78,7 +77,6 @@ impl RecordError {
 }
 
 impl RecordPlace<'_> {
-    /// Byte range of the time, if it is known.
     pub fn time(&self) -> Option<Range<usize>> {
         match self {
             RecordPlace::Line { time, .. } => Some(time.clone()),
@@ -86,7 +84,6 @@ impl RecordPlace<'_> {
         }
     }
 
-    /// The error at this place of `path`.
     pub fn error(&self, path: &Path, error: RecordError) -> Diagnostics {
         let mut found = Diagnostics::default();
         let reported = found.error(Some(self.place(path, error.at)), self.message(error.message));
@@ -96,7 +93,7 @@ impl RecordPlace<'_> {
         found
     }
 
-    /// The error at this place of `path` as a warning.
+    /// The error at this place of `path`, as a warning.
     pub fn warning(&self, path: &Path, error: RecordError) -> Diagnostics {
         let mut found = Diagnostics::default();
         found.warn(Some(self.place(path, error.at)), self.message(error.message));

@@ -4,7 +4,6 @@ use super::fix::{Fix, FixPlace, Pose, RecordError};
 use crate::geom::{DVec3, Rotation, UtmZone};
 use crate::survey::{Grid, PoseStream};
 
-/// Projection, height offset, lever arm and boresight.
 #[derive(Debug)]
 pub struct Georeference {
     grid: Grid,
@@ -28,12 +27,11 @@ impl Georeference {
         Georeference { grid, height_offset: 0.0, lever_arm: DVec3::ZERO, boresight: None }
     }
 
-    /// The offset added to all heights, m.
     pub fn height_offset(&self) -> f64 {
         self.height_offset
     }
 
-    /// The UTM zone, once that is known.
+    /// The UTM zone, once known.
     pub fn zone(&self) -> Option<UtmZone> {
         match self.grid {
             Grid::Utm(zone) => Some(zone),
@@ -41,7 +39,6 @@ impl Georeference {
         }
     }
 
-    /// Pose of the scanner's platform at `fix`.
     pub fn pose(&mut self, fix: &Fix) -> Result<Pose, RecordError> {
         let (mut position, mut attitude) = match fix.place {
             FixPlace::Local(place) => (DVec3::from(place), fix.attitude),

@@ -14,7 +14,6 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Result of waiting for poses.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PollResult {
     /// Poses arrived.
@@ -40,7 +39,6 @@ enum Failure {
     Io(std::io::ErrorKind, String),
 }
 
-/// Limit of poses in a block.
 const MAX_BLOCK_POSES: usize = 1024;
 
 /// Reads a trajectory in any format. Times must ascend.
@@ -87,7 +85,7 @@ impl PoseReader {
         Ok(PoseReader::new(input, settings))
     }
 
-    /// Reads `input`; `settings.path` is its name in messages.
+    /// `settings.path` is the name of `input` in messages.
     pub fn new(input: InputStream, settings: &PoseStream) -> PoseReader {
         let stdin = is_stdin(&settings.path);
         PoseReader {
@@ -208,7 +206,6 @@ impl PoseReader {
         }
     }
 
-    /// Checks a fix and appends its pose.
     fn accept(&mut self, fix: &Fix, place: &RecordPlace) -> Result<(), RecordError> {
         let Checked { is_repeated, warning } = self.checks.check(fix).map_err(|error| {
             let at = error.at.clone().or(place.time());

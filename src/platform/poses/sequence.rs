@@ -7,7 +7,6 @@ use crate::geom::DVec3;
 const MIN_GAP: f64 = 1.0;
 /// Minimum length of a gap as a multiple of the interval before it.
 const MIN_GAP_INTERVALS: f64 = 10.0;
-/// Limit of warnings.
 const MAX_WARNINGS: usize = 20;
 /// Distance after which headings are compared with the course, m.
 const COMPARED_DISTANCE: f64 = 20.0;
@@ -22,12 +21,10 @@ pub struct SequenceChecks {
     /// The last interval, s.
     interval: f64,
     warnings: usize,
-    /// The first position.
     start: Option<DVec3>,
     heading_is_compared: bool,
 }
 
-/// Result of checking a fix.
 #[derive(Debug, Default)]
 pub struct Checked {
     /// The fix equals the one before and is skipped.

@@ -15,7 +15,6 @@ const MAX_LINE_BYTES: usize = 1 << 16;
 /// Decimals of the columns of HELIOS++'s trajectory files: x, y, z, t, roll, pitch, yaw.
 const HELIOS_DECIMALS: [usize; 7] = [4, 4, 4, 9, 4, 4, 4];
 
-/// Decodes lines of numbers.
 #[derive(Debug)]
 pub struct TextDecoder {
     /// The convention of the angles, once the layout is known.

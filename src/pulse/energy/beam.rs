@@ -16,11 +16,11 @@ pub struct BeamState<'a> {
     pub rings: u32,
     /// Minimum range R0, m.
     pub range_min: f64,
-    /// Divergence when the simulation started, rad.
+    /// rad, when the simulation started.
     pub start_divergence: f64,
-    /// Divergence of the current leg, rad.
+    /// rad.
     pub leg_divergence: f64,
-    /// Pulse rate of the current leg, Hz.
+    /// Pulse rate of the leg, Hz.
     pub frequency: f64,
 }
 

@@ -12,7 +12,6 @@ use std::f64::consts::PI;
 #[derive(Clone, Debug)]
 pub struct Improved {
     pub rings: Vec<Ring>,
-    /// Rings of all subrays.
     pub lanes: Vec<RingBlock>,
     /// w0², m².
     waist_squared: f64,
@@ -24,7 +23,6 @@ pub struct Improved {
     double_extinction: f64,
 }
 
-/// The rings of a block of subrays.
 #[derive(Clone, Copy, Debug)]
 pub struct RingBlock {
     scale: Block,
@@ -33,7 +31,6 @@ pub struct RingBlock {
 }
 
 impl RingBlock {
-    /// Constants of at most a block of rings.
     pub fn of(rings: &[Ring], some: &[u32]) -> RingBlock {
         let lane = |i: usize| rings[some.get(i).map_or(0, |r| *r as usize)];
         RingBlock {
@@ -44,7 +41,6 @@ impl RingBlock {
     }
 }
 
-/// One ring of the improved model.
 #[derive(Clone, Copy, Debug)]
 pub struct Ring {
     /// All factors that do not depend on range or surface.

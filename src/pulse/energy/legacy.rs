@@ -15,7 +15,6 @@ pub struct Legacy {
     surface: f64,
     pub cross_section: f64,
     pub profile: Vec<RingProfile>,
-    /// Profiles of all subrays.
     pub lanes: Vec<ProfileBlock>,
     range_min_squared: f64,
     double_extinction: f64,
@@ -30,7 +29,6 @@ pub struct RingProfile {
     far: f64,
 }
 
-/// The profiles of a block of subrays.
 #[derive(Clone, Copy, Debug)]
 pub struct ProfileBlock {
     exponent: Block,
@@ -38,7 +36,6 @@ pub struct ProfileBlock {
 }
 
 impl ProfileBlock {
-    /// Profiles of at most a block of rings.
     pub fn of(profile: &[RingProfile], rings: &[u32]) -> ProfileBlock {
         let lane = |i: usize| profile[rings.get(i).map_or(0, |r| *r as usize)];
         ProfileBlock { exponent: from_fn(|i| lane(i).exponent), far: from_fn(|i| lane(i).far) }

@@ -36,7 +36,6 @@ enum Law {
 }
 
 impl Energy {
-    /// The model of a device whose beam has `subrays` subrays.
     pub fn new(state: BeamState, subrays: usize, multi_channel: bool, options: &PhysicsOptions) -> Energy {
         let corrections = &options.corrections;
         let law = if corrections.radiometry {

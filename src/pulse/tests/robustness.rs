@@ -120,7 +120,7 @@ fn an_empty_scene_and_pulses_without_numbers_yield_nothing() {
     }
 }
 
-/// Values that no instrument has, among some that one may have.
+/// Values that no instrument has, mixed with plausible ones.
 fn odd() -> impl Strategy<Value = f64> {
     let values = [
         0.0,

@@ -16,7 +16,6 @@ use proptest::prelude::*;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Pulses of a test.
 const N: u64 = 1_000_000;
 
 /// Where a slab begins, m along +y, and its voxels' edge.
