@@ -45,8 +45,7 @@ impl PlannedLeg {
     }
 }
 
-/// Courses of the legs in the scene frame. Positions are shifted, dropped to the ground and, given a seed, displaced at
-/// random, in this order.
+/// Courses of the legs in the scene frame: shifted, dropped to the ground and, given a seed, displaced at random.
 pub(super) fn courses(
     survey: &Survey,
     shift: DVec3,

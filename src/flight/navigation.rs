@@ -79,8 +79,7 @@ pub(super) struct Navigation {
     boresight: Rotation,
     /// From the navigation system's body to the scanner's platform frame, and back.
     mounting: [Rotation; 2],
-    /// Position of the scanner's platform frame relative to the navigation system, m, in the axes of its body: true and
-    /// reported.
+    /// The platform frame's position relative to the navigation system, m, in its body axes: true and reported.
     arm: DVec3,
     reported_arm: DVec3,
 }
@@ -91,8 +90,8 @@ const BORESIGHT: u32 = 6;
 const LEVER_ARM: u32 = 9;
 
 impl Navigation {
-    /// The errors under `seed` of a platform whose frame is at `arm` in the navigation system's body and rotated by
-    /// `boresight` there.
+    /// Navigation errors under `seed`, for a platform whose frame is at `arm` in the navigation system's body and
+    /// rotated by `boresight` relative to it.
     pub fn new(errors: NavigationErrors, seed: u64, arm: DVec3, boresight: [f64; 3]) -> Navigation {
         let stream = Stream::new(seed, Purpose::Navigation);
         let drawn = |row: u32, constant: [f64; 3], sigma: [f64; 3]| -> [f64; 3] {

@@ -197,8 +197,7 @@ impl FlightPlan {
     }
 }
 
-/// Table of an interpolated platform in the scene frame, corrected according to `kinematics`; `None` if its files have
-/// problems.
+/// Table of an interpolated platform in the scene frame, corrected by `kinematics`; `None` if its files have problems.
 fn load_table(
     settings: &Interpolated,
     shift: DVec3,

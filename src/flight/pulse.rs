@@ -12,8 +12,8 @@ pub struct Pulse {
     /// Attitude known to the instrument: if there are mechanical errors, `attitude` without them and without attitude
     /// noise; otherwise `attitude`.
     pub exact_attitude: Rotation,
-    /// `exact_attitude` relative to the platform's attitude that the navigation system reports; points are reported
-    /// along it.
+    /// `exact_attitude` relative to the platform attitude that the navigation system reports; determines the reported
+    /// direction of points.
     pub reported_attitude: Rotation,
     /// Reported minus true origin, m.
     pub origin_error: DVec3,

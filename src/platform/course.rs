@@ -56,7 +56,7 @@ pub struct Course {
 
 impl Course {
     /// Sets the waypoints of leg `leg`, and the position if it is the first of a run. The last leg keeps the waypoints
-    /// of the one before; returns whether a target was assigned.
+    /// of the previous leg. Returns whether a target was assigned.
     pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry) -> bool {
         if entry == LegEntry::Initial {
             self.position = legs[leg].position;

@@ -36,8 +36,8 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// A multicopter whose angular steps are fixed by the first leg's pulse frequency, or, with
-    /// [`Kinematics::leg_pulse_rate`], by that of each leg.
+    /// A multicopter whose steps in angle follow from the first leg's pulse frequency, or, with
+    /// [`Kinematics::leg_pulse_rate`], from the frequency of each leg.
     pub fn multicopter(parameters: &Multicopter, legs: &[LegCourse], kinematics: &Kinematics) -> Motion {
         let first = legs.first().map_or(1.0, |l| l.frequency);
         let frequency = |leg: &LegCourse| if kinematics.leg_pulse_rate { leg.frequency } else { first };

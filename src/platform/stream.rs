@@ -100,8 +100,7 @@ impl Default for StreamState {
 }
 
 impl StreamState {
-    /// Appends poses, whose positions `shift` takes to the scene frame. Poses that are not later than the last one are
-    /// dropped.
+    /// Appends poses, taken to the scene frame by `shift`. Poses that are not later than the last one are dropped.
     pub fn feed(&mut self, poses: Vec<Pose>, shift: DVec3) {
         let keep = self.segment.saturating_sub(1);
         let mut window = Vec::with_capacity(self.window.len() - keep + poses.len());

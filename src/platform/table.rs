@@ -48,8 +48,7 @@ impl TrajectoryTable {
         Some(TrajectoryTable { first_time, rows: table })
     }
 
-    /// This table with every angle within half a turn of the previous one, so that rotations take the shorter
-    /// direction.
+    /// This table with every angle within half a turn of the previous one, so that rotations take the shorter path.
     pub fn unwrapped(self) -> TrajectoryTable {
         self.map_rows(|rows| {
             for i in 1..rows.len() {

@@ -59,8 +59,8 @@ struct SampledPeak {
 }
 
 impl ClusterDetector {
-    /// Appends the returns of `profile`, nearest first, up to the detector's maximum: those whose range `is_kept`
-    /// accepts. `false`, and nothing appended, if an intensity is not finite.
+    /// Appends the returns of `profile` whose range `is_kept` accepts, nearest first, up to the detector's maximum.
+    /// Returns `false`, and appends nothing, if an intensity is not finite.
     #[inline(always)]
     pub fn detect(
         &mut self,

@@ -84,8 +84,7 @@ impl FoliageContinuum {
         self.cell = cell_width(detector);
     }
 
-    /// Adds the light of the current subray, which is intercepted before `end` m; `response` returns how a segment
-    /// reflects.
+    /// Adds the light of the current subray, which is intercepted before `end` m; `response` evaluates a segment.
     pub fn scatter(
         &mut self,
         (energy, detector): (&Energy, &DetectorSettings),

@@ -54,8 +54,8 @@ pub(super) fn detect<S: Simd>(
     }
 }
 
-/// The reflection that a return at `range` is attributed to: the nearest by entry point, the first of equally near ones
-/// (spec pulse-physics §4.7). NaN is attributed to the first.
+/// Index of the reflection to which a return at `range` is attributed: the nearest by entry point, the first of equally
+/// near ones (spec pulse-physics §4.7). NaN is attributed to the first.
 #[inline(always)]
 pub(super) fn attribute(reflections: &Reflections, range: f64) -> usize {
     // The bits of floats that are not negative are ordered like the floats.

@@ -203,8 +203,8 @@ impl Detection {
         }
     }
 
-    /// The reflection that a return is attributed to; `None` if it lies farther from all of them than the pulse is
-    /// long, so that only noise of the receiver can have caused it.
+    /// Index of the reflection to which a return is attributed; `None` if it is farther from all reflections than the
+    /// pulse length, so that only noise of the receiver can have caused it.
     #[inline(always)]
     fn source_of(&self, r: &Return, instrument: &Instrument) -> Option<usize> {
         let source = attribute(&self.reflections, r.range);
@@ -214,7 +214,7 @@ impl Detection {
     }
 
     /// Appends every reflection of a subray as an echo at the position of the surface, in the order of the subrays. Its
-    /// return number is that of the return that it is part of, or 0.
+    /// return number is the number of the return that contains it, or 0.
     #[inline(never)]
     fn emit_subrays(&mut self, view: &SceneView, traced: &TracedPulse, pulse: &Pulse, batch: &mut Batch) {
         for i in 0..self.reflections.count() {

@@ -12,7 +12,7 @@ const MAX_REACH: u64 = 1 << 16;
 const UNDERFLOW: f64 = 746.0;
 
 /// Half width at 1/e, in bins, of the Gaussian on a pedestal that fits `waveform` around its peak of height `top` in
-/// bin `peak`. Only bins up to `reach` from the peak take part, if given. The width may be negative, absurd or NaN.
+/// bin `peak`. `reach` limits the fit to bins at most that far from the peak. The width may be negative, absurd or NaN.
 pub(super) fn width(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> f64 {
     fit_gaussian(waveform, peak, top, reach)[3]
 }

@@ -41,9 +41,9 @@ const MAX_PATTERNED_SUBRAYS: usize = 1000;
 
 /// `count` subrays of equal energy, for each pattern. A single subray is the axis.
 ///
-/// The point at which a subray leaves the instrument is its angle turned by a quarter about the axis: so position and
-/// angle are uncorrelated and the squares of both radii add up, w(R)² = w(0)² + (R·θ/2)², as those of a Gaussian beam
-/// do from its waist on.
+/// A subray leaves the instrument at its angle, scaled and turned by 90° about the axis. So position and angle are
+/// uncorrelated, and the squares of both radii add up as for a Gaussian beam from its waist on: w(R)² = w(0)² +
+/// (R·θ/2)².
 pub(super) fn patterns(beam: &Footprint, count: usize) -> impl Iterator<Item = Vec<Subray>> {
     let base = match count {
         1 => vec![[0.0; 2]],

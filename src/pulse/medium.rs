@@ -42,8 +42,8 @@ enum Step {
 }
 
 impl SceneView<'_> {
-    /// Follows a subray from its first interaction through foliage to the one that reflects it, or `None`. `around` are
-    /// the voxels of foliage that contain its origin.
+    /// Follows a subray from its first interaction through foliage to the one that reflects it; `None` if there is
+    /// none. `around` are the voxels of foliage that contain its origin.
     #[inline(never)]
     pub(super) fn walk_medium(
         &self,
@@ -56,7 +56,7 @@ impl SceneView<'_> {
         self.run_walk(detector, ray, first, around, Search::ScatterPoint(paths))
     }
 
-    /// Follows a subray through foliage to a solid surface, or `None`, and lists the foliage on its path by ascending
+    /// Follows a subray through foliage to a solid surface, if any, and lists the foliage on its path by ascending
     /// entry.
     #[inline(never)]
     pub(super) fn collect_medium(

@@ -26,8 +26,7 @@ const THRESHOLD_OVER_NOISE: f64 = 6.0;
 /// Bandwidth of a matched receiver times the full width at half maximum of its Gaussian pulse: 2·ln 2/π.
 const MATCHED_BANDWIDTH_WIDTH: f64 = 2.0 * LN_2 / PI;
 
-/// Bandwidth (GHz) of the receiver that is matched to a pulse of `fwhm` ns: its noise is correlated over the length of
-/// the pulse.
+/// Bandwidth (GHz) of the receiver matched to a pulse of `fwhm` ns: its noise is correlated over the pulse length.
 pub(super) fn matched_bandwidth(fwhm: f64) -> f64 {
     MATCHED_BANDWIDTH_WIDTH / fwhm
 }
@@ -77,8 +76,8 @@ pub(super) struct FalseAlarm {
 }
 
 impl ReceiverNoise {
-    /// Noise of the given variances (squared amplitude, and per amplitude of an echo) behind a bandwidth (GHz), in bins
-    /// of `bin` ns.
+    /// Units: `dark_variance` squared amplitude, `signal_variance` squared amplitude per amplitude of an echo,
+    /// `bandwidth` GHz, `bin` ns.
     pub fn new(dark_variance: f64, signal_variance: f64, bandwidth: f64, bin: f64) -> ReceiverNoise {
         let response = sqrt(LN_2) / (2.0 * PI * bandwidth);
         let width = response / bin;
@@ -126,7 +125,7 @@ impl ReceiverNoise {
         crossings.min(tail)
     }
 
-    /// Appends the false alarms in `gate` (ns) outside of the `lit` intervals (ns, ascending, disjoint), by ascending
+    /// Appends the false alarms in `gate` (ns) outside of the `lit` intervals (ns, ascending, disjoint), sorted by
     /// time.
     pub fn add_alarms(
         &self,

@@ -116,8 +116,8 @@ impl ReceiverModel {
         self.noise.as_ref().is_some_and(|noise| noise.alarm_rate(self.threshold) > 0.0)
     }
 
-    /// Adds noise to the samples of a pulse and saturates them. All bins of recorded and of short waveforms have noise,
-    /// of others the stored ones.
+    /// Adds noise to the samples of a pulse and saturates them. Recorded and short waveforms have noise on all bins,
+    /// others on the stored bins only.
     pub fn distort(&self, waveform: &mut Waveform, is_recorded: bool, (device, pulse): (u32, u64)) {
         if let Some(noise) = &self.noise {
             waveform.store_gaps(if is_recorded { MAX_RECORD_SAMPLES } else { MAX_FILLED_BINS });
@@ -142,8 +142,7 @@ impl ReceiverModel {
         if self.walk == 0.0 { 0.0 } else { range_walk(self.walk, self.threshold, amplitude) }
     }
 
-    /// Inserts the false alarms of a pulse among its returns, by ascending range, and truncates them to the detector's
-    /// maximum.
+    /// Inserts the false alarms of a pulse into its returns, sorted by range, and truncates to the detector's maximum.
     #[inline(never)]
     pub fn add_false_alarms(
         &self,

@@ -28,8 +28,8 @@ const WINDOW: u64 = 5;
 /// Smallest amplitude of an echo, as a share of the highest.
 const MIN_SHARE: f64 = 0.01;
 
-/// The echoes of `samples` in their order. The complete waveform of a single echo is fitted, as in a run with echo
-/// widths; several echoes are fitted up to the nearer valley on either side.
+/// The echoes of `samples` in their order. If there is one echo, all samples are fitted, as in a run with echo widths;
+/// each of several echoes is fitted up to the nearer valley on either side.
 pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     let highest = samples.iter().copied().fold(0.0, f64::max);
     if highest <= 0.0 || !highest.is_finite() {

@@ -47,8 +47,8 @@ impl<'a> SceneView<'a> {
         }
     }
 
-    /// [`SceneView::reflect`] for pulses that hit nothing but opaque triangles, a block of subrays at a time; `false`
-    /// for any other pulse.
+    /// [`SceneView::reflect`] for pulses that hit only opaque triangles, in blocks of subrays; `false` for any other
+    /// pulse.
     #[inline(always)]
     fn shade_triangles(
         &self,
@@ -150,8 +150,8 @@ impl<'a> SceneView<'a> {
         }
     }
 
-    /// Follows a subray of `ring` through foliage to the solid surface that reflects it. `None` if nothing does, or if
-    /// the foliage intercepts it: then its light joins the continuum.
+    /// Follows a subray of `ring` through foliage to the solid surface that reflects it. `None` if there is none, or if
+    /// the foliage intercepts the subray, whose light then joins the continuum.
     fn scatter_continuously(
         &self,
         (instrument, ring): (&Instrument, u32),
@@ -304,8 +304,8 @@ impl<'a> ShadedSurface<'a> {
     }
 }
 
-/// Normal of the cube's face whose centre is nearest to `p` (relative to the cube's centre): of equally near ones the
-/// first of +x, −x, +y, −y, +z, −z.
+/// Normal of the cube's face whose centre is nearest to `p` (relative to the cube's centre); of equally near faces the
+/// first in the order +x, −x, +y, −y, +z, −z.
 fn face_of_cube(p: DVec3, half: f64) -> DVec3 {
     let faces = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
     let mut best = (f64::INFINITY, DVec3::X);

@@ -9,8 +9,7 @@ use crate::tree::Hits;
 pub(super) struct Reflections {
     /// Number of reflections; the fields are longer.
     count: usize,
-    /// All are on opaque triangles, at whose entries light is reflected: `entry`, `ring` and `subray` are not filled
-    /// in.
+    /// All reflections are at the entries of opaque triangles; `entry`, `ring` and `subray` are not filled in.
     is_opaque_only: bool,
     range: Vec<f64>,
     entry: Vec<f64>,
@@ -61,8 +60,7 @@ impl Reflections {
         self.count += 1;
     }
 
-    /// Appends a reflection of known intensity, after [`Reflections::apply_energy`], beyond the reserved memory if need
-    /// be.
+    /// Appends a reflection of known intensity, after [`Reflections::apply_energy`]; may exceed the reserved memory.
     pub fn push_lit(&mut self, range: f64, primitive: u32, cosine: f64, intensity: f64) {
         if self.count == self.range.len() {
             self.reserve(2 * self.count + LANES);

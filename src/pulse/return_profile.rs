@@ -38,8 +38,7 @@ impl ReturnProfile {
         }
     }
 
-    /// Sorts by counting how many ranges are smaller than each: no branch depends on the ranges. `false` if some are
-    /// equal.
+    /// Sorts by counting how many ranges are smaller than each, without branches on ranges. `false` if some are equal.
     #[inline(always)]
     fn sort_by_counting<S: Simd>(&mut self, simd: S, ranges: &[f64], intensities: &[f64]) -> bool {
         let n = ranges.len();

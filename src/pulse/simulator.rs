@@ -69,8 +69,8 @@ impl<'p> PulseSimulator<'p> {
         }
     }
 
-    /// Replaces the instruments. They must have as many devices as the survey's; legs are those of the survey that they
-    /// were computed from.
+    /// Replaces the instruments. They must have as many devices as the survey; leg indices refer to the survey from
+    /// which they were computed.
     pub fn set_instruments(&mut self, instruments: &InstrumentTable) {
         self.instruments = instruments.clone();
     }
@@ -104,9 +104,9 @@ impl<'p> PulseSimulator<'p> {
         })
     }
 
-    /// [`PulseSimulator::simulate`] over a dynamic scene that is in the state of the first pulse. `updates` are in the
-    /// order of the pulses from which on they apply. The static objects are traced for many pulses at once, however
-    /// often the others move.
+    /// [`PulseSimulator::simulate`] over a dynamic scene that is in the state of the first pulse. `updates` are ordered
+    /// by the first pulse to which they apply. The static objects are traced for many pulses at once, however often the
+    /// others move.
     pub fn simulate_dynamic(
         &mut self,
         leg: u32,

@@ -19,8 +19,7 @@ pub(super) struct ReflectionSources {
 }
 
 impl ReflectionSources {
-    /// Finds the subray of each reflection, and the return that is nearest to it, if that is nearer than the pulse is
-    /// long.
+    /// Finds the subray of each reflection, and the nearest return if it is nearer than the pulse length.
     pub fn assign(
         &mut self,
         instrument: &Instrument,

@@ -23,8 +23,8 @@ pub(super) fn rays_in_ring(i: u32) -> u32 {
     ((TAU * f64::from(i)) as u32).max(1)
 }
 
-/// Number of subrays of equal energy for a beam sample quality: about as many as the reference's rings have, in whole
-/// blocks: 1, 8, 16, 40, 64, 96 …
+/// Number of subrays of equal energy for a beam sample quality, about as many as in the reference's rings, in multiples
+/// of a block: 1, 8, 16, 40, 64, 96 …
 pub(super) fn equal_subrays(rings: u32) -> usize {
     let of_rings = (0..rings).map(rays_in_ring).sum::<u32>() as usize;
     if of_rings <= 1 { of_rings } else { ((of_rings + LANES / 2) / LANES * LANES).max(LANES) }

@@ -41,7 +41,7 @@ pub(super) struct Segment {
 }
 
 impl Waveform {
-    /// Replaces the waveform by the sum of the pulses of `profile`. `false` if a reflection in the dead zone discards
+    /// Replaces the waveform by the sum of the pulses of `profile`; `false` if a reflection in the dead zone discards
     /// it.
     #[inline(always)]
     pub fn receive(&mut self, profile: &ReturnProfile, detector: &DetectorSettings) -> bool {
@@ -119,8 +119,8 @@ impl Waveform {
         }
     }
 
-    /// Adds pulses that start within bins, the first one `first` bins after the start of bin 0; those of the same bin
-    /// together.
+    /// Adds pulses that start within bins, the first one `first` bins after the start of bin 0, summing the pulses of
+    /// each bin first.
     #[inline(always)]
     fn add_between_bins(
         &mut self,
@@ -148,8 +148,8 @@ impl Waveform {
         self.starts = starts;
     }
 
-    /// Adds `intensity` times the pulse from bin `from` on, without what lies before bin 0 or after the last.
-    /// Successive calls must not start earlier.
+    /// Adds `intensity` times the pulse from bin `from` on, clipped to bins from 0 to the last. Successive calls must
+    /// not start earlier.
     #[inline(always)]
     fn add(&mut self, pulse: &[f64], from: i64, intensity: f64) {
         let skip = (-from).max(0) as usize;
