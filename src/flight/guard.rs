@@ -2,7 +2,7 @@
 
 use crate::platform::{PlatformPlan, PlatformState};
 
-/// Watches the distance to a waypoint.
+/// Tracks whether the platform gets closer to a waypoint.
 #[derive(Clone, Debug)]
 pub(super) struct ProgressGuard {
     /// The step clock's tick of the next check.

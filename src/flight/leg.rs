@@ -1,4 +1,4 @@
-//! The legs of a flight: settings, places, and the legs that a recorded trajectory adds.
+//! The legs of a flight: settings, positions, and the legs that a recorded trajectory adds.
 
 use super::noise::leg_offset;
 use crate::diag::{Diagnostics, Place};

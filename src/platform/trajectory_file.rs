@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::survey::{Interpolated, TrajectoryFile};
 use std::path::Path;
 
-/// Wrong rows that are listed; further ones are only counted.
+/// Maximum number of wrong rows that are listed; further ones are only counted.
 const MAX_LISTED_ROWS: usize = 20;
 
 /// Reads all files of `settings` into one table in world coordinates and radians. All problems of a file go into

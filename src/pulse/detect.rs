@@ -1,4 +1,4 @@
-//! From reflections to returns: the receiver (spec pulse-physics §4).
+//! Turns reflections into returns: the receiver (spec pulse-physics §4).
 
 use super::detector::{DetectorSettings, Return};
 use super::fit;
@@ -11,7 +11,7 @@ use crate::tree::simd::Simd;
 /// Minimum fitted width of an echo, ns; narrower echoes are dropped.
 const MIN_ECHO_WIDTH: f64 = 0.1;
 
-/// Appends the returns of `waveform`, nearest first, up to the detector's maximum: those whose range `is_kept` accepts.
+/// Appends the returns of `waveform` whose range `is_kept` accepts, nearest first, up to the detector's maximum.
 #[inline(always)]
 pub(super) fn detect<S: Simd>(
     simd: S,

@@ -1,4 +1,4 @@
-//! From the hits of a pulse to its records: reflections, waveform, returns, echoes.
+//! Turns the hits of a pulse into its records: reflections, waveform, returns, echoes.
 
 use super::batch::Batch;
 use super::cluster::ClusterDetector;

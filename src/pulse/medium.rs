@@ -21,7 +21,7 @@ struct MediumWalk<'v, 'a> {
     direction: DVec3,
     nearest: Option<Interaction>,
     search: Search<'v>,
-    /// Voxels entered shortly before the point from which the search continues, with the distance of the entry from the
+    /// Voxels entered shortly before the point from which the search continues, with their entry distances from the
     /// origin.
     passed: Vec<(u32, f64)>,
 }

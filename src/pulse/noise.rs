@@ -6,16 +6,16 @@
 //! and an echo is one crossing of the threshold and not a cluster of crossings.
 //!
 //! Between the echoes only noise crosses the threshold T. A stationary normal process of standard deviation σ does so ν
-//! = √(−ρ''(0))/(2π)·exp(−T²/(2σ²)) times per time (Rice 1945, "Mathematical analysis of random noise", eq. 3.3-14),
-//! here with −ρ''(0) = 1/(2σ_h²); crossings of a high threshold form a Poisson process whose peaks x have the tail
-//! exp(−(x² − T²)/(2σ²)) (Cramér & Leadbetter 1967, ch. 12). So they are drawn one after the other, not sample by
+//! = √(−ρ''(0))/(2π)·exp(−T²/(2σ²)) times per unit of time (Rice 1945, "Mathematical analysis of random noise", eq.
+//! 3.3-14), here with −ρ''(0) = 1/(2σ_h²); crossings of a high threshold form a Poisson process whose peaks x have the
+//! tail exp(−(x² − T²)/(2σ²)) (Cramér & Leadbetter 1967, ch. 12). So they are drawn one after the other, not sample by
 //! sample.
 
 use crate::rng::{self, Stream};
 use libm::{erfc, exp, log, sqrt};
 use std::f64::consts::{LN_2, PI, SQRT_2};
 
-/// C.
+/// Elementary charge, C.
 const ELECTRON: f64 = 1.602_176_634e-19;
 /// Half width of the window of draws, in units of σ_h.
 const HALF_WINDOW: f64 = 4.0;

@@ -22,7 +22,7 @@ const MIN_RELATIVE_STEP: f64 = 1e-9;
 const NORMAL_INTENSITIES: std::ops::Range<f64> = 1e-200..1e200;
 
 impl SingleBinDetector {
-    /// `None` where the peak is not that simple: windows of one bin or longer than the pulse, flat or ragged pulses.
+    /// `None` if the peak cannot be precomputed: windows of one bin or longer than the pulse, flat or ragged pulses.
     pub fn new(shape: &PulseShape, rule: &PeakRule) -> Option<SingleBinDetector> {
         let (samples, peak) = (&shape.samples, shape.peak);
         let window = usize::try_from(rule.window).ok().filter(|w| *w >= 2)?;

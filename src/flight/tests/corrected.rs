@@ -1,4 +1,4 @@
-//! The corrected kinematics against closed formulas: clock, legs, headings, offsets, noise.
+//! The corrected kinematics compared with closed formulas: clock, legs, headings, offsets, noise.
 
 use crate::flight::FlightOptions;
 use crate::flight::testing::*;

@@ -25,8 +25,7 @@ fn busy_survey() -> Survey {
     s
 }
 
-/// Steps as the producer of chunks does, cutting every `size` pulses and at legs, and replays each chunk from its
-/// snapshot.
+/// Produces chunks of up to `size` pulses, cut at legs as well, and replays each from its snapshot.
 fn in_chunks(plan: &FlightPlan, size: u64) -> Keep {
     let mut state = FlightState::start(plan);
     let mut all = Keep::default();
@@ -178,7 +177,7 @@ fn a_flight_does_not_depend_on_the_blocks_in_which_poses_arrive() {
     let s = stream_survey(scanning);
     let whole = fly_stream(&s, &poses(), 1000);
     assert_eq!(whole.pulses[0].time_ns, 1000e9);
-    // 59 stretches of 0.03 s at 100 Hz: 178 steps, 5 of the first 11 fire
+    // 59 intervals of 0.03 s at 100 Hz: 178 steps, 5 of the first 11 fire
     assert!(
         whole.pulses.len() > 70 && whole.poses.len() == 18,
         "{} {}",

@@ -1,4 +1,4 @@
-//! Flights with errors of navigation: true poses stay, reported ones change.
+//! Flights with navigation errors: true poses stay unchanged, reported poses change.
 
 use crate::flight::testing::*;
 use crate::flight::{FlightOptions, Pulse};

@@ -1,4 +1,4 @@
-//! Records of a trajectory: fixes in the recorder's frame, poses in the world, and errors with their places.
+//! Records of a trajectory: fixes in the recorder's frame, poses in the world, and errors with their locations.
 
 use crate::diag::{Diagnostics, Place};
 use crate::geom::{DVec3, Rotation};

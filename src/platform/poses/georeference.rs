@@ -1,4 +1,4 @@
-//! Direct georeferencing: a fix in the recorder's frame to the pose of the scanner's platform in the world.
+//! Direct georeferencing: converts a fix in the recorder's frame into the pose of the scanner's platform in the world.
 
 use super::fix::{Fix, FixPlace, Pose, RecordError};
 use crate::geom::{DVec3, Rotation, UtmZone};

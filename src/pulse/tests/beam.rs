@@ -1,4 +1,4 @@
-//! The refined beam against closed forms: one small scene for each law.
+//! The refined beam compared with closed forms: one small scene for each law.
 
 use super::*;
 use crate::flight::Pulse;
@@ -77,7 +77,8 @@ fn an_edge_cuts_off_what_it_cuts_off_of_a_gaussian_beam() {
 
 #[test]
 fn wires_and_plates_return_their_share_of_the_beam_on_average() {
-    // Half a millimetre to centimetres of a beam of w = 0.05 m, over many pulses, whose patterns are turned.
+    // Edges offset by half a millimetre to centimetres in a beam of w = 0.05 m, over many pulses, whose patterns are
+    // turned.
     let n = 2000;
     let full = one(&rectangles(half_white(), &[board(100.0, 2.0, 2.0)]), &lab(1e-3, 3));
     for half in [0.003, 0.01, 0.03, 0.06] {

@@ -1,4 +1,4 @@
-//! Whole pulses over small scenes: the worked examples of spec pulse-physics §4.12, §5.6 and of the traps.
+//! Complete pulses over small scenes: the worked examples of spec pulse-physics §4.12, §5.6 and of the traps.
 
 mod beam;
 mod continuum;

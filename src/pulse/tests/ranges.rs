@@ -1,4 +1,4 @@
-//! Maximum ranges of the catalogue's instruments in refined physics against those that their data sheets state.
+//! Maximum ranges of the catalogue's instruments in the refined physics, compared with their data sheets.
 
 use super::*;
 use crate::survey::{Scanner, catalogue};
