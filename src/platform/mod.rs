@@ -9,7 +9,7 @@
 //! | `course` | waypoints and headings |
 //! | `linear`, `ground_vehicle`, `multicopter` | motion from waypoint to waypoint |
 //! | `physics` | acceleration against drag |
-//! | `interpolated`, `table`, `trajectory_file` | motion along a table of recorded poses, the table, the files it is read from |
+//! | `interpolated`, `table`, `trajectory_file` | motion along a table of recorded poses, the table, its files |
 //! | `stream` | motion along poses as they arrive |
 //! | `poses` | reads poses in any format while they arrive |
 //! | `layout` | columns of poses in text |

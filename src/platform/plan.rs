@@ -23,10 +23,8 @@ pub enum Motion {
     Static,
     /// Flies straight from leg to leg.
     Linear,
-    /// Drives from leg to leg.
-    GroundVehicle {
-        drag: f64,
-    },
+    /// Drives from leg to leg; `drag` is the coefficient per step.
+    GroundVehicle { drag: f64 },
     /// Flies from leg to leg, tilting; one plan per leg, see [`Motion::multicopter`].
     Multicopter(Vec<MulticopterPlan>),
     /// Follows a table of recorded poses.

@@ -4,10 +4,10 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `options`, `instrument`, `physics` | options and corrections; constants of each device; data shared by all workers |
+//! | `options`, `instrument`, `physics` | options and corrections; constants of each device; data of all workers |
 //! | `simulator`, `ray_batch` | the three phases of many pulses; rays that are traced together |
 //! | `subray`, `footprint` | directions of subrays: rings, and patterns of equal energy |
-//! | `traced`, `energy`, `lanes` | ranges of the hits and the energy received from there, a block of subrays at a time |
+//! | `traced`, `energy`, `lanes` | ranges of the hits and the energy received from there, in blocks of subrays |
 //! | `detection` | from the hits of a pulse to its records |
 //! | `view`, `reflect`, `reflections`, `triangle_cache` | the scene at the time of a pulse, and its reflections |
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
@@ -15,7 +15,7 @@
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
 //! | `receiver`, `noise`, `ranging` | receivers that are not ideal |
-//! | `detector`, `detect`, `peaks`, `fit`, `recorded` | settings of the detection; returns of a waveform; echoes of recorded ones |
+//! | `detector`, `detect`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated and recorded waveforms |
 //! | `sources`, `range_noise` | true causes of echoes; noise of ranges |
 //! | `echo`, `batch` | the records |
 

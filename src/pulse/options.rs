@@ -28,7 +28,8 @@ impl PhysicsProfile {
 pub struct PhysicsOptions {
     /// Seed of every random draw.
     pub seed: u64,
-    /// Use the older energy model (spec pulse-physics §3.3). Scanners with channels ignore it (spec pulse-physics §0.4).
+    /// Use the older energy model (spec pulse-physics §3.3); ignored by scanners with channels (spec pulse-physics
+    /// §0.4).
     pub legacy_energy: bool,
     /// Treat every surface as if it faced the beam (spec pulse-physics §2.4).
     pub fixed_incidence: bool,
@@ -79,8 +80,8 @@ impl Default for PhysicsOptions {
 
 macro_rules! corrections {
     ($($(#[doc = $doc:literal])* $name:ident: $refined:literal,)*) => {
-        /// Departures from the reference's physics, each of which can be chosen by itself. spec pulse-physics §9 and §10 and spec
-        /// kinematics name the rule behind each.
+        /// Departures from the reference's physics, each of which is optional. Spec pulse-physics §9 and §10 and spec
+        /// kinematics state the rule behind each.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct Corrections {
             $($(#[doc = $doc])* pub $name: bool,)*
@@ -90,13 +91,13 @@ macro_rules! corrections {
             /// Names of all corrections, in the order of the fields.
             pub const NAMES: &[&str] = &[$(stringify!($name)),*];
 
-            /// What each of them does, in the order of the fields.
+            /// Help text of every correction, in the order of the fields.
             pub const HELP: &[&str] = &[$(concat!($($doc),*)),*];
 
-            /// None of them: the reference's physics.
+            /// No corrections: the reference's physics.
             pub const NONE: Corrections = Corrections { $($name: false),* };
 
-            /// Those that make up the refined physics.
+            /// The corrections of the refined physics.
             pub const REFINED: Corrections = Corrections { $($name: $refined),* };
 
             /// The corrections that are on in either.
@@ -104,8 +105,8 @@ macro_rules! corrections {
                 Corrections { $($name: self.$name || other.$name),* }
             }
 
-            /// Switches one correction on by its name with hyphens or underscores, or off where `no-` precedes the name.
-            /// A correction whose own name begins with `no-` is switched on by that name.
+            /// Switches one correction on by its name with hyphens or underscores, or off if `no-` precedes the name. A
+            /// correction whose own name begins with `no-` is switched on by that name.
             ///
             /// # Errors
             /// An unknown name, with all known ones.

@@ -77,8 +77,7 @@ fn an_edge_cuts_off_what_it_cuts_off_of_a_gaussian_beam() {
 
 #[test]
 fn wires_and_plates_return_their_share_of_the_beam_on_average() {
-    // Edges offset by half a millimetre to centimetres in a beam of w = 0.05 m, over many pulses, whose patterns are
-    // turned.
+    // Half widths of 3 mm to 6 cm in a beam of w = 0.05 m, averaged over many pulses, whose patterns are turned.
     let n = 2000;
     let full = one(&rectangles(half_white(), &[board(100.0, 2.0, 2.0)]), &lab(1e-3, 3));
     for half in [0.003, 0.01, 0.03, 0.06] {
