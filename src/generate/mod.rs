@@ -113,7 +113,6 @@ impl SceneOptions {
 /// Summary of what [`write_scene`] wrote.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeneratedScene {
-    /// The survey to run.
     pub survey: PathBuf,
     /// All files written, the survey last.
     pub files: Vec<PathBuf>,

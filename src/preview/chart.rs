@@ -288,7 +288,6 @@ impl Chart {
         }
     }
 
-    /// Renders the chart as a picture.
     pub fn picture(&self) -> Picture {
         // Rendered at twice the size, then halved, which smooths slanted lines.
         let dots = |v: f64| (2.0 * v).round().max(0.0) as u32;
@@ -310,7 +309,6 @@ impl Chart {
         fine.halved()
     }
 
-    /// Renders the chart as a page.
     pub fn page(&self) -> String {
         let mut page = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\

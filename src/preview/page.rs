@@ -45,9 +45,7 @@ impl Default for PageOptions {
 /// Summary of a written page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Page {
-    /// Number of points that it shows.
     pub shown: usize,
-    /// Number of points of the cloud.
     pub total: usize,
 }
 

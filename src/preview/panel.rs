@@ -162,7 +162,6 @@ impl Samples {
         }
     }
 
-    /// Minimum and maximum depth.
     fn depth_range(&self) -> (f32, f32) {
         self.depth
             .iter()

@@ -86,7 +86,6 @@ impl Picture {
         half
     }
 
-    /// Encodes the picture as PNG.
     pub fn png(&self) -> Result<Vec<u8>> {
         let failed = |e: png::EncodingError| Error::Internal(format!("PNG encoding: {e}"));
         let mut bytes = Vec::new();
