@@ -15,7 +15,7 @@
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
 //! | `receiver`, `noise`, `ranging` | receivers that are not ideal |
-//! | `detector`, `detect`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated and recorded waveforms |
+//! | `detector`, `detect`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
 //! | `sources`, `range_noise` | true causes of echoes; noise of ranges |
 //! | `echo`, `batch` | the records |
 
