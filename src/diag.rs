@@ -80,7 +80,6 @@ impl Place {
     }
 }
 
-/// One problem.
 #[derive(Clone, Debug)]
 pub struct Diagnostic {
     pub severity: Severity,

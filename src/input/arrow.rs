@@ -103,7 +103,6 @@ pub struct NumberBatch {
     pub number: u64,
     /// Number of rows in the batches before it.
     pub before: u64,
-    /// Number of rows.
     pub rows: usize,
     /// Values by field and row; `None` for fields that are not numbers.
     columns: Vec<Option<Vec<f64>>>,

@@ -160,7 +160,6 @@ fn cosine(x: f64, y: f64) -> f64 {
     w + (((1.0 - w) - half) + (z * r - x * y))
 }
 
-/// Coefficients of the sine.
 const S: [f64; 6] = [
     -1.66666666666666324348e-01,
     8.33333333332248946124e-03,

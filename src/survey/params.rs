@@ -48,7 +48,6 @@ impl<'c> Params<'c> {
         Params { context, filter, params, known: Vec::new() }
     }
 
-    /// Warns about parameters that have not been read.
     pub fn done(self) {
         for param in &self.params {
             let Some(key) = param.value("key").filter(|k| !self.known.contains(k)) else { continue };

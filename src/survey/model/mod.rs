@@ -141,7 +141,6 @@ pub struct Interpolated {
     pub grid: Grid,
 }
 
-/// One trajectory file of an interpolated platform.
 #[derive(Clone, Debug)]
 pub struct TrajectoryFile {
     pub path: PathBuf,
@@ -162,7 +161,6 @@ pub struct PlatformNoise {
     pub attitude: [Option<Noise>; 3],
 }
 
-/// One noise source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Noise {
     pub kind: NoiseKind,
@@ -172,7 +170,6 @@ pub struct Noise {
     pub lifespan: u32,
 }
 
-/// Distribution of a noise source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NoiseKind {
     /// Normal.
@@ -181,7 +178,6 @@ pub enum NoiseKind {
     Uniform { min: f64, max: f64 },
 }
 
-/// One leg of the survey.
 #[derive(Clone, Debug)]
 pub struct Leg {
     /// Index among the survey's legs, from 0.
@@ -326,14 +322,12 @@ pub enum Deflector {
     },
 }
 
-/// A rotating wedge prism.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prism {
     /// Turns per second, signed.
     pub rotor_freq: f64,
     /// Wedge angle, rad; positive: inclined face towards the incoming beam.
     pub angle: f64,
-    /// Refractive index.
     pub index: f64,
 }
 

@@ -21,7 +21,6 @@ pub struct SceneRecipe {
     pub asset_folders: Vec<PathBuf>,
 }
 
-/// One part of a scene.
 #[derive(Clone, Debug)]
 pub struct PartRecipe {
     /// Explicit id, if any; otherwise parts are numbered.
@@ -77,7 +76,6 @@ pub struct MaterialChoice {
     pub file: Option<PathBuf>,
     /// Material name; `None` = the alphabetically first.
     pub name: Option<String>,
-    /// Number of randomised variants.
     pub random_variants: u32,
     pub random_range: f64,
 }
@@ -108,9 +106,7 @@ pub struct XyzLoader {
     pub max_color_value: f64,
     /// Normal of points that have none.
     pub default_normal: Option<DVec3>,
-    /// Colour columns.
     pub rgb_columns: Option<[usize; 3]>,
-    /// Normal columns.
     pub normal_columns: Option<[usize; 3]>,
     /// Whether the normal of a voxel is that of the point nearest to its centre.
     pub snap_neighbor_normal: bool,
@@ -198,7 +194,6 @@ pub struct Swap {
     pub epochs: u32,
     /// Whether the scene shift of the first epoch is kept.
     pub keep_crs: bool,
-    /// Whether the part disappears.
     pub vanish: bool,
     /// New geometry; `None` unless the first filter is a loader.
     pub loader: Option<Loader>,

@@ -123,7 +123,6 @@ impl<'t> Tables<'t> {
         self.read(Spanned::new(0..0, taken)).unwrap_or_default()
     }
 
-    /// Takes one key of a table.
     pub fn take_key<T: Deserialize<'t>>(&mut self, table: &'static str, key: &'static str) -> Option<T> {
         self.known.entry(table).or_default().push(key);
         let Some(DeValue::Table(entries)) = self.root.get_mut().get_mut(table).map(Spanned::get_mut) else {

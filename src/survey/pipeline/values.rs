@@ -85,7 +85,6 @@ impl Values<'_> {
         self.context.pick(&root, kind, id, Some(place))
     }
 
-    /// Composes a pose from its offset and rotations.
     pub fn pose(&self, keys: &PoseKeys) -> Mount {
         let mut mount = Mount::IDENTITY;
         if let Some(offset) = self.vector(&keys.offset_m) {
