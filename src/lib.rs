@@ -40,7 +40,7 @@
 //! | `pipeline` | the session that joins all of them | all above |
 //! | `cli` | the command line | all above |
 //!
-//! No module imports one from a row below its own; `tests/structure.rs` holds it.
+//! No module imports one from a row below its own; `tests/whole/structure.rs` holds it.
 //!
 //! What holds everywhere:
 //! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and tree: every

@@ -1,7 +1,7 @@
 //! What the manual knows beyond the options: examples, files and exit statuses of every subcommand; and the manual pages
 //! themselves, which `vlscan man DIR` writes in the form of man(7).
 //!
-//! The pages in `man/` are checked in; `tests/manual.rs` fails when they differ from what is written now.
+//! The pages in `man/` are checked in; `tests/whole/manual.rs` fails when they differ from what is written now.
 
 mod pages;
 

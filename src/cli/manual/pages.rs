@@ -1,5 +1,5 @@
 //! The examples and files of every subcommand. The examples of a page run as they are, one after the other, in an empty
-//! folder; `tests/examples.rs` does that.
+//! folder; `tests/whole/examples.rs` does that.
 
 /// What the manual says about a subcommand besides its options.
 pub(super) struct Page {

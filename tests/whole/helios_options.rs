@@ -1,8 +1,6 @@
 //! The command line of HELIOS++: every option under its own name, with its effect.
 
-mod common;
-
-use common::{files, folder, run, succeed, text};
+use crate::common::{files, folder, run, succeed, text};
 use std::fs;
 use std::path::{Path, PathBuf};
 

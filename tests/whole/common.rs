@@ -1,5 +1,4 @@
 //! What the whole-run tests share: the program, fixtures, temporary folders, readers of other makers.
-#![allow(dead_code)] // each test binary uses a part of this module
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,7 @@
 //! The files in `fixtures/` are what the generator writes: same options, same bytes, on every machine.
 //!
-//! After an intended change of the generator, `UPDATE_FIXTURES=1 cargo test --test fixtures` writes them anew.
+//! After an intended change of the generator, `UPDATE_FIXTURES=1 cargo test fixtures::` writes them anew.
 
-#[path = "common/flight.rs"]
 mod flight;
 
 use flight::{FlightOptions, GridPlace, NAMES, flight_sbet, flight_text};

@@ -1,7 +1,6 @@
 //! Surveys of the conformance suite give the points of the reference program; needs the suite (`VLSCAN_CONFORMANCE`).
 
-mod common;
-
+use crate::common;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -1,9 +1,8 @@
 //! The stages as commands: composed they give the points of `vlscan run`, bit for bit, and pulses of other programs are
 //! traced.
 
-mod common;
-
-use common::{feed, fixture, folder, run, succeed, text};
+use crate::common;
+use crate::common::{feed, fixture, folder, run, succeed, text};
 use std::path::Path;
 
 fn survey(name: &str) -> String {

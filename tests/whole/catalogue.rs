@@ -1,8 +1,7 @@
 //! Every scanner of the built-in catalogue gives points, and `vlscan catalogue` lists all of them.
 
-mod common;
-
-use common::{fixture, folder, succeed, text};
+use crate::common;
+use crate::common::{fixture, folder, succeed, text};
 use std::fs;
 use vlscan::internals::{Scanner, catalogue};
 

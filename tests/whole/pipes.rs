@@ -1,8 +1,6 @@
 //! Streams: points on stdout, poses from stdin, formats as other programs read them.
 
-mod common;
-
-use common::{feed, fixture, folder, python_with_laspy, run, succeed, text};
+use crate::common::{feed, fixture, folder, python_with_laspy, run, succeed, text};
 use std::fs;
 use std::process::Command;
 

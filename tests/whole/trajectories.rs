@@ -1,9 +1,8 @@
 //! Recorded trajectories in every layout: the same flight gives the same points, wrong files are refused with the line or
 //! record, and points leave while poses still arrive.
 
-mod common;
-
-use common::{feed, fixture, folder, run, succeed, text, vlscan};
+use crate::common;
+use crate::common::{feed, fixture, folder, run, succeed, text, vlscan};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{BufRead, BufReader, Write};

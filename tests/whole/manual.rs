@@ -1,8 +1,7 @@
 //! The manual pages in `man/` are up to date with the command line, and shells accept the completions.
 
-mod common;
-
-use common::{files, folder, succeed, text};
+use crate::common;
+use crate::common::{files, folder, succeed, text};
 use std::path::Path;
 use std::process::Command;
 

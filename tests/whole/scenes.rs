@@ -1,9 +1,7 @@
 //! Scenes of every kind give the same points whether packed or loaded from their sources, with instances or without, on one
 //! thread or two.
 
-mod common;
-
-use common::{fixture, folder, run, succeed, text};
+use crate::common::{fixture, folder, run, succeed, text};
 use std::path::Path;
 
 fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) {

@@ -5,9 +5,8 @@
 //! mark, so a file that was cut between two statements cannot be told from a whole one, nor one whose last number lost
 //! digits; such cuts must only not fail otherwise.
 
-mod common;
-
-use common::text;
+use crate::common;
+use crate::common::text;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};

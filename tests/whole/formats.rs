@@ -1,8 +1,7 @@
 //! Outputs, read back by other programs and libraries.
 
-mod common;
-
-use common::{fixture, folder, python_with_laspy, succeed, text};
+use crate::common;
+use crate::common::{fixture, folder, python_with_laspy, succeed, text};
 use std::path::Path;
 use std::process::Command;
 

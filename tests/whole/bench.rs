@@ -1,8 +1,6 @@
 //! `vlscan bench`: its JSON has every combination that was requested, and its parts agree.
 
-mod common;
-
-use common::{fixture, folder, run, succeed, text};
+use crate::common::{fixture, folder, run, succeed, text};
 use serde_json::Value;
 use std::collections::BTreeSet;
 

@@ -1,9 +1,7 @@
 //! Mistakes that are easy to make: each ends with an error, or with a warning that `--strict` makes an error, whose text names
 //! the cause. Correct input runs without a message.
 
-mod common;
-
-use common::{feed, fixture, folder, text};
+use crate::common::{feed, fixture, folder, text};
 use std::fs;
 
 /// A mistake, and what the program must say about it.

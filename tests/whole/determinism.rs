@@ -1,8 +1,6 @@
 //! The same survey gives the same bytes for any number of threads and any chunk size, in every format.
 
-mod common;
-
-use common::{files, fixture, folder, succeed};
+use crate::common::{files, fixture, folder, succeed};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

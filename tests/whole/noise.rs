@@ -1,9 +1,7 @@
 //! Noise of a whole run: every source has the distribution asked for, repeats none of the others, and does not depend on
 //! threads. The scene is a wall, so that each source can be seen in the output.
 
-mod common;
-
-use common::{folder, succeed, text};
+use crate::common::{folder, succeed, text};
 use std::fs;
 
 const WALL: &str = "v -900 50 -900\nv 900 50 -900\nv 900 50 900\nv -900 50 900\nv 0 60 0\nv 1 60 0\nv 0 61 1\n\

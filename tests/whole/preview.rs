@@ -1,9 +1,8 @@
 //! `vlscan preview`: interactive pages as a browser shows them, and plots of waveforms. Needs Chromium, on the path or named by
 //! `VLSCAN_CHROMIUM`.
 
-mod common;
-
-use common::{files, fixture, folder, run, succeed, text};
+use crate::common;
+use crate::common::{files, fixture, folder, run, succeed, text};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::BufReader;

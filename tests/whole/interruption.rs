@@ -1,8 +1,7 @@
 //! How a run ends: a file has its name only when it is complete; messages and exit statuses.
 
-mod common;
-
-use common::{feed, files, fixture, folder, python_with_laspy, run, succeed, text, vlscan};
+use crate::common;
+use crate::common::{feed, files, fixture, folder, python_with_laspy, run, succeed, text, vlscan};
 use std::fs;
 use std::io::Read;
 use std::process::{Output, Stdio};

@@ -1,8 +1,6 @@
 //! Moving instruments and user-defined instruments: the street fixtures and every example of `docs/instruments.md`.
 
-mod common;
-
-use common::{fixture, folder, succeed, text};
+use crate::common::{fixture, folder, succeed, text};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;

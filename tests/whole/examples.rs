@@ -1,9 +1,8 @@
 //! The examples of the README, `docs/`, the manual pages and `pipelines/` work as they are written, in a folder of their
 //! own. Examples that need a program that is not installed are skipped.
 
-mod common;
-
-use common::{folder, text};
+use crate::common;
+use crate::common::{folder, text};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,27 @@
+//! Runs of the whole program, and checks of the project's files. One program, since each would be linked with the whole
+//! library.
+
+mod common;
+
+mod bench;
+mod catalogue;
+mod citations;
+mod conformance;
+mod determinism;
+mod examples;
+mod fixtures;
+mod formats;
+mod helios_options;
+mod hostile;
+mod instruments;
+mod interruption;
+mod manual;
+mod navigation;
+mod noise;
+mod pipes;
+mod plausibility;
+mod preview;
+mod scenes;
+mod stages;
+mod structure;
+mod trajectories;
