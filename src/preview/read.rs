@@ -331,7 +331,7 @@ mod tests {
             std::fs::write(&cut, &whole[..length]).unwrap();
             assert!(matches!(read_points(&cut), Err(Error::Input(_))), "cut at {length}");
         }
-        assert!(matches!(read_points(&folder.path().join("none.las")), Err(Error::Io { .. })));
+        assert!(matches!(read_points(&folder.path().join("none.las")), Err(Error::Input(_))));
     }
 
     const HEADER: &str = "element camera 1\nproperty float focal\nelement vertex 2\nproperty double x\n\
