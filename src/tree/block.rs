@@ -1,27 +1,25 @@
-//! Leaves: sixteen primitives side by side in single precision, as a filter in front of the exact test.
+//! Leaves: blocks of sixteen primitives side by side in single precision, as a filter in front of the exact test.
 
 use super::frame::Frame;
 use super::{Geometry, Hits};
 use bytemuck::{Pod, Zeroable};
 
-/// Primitives per block.
 pub(crate) const BLOCK_SIZE: usize = 16;
 
-/// Sixteen triangles, or sixteen cubes. Coordinates are in the tree's frame, rounded to nearest for triangles, outward for
-/// cubes. Unused lanes hold NaN, which no comparison accepts, or an inside-out cube, and [`Hits::MISS`].
+/// Sixteen triangles, or sixteen cubes. Coordinates are in the tree's frame, rounded to nearest for triangles,
+/// outward for cubes. Unused lanes hold NaN, which no comparison accepts, or an inside-out cube, and [`Hits::MISS`].
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Block {
     /// `corner[c][axis][lane]`: a triangle's corners, or a cube's lower and upper corner.
     pub corner: [[[f32; BLOCK_SIZE]; 3]; 3],
-    /// Primitive numbers.
     pub id: [u32; BLOCK_SIZE],
-    /// Numbers of the corners of triangles.
+    /// Vertex numbers of the corners of triangles.
     pub vertex: [[u32; BLOCK_SIZE]; 3],
 }
 
 impl Block {
-    /// The block of the primitives `ids`, all of one kind, [`Hits::MISS`] marking lanes to leave empty.
+    /// Creates the block of the primitives `ids`, all of one kind; [`Hits::MISS`] leaves a lane empty.
     pub fn of(geometry: &Geometry, frame: &Frame, ids: &[u32]) -> Block {
         let triangles = geometry.triangles.len();
         if ids.first().is_some_and(|&id| id as usize >= triangles) {
@@ -39,7 +37,7 @@ impl Block {
         block
     }
 
-    /// The block of boxes, stored like cubes: `bounds` tells the lower and upper corner of each.
+    /// Creates a block of boxes, stored like cubes; `bounds` returns the lower and upper corner of each.
     pub fn of_boxes(ids: &[u32], bounds: impl Fn(u32) -> ([f32; 3], [f32; 3])) -> Block {
         let mut block = Block::EMPTY;
         block.corner[0] = [[f32::INFINITY; BLOCK_SIZE]; 3];
@@ -72,8 +70,8 @@ impl Block {
     }
 }
 
-/// Appends the primitives of one leaf to `slots`, blockwise: triangles first, then cubes, each kind filled up to whole
-/// blocks. Returns how many blocks that made.
+/// Appends the primitives of one leaf to `slots` in blocks: triangles first, then cubes, each kind padded to complete
+/// blocks. Returns the number of blocks.
 pub(crate) fn append_leaf(
     slots: &mut Vec<u32>,
     triangles: usize,

@@ -2,9 +2,9 @@
 
 use crate::geom::{Aabb, DVec3};
 
-/// Maps scene coordinates to the tree's: minus `origin`, times the power of two `scale` that brings every primitive
-/// within [-1, 1]. So rounding a local coordinate to `f32` moves it by at most [`Frame::ROUNDING`], whatever the size and
-/// place of the scene.
+/// Maps scene coordinates to the tree's frame: subtracts `origin`, then multiplies by the power of two `scale` that
+/// brings every primitive within [-1, 1]. Rounding a local coordinate to `f32` therefore changes it by at most
+/// [`Frame::ROUNDING`], whatever the size and position of the scene.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
     pub origin: DVec3,
@@ -12,10 +12,10 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// Largest error of a local coordinate rounded to the nearest `f32`.
+    /// Maximum error of a local coordinate rounded to the nearest `f32`.
     pub const ROUNDING: f64 = 1.0 / (1u64 << 25) as f64;
 
-    /// The frame of a scene with these bounds; any frame serves an empty one.
+    /// Returns the frame of a scene with these bounds; for an empty scene any frame is valid.
     pub fn around(bounds: &Aabb) -> Frame {
         if bounds.is_empty() {
             return Frame { origin: DVec3::ZERO, scale: 1.0 };
@@ -23,28 +23,27 @@ impl Frame {
         let origin = bounds.min * 0.5 + bounds.max * 0.5;
         let radius = (bounds.max * 0.5 - bounds.min * 0.5).max_element();
         let exponent = if radius > 0.0 { libm::ilogb(radius) + 1 } else { 0 };
-        // Exponents near the ends of the range leave the scale itself a normal number.
+        // At exponents near the ends of the range the scale itself must remain a normal number.
         Frame { origin, scale: libm::ldexp(1.0, -exponent.clamp(-1000, 1000)) }
     }
 
-    /// A point in local coordinates.
     pub fn local(&self, p: DVec3) -> DVec3 {
         (p - self.origin) * self.scale
     }
 
-    /// The smallest box of `f32` around a scene box.
+    /// Returns the smallest box of `f32` around a scene box.
     pub fn local_box(&self, b: &Aabb) -> ([f32; 3], [f32; 3]) {
         (self.local(b.min).to_array().map(below), self.local(b.max).to_array().map(above))
     }
 }
 
-/// The largest `f32` that is not above `x`.
+/// The largest `f32` not above `x`.
 pub(crate) fn below(x: f64) -> f32 {
     let y = x as f32;
     if f64::from(y) > x { y.next_down() } else { y }
 }
 
-/// The smallest `f32` that is not below `x`.
+/// The smallest `f32` not below `x`.
 pub(crate) fn above(x: f64) -> f32 {
     let y = x as f32;
     if f64::from(y) < x { y.next_up() } else { y }

@@ -1,13 +1,14 @@
-//! The filter of single pulses: rays with one origin as a frustum, intervals of slopes in single precision.
+//! The filter of single pulses: rays with one origin as a frustum, with intervals of slopes in single precision.
 //!
-//! Every ray of a frustum runs forward along one dominant axis `k`. With the depth `s = ±(p_k − R_k)` counted from the
-//! frustum's apex `R`, a ray is at `R_a + m_a·s` on axis `a`, its slope `m_a = d_a/|d_k|` lying in an interval (for `k` itself
-//! the slope is the sign). So "below plane p" is a bound on `s`, upper or lower by the slope's sign, and nothing is ever
-//! divided by something that crosses zero.
+//! Every ray of a frustum runs forward along one dominant axis `k`. With the depth `s = ±(p_k − R_k)` relative to the
+//! frustum's apex `R`, a ray is at `R_a + m_a·s` on axis `a`, where its slope `m_a = d_a/|d_k|` lies in an interval
+//! (for `k` itself the slope is the sign). So "below plane p" is a bound on `s`, upper or lower by the slope's sign,
+//! and no divisor crosses zero.
 //!
-//! Bounds are products of a difference and a reciprocal: relative errors of a few units in the last place, which
-//! [`DEPTH_MARGIN`] covers. Errors that do not scale with `s` (rounded vertices and planes, the rounded apex) are collected in
-//! `slack`, by which the apex is widened. A frustum therefore accepts whatever the exact test could accept.
+//! Bounds are products of a difference and a reciprocal, with relative errors of a few units in the last place, which
+//! [`DEPTH_MARGIN`] covers. Errors that do not scale with `s` (rounded vertices and planes, the rounded apex) are
+//! collected in `slack`, by which the apex is widened. A frustum therefore accepts everything that the exact test can
+//! accept.
 
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
 
@@ -19,36 +20,34 @@ use crate::geom::DVec3;
 /// Factor that covers the relative error of both sides of a comparison of depths.
 pub(crate) const DEPTH_MARGIN: f32 = 1.000_000_6;
 
-/// Slopes nearer to zero are widened to this, so that reciprocals stay finite.
+/// Minimum magnitude of slopes; those nearer to zero are widened to it, so that reciprocals are finite.
 pub(crate) const MIN_SLOPE: f32 = 1e-18;
 
-/// Rays with a farther origin (in scene radii) are not filtered in single precision.
+/// Maximum coordinate of an origin, in scene radii, for filtering in single precision.
 pub(crate) const MAX_ORIGIN: f64 = 1e12;
 
-/// Rays with one origin. Arrays are indexed by axis.
+/// A frustum around rays with one origin. Arrays are indexed by axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frustum {
-    /// Dominant axis, then the others.
+    /// Dominant axis, then the other two.
     axes: [usize; 3],
     /// Sign of the directions on the dominant axis.
     forward: f32,
-    /// Rounded origin.
+    /// Rounded origin, tree's frame.
     apex: [f32; 3],
-    /// Sum of all absolute errors.
+    /// Sum of all errors that do not scale with depth, tree's frame.
     slack: f32,
-    /// Interval of slopes.
     slope: [[f32; 2]; 3],
-    /// Reciprocals of the slopes.
     inverse: [[f32; 2]; 3],
-    /// Origin less and plus the slack.
+    /// Origin minus and plus the slack.
     from: [[f32; 2]; 3],
-    /// Most depth that a ray gains per unit of t, in the tree's frame.
+    /// Maximum depth that a ray gains per unit of t, in the tree's frame.
     pub depth_per_t: f64,
 }
 
 impl Frustum {
-    /// The frustum of `directions` from `origin`; `None` when they share no dominant axis and sign, when one of them is no
-    /// direction, or when the origin is out of reach.
+    /// Returns the frustum of `directions` from `origin`; `None` when they do not share dominant axis and sign, when
+    /// one of them is not a valid direction, or when the origin is out of range.
     pub fn around(
         frame: &Frame,
         origin: DVec3,
@@ -99,19 +98,20 @@ impl Frustum {
         })
     }
 
-    /// The frustum with more slack, in units of the frame.
+    /// Returns the frustum with its slack increased, in units of the frame.
     pub fn widened(self, by: f64) -> Frustum {
         let slack = above(f64::from(self.slack) + by);
         Frustum { slack, from: self.apex.map(|r| [(r - slack).next_down(), (r + slack).next_up()]), ..self }
     }
 
-    /// The depth beyond which nothing can be nearer than `t`.
+    /// Returns the depth beyond which nothing can be nearer than `t`.
     #[inline(always)]
     pub fn limit(&self, t: f64) -> f32 {
         (t * self.depth_per_t * 1.000_000_2) as f32
     }
 
-    /// Depths at which the frustum may be at or below plane `p` of `axis`, and at or above it, both within `[lo, hi]`.
+    /// Returns the depths at which the frustum may be at or below plane `p` of `axis`, and at or above it, both
+    /// within `[lo, hi]`.
     #[inline(always)]
     pub fn cut(&self, axis: usize, p: f32, [lo, hi]: [f32; 2]) -> [[f32; 2]; 2] {
         let under = (p - self.from[axis][0]) * self.inverse[axis][0];
@@ -127,7 +127,7 @@ impl Frustum {
         self.slope[axis][0] + self.slope[axis][1] >= 0.0
     }
 
-    /// The depths at which the frustum may be within a box.
+    /// Returns the range of depths at which the frustum may be within a box.
     pub fn depths_within(&self, lo: &[f32; 3], hi: &[f32; 3]) -> [f32; 2] {
         (0..3).fold([0.0, f32::INFINITY], |range, a| {
             let [range, _] = self.cut(a, hi[a], range);
@@ -135,7 +135,8 @@ impl Frustum {
         })
     }
 
-    /// Primitives of a block that a ray of the frustum might hit at depths within `range`, as a mask of lanes.
+    /// Returns the primitives of a block that a ray of the frustum might hit at depths within `range`, as a mask of
+    /// lanes.
     #[inline(always)]
     pub fn candidates(&self, block: &Block, range: [f32; 2]) -> u32 {
         if block.holds_cubes() {
@@ -145,7 +146,8 @@ impl Frustum {
         }
     }
 
-    /// Triangles of a block that a ray of the frustum might hit at depths within `[lo, hi]`, as a mask of lanes.
+    /// Returns the triangles of a block that a ray of the frustum might hit at depths within `[lo, hi]`, as a mask of
+    /// lanes.
     #[inline(always)]
     fn triangles(&self, block: &Block, [lo, hi]: [f32; 2]) -> u32 {
         let [k, i, j] = self.axes;
@@ -161,18 +163,20 @@ impl Frustum {
             let inverse = s.map(|s| 1.0 / s);
             let x = [0, 1, 2].map(|v| (c[v][i][l] - r[i]) * inverse[v]);
             let y = [0, 1, 2].map(|v| (c[v][j][l] - r[j]) * inverse[v]);
-            // Corners err by the slack sideways and in depth; slopes beyond ±2 are outside the frustum anyway.
+            // The error of corners is up to the slack sideways and in depth; slopes beyond ±2 are outside the frustum
+            // in any case.
             let pad = 4.0 * slack / near + 1e-6;
             let overlaps =
                 (min3(x) - pad <= i1) & (max3(x) + pad >= i0) & (min3(y) - pad <= j1) & (max3(y) + pad >= j0);
-            // Slopes of corners mean nothing beside or behind the apex.
+            // Slopes of corners are meaningless beside or behind the apex.
             let beside = near < 16.0 * slack;
             mask |= u32::from((overlaps | beside) & (near <= hi) & (far >= lo)) << l;
         }
         mask
     }
 
-    /// Boxes that a ray of the frustum might be in at depths up to `hi`: a mask of lanes and the depths of entry.
+    /// Returns the boxes that a ray of the frustum might hit at depths up to `hi`: a mask of lanes and the depths of
+    /// entry.
     #[inline(always)]
     pub fn boxes(
         &self,

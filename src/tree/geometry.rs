@@ -17,21 +17,20 @@ pub struct Cube {
 /// The primitives of a scene, numbered: triangles first, then cubes.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
-    /// Vertices, m, in the frame that rays are given in.
+    /// Vertices in the frame of the rays, m.
     pub vertices: Store<DVec3>,
     /// Vertex numbers of each triangle.
     pub triangles: Store<[u32; 3]>,
-    /// Cubes; primitive number `triangles.len() + i`.
+    /// Cubes; cube `i` is primitive number `triangles.len() + i`.
     pub cubes: Store<Cube>,
 }
 
 impl Geometry {
-    /// Number of primitives.
     pub fn len(&self) -> usize {
         self.triangles.len() + self.cubes.len()
     }
 
-    /// Whether there is nothing to hit.
+    /// Whether there are no primitives.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -61,8 +60,8 @@ impl Geometry {
 /// A ray's first hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Distance along the (unit) direction, m, > 0.
+    /// Distance along the direction, which has unit length, m, > 0.
     pub t: f64,
-    /// Number of the primitive; the smaller number wins among equal distances.
+    /// Number of the primitive; at equal distances the smaller number wins.
     pub primitive: u32,
 }

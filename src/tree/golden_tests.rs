@@ -22,7 +22,7 @@ fn mesh(relief: f64) -> Geometry {
     g
 }
 
-/// Hits and the sum of their distances.
+/// Number of hits and the sum of their distances.
 fn hits_of_test_rays(tree: &Tree, g: &Geometry) -> (usize, f64) {
     let mut found = (0, 0.0);
     for i in 0..20 {
@@ -41,7 +41,6 @@ fn hits_of_test_rays(tree: &Tree, g: &Geometry) -> (usize, f64) {
 /// Interior nodes, leaves, deepest level, fullest and emptiest leaf, cost.
 type Row = (Builder, usize, [usize; 5], f64);
 
-/// The sizes as in a [`Row`].
 fn sizes(s: &Statistics) -> [usize; 5] {
     [s.interior, s.leaves, s.max_depth as usize, s.max_leaf, s.min_leaf]
 }
@@ -62,7 +61,7 @@ fn assert_published_hits(tree: &Tree, g: &Geometry) {
     assert!((sum - 46184.689151527).abs() < 1e-8, "{sum}");
 }
 
-/// Node by node, which takes the published order of the running sums, too.
+/// Equality node by node requires the published order of the running sums, too.
 #[test]
 fn strict_builders_reproduce_the_published_trees() {
     let g = mesh(1.0);
@@ -93,8 +92,8 @@ fn a_depth_cap_costs_nothing() {
     assert!((s.cost - 21.1668).abs() < 1e-4);
 }
 
-/// Judging a split by its node alone works where the running sums have no digits left, and gives the tree that is published
-/// for it.
+/// Local accounting of a split still works where the running sums run out of digits, and reproduces the tree
+/// published for it.
 #[test]
 fn local_accounting_gives_its_published_tree() {
     let g = mesh(1.0);
@@ -104,7 +103,8 @@ fn local_accounting_gives_its_published_tree() {
     assert!((s.cost - 22.108).abs() < 1e-3, "{}", s.cost);
 }
 
-/// Axes in turn make a leaf of hundreds where the axis of the turn is flat; trying the next one does not.
+/// Axes in turn make a leaf of hundreds of primitives where the axis of the turn is flat; trying the next one avoids
+/// this.
 #[test]
 fn flat_meshes_are_split_along_their_extent() {
     let g = mesh(0.0);
@@ -131,8 +131,8 @@ fn every_builder_gives_the_published_hits_with_its_own_defaults() {
     }
 }
 
-/// The paper's Algorithm 1 by several threads, and accounting by the node alone. They differ only where a split gains nothing at all,
-/// which no split does at this cost, or less than the running sums can hold, which is deeper down.
+/// The paper's Algorithm 1 on several threads, and local accounting. They differ only where a split gains nothing at
+/// all, which no split does at this cost, or less than the precision of the running sums, which happens deeper down.
 #[test]
 fn global_and_local_accounting_agree() {
     let g = mesh(1.0);

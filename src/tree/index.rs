@@ -1,4 +1,4 @@
-//! The tree: what it is made of, and how it is built.
+//! The tree: its components and its construction.
 
 use super::Instances;
 use super::block::{BLOCK_SIZE, Block};
@@ -12,9 +12,9 @@ use crate::store::Store;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Spatial index over a [`Geometry`]: answers which primitive rays hit first.
+/// Spatial index over a [`Geometry`]: finds the first primitives that rays hit.
 ///
-/// Immutable once built; holds no part of the geometry, which every query takes along and which must be the one that the
+/// Immutable. It contains no part of the geometry; every query takes the geometry, which must be the one that the
 /// tree was built over.
 #[derive(Clone, Debug)]
 pub struct Tree {
@@ -36,10 +36,9 @@ pub(super) struct InstanceTree {
     pub top: Tree,
 }
 
-/// Smallest number of primitives whose tree several threads build: one is done with fewer before others have woken up.
+/// Minimum number of primitives for a build by several threads: one thread builds fewer before others are awake.
 const MIN_SHARED_PRIMITIVES: usize = 1024;
 
-/// The nodes of either kind of tree.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Nodes {
     Kd(Store<KdNode>),
@@ -47,20 +46,20 @@ pub(super) enum Nodes {
 }
 
 impl Tree {
-    /// Builds a tree over all primitives of `geometry`. Primitives with a coordinate that is NaN or infinite are left out;
-    /// no ray hits them. The result does not depend on the number of threads.
+    /// Builds a tree over all primitives of `geometry`. Primitives with a coordinate that is NaN or infinite are left
+    /// out; no ray hits them. The result does not depend on the number of threads.
     pub fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
         Tree::build_where(geometry, options, |_| true)
     }
 
-    /// Builds a tree over the primitives of `geometry` whose number `keep` approves; rays hit no others.
+    /// Builds a tree over the primitives of `geometry` whose number `keep` accepts; rays hit no others.
     pub fn build_where(
         geometry: &Geometry,
         options: &BuildOptions,
         keep: impl Fn(u32) -> bool + Send + Sync,
     ) -> Tree {
         if options.jobs == 0 || geometry.len() <= MIN_SHARED_PRIMITIVES {
-            // All threads are wanted, which the global pool has, or waking others would take longer.
+            // The global pool has all threads, or the build is too small to wake others.
             return build(geometry, options, keep);
         }
         match rayon::ThreadPoolBuilder::new().num_threads(options.jobs.max(options.geometry_jobs)).build() {
@@ -70,8 +69,8 @@ impl Tree {
         }
     }
 
-    /// Adds instances and builds their trees. The primitive numbers of `instances` must continue those of the geometry that
-    /// this tree was built over.
+    /// Adds instances and builds their trees. The primitive numbers of `instances` must continue those of the
+    /// geometry that this tree was built over.
     pub fn with_instances(self, instances: &Arc<Instances>, options: &BuildOptions) -> Tree {
         let instances = match rayon::ThreadPoolBuilder::new().num_threads(options.jobs).build() {
             Ok(pool) if options.jobs > 0 => pool.install(|| InstanceTree::build(instances, options)),
@@ -80,7 +79,6 @@ impl Tree {
         Tree { instances: Some(Box::new(instances)), ..self }
     }
 
-    /// A tree of these parts.
     pub(super) fn of(
         frame: Frame,
         bounds: [[f32; 3]; 2],
@@ -91,11 +89,12 @@ impl Tree {
         Tree { frame, bounds, nodes, blocks, statistics, instances: None }
     }
 
-    /// About how many bytes building a tree over so many triangles takes at its peak; the tree itself keeps less.
+    /// Estimates the peak memory of building a tree over `triangles` triangles, in bytes; the finished tree occupies
+    /// less.
     pub fn estimate_build_memory(triangles: u64, builder: Builder) -> u64 {
         let each = match builder {
             Builder::Bvh => 85,
-            // Kd-trees put a triangle into several leaves; measured in forests, terrain takes less.
+            // Kd-trees store a triangle in several leaves. Measured in forests; terrain takes less.
             Builder::Fsah => 250,
             Builder::AxisSah => 270,
             Builder::Sah => 290,
@@ -104,12 +103,11 @@ impl Tree {
         triangles.saturating_mul(each)
     }
 
-    /// Size, depth and expected cost of the tree without instances.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
     }
 
-    /// Bytes of memory that the tree occupies, the geometry not counted.
+    /// Memory of the tree in bytes, without the geometry.
     pub fn memory(&self) -> usize {
         let nodes = match &self.nodes {
             Nodes::Kd(n) => n.memory(),
@@ -121,19 +119,17 @@ impl Tree {
 }
 
 impl InstanceTree {
-    /// Builds all trees.
     pub fn build(instances: &Arc<Instances>, options: &BuildOptions) -> InstanceTree {
         let models = instances.models.iter().map(|m| Tree::build(&m.geometry, options)).collect();
         InstanceTree { instances: instances.clone(), models, top: over_boxes(&instances.boxes(), options) }
     }
 
-    /// Bytes of all trees; the models themselves are not counted.
+    /// Memory of all trees in bytes, without the models.
     pub fn memory(&self) -> usize {
         self.models.iter().map(Tree::memory).sum::<usize>() + self.top.memory()
     }
 }
 
-/// A tree over boxes, whatever is in them.
 fn over_boxes(boxes: &[Aabb], options: &BuildOptions) -> Tree {
     let is_sound = |b: &Aabb| b.min.is_finite() && b.max.is_finite() && !b.is_empty();
     let all = boxes.iter().filter(|b| is_sound(b)).fold(Aabb::EMPTY, |all, b| all.union(*b));

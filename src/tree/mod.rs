@@ -1,19 +1,19 @@
-//! Which primitive does a ray hit first? Primitives, rays, the trees over them; nothing of lidar.
+//! The first primitive hit by a ray: primitives, rays, and the trees over them, independent of LiDAR.
 //!
-//! | file | what it does |
+//! | file | contents |
 //! |---|---|
 //! | `geometry`, `rays` | primitives; rays by pulse; hits |
 //! | `intersect` | the exact test: one ray, one primitive, double precision |
-//! | `options`, `build` | what a tree is built with; the builders |
-//! | `index`, `frame`, `node`, `block` | the tree; its parts, in single precision around the scene's centre |
+//! | `options`, `build` | build options; the builders |
+//! | `index`, `frame`, `node`, `block` | the tree and its parts, in single precision around the scene's centre |
 //! | `frustum` | the filter: rays with one origin against planes, boxes and blocks of triangles |
 //! | `trace`, `trace_instances` | single rays |
-//! | `instances` | models in many places |
-//! | `pack` | all of it as arrays of a file |
-//! | `kernel`, `simd` | packets of pulses; the instruction sets that they are traced with |
+//! | `instances` | models with several placements |
+//! | `pack` | trees and geometry as arrays of a file |
+//! | `kernel`, `simd` | packets of pulses; the instruction sets |
 //!
-//! Trees and frustums only choose which exact tests are made, and err on the side of making them; so every tree, every way to
-//! trace and every instruction set gives the same hits, bit for bit, as making all of them.
+//! Trees and frustums only choose which exact tests are made, and err on the side of more tests. So every tree, every
+//! traversal and every instruction set reports the same hits, bit for bit, as testing everything.
 
 mod block;
 mod build;

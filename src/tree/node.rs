@@ -1,9 +1,9 @@
-//! Nodes: of the kd-tree, eight bytes each, and of the wide tree, sixteen children each.
+//! Nodes: of the kd-tree, eight bytes each, and of the wide tree, with sixteen children each.
 
 use super::block::BLOCK_SIZE;
 use bytemuck::{Pod, Zeroable};
 
-/// An interior node or a leaf. The two children of an interior node are neighbours in the array.
+/// An interior node or a leaf. The two children of an interior node are adjacent in the array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct KdNode {
@@ -16,43 +16,40 @@ pub(crate) struct KdNode {
 const LEAF_TAG: u32 = 3;
 
 impl KdNode {
-    /// A node split at `position` on `axis`, whose lower child has number `child`.
     pub fn interior(axis: usize, position: f32, child: usize) -> KdNode {
         KdNode { payload: position.to_bits(), link: pack(child, axis as u32) }
     }
 
-    /// A leaf of `count` blocks from number `first` on.
+    /// Creates a leaf of `count` blocks from number `first` on.
     pub fn leaf(first: usize, count: usize) -> KdNode {
         KdNode { payload: count as u32, link: pack(first, LEAF_TAG) }
     }
 
-    /// Split axis; `None` for a leaf.
     #[inline(always)]
     pub fn axis(self) -> Option<usize> {
         let axis = self.link & 3;
         (axis != LEAF_TAG).then_some(axis as usize)
     }
 
-    /// Split position of an interior node.
     #[inline(always)]
     pub fn position(self) -> f32 {
         f32::from_bits(self.payload)
     }
 
-    /// Number of an interior node's lower child; the upper one follows it.
+    /// Number of an interior node's lower child; the upper child has the next number.
     #[inline(always)]
     pub fn child(self) -> usize {
         (self.link >> 2) as usize
     }
 
-    /// The blocks of a leaf.
     #[inline(always)]
     pub fn blocks(self) -> std::ops::Range<usize> {
         let first = (self.link >> 2) as usize;
         first..first + self.payload as usize
     }
 
-    /// The node in an array where nodes and blocks are numbered from these offsets on. A leaf without blocks stays as it is.
+    /// Returns the node with the numbers of nodes and blocks offset by these amounts. A leaf without blocks does not
+    /// change.
     pub fn moved(self, nodes: usize, blocks: usize) -> KdNode {
         if self.axis().is_none() && self.payload == 0 {
             return self;
@@ -67,28 +64,25 @@ fn pack(number: usize, tag: u32) -> u32 {
     (number as u32) << 2 | tag
 }
 
-/// A node of the wide tree: sixteen boxes side by side, in the tree's frame. Unused lanes hold an inside-out box, which
-/// nothing meets.
+/// A node of the wide tree: sixteen boxes side by side, in the tree's frame. Unused lanes hold an inside-out box,
+/// which no ray hits.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct WideNode {
     /// Lower corners by axis and lane.
     pub lower: [[f32; BLOCK_SIZE]; 3],
-    /// Upper corners.
+    /// Upper corners by axis and lane.
     pub upper: [[f32; BLOCK_SIZE]; 3],
-    /// What the boxes hold.
     pub child: [WideChild; BLOCK_SIZE],
 }
 
 impl WideNode {
-    /// A node without children.
     pub const EMPTY: WideNode = WideNode {
         lower: [[f32::INFINITY; BLOCK_SIZE]; 3],
         upper: [[f32::NEG_INFINITY; BLOCK_SIZE]; 3],
         child: [WideChild(0); BLOCK_SIZE],
     };
 
-    /// Puts a child and its box in a lane.
     pub fn set(&mut self, lane: usize, lower: [f32; 3], upper: [f32; 3], child: WideChild) {
         for a in 0..3 {
             self.lower[a][lane] = lower[a];
@@ -98,38 +92,33 @@ impl WideNode {
     }
 }
 
-/// A node of the wide tree or a block of primitives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct WideChild(u32);
 
-/// The bit that marks a block.
 const BLOCK_BIT: u32 = 1 << 31;
 
 impl WideChild {
-    /// The first node.
     pub const ROOT: WideChild = WideChild(0);
 
-    /// Node number `n`.
     pub fn node(n: usize) -> WideChild {
         assert!(n < BLOCK_BIT as usize, "a tree of more than 2^31 nodes");
         WideChild(n as u32)
     }
 
-    /// Block number `n`.
     pub fn block(n: usize) -> WideChild {
         assert!(n < BLOCK_BIT as usize, "a tree of more than 2^31 blocks");
         WideChild(n as u32 | BLOCK_BIT)
     }
 
-    /// `Ok` with the number of a node, `Err` with that of a block.
+    /// Returns `Ok` with the number of a node, or `Err` with the number of a block.
     #[inline(always)]
     pub fn number(self) -> Result<usize, usize> {
         let n = (self.0 & !BLOCK_BIT) as usize;
         if self.0 & BLOCK_BIT == 0 { Ok(n) } else { Err(n) }
     }
 
-    /// The child where nodes and blocks are numbered from these offsets on.
+    /// Returns the child with the numbers of nodes and blocks offset by these amounts.
     pub fn moved(self, nodes: usize, blocks: usize) -> WideChild {
         match self.number() {
             Ok(n) => WideChild::node(n + nodes),

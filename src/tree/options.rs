@@ -40,7 +40,7 @@ impl Builder {
     }
 }
 
-/// How a split's gain is judged (spec tree-and-schedule §1.12).
+/// How the gain of a split is judged (spec tree-and-schedule §1.12).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Accounting {
     /// By the node alone; independent of the order of the build.
@@ -52,36 +52,36 @@ pub enum Accounting {
     Global,
 }
 
-/// Which axes a node's split is searched on. [`Builder::AxisSah`] always searches all.
+/// Axes on which a node's split is searched. [`Builder::AxisSah`] always searches all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
     /// Axis number depth mod 3.
     Turn,
-    /// Axis number depth mod 3, then the others if it has no split that is accepted: flat scenes need this.
+    /// Axis number depth mod 3, then the others if it has no split that is accepted, as flat scenes need.
     TurnThenNext,
-    /// The axis with the split of least loss.
+    /// The axis with the split of minimum loss.
     Best,
 }
 
-/// How the probability that a ray meets a side of a split is estimated.
+/// Estimate of the probability that a ray hits a side of a split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Areas {
-    /// Proportional to its length along the split axis (spec tree-and-schedule §1.4).
+    /// Proportional to the side's length along the split axis (spec tree-and-schedule §1.4).
     Proportional,
-    /// By the surface of its box.
+    /// By the surface of the side's box.
     Surface,
 }
 
-/// Settings of a build. Those of splits and costs are for kd-trees; [`Builder::Bvh`] has its own rules.
+/// Settings of a build. Those of splits and costs are for kd-trees; [`Builder::Bvh`] has different rules.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
-    /// Which builder.
+    /// Builder.
     pub builder: Builder,
     /// Histogram bins m of [`Builder::Fsah`], 2 to 1024.
     pub bins: usize,
     /// Candidates n of [`Builder::Sah`] and [`Builder::AxisSah`], at least 2.
     pub candidates: usize,
-    /// Smallest number of primitives that may be split, τ_p.
+    /// Minimum number of primitives that may be split, τ_p.
     pub min_primitives: usize,
     /// Cost of visiting an interior node, C_i.
     pub cost_interior: f64,
@@ -89,23 +89,23 @@ pub struct BuildOptions {
     pub cost_leaf: f64,
     /// Cost of testing a primitive, C_o.
     pub cost_primitive: f64,
-    /// Primitives are tested by so many at once: a leaf's count is rounded up to a multiple of it when judging a split.
+    /// Number of primitives tested at once: a leaf's count is rounded up to a multiple of it when a split is judged.
     pub grain: usize,
-    /// Largest depth of a leaf; `None` is ⌊8 + 1.3·log2 N⌋.
+    /// Maximum depth of a leaf; `None` is ⌊8 + 1.3·log2 N⌋.
     pub max_depth: Option<u32>,
-    /// Which axes are searched.
+    /// Axes that are searched.
     pub axes: Axes,
-    /// How the probability that a ray meets a side of a split is estimated.
+    /// Estimate of the probability that a ray hits a side of a split.
     pub areas: Areas,
-    /// How a split's gain is judged.
+    /// How the gain of a split is judged.
     pub accounting: Accounting,
-    /// Threads for the build, each on nodes of its own; 0 is as many as the machine has, with 1 nodes are built one after
-    /// the other (spec tree-and-schedule §2.1).
+    /// Threads of the build, each on different nodes; 0 is as many as the machine has, with 1 nodes are built one
+    /// after the other (spec tree-and-schedule §2.1).
     pub jobs: usize,
-    /// Threads that work together on the nodes of the upper ⌊log2⌋ levels of a kd-tree, where there are fewer nodes than
-    /// threads; 0 is as many as the machine has, with 1 each node has one (spec tree-and-schedule §2.3).
+    /// Threads that work together on the nodes of the upper ⌊log2⌋ levels of a kd-tree, where there are fewer nodes
+    /// than threads; 0 is as many as the machine has, with 1 each node has one (spec tree-and-schedule §2.3).
     pub geometry_jobs: usize,
-    /// Smallest number of primitives that is handed to another thread.
+    /// Minimum number of primitives that are handed to another thread.
     pub delegate: usize,
 }
 
@@ -132,7 +132,7 @@ impl Default for BuildOptions {
 }
 
 impl BuildOptions {
-    /// The default settings of a builder. [`Builder::Median`] and [`Builder::Sah`] take the axes in turn, which is what
+    /// Default settings of a builder. [`Builder::Median`] and [`Builder::Sah`] take the axes in turn, which
     /// distinguishes the latter from [`Builder::AxisSah`].
     pub fn of(builder: Builder) -> BuildOptions {
         let axes = match builder {
@@ -142,8 +142,8 @@ impl BuildOptions {
         BuildOptions { builder, axes, ..BuildOptions::default() }
     }
 
-    /// The reference's costs and rules (spec tree-and-schedule §1.2): unit costs, τ_p = 5, axes in turn without a second try, the running
-    /// cost of the whole tree as the judge and no depth cap beyond the 64 levels that it never reaches.
+    /// Costs and rules of HELIOS++ (spec tree-and-schedule §1.2): unit costs, τ_p = 5, axes in turn without a second
+    /// try, global accounting, and no depth cap below the 64 levels, which it never reaches.
     pub fn strict(builder: Builder) -> BuildOptions {
         BuildOptions {
             builder,
@@ -164,15 +164,15 @@ impl BuildOptions {
 /// Size, depth and cost of a tree (spec tree-and-schedule §1.16).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// Primitives that can be hit; not those with a coordinate that is NaN or infinite.
+    /// Primitives that can be hit; excludes those with a coordinate that is NaN or infinite.
     pub primitives: usize,
     /// References to primitives in all leaves.
     pub references: usize,
     /// Interior nodes.
     pub interior: usize,
-    /// Leaves that hold something.
+    /// Leaves that are not empty.
     pub leaves: usize,
-    /// Depth of the deepest leaf; the root's is 0.
+    /// Depth of the deepest leaf; the root's depth is 0.
     pub max_depth: u32,
     /// Primitives in the fullest leaf.
     pub max_leaf: usize,

@@ -1,4 +1,4 @@
-//! Trees and instances as arrays of a file.
+//! Serialisation of trees and instances as arrays of a file.
 
 use super::block::Block;
 use super::frame::Frame;
@@ -12,7 +12,7 @@ use crate::geom::{Aabb, Rotation};
 use crate::store::{ArrayFile, ArrayFileWriter, ByteReader, ByteWriter, UnexpectedEnd};
 use std::sync::Arc;
 
-/// Why something cannot be read from a file.
+/// Why data cannot be read from a file.
 type Reason = String;
 
 fn cut(UnexpectedEnd: UnexpectedEnd) -> Reason {
@@ -27,7 +27,7 @@ impl Geometry {
         out.array(format!("{name}.cubes"), &self.cubes)
     }
 
-    /// The arrays of [`Geometry::pack`], mapped.
+    /// Maps the arrays written by [`Geometry::pack`].
     pub fn unpack(name: &str, file: &ArrayFile) -> std::result::Result<Geometry, Reason> {
         Ok(Geometry {
             vertices: file.array(&format!("{name}.vertices"))?,
@@ -36,7 +36,7 @@ impl Geometry {
         })
     }
 
-    /// Whether every triangle's vertices exist.
+    /// Whether all vertex numbers of triangles are valid.
     pub fn is_sound(&self) -> bool {
         let count = self.vertices.len();
         self.triangles.iter().flatten().all(|&v| (v as usize) < count)
@@ -44,7 +44,8 @@ impl Geometry {
 }
 
 impl Tree {
-    /// Writes the tree without its instances: arrays to `out` under names that begin with `name`, the rest to `words`.
+    /// Writes the tree without its instances: arrays to `out` under names that begin with `name`, other values to
+    /// `words`.
     pub fn pack(&self, name: &str, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
         words.vector(self.frame.origin);
         words.f64(self.frame.scale);
@@ -64,7 +65,7 @@ impl Tree {
         out.array(format!("{name}.blocks"), &self.blocks)
     }
 
-    /// Reads what [`Tree::pack`] wrote.
+    /// Reads a tree written by [`Tree::pack`].
     pub fn unpack(name: &str, file: &ArrayFile, words: &mut ByteReader) -> std::result::Result<Tree, Reason> {
         let mut head = || {
             let frame = Frame { origin: words.vector()?, scale: words.f64()? };
@@ -96,14 +97,13 @@ impl Tree {
         Ok(Tree::of(frame, bounds, nodes, blocks, statistics))
     }
 
-    /// Writes the trees of the instances.
     pub fn pack_instances(&self, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
         let Some(trees) = &self.instances else { return Ok(()) };
         trees.top.pack("top", out, words)?;
         trees.models.iter().enumerate().try_for_each(|(i, m)| m.pack(&format!("model {i}"), out, words))
     }
 
-    /// Adds the trees that [`Tree::pack_instances`] wrote.
+    /// Adds the trees written by [`Tree::pack_instances`].
     pub fn unpack_instances(
         mut self,
         instances: &Arc<Instances>,
@@ -119,7 +119,7 @@ impl Tree {
 }
 
 impl Instances {
-    /// Writes models and places.
+    /// Writes models and placements.
     pub fn pack(&self, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
         words.vector(self.shift);
         words.u64(u64::from(self.first));
@@ -140,7 +140,7 @@ impl Instances {
         self.models.iter().enumerate().try_for_each(|(i, m)| m.geometry.pack(&format!("mesh {i}"), out))
     }
 
-    /// Reads what [`Instances::pack`] wrote.
+    /// Reads instances written by [`Instances::pack`].
     pub fn unpack(file: &ArrayFile, words: &mut ByteReader) -> std::result::Result<Instances, Reason> {
         let mut head = || {
             let (shift, first) = (words.vector()?, words.u32()?);
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn the_layout_of_arrays_is_that_of_the_file_s_version() {
-        // A change of these changes what packed scenes hold: raise the version of the file.
+        // A change of these layouts changes the content of packed scenes: increment the version of the file.
         let sizes = (size_of::<Block>(), size_of::<WideNode>(), size_of::<KdNode>(), size_of::<Cube>());
         assert_eq!(sizes, (832, 448, 8, 32));
     }

@@ -1,11 +1,11 @@
-//! Every tree and every way to trace gives the hits of the exact test of all primitives, bit for bit.
+//! Property tests: every tree and every traversal reports the hits of the exact test of all primitives, bit for bit.
 
 use super::options::{Accounting, Axes};
 use super::*;
 use crate::geom::{DVec3, unit};
 use proptest::prelude::*;
 
-/// First hit by testing all primitives.
+/// First hit, found by testing all primitives.
 fn brute_force(g: &Geometry, origin: DVec3, d: DVec3) -> Option<Hit> {
     let triangles =
         (0..g.triangles.len()).filter_map(|i| Some((intersect::triangle(origin, d, g.triangle(i))?, i)));
@@ -17,7 +17,6 @@ fn brute_force(g: &Geometry, origin: DVec3, d: DVec3) -> Option<Hit> {
         .map(|(t, i)| Hit { t, primitive: i as u32 })
 }
 
-/// The rays of one pulse.
 #[derive(Clone)]
 struct Pulse {
     origin: DVec3,
@@ -28,7 +27,6 @@ fn pulse(origin: DVec3, directions: &[DVec3]) -> Pulse {
     Pulse { origin, directions: directions.to_vec() }
 }
 
-/// Pulses of the same number of rays.
 fn group<'a>(pulses: impl Iterator<Item = &'a Pulse>, rays: usize) -> RayGroup {
     let mut group = RayGroup::new(rays);
     for p in pulses {
@@ -41,7 +39,6 @@ fn group<'a>(pulses: impl Iterator<Item = &'a Pulse>, rays: usize) -> RayGroup {
     group
 }
 
-/// One hit of many.
 fn hit(hits: &Hits, at: usize) -> Option<Hit> {
     (hits.primitive[at] != Hits::MISS).then(|| Hit { t: hits.t[at], primitive: hits.primitive[at] })
 }
@@ -58,7 +55,7 @@ fn trees(g: &Geometry) -> Vec<Tree> {
     trees
 }
 
-/// Pulses alone and in groups, single rays and brute force agree in all trees.
+/// Asserts that pulses alone and in groups, single rays and brute force agree in all trees.
 fn assert_agreement(g: &Geometry, pulses: &[Pulse]) {
     let expected = expected_hits(g, pulses);
     let (mut hits, mut scratch) = (Hits::default(), TraceScratch::default());
@@ -84,7 +81,7 @@ fn expected_hits(g: &Geometry, pulses: &[Pulse]) -> Vec<Vec<Option<Hit>>> {
     pulses.iter().map(of_pulse).collect()
 }
 
-/// Groups agree with the expected hits on every instruction set.
+/// Asserts that groups agree with the expected hits on every instruction set.
 fn assert_groups_agree(n: usize, tree: &Tree, g: &Geometry, pulses: &[Pulse], expected: &[Vec<Option<Hit>>]) {
     let (mut hits, mut scratch) = (Hits::default(), TraceScratch::default());
     for rays in [1, 2, 3, 4, 7, 19, 62] {
@@ -103,7 +100,7 @@ fn assert_groups_agree(n: usize, tree: &Tree, g: &Geometry, pulses: &[Pulse], ex
     }
 }
 
-/// A number that is often special: 0, a small integer, or any.
+/// A number that is often special: 0, a small integer, or arbitrary.
 fn coordinate() -> impl Strategy<Value = f64> {
     prop_oneof![
         Just(0.0),
@@ -139,7 +136,7 @@ fn geometry() -> impl Strategy<Value = Geometry> {
     })
 }
 
-/// Directions of one pulse: a cone around an axis aimed at something.
+/// Directions of one pulse: a cone around an axis.
 fn cone(axis: DVec3, width: f64, rays: usize) -> Vec<DVec3> {
     let side = unit(axis.cross(if axis.x.abs() < axis.y.abs() { DVec3::X } else { DVec3::Y }));
     let up = axis.cross(side);
@@ -151,7 +148,7 @@ fn cone(axis: DVec3, width: f64, rays: usize) -> Vec<DVec3> {
         .collect()
 }
 
-/// What a pulse is aimed at: a vertex, the middle of an edge, or anywhere.
+/// Pulses aimed at a vertex, the middle of an edge, or anywhere.
 fn pulses(g: &Geometry, aims: &[(DVec3, usize, u8, f64)]) -> Vec<Pulse> {
     aims.iter()
         .map(|&(from, which, kind, width)| {
@@ -167,7 +164,7 @@ fn pulses(g: &Geometry, aims: &[(DVec3, usize, u8, f64)]) -> Vec<Pulse> {
             pulse(origin, &if kind & 8 == 0 { cone(unit(aim), width, 19) } else { vec![aim] })
         })
         .flat_map(|p| {
-            // Neighbours of each pulse, so that packets come about.
+            // Adds neighbours of each pulse, so that packets form.
             let beside = |n: u32| {
                 let step = DVec3::new(0.01, 0.02, -0.015) * f64::from(n);
                 let directions = p.directions.iter().map(|d| unit(*d + step * 0.1)).collect();
@@ -208,7 +205,7 @@ proptest! {
         assert_agreement(&g, &[pulse(DVec3::NAN, &[DVec3::X])]);
     }
 
-    /// From within a closed mesh every ray meets it; from outside an even number of times, so never "through" an edge.
+    /// From within a closed mesh every ray hits it; from outside an even number of times, so never "through" an edge.
     #[test]
     fn closed_meshes_do_not_leak(seed in 0u64..1000, rings in 3usize..9, sides in 3usize..12, offset in prop_oneof![Just(0.0), Just(4.7e6)]) {
         let centre = DVec3::new(offset, -offset, 0.1 * offset);
@@ -227,7 +224,7 @@ proptest! {
     }
 }
 
-/// A closed, star-shaped, bumpy mesh.
+/// Returns a closed, star-shaped, bumpy mesh.
 fn ball(centre: DVec3, rings: usize, sides: usize, seed: u64) -> Geometry {
     let bumps = crate::rng::Stream::new(seed, crate::rng::Purpose::SceneMaking);
     let mut g = Geometry::default();
@@ -336,8 +333,8 @@ fn wide_pulses_in_groups_agree() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
-    /// Pulses of few rays that start beside, before and behind each other, some of them within the mesh, some with another
-    /// that is no number: what merged pulses are made of.
+    /// Inputs of merging: pulses of few rays that start beside, before and behind each other, some of them within the
+    /// mesh, some with a NaN neighbour.
     #[test]
     fn merged_pulses_agree(
         seed in 0u64..1000, rays in prop::sample::select(vec![1usize, 2, 3, 4, 7]), away in 0.0..5.0f64,
@@ -383,7 +380,7 @@ fn the_statistics_of_the_wide_tree_are_its_own() {
     assert!((s.root_area / (6.0 * 2.4f64.powi(2)) - 1.0).abs() < 0.2, "{s:?}");
 }
 
-/// A scene 20 km wide at UTM coordinates gives the echoes of the same scene around the origin, to far below 0.1 mm. All
+/// A scene 20 km wide at UTM coordinates has the same echoes as around the origin, to far below 0.1 mm. All
 /// coordinates are multiples of 2⁻¹⁰ m, so that moving the scene rounds nothing.
 #[test]
 fn wide_scenes_at_utm_coordinates_are_exact() {
@@ -436,7 +433,7 @@ fn wide_scenes_at_utm_coordinates_are_exact() {
     }
 }
 
-/// The distance of one triangle by its plane, relative to the origin of the ray.
+/// Distance of one triangle by its plane equation, relative to the origin of the ray.
 fn brute_force_one(g: &Geometry, origin: DVec3, d: DVec3, i: u32) -> Option<f64> {
     let [a, b, c] = g.triangle(i as usize);
     let normal = (b - a).cross(c - a);

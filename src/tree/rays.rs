@@ -1,16 +1,17 @@
-//! Rays by pulse, and what they hit.
+//! Rays by pulse, and their hits.
 
 use crate::geom::DVec3;
 use glam::DMat3;
 use std::ops::Range;
 
-/// How far the first ray of a pulse may be from that of the first pulse that it is merged with: each component of the
-/// direction, and of the origin in metres. A merged pulse is as wide as all of them together, and meets as many triangles.
+/// Maximum difference between the first ray of a pulse and that of the first pulse that it is merged with: in each
+/// component of the direction, and of the origin in metres. A merged pulse is as wide as all of them together, and
+/// hits as many triangles.
 const MAX_MERGE_DISTANCE: (f64, f64) = (0.02, 1.0);
 
-/// The rays of many pulses, emitted one after the other, each with its own origin and the same number of rays.
+/// The rays of consecutive pulses, each pulse with its own origin and all with the same number of rays.
 ///
-/// Neighbouring pulses are traced together; their order decides nothing but the speed, which is best when the footprints of
+/// Neighbouring pulses are traced together. Their order affects only the speed, which is best when the footprints of
 /// consecutive pulses touch. Directions are stored in rows of [`RayGroup::stride`] numbers per pulse.
 #[derive(Clone, Debug, Default)]
 pub struct RayGroup {
@@ -19,29 +20,29 @@ pub struct RayGroup {
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<f64>,
-    /// Origins of the rays of merged pulses, by axis, in rows like the directions; empty where all rays of a pulse have its
-    /// origin.
+    /// Origins of the rays of merged pulses, by axis, in rows like the directions; empty where all rays of a pulse
+    /// share its origin.
     ray_origins: [Vec<f64>; 3],
 }
 
 impl RayGroup {
-    /// Rays per register; the length of a row is a multiple of this.
+    /// Rays per register; the length of a row is a multiple of it.
     pub const WIDTH: usize = 8;
 
-    /// No pulses yet, of `rays` rays each.
+    /// Creates a group without pulses, for pulses of `rays` rays each.
     pub fn new(rays: usize) -> RayGroup {
         RayGroup { rays, ..RayGroup::default() }
     }
 
-    /// Removes all pulses and sets the number of rays of those to come; memory is kept.
+    /// Removes all pulses and sets the number of rays of further pulses; memory is kept.
     pub fn clear(&mut self, rays: usize) {
         self.rays = rays;
         self.origins.clear();
         [&mut self.x, &mut self.y, &mut self.z].into_iter().chain(&mut self.ray_origins).for_each(Vec::clear);
     }
 
-    /// Appends a pulse from `origin`. `fill` gets x, y and z of its directions, [`RayGroup::rays`] numbers each, and must
-    /// write all of them.
+    /// Appends a pulse from `origin`. `fill` must write x, y and z of its directions, [`RayGroup::rays`] numbers
+    /// each.
     pub fn push(&mut self, origin: DVec3, fill: impl FnOnce(&mut [f64], &mut [f64], &mut [f64])) {
         let (start, rays) = (self.x.len(), self.rays);
         let end = start + self.stride();
@@ -51,7 +52,7 @@ impl RayGroup {
         }
         let row = start..start + rays;
         fill(&mut self.x[row.clone()], &mut self.y[row.clone()], &mut self.z[row.clone()]);
-        // Lanes beyond the last ray repeat it, so that a row is as wide as its rays.
+        // Lanes beyond the last ray repeat it, which keeps the extent of a row that of its rays.
         for d in [&mut self.x, &mut self.y, &mut self.z] {
             if let Some(&last) = d[row.clone()].last() {
                 d[row.end..].fill(last);
@@ -59,8 +60,8 @@ impl RayGroup {
         }
     }
 
-    /// Appends a pulse from `origin` and returns x, y and z of its directions by whole registers. The caller must write all of
-    /// them; lanes beyond the last ray repeat it.
+    /// Appends a pulse from `origin` and returns x, y and z of its directions in complete registers. The caller must
+    /// write all of them; lanes beyond the last ray must repeat it.
     #[inline(always)]
     pub fn push_registers(&mut self, origin: DVec3) -> [&mut [[f64; RayGroup::WIDTH]]; 3] {
         let start = self.x.len();
@@ -83,8 +84,8 @@ impl RayGroup {
         self.z.extend_from_slice(&other.z[rows]);
     }
 
-    /// Replaces the pulses by the `pulses` of another group, taken into another frame: their origins by `origin`, their
-    /// directions by `matrix`.
+    /// Replaces the pulses by the `pulses` of another group, transformed into another frame: their origins by
+    /// `origin`, their directions by `matrix`.
     #[inline(always)]
     pub(super) fn transform_from(
         &mut self,
@@ -108,15 +109,14 @@ impl RayGroup {
         }
     }
 
-    /// Most rays of a pulse that is worth merging.
+    /// Maximum rays of a pulse that is worth merging.
     pub(super) const MAX_MERGEABLE_RAYS: usize = RayGroup::MERGED_RAYS / 4;
 
-    /// Rays of a merged pulse.
     pub(super) const MERGED_RAYS: usize = 16;
 
     /// Replaces the pulses by those of another group, merged: the rays of several pulses, of at most
-    /// [`RayGroup::MAX_MERGEABLE_RAYS`] rays each, that leave from about one place in about one direction become one pulse.
-    /// Writes to `places` for each ray where its hit belongs in the hits of `of`; `u32::MAX` for those that fill up a row.
+    /// [`RayGroup::MAX_MERGEABLE_RAYS`] rays each, with nearly the same origin and direction become one pulse. Writes
+    /// to `places` the index of each ray's hit in the hits of `of`; `u32::MAX` for padding.
     pub(super) fn merge_pulses(&mut self, of: &RayGroup, places: &mut Vec<u32>) {
         self.clear(RayGroup::MERGED_RAYS);
         places.clear();
@@ -158,12 +158,11 @@ impl RayGroup {
             && away.cmple(DVec3::splat(MAX_MERGE_DISTANCE.1)).all()
     }
 
-    /// Whether [`RayGroup::merge_pulses`] made this.
+    /// Whether the pulses are those of [`RayGroup::merge_pulses`].
     pub(super) fn is_merged(&self) -> bool {
         !self.ray_origins[0].is_empty()
     }
 
-    /// Origin of one ray, m.
     pub(super) fn origin_of(&self, pulse: usize, ray: usize) -> DVec3 {
         if !self.is_merged() {
             return self.origins[pulse];
@@ -172,7 +171,7 @@ impl RayGroup {
         DVec3::from(self.ray_origins.each_ref().map(|axis| axis[at]))
     }
 
-    /// Origins of all rays along one axis, by whole registers; empty unless pulses are merged.
+    /// Origins of all rays along one axis, in complete registers; empty unless pulses are merged.
     pub(super) fn origin_lanes(&self, axis: usize) -> &[[f64; RayGroup::WIDTH]] {
         self.ray_origins[axis].as_chunks().0
     }
@@ -182,17 +181,15 @@ impl RayGroup {
         self.origins.len()
     }
 
-    /// Whether there is no pulse.
     pub fn is_empty(&self) -> bool {
         self.origins.is_empty()
     }
 
-    /// Rays of each pulse.
     pub fn rays(&self) -> usize {
         self.rays
     }
 
-    /// Distance from one pulse's first ray to the next one's, here and in the [`Hits`] of the group.
+    /// Distance from one pulse's first ray to the next one's, in this group and in its [`Hits`].
     pub fn stride(&self) -> usize {
         self.rays.next_multiple_of(RayGroup::WIDTH)
     }
@@ -214,13 +211,13 @@ impl RayGroup {
         [&self.x, &self.y, &self.z].map(|d| &d[row.clone()])
     }
 
-    /// Directions of a pulse: x, y and z of each, filled up to whole registers.
+    /// Directions of a pulse in complete registers: x, y and z of each.
     pub fn registers(&self, pulse: usize) -> [&[[f64; RayGroup::WIDTH]]; 3] {
         let row = pulse * self.stride()..(pulse + 1) * self.stride();
         [&self.x, &self.y, &self.z].map(|d| d[row.clone()].as_chunks().0)
     }
 
-    /// All directions along one axis, by whole registers.
+    /// All directions along one axis, in complete registers.
     pub(super) fn lanes(&self, axis: usize) -> &[[f64; RayGroup::WIDTH]] {
         [&self.x, &self.y, &self.z][axis].as_chunks().0
     }
@@ -239,8 +236,9 @@ impl Hits {
     /// The primitive number of a miss.
     pub const MISS: u32 = u32::MAX;
 
-    /// Takes over those of `others` that are nearer than what the rays from number `first` on have hit, or as near and first
-    /// by the `order` of primitives. `number` turns the primitive numbers of `others` into those of these hits.
+    /// Replaces hits of the rays from number `first` on by those of `others` that are nearer, or equally near and
+    /// first by the `order` of primitives. `number` converts the primitive numbers of `others` to those of these
+    /// hits.
     pub fn take_nearer(
         &mut self,
         first: usize,
@@ -260,18 +258,18 @@ impl Hits {
         }
     }
 
-    /// All hits, by whole registers.
+    /// All hits, in complete registers.
     pub(super) fn registers(&mut self) -> (&mut [[f64; RayGroup::WIDTH]], &mut [[u32; RayGroup::WIDTH]]) {
         (self.t.as_chunks_mut().0, self.primitive.as_chunks_mut().0)
     }
 
-    /// Makes room for `rays` hits; what stands there means nothing yet.
+    /// Resizes to `rays` hits of unspecified content.
     pub(super) fn resize(&mut self, rays: usize) {
         self.t.resize(rays, f64::INFINITY);
         self.primitive.resize(rays, Hits::MISS);
     }
 
-    /// Takes over the hits of merged pulses: `places` are those of [`RayGroup::merge_pulses`].
+    /// Copies the hits of merged pulses; `places` are those of [`RayGroup::merge_pulses`].
     pub(super) fn take_merged(&mut self, merged: &Hits, places: &[u32]) {
         for ((t, id), place) in merged.t.iter().zip(&merged.primitive).zip(places) {
             let place = *place as usize;
@@ -281,7 +279,6 @@ impl Hits {
         }
     }
 
-    /// Makes misses of some hits.
     #[inline(always)]
     pub(super) fn clear(&mut self, rays: Range<usize>) {
         self.t[rays.clone()].fill(f64::INFINITY);

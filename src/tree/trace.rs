@@ -1,4 +1,4 @@
-//! Single rays.
+//! Tracing of single rays.
 
 use super::block::{BLOCK_SIZE, Block};
 use super::build::{MAX_DEPTH, MAX_WIDE_DEPTH};
@@ -10,9 +10,9 @@ use super::{Geometry, Hit, Hits, Tree};
 use crate::geom::DVec3;
 
 impl Tree {
-    /// First hit of the ray `origin + t·direction` among the primitives whose number `accept` approves, t > 0 in units of
-    /// `direction`. Directions are meant to be of about unit length; one shorter than 1e-100 hits nothing. For many rays
-    /// [`Tree::trace_group`] is several times faster.
+    /// First hit of the ray `origin + t·direction` among the primitives whose number `accept` accepts, with t > 0 in
+    /// units of `direction`. Directions should be of about unit length; one shorter than 1e-100 hits nothing. For
+    /// many rays [`Tree::trace_group`] is several times faster.
     pub fn nearest_where(
         &self,
         geometry: &Geometry,
@@ -58,7 +58,7 @@ impl Tree {
                     mask &= mask - 1;
                 }
             }),
-            // Out of reach of single precision: test all primitives.
+            // Out of range of single precision: test all primitives.
             None => self.blocks.iter().flat_map(|b| b.id).filter(|&id| id != Hits::MISS).for_each(|id| {
                 test(id);
             }),
@@ -66,8 +66,8 @@ impl Tree {
         best
     }
 
-    /// Walks through the leaves that the frustum meets, nearest first, up to the depth `limit` that `visit` may lower, and
-    /// shows it the blocks with a mask of the lanes that rays of the frustum might hit.
+    /// Visits the leaves that the frustum hits, nearest first, up to the depth `limit`, which `visit` may lower.
+    /// `visit` takes a block with a mask of the lanes that rays of the frustum might hit.
     #[inline(always)]
     pub(super) fn walk(&self, frustum: &Frustum, limit: f32, visit: impl FnMut(&Block, u32, &mut f32)) {
         match &self.nodes {
@@ -166,16 +166,16 @@ impl Tree {
     }
 }
 
-/// Most visits that wait at a time in the wide tree: every level leaves up to fifteen.
+/// Maximum number of pending visits in the wide tree: every level leaves up to fifteen.
 pub(super) const MAX_WIDE_STACK: usize = MAX_WIDE_DEPTH as usize * (BLOCK_SIZE - 1) + BLOCK_SIZE;
 
-/// Whether a frustum can be anywhere within a range of depths up to the limit.
+/// Whether a range of depths is not empty and begins before the limit.
 #[inline(always)]
 fn is_met([lo, hi]: [f32; 2], limit: f32) -> bool {
     lo <= hi.min(limit) * DEPTH_MARGIN
 }
 
-/// The distance at which a ray hits a primitive.
+/// Distance at which a ray hits a primitive, by the exact test.
 fn intersect_exact(geometry: &Geometry, origin: DVec3, direction: DVec3, id: u32) -> Option<f64> {
     let (i, triangles) = (id as usize, geometry.triangles.len());
     if i < triangles {

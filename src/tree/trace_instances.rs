@@ -1,5 +1,5 @@
-//! Single rays among instances, and pulses that are part of no packet: through the tree over the boxes of the instances, then
-//! through the trees of the models that are met.
+//! Tracing of single rays among instances, and of pulses that are in no packet: through the tree over the boxes of
+//! the instances, then through the trees of the models hit.
 
 use super::frustum::Frustum;
 use super::index::InstanceTree;
@@ -22,7 +22,6 @@ impl Rays<'_> {
         DVec3::new(x[ray], y[ray], z[ray])
     }
 
-    /// One of the rays.
     fn one(&mut self, ray: usize) -> Rays<'_> {
         Rays {
             origin: self.origin,
@@ -44,14 +43,14 @@ impl Rays<'_> {
             })
     }
 
-    /// The distance beyond which no ray hits anything first.
+    /// The distance beyond which no first hit can be.
     fn max_t(&self) -> f64 {
         self.t.iter().fold(0.0, |m: f64, t| m.max(*t))
     }
 }
 
 impl InstanceTree {
-    /// Brings the instances into the hits of one pulse.
+    /// Merges the hits of the instances into the hits of one pulse.
     pub(super) fn trace_pulse(&self, group: &RayGroup, pulse: usize, hits: &mut Hits) {
         let row = pulse * group.stride()..pulse * group.stride() + group.rays();
         let (t, id) = (&mut hits.t[row.clone()], &mut hits.primitive[row]);
@@ -59,7 +58,7 @@ impl InstanceTree {
         self.trace(rays, &|_| true, &mut Vec::new());
     }
 
-    /// Brings one instance into the hits `t` and `id` of one pulse.
+    /// Merges the hits of one instance into the hits `t` and `id` of one pulse.
     #[cold]
     pub(super) fn visit_pulse(
         &self,
@@ -74,7 +73,7 @@ impl InstanceTree {
         self.visit(instance, &mut rays, &|_| true, &mut Vec::new());
     }
 
-    /// The nearer of `best` and the first hit among the instances' triangles that `accept` approves.
+    /// Returns the nearer of `best` and the first hit among the instances' triangles that `accept` accepts.
     pub fn nearest(
         &self,
         origin: DVec3,
@@ -90,7 +89,8 @@ impl InstanceTree {
         (id[0] != Hits::MISS).then_some(Hit { t: t[0], primitive: id[0] })
     }
 
-    /// Brings the instances into the hits of some rays. `local` is memory for directions in the frame of a model.
+    /// Merges the hits of the instances into the hits of some rays. `local` is memory for directions in the frame of
+    /// a model.
     fn trace(&self, mut rays: Rays, accept: &impl Fn(u32) -> bool, local: &mut Vec<DVec3>) {
         let directions = (0..rays.len()).map(|r| rays.direction(r));
         match Frustum::around(&self.top.frame, rays.origin, directions) {
@@ -114,7 +114,7 @@ impl InstanceTree {
         }
     }
 
-    /// Brings an instance into the hits of some rays.
+    /// Merges the hits of one instance into the hits of some rays.
     fn visit(
         &self,
         instance: &Instance,
@@ -128,7 +128,7 @@ impl InstanceTree {
         }
     }
 
-    /// Walks the model's tree with some rays.
+    /// Traverses the model's tree with some rays.
     fn walk_model(
         &self,
         instance: &Instance,
@@ -156,18 +156,18 @@ impl InstanceTree {
             None if rays.len() > 1 => {
                 (0..rays.len()).for_each(|r| self.walk_model(instance, way, &mut rays.one(r), accept, local));
             }
-            // Out of reach of single precision.
+            // Out of range of single precision.
             None => self.test_all(instance, rays, accept),
         }
     }
 
-    /// Applies the exact test of all rays and all triangles of an instance.
+    /// Applies the exact test to all rays and all triangles of an instance.
     fn test_all(&self, instance: &Instance, rays: &mut Rays, accept: &impl Fn(u32) -> bool) {
         let count = self.instances.model(instance).geometry.triangles.len() as u32;
         (0..count).for_each(|triangle| self.test(instance, triangle, rays, accept));
     }
 
-    /// Applies the exact test of all rays and one triangle of an instance.
+    /// Applies the exact test to all rays and one triangle of an instance.
     #[inline]
     fn test(&self, instance: &Instance, number: u32, rays: &mut Rays, accept: &impl Fn(u32) -> bool) {
         let id = instance.first + number;
@@ -246,7 +246,7 @@ mod tests {
         })
     }
 
-    /// The scene with every model copied to its places.
+    /// The scene with every model copied to its placements.
     fn stored((own, models, places, shift): &Parts) -> Geometry {
         let mut triangles = Vec::new();
         for i in 0..=own.triangles.len() {

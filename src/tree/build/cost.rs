@@ -1,9 +1,11 @@
-//! What a tree costs: the running sums of spec tree-and-schedule §1.12 and the statistics of spec tree-and-schedule §1.16.
+//! Costs of a tree: the running sums of spec tree-and-schedule §1.12 and the statistics of spec tree-and-schedule
+//! §1.16.
 
 use crate::tree::options::{BuildOptions, Statistics};
 use std::sync::{Mutex, PoisonError};
 
-/// Sums over the nodes of a tree or of a part of it. Areas are surfaces, in any unit and by any rule that the builder keeps.
+/// Sums over the nodes of a tree or of a part of it. Areas are surfaces, in any unit and by any rule that the builder
+/// applies consistently.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sums {
     area_interior: f64,
@@ -18,7 +20,6 @@ pub(crate) struct Sums {
 }
 
 impl Sums {
-    /// No nodes.
     pub const ZERO: Sums = Sums {
         area_interior: 0.0,
         area_leaves: 0.0,
@@ -31,7 +32,7 @@ impl Sums {
         min_leaf: usize::MAX,
     };
 
-    /// A leaf of `count` > 0 primitives.
+    /// Returns the sums of a leaf of `count` > 0 primitives.
     pub fn leaf(area: f64, count: usize, depth: u32) -> Sums {
         Sums {
             area_leaves: area,
@@ -45,12 +46,11 @@ impl Sums {
         }
     }
 
-    /// An interior node alone.
+    /// Returns the sums of an interior node without its children.
     pub fn interior(area: f64) -> Sums {
         Sums { area_interior: area, interior: 1, ..Sums::ZERO }
     }
 
-    /// Adds the sums of another part.
     pub fn plus(self, part: Sums) -> Sums {
         Sums {
             area_interior: self.area_interior + part.area_interior,
@@ -65,12 +65,13 @@ impl Sums {
         }
     }
 
-    /// References to primitives in all leaves.
+    /// Number of references to primitives in all leaves.
     pub fn references(&self) -> usize {
         self.references
     }
 
-    /// The statistics of a whole tree whose root has the area `root` in the unit of the sums, `square_metres` in m².
+    /// Returns the statistics of a complete tree, whose root has the area `root` in the unit of the sums and
+    /// `square_metres` in m².
     pub fn statistics(
         &self,
         options: &BuildOptions,
@@ -90,7 +91,7 @@ impl Sums {
             max_leaf: self.max_leaf,
             min_leaf: if self.leaves > 0 { self.min_leaf } else { 0 },
             root_area: square_metres,
-            // Rays that meet a root without area have probability zero; its cost is that of a leaf.
+            // The probability of hitting a root without area is zero; its cost is that of a leaf.
             cost: if root > 0.0 {
                 sum / root
             } else {
@@ -101,27 +102,26 @@ impl Sums {
     }
 }
 
-/// A split to accept or to reject.
+/// A split to be accepted or rejected.
 pub(crate) struct Proposal {
-    /// Area of the node.
     pub area: f64,
-    /// Chances of a ray to meet the lower and the upper child.
+    /// Probabilities that a ray hits the lower and the upper child.
     pub chances: [f64; 2],
-    /// Primitives in the node, in the lower and in the upper child.
+    /// Numbers of primitives in the node, in the lower and in the upper child.
     pub counts: [usize; 3],
 }
 
-/// Accepts splits by what they do to the cost of the tree; any number of threads may ask at once.
+/// Accepts splits by their effect on the cost of the tree. Thread-safe.
 pub(crate) enum CostAccount {
-    /// By each node alone.
+    /// Considers each node alone.
     Local,
-    /// By the cost of the whole tree so far. Choosing a split and partitioning the primitives happen outside the lock (the
-    /// paper's Algorithm 1).
+    /// Considers the cost of the complete tree so far. Choosing a split and partitioning the primitives happen
+    /// outside the lock (the paper's Algorithm 1).
     Global(Mutex<RunningCost>),
 }
 
-/// The paper's ILOT cache: running sums over interior nodes, leaves and primitives ("objects"), and their total, while every
-/// unfinished node counts as a leaf (spec tree-and-schedule §1.12).
+/// The paper's ILOT cache: running sums over interior nodes, leaves and primitives ("objects"), and their total,
+/// where every unfinished node counts as a leaf (spec tree-and-schedule §1.12).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RunningCost {
     interior: f64,
@@ -132,7 +132,7 @@ pub(crate) struct RunningCost {
 }
 
 impl RunningCost {
-    /// The root is a leaf (eq 9).
+    /// Returns the sums of a tree whose root is a leaf (eq 9).
     fn of_root(options: &BuildOptions, root: f64, count: usize) -> RunningCost {
         RunningCost {
             interior: 0.0,
@@ -143,9 +143,9 @@ impl RunningCost {
         }
     }
 
-    /// The sums with the node of the proposal as an interior one (eqs 10–12). What the node cost as a leaf is subtracted
-    /// before what its sides cost is added: where a split gains next to nothing, the rounding of this order decides, and the
-    /// published trees have it.
+    /// Returns the sums with the node of the proposal as an interior node (eqs 10–12). The node's cost as a leaf is
+    /// subtracted before the costs of its children are added: where a split gains next to nothing, the rounding of
+    /// this order decides, and the published trees depend on it.
     fn with(&self, options: &BuildOptions, split: &Proposal, [n, nl, nr]: [f64; 3]) -> RunningCost {
         let (ci, cl, co) = (options.cost_interior, options.cost_leaf, options.cost_primitive);
         let (left, right) = (split.chances[0] * split.area, split.chances[1] * split.area);
@@ -158,12 +158,12 @@ impl RunningCost {
 }
 
 impl CostAccount {
-    /// The account of a tree whose root has this area and so many primitives.
+    /// Creates the account of a tree whose root has the area `root` and `count` primitives.
     pub fn global(options: &BuildOptions, root: f64, count: usize) -> CostAccount {
         CostAccount::Global(Mutex::new(RunningCost::of_root(options, root, count)))
     }
 
-    /// Whether the split makes the tree cheaper; if so, the cost of the tree becomes that with the split.
+    /// Whether the split makes the tree cheaper. If so, it is added to the cost of the tree.
     pub fn try_split(&self, options: &BuildOptions, split: &Proposal) -> bool {
         let counts = split.counts.map(|c| c.next_multiple_of(options.grain.max(1)) as f64);
         match self {
@@ -184,7 +184,7 @@ impl CostAccount {
         }
     }
 
-    /// The cost of the finished tree as accounted; `None` where each node is judged alone.
+    /// The accounted cost of the finished tree; `None` with [`CostAccount::Local`].
     pub fn total(&self) -> Option<f64> {
         match self {
             CostAccount::Local => None,

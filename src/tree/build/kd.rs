@@ -1,4 +1,4 @@
-//! The recursion that all kd builders share (spec tree-and-schedule §1.3), on one or several threads.
+//! The recursion shared by all kd builders (spec tree-and-schedule §1.3), on one or several threads.
 
 use super::cost::{CostAccount, Proposal, Sums};
 use super::prim::Prim;
@@ -10,7 +10,8 @@ use crate::tree::frame::Frame;
 use crate::tree::node::KdNode;
 use crate::tree::options::{Accounting, Axes, BuildOptions, Builder, Statistics};
 
-/// Builds a kd-tree over `prims`. The tree is the same for any number of threads, and with [`Accounting::Global`] nearly.
+/// Builds a kd-tree over `prims`. The result does not depend on the number of threads; with [`Accounting::Global`] it
+/// does in rare cases.
 pub(crate) fn build_kd(
     geometry: &Geometry,
     frame: Frame,
@@ -28,7 +29,7 @@ pub(crate) fn build_kd(
         max_depth: depth_cap(options, count),
         shared_depth: shared_depth(options),
         account: match options.accounting {
-            // The cost is relative to the area of the root, which a flat one does not have.
+            // The cost is relative to the area of the root, which is zero for a flat root.
             Accounting::Global if root.area > 0.0 && options.builder != Builder::Median => {
                 CostAccount::global(options, root.area, count)
             }
@@ -44,7 +45,7 @@ pub(crate) fn build_kd(
     (arena, statistics)
 }
 
-/// Levels below the root that any tree may have; traversal stacks rely on it.
+/// Maximum depth of any tree; traversal stacks rely on it.
 pub(crate) const MAX_DEPTH: u32 = 64;
 
 fn depth_cap(options: &BuildOptions, count: usize) -> u32 {
@@ -52,8 +53,8 @@ fn depth_cap(options: &BuildOptions, count: usize) -> u32 {
     options.max_depth.unwrap_or(auto).min(MAX_DEPTH)
 }
 
-/// Levels whose nodes several threads take from one another: enough for some hundred parts per thread. Further down, handing a
-/// node over would only copy the part once more.
+/// Depth down to which threads steal nodes from one another: enough for some hundred parts per thread. Further down,
+/// handing a node over would only copy the part once more.
 fn shared_depth(options: &BuildOptions) -> u32 {
     match options.jobs {
         0 => rayon::current_num_threads().ilog2() + 8,
@@ -62,7 +63,7 @@ fn shared_depth(options: &BuildOptions) -> u32 {
     }
 }
 
-/// Where a node is: its depth, and its number from the left among the 2^depth nodes that may be there.
+/// Position of a node: its depth, and its number from the left among the 2^depth possible nodes of that depth.
 #[derive(Clone, Copy)]
 struct Position {
     depth: u32,
@@ -72,13 +73,13 @@ struct Position {
 impl Position {
     const ROOT: Position = Position { depth: 0, number: 0 };
 
-    /// The positions of the two children.
     fn below(self) -> [Position; 2] {
         [0, 1].map(|side| Position { depth: self.depth + 1, number: 2 * self.number + side })
     }
 
-    /// How many of `threads` belong to the node here. They are divided evenly among the nodes of a level, and the rest goes to
-    /// the right-most; below level ⌊log2 threads⌋ every node has one (spec tree-and-schedule §2.3).
+    /// Returns how many of `threads` are assigned to the node. They are divided evenly among the nodes of a level,
+    /// and the right-most node gets the remainder; below level ⌊log2 threads⌋ every node has one (spec
+    /// tree-and-schedule §2.3).
     fn share_of(self, threads: usize) -> usize {
         let (nodes, threads) = (1u128 << self.depth, threads as u128);
         let (each, rest) = (threads / nodes, threads % nodes);
@@ -87,7 +88,7 @@ impl Position {
     }
 }
 
-/// How many of `threads` work together on a node of `count` primitives.
+/// Returns how many of `threads` work together on a node of `count` primitives.
 fn threads_for(count: usize, position: Position, threads: usize) -> usize {
     if count < MIN_TEAM_PRIMITIVES { 1 } else { position.share_of(threads) }
 }
@@ -95,14 +96,14 @@ fn threads_for(count: usize, position: Position, threads: usize) -> usize {
 struct Build<'a> {
     search: Search<'a>,
     max_depth: u32,
-    /// Nodes below this depth are built by the thread that comes to them.
+    /// Nodes below this depth are built by the thread that reaches them.
     shared_depth: u32,
     account: CostAccount,
     geometry_jobs: usize,
 }
 
 impl Build<'_> {
-    /// Builds the node at `slot` of the arena and everything below it.
+    /// Builds the node at `slot` of the arena and its descendants.
     fn build_node(
         &self,
         prims: Vec<Prim>,
@@ -134,13 +135,13 @@ impl Build<'_> {
         Sums::interior(cell.area).plus(a).plus(b)
     }
 
-    /// Smallest part that another thread may build in an arena of its own.
+    /// Minimum number of primitives of a part that another thread builds in a separate arena.
     fn min_detached(&self) -> usize {
         self.search.options.delegate.max(32)
     }
 
-    /// Builds a node and everything below it in an arena of its own; after [`attach`] its nodes have the numbers that they
-    /// would have had.
+    /// Builds a node and its descendants in a separate arena. After [`attach`] its nodes have the numbers that they
+    /// would have had in the common arena.
     fn build_detached(&self, prims: Vec<Prim>, cell: Cell, position: Position) -> (KdArena, Sums) {
         let mut arena = Arena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
         let sums = self.build_node(prims, cell, position, &mut arena, 0);
@@ -158,7 +159,7 @@ impl Build<'_> {
         Sums::leaf(cell.area, prims.len(), depth)
     }
 
-    /// The split of this node and its two sides, if there is one that makes the tree cheaper.
+    /// Returns the split of this node and its two sides, if a split makes the tree cheaper.
     fn accepted_split(
         &self,
         prims: &[Prim],
@@ -197,7 +198,7 @@ impl Build<'_> {
     }
 }
 
-/// Puts a part, whose root is its node 0, in the position of node `slot`.
+/// Inserts a part, whose root is its node 0, as node `slot`.
 fn attach(arena: &mut KdArena, slot: usize, part: KdArena) {
     // The part's node 1 becomes the next node here.
     let (nodes, blocks) = (arena.nodes.len() - 1, arena.slots.len() / BLOCK_SIZE);
@@ -245,7 +246,7 @@ mod tests {
         );
     }
 
-    /// A rough sheet of two triangles per cell.
+    /// Returns a rough sheet of two triangles per cell.
     fn sheet(cells: u32) -> Geometry {
         let mut g = Geometry::default();
         for i in 0..=cells {
@@ -264,8 +265,8 @@ mod tests {
         g
     }
 
-    /// So many primitives that the root and its children are each worked on by several threads: by five, and by two and
-    /// three; the tree is that of one thread.
+    /// With this number of primitives the root is built by five threads together, its children by two and three; the
+    /// tree equals that of one thread.
     #[test]
     fn threads_that_share_nodes_build_the_same_tree() {
         let g = sheet(288);

@@ -1,9 +1,9 @@
 //! The builders of trees.
 //!
-//! | file | what it does |
+//! | file | contents |
 //! |---|---|
-//! | `prim` | primitives as the builders see them: boxes |
-//! | `split`, `cost` | where to split a node of a kd-tree; whether that makes the tree cheaper |
+//! | `prim` | primitives of the builders: boxes |
+//! | `split`, `cost` | the split searches of a kd-tree node; acceptance of splits by cost |
 //! | `kd` | the recursion of the kd builders |
 //! | `wide` | the bounding volume hierarchy |
 
@@ -20,11 +20,11 @@ pub(crate) use wide::{MAX_WIDE_DEPTH, build_wide};
 use super::node::KdNode;
 use rayon::prelude::*;
 
-/// Nodes of at least this many primitives may be worked on by several threads together: the upper levels, where there are
-/// fewer nodes than threads (spec tree-and-schedule §2.3).
+/// Minimum number of primitives of a node that several threads work on together: in the upper levels there are fewer
+/// nodes than threads (spec tree-and-schedule §2.3).
 const MIN_TEAM_PRIMITIVES: usize = 1 << 16;
 
-/// Folds the primitives of a node, by all threads if they are many. `join` must be associative.
+/// Folds the primitives of a node, in parallel if they are many. `join` must be associative.
 fn fold<T: Send>(
     prims: &[Prim],
     nothing: impl Fn() -> T + Sync + Send,
@@ -35,7 +35,7 @@ fn fold<T: Send>(
     fold_by(threads, prims, nothing, add, join)
 }
 
-/// Folds the primitives of a node by several threads, a piece each. `join` must be associative.
+/// Folds the primitives of a node by several threads, one piece each. `join` must be associative.
 fn fold_by<T: Send>(
     threads: usize,
     prims: &[Prim],
@@ -56,12 +56,12 @@ fn fold_by<T: Send>(
     pieces(threads, prims).map(one).reduce(&nothing, join)
 }
 
-/// The primitives of a node in a piece per thread.
+/// Divides the primitives of a node into one piece per thread.
 fn pieces(threads: usize, prims: &[Prim]) -> rayon::slice::Chunks<'_, Prim> {
     prims.par_chunks(prims.len().div_ceil(threads.max(1)).max(1))
 }
 
-/// A tree under construction: nodes, and the primitives of its leaves in whole blocks.
+/// A tree under construction: nodes, and the primitives of its leaves in complete blocks.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Arena<N> {
     pub nodes: Vec<N>,
@@ -69,7 +69,6 @@ pub(crate) struct Arena<N> {
     pub slots: Vec<u32>,
 }
 
-/// A kd-tree under construction.
 pub(crate) type KdArena = Arena<KdNode>;
 
 #[cfg(test)]
@@ -83,7 +82,7 @@ mod tests {
         for threads in [1, 2, 3, 7] {
             let folded = AtomicUsize::new(0);
             let add = |sum: &mut (u64, bool), p: &Prim| {
-                // Each piece is folded from nothing.
+                // The first piece has no predecessor to join.
                 if !std::mem::replace(&mut sum.1, true) {
                     folded.fetch_add(1, Ordering::Relaxed);
                 }

@@ -1,4 +1,4 @@
-//! Primitives as the builders see them: boxes.
+//! Primitives as used by the builders: boxes.
 
 use crate::tree::Geometry;
 use crate::tree::frame::Frame;
@@ -13,7 +13,8 @@ pub(crate) struct Prim {
     pub hi: [f32; 3],
 }
 
-/// The primitives that `keep` approves and a ray can hit, which those with a NaN or infinite coordinate cannot be.
+/// Collects the primitives that `keep` accepts and a ray can hit, which excludes those with a NaN or infinite
+/// coordinate.
 pub(crate) fn collect(geometry: &Geometry, frame: &Frame, keep: impl Fn(u32) -> bool + Sync) -> Vec<Prim> {
     (0..geometry.len())
         .into_par_iter()
@@ -34,7 +35,7 @@ fn is_solid(geometry: &Geometry, i: usize) -> bool {
     b.min.is_finite() && b.max.is_finite() && !b.is_empty()
 }
 
-/// The frame around all primitives that can be hit.
+/// Returns the frame around all primitives that can be hit.
 pub(crate) fn frame_of(geometry: &Geometry) -> Frame {
     let bounds = (0..geometry.len())
         .into_par_iter()

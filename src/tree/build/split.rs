@@ -1,4 +1,4 @@
-//! Where to split a node: the four searches of spec tree-and-schedule §1.8 to §1.11.
+//! The split of a node: the four searches of spec tree-and-schedule §1.8 to §1.11.
 
 use super::prim::Prim;
 use super::{fold_by, pieces};
@@ -7,10 +7,9 @@ use crate::tree::frame::Frame;
 use crate::tree::options::{Areas, BuildOptions, Builder};
 use rayon::prelude::*;
 
-/// Most bins of a histogram.
 const MAX_BINS: usize = 1024;
 
-/// A node's box and its area, the latter by the proportional rule of spec tree-and-schedule §1.4.
+/// A node's box and its area by the proportional rule of spec tree-and-schedule §1.4.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cell {
     pub lo: [f64; 3],
@@ -19,7 +18,7 @@ pub(crate) struct Cell {
 }
 
 impl Cell {
-    /// The cell of the root, found by several `threads`.
+    /// Returns the cell of the root, computed by several `threads`.
     pub fn around(threads: usize, prims: &[Prim]) -> Cell {
         let union = |(a, b): ([f32; 3], [f32; 3]), (c, d): ([f32; 3], [f32; 3])| {
             ([0, 1, 2].map(|i| a[i].min(c[i])), [0, 1, 2].map(|i| b[i].max(d[i])))
@@ -34,7 +33,6 @@ impl Cell {
         Cell { lo, hi, area: 2.0 * (x * y + x * z + y * z) }
     }
 
-    /// The two parts.
     pub fn cut(&self, split: &Split) -> [Cell; 2] {
         let (mut left, mut right) = (*self, *self);
         let (a, b) = (self.lo[split.axis], self.hi[split.axis]);
@@ -47,7 +45,7 @@ impl Cell {
     }
 }
 
-/// A split plane; `r` is the share of the lower side.
+/// A split plane; `r` is the fraction of the cell on its lower side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Split {
     pub axis: usize,
@@ -56,7 +54,7 @@ pub(crate) struct Split {
     pub loss: f64,
 }
 
-/// The scene and the settings that the searches use.
+/// The scene and the settings of a search.
 pub(crate) struct Search<'a> {
     pub geometry: &'a Geometry,
     pub frame: Frame,
@@ -64,7 +62,8 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The split of the builder in use on `axis`, found by several `threads`; `None` when the cell has no extent there.
+    /// Returns the split of the selected builder on `axis`, computed by several `threads`; `None` when the cell has
+    /// no extent there.
     pub fn on_axis(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         match self.options.builder {
             Builder::Median => self.median_split(threads, prims, cell, axis),
@@ -73,14 +72,15 @@ impl Search<'_> {
         }
     }
 
-    /// The split of least loss over all axes, the first of equals.
+    /// Returns the split of minimum loss over all axes, the first of equals.
     pub fn on_best_axis(&self, threads: usize, prims: &[Prim], cell: &Cell) -> Option<Split> {
         (0..3)
             .filter_map(|a| self.on_axis(threads, prims, cell, a))
             .reduce(|best, s| if s.loss < best.loss { s } else { best })
     }
 
-    /// Expected number of tests after a split: each side's count, rounded up to the grain, times the probability that it is met.
+    /// Expected number of tests after a split: each side's count, rounded up to the grain, times the probability that
+    /// it is hit.
     pub fn loss(&self, chances: [f64; 2], counts: [usize; 2]) -> f64 {
         let [l, r] = counts.map(|n| n.next_multiple_of(self.options.grain.max(1)) as f64);
         chances[0] * l + chances[1] * r
@@ -89,7 +89,7 @@ impl Search<'_> {
     fn median_split(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let p = self.object_median(threads, prims, axis);
         let r = share(cell, axis, p)?;
-        // Of the medians on three axes the one on the longest side is best.
+        // Of the medians on three axes, the one on the longest side is best.
         Some(Split { axis, position: p, r, loss: cell.lo[axis] - cell.hi[axis] })
     }
 
@@ -115,7 +115,8 @@ impl Search<'_> {
         best
     }
 
-    /// The best boundary of min/max histograms (spec tree-and-schedule §1.11), bins clamped at both ends.
+    /// Returns the best boundary of min/max histograms (spec tree-and-schedule §1.11), with bins clamped at both
+    /// ends.
     fn fsah_split(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let (a, b) = (cell.lo[axis], cell.hi[axis]);
         if b <= a {
@@ -146,7 +147,7 @@ impl Search<'_> {
         Some(Split { axis, position, r, loss })
     }
 
-    /// Probabilities that a ray that meets the cell meets the lower and the upper side of a split.
+    /// Probabilities that a ray that hits the cell hits the lower and the upper side of a split.
     pub fn chances(&self, cell: &Cell, axis: usize, r: f64) -> [f64; 2] {
         match self.options.areas {
             Areas::Proportional => [r, 1.0 - r],
@@ -164,7 +165,7 @@ impl Search<'_> {
         }
     }
 
-    /// The centroid at index ⌊N/2⌋ in descending order.
+    /// Returns the centroid at index ⌊N/2⌋ in descending order.
     fn object_median(&self, threads: usize, prims: &[Prim], axis: usize) -> f64 {
         let centroid = |p: &Prim| self.centroid(p.id, axis);
         let mut centroids: Vec<f64> = if threads < 2 {
@@ -185,7 +186,7 @@ impl Search<'_> {
     }
 }
 
-/// How many primitives start and end in each bin.
+/// Numbers of primitives that start and end in each bin.
 struct Histograms {
     starts: Vec<u32>,
     ends: Vec<u32>,
@@ -203,15 +204,15 @@ impl Histograms {
     }
 }
 
-/// How many primitives start and end in each bin between planes, which rise evenly: at or before plane `i` and after plane
-/// `i − 1`; what lies beyond the last plane is in the last bin. One pass over the primitives finds what [`count`] finds for
-/// each plane.
+/// Counts the primitives that start and end in each bin between evenly ascending planes: at or before plane `i` and
+/// after plane `i − 1`; coordinates beyond the last plane count in the last bin. One pass over the primitives finds
+/// the counts that [`count`] finds for each plane.
 fn between(threads: usize, prims: &[Prim], axis: usize, planes: &[f64]) -> Histograms {
     let (start, last) = (planes[0], planes.len() - 1);
     let per_length = last as f64 / (planes[last] - start);
     let bin = |v: f32| {
         let v = f64::from(v);
-        // Rounding may put this next to the right bin. If all planes are one, it is NaN, which becomes 0.
+        // Rounding may yield a neighbouring bin. If all planes are equal, the value is NaN, which becomes 0.
         let mut i = (((v - start) * per_length) as usize).min(last);
         while i > 0 && planes[i - 1] >= v {
             i -= 1;
@@ -228,13 +229,13 @@ fn between(threads: usize, prims: &[Prim], axis: usize, planes: &[f64]) -> Histo
     fold_by(threads, prims, || Histograms::empty(planes.len() + 1), add, Histograms::plus)
 }
 
-/// (p − a)/(b − a); `None` when the cell is flat on this axis.
+/// Returns (p − a)/(b − a); `None` when the cell is flat on this axis.
 fn share(cell: &Cell, axis: usize, p: f64) -> Option<f64> {
     let (a, b) = (cell.lo[axis], cell.hi[axis]);
     (b > a).then(|| (p - a) / (b - a))
 }
 
-/// How many primitives go to the lower and to the upper side (spec tree-and-schedule §1.5).
+/// Counts the primitives of the lower and of the upper side (spec tree-and-schedule §1.5).
 pub(crate) fn count(threads: usize, prims: &[Prim], axis: usize, p: f64) -> [usize; 2] {
     let add = |n: &mut [usize; 2], o: &Prim| {
         n[0] += usize::from(f64::from(o.lo[axis]) <= p);
@@ -243,7 +244,7 @@ pub(crate) fn count(threads: usize, prims: &[Prim], axis: usize, p: f64) -> [usi
     fold_by(threads, prims, || [0, 0], add, |a, b| [a[0] + b[0], a[1] + b[1]])
 }
 
-/// The primitives of either side in their order; those across the plane are in both.
+/// Returns the primitives of either side in order; those that straddle the plane are in both.
 pub(crate) fn partition(
     threads: usize,
     prims: &[Prim],
@@ -284,7 +285,7 @@ mod tests {
                 Prim { lo: [lo; 3], id, hi: [lo + at(u64::from(id), 1) / 4.0; 3] }
             })
             .collect();
-        // Many corners lie in planes; those of the last two are all in one, or beyond what corners there are.
+        // Many corners are in the planes; in the last two cases all planes are equal or beyond the corners.
         for (start, step) in [(0.0, 0.125), (0.3, 1e-3), (-4.0, 0.7), (1.25, 0.0), (9.0, 1.0)] {
             let planes: Vec<f64> = (0..21).map(|i| start + f64::from(i) * step).collect();
             let Histograms { starts, ends } = between(1, &prims, 1, &planes);

@@ -1,8 +1,8 @@
 //! The wide bounding volume hierarchy: sixteen children per node, exactly one block per leaf, no primitive twice.
 //!
-//! A node starts as one range of primitives and splits the range of largest surface, as long as there are fewer than
-//! sixteen and one does not fit into a block. Splits are the best of 32 bins of centroids per axis; what counts is the
-//! number of blocks, not of primitives, so blocks come out nearly full.
+//! A node starts as one range of primitives and repeatedly splits the range of largest surface that does not fit into
+//! a block, until there are sixteen. A split is the best of 32 bins of centroids per axis. The cost is the number of
+//! blocks, not of primitives, so blocks are nearly full.
 
 use super::cost::Sums;
 use super::prim::Prim;
@@ -13,26 +13,25 @@ use crate::tree::node::{WideChild, WideNode};
 use crate::tree::options::{BuildOptions, Statistics};
 use rayon::prelude::*;
 
-/// Nodes below this depth split in the middle, so that no tree gets deeper than [`MAX_WIDE_DEPTH`].
+/// Nodes below this depth are split in the middle, which bounds the depth by [`MAX_WIDE_DEPTH`].
 const MAX_FREE_DEPTH: u32 = 24;
 
-/// Levels below the root that any tree may have: after [`MAX_FREE_DEPTH`], 16^8 primitives.
+/// Maximum depth of any tree: after [`MAX_FREE_DEPTH`], 16^8 primitives.
 pub(crate) const MAX_WIDE_DEPTH: u32 = MAX_FREE_DEPTH + 8;
 
 /// Nodes of fewer primitives are built by one thread.
 const MIN_SHARED_PRIMITIVES: usize = 4096;
 
-/// Most bins of centroids per axis.
 const MAX_BINS: usize = 32;
 
-/// Builds the hierarchy over `prims`. The tree is the same for any number of threads.
+/// Builds the hierarchy over `prims`. The result does not depend on the number of threads.
 pub(crate) fn build_wide(
     triangles: usize,
     frame: &Frame,
     mut prims: Vec<Prim>,
     options: &BuildOptions,
 ) -> (Arena<WideNode>, Statistics) {
-    // Blocks hold one kind only, so the root separates the kinds; triangles come first.
+    // A block holds one kind only, so the root separates the kinds; triangles come first.
     let kinds = prims.iter().position(|p| p.id as usize >= triangles).unwrap_or(prims.len());
     let (one, other) = prims.split_at_mut(kinds);
     let ranges = [one, other].into_iter().filter(|r| !r.is_empty()).map(Range::of).collect();
@@ -74,7 +73,7 @@ impl Bounds {
         }
     }
 
-    /// Half the surface; 0 for nothing.
+    /// Half the surface; 0 for an empty box.
     fn area(&self) -> f32 {
         let [x, y, z] = [0, 1, 2].map(|a| (self.hi[a] - self.lo[a]).max(0.0));
         x * y + x * z + y * z
@@ -101,12 +100,10 @@ impl<'a> Range<'a> {
         Range { prims, bounds, centroids }
     }
 
-    /// Whether the primitives do not fit into a block.
     fn is_too_large(&self) -> bool {
         self.prims.len() > BLOCK_SIZE
     }
 
-    /// Both parts of the best split.
     fn split(self, free: bool) -> [Range<'a>; 2] {
         let middle = self.prims.len() / 2;
         let best = if free { self.best_split() } else { None };
@@ -119,7 +116,7 @@ impl<'a> Range<'a> {
                 });
                 middle
             }
-            // All centroids are equal: one split is as good as another.
+            // All centroids are equal, so any split is equally good.
             None => middle,
         };
         let (left, right) = self.prims.split_at_mut(at);
@@ -153,13 +150,12 @@ impl<'a> Range<'a> {
     }
 }
 
-/// Twice the centroid.
 #[inline(always)]
 fn centroid(p: &Prim) -> [f32; 3] {
     [p.lo[0] + p.hi[0], p.lo[1] + p.hi[1], p.lo[2] + p.hi[2]]
 }
 
-/// Bins below `bin` on one side, the others on the other.
+/// A split by bins: those below `bin` on one side, the others on the other.
 #[derive(Clone, Copy)]
 struct BinSplit {
     axis: usize,
@@ -176,7 +172,6 @@ impl BinSplit {
     }
 }
 
-/// Counts and boxes by axis and bin.
 struct Histogram([[(u32, Bounds); MAX_BINS]; 3]);
 
 impl Histogram {
@@ -197,7 +192,7 @@ impl Histogram {
         fold(prims, || Box::new(Histogram([[(0, Bounds::EMPTY); MAX_BINS]; 3])), add, plus)
     }
 
-    /// Cost and number of the bin before which to split; `None` when all primitives are in one bin.
+    /// Returns cost and number of the bin before which to split; `None` when all primitives are in one bin.
     fn best_bin(&self, axis: usize, bins: usize) -> Option<(f32, usize)> {
         let bin = &self.0[axis];
         let blocks = |n: u32| n.next_multiple_of(BLOCK_SIZE as u32) as f32;
@@ -220,7 +215,7 @@ impl Histogram {
     }
 }
 
-/// Brings the primitives that `is_left` chooses to the front and returns their number.
+/// Moves the primitives that `is_left` selects to the front and returns their number.
 fn partition(prims: &mut [Prim], is_left: impl Fn(&Prim) -> bool) -> usize {
     let mut left = 0;
     for i in 0..prims.len() {
@@ -240,7 +235,7 @@ struct Part {
     bounds: Bounds,
 }
 
-/// Builds the node over these ranges and all below it.
+/// Builds the node over these ranges and its descendants.
 fn build_node(mut ranges: Vec<Range>, depth: u32, delegate: usize) -> Part {
     while ranges.len() < BLOCK_SIZE
         && let Some(widest) = widest(&ranges)
@@ -276,13 +271,13 @@ fn build_node(mut ranges: Vec<Range>, depth: u32, delegate: usize) -> Part {
     Part { arena, sums, bounds }
 }
 
-/// The range of largest surface among those that do not fit into a block.
+/// Returns the index of the range of largest surface among those that do not fit into a block.
 fn widest(ranges: &[Range]) -> Option<usize> {
     let candidates = ranges.iter().enumerate().filter(|(_, r)| r.is_too_large());
     candidates.max_by(|a, b| a.1.bounds.area().total_cmp(&b.1.bounds.area())).map(|(i, _)| i)
 }
 
-/// A block; it has no node of its own.
+/// Builds a block, which has no node.
 fn leaf(range: &Range, depth: u32) -> Part {
     let mut slots: Vec<u32> = range.prims.iter().map(|p| p.id).collect();
     let count = slots.len();
