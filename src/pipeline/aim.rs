@@ -14,6 +14,7 @@ const MAX_PLACES: usize = 64;
 pub struct AimTarget {
     /// Box around the scene, m.
     pub bounds: Aabb,
+    /// Minimum and maximum range of the scanner, m.
     pub ranges: [f64; 2],
 }
 
@@ -26,6 +27,7 @@ pub struct Aim {
     pub towards: u64,
     /// Pulses whose beam is within the box at ranges that the scanner measures.
     pub within: u64,
+    /// Pulses whose beam points above the horizon.
     pub upwards: u64,
     /// Box around the origins, scene frame, m.
     pub origins: Aabb,

@@ -26,6 +26,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
+    /// Number of primitives.
     pub fn len(&self) -> usize {
         self.triangles.len() + self.cubes.len()
     }

@@ -103,6 +103,7 @@ impl Tree {
         triangles.saturating_mul(each)
     }
 
+    /// Size, depth and expected cost of the tree, without instances.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
     }

@@ -181,10 +181,12 @@ impl RayGroup {
         self.origins.len()
     }
 
+    /// Whether there are no pulses.
     pub fn is_empty(&self) -> bool {
         self.origins.is_empty()
     }
 
+    /// Number of rays of each pulse.
     pub fn rays(&self) -> usize {
         self.rays
     }

@@ -82,7 +82,7 @@ mod tests {
         for threads in [1, 2, 3, 7] {
             let folded = AtomicUsize::new(0);
             let add = |sum: &mut (u64, bool), p: &Prim| {
-                // The first piece has no predecessor to join.
+                // Counts the pieces, each of which starts from the initial value.
                 if !std::mem::replace(&mut sum.1, true) {
                     folded.fetch_add(1, Ordering::Relaxed);
                 }
