@@ -1,6 +1,6 @@
-//! What becomes of the pairs of a pulse and a triangle that the blocks of some leaves yield, step by step: their edges, the
-//! rays inside, planes, distances. Every step runs in a function of its own, which has the registers to itself, and fills a
-//! list for the next without branching on what it finds.
+//! Processing of the pairs of a pulse and a triangle from the blocks of some leaves, step by step: their edges, the
+//! rays inside, planes, distances. Every step runs in a separate function, which has all registers available, and
+//! fills a list for the next step without branching on the data.
 
 use super::distance::{Heading, Plane, hit_merged};
 use super::edges::{Edges, PulseExtent, by_axis};
@@ -12,34 +12,34 @@ use crate::tree::block::{BLOCK_SIZE, Block};
 use crate::tree::simd::{Simd, prefetch};
 use crate::tree::{Geometry, RayGroup};
 
-/// Rays that are looked at together.
+/// Number of rays processed together.
 pub(super) const SPAN: usize = 32;
 
-/// Most pairs of a block.
+/// Maximum number of pairs of a block.
 pub(super) const MAX_BLOCK_PAIRS: usize = PACKET_SIZE * BLOCK_SIZE;
 
-/// Blocks whose pairs are looked at together. Every step waits for the one before; the more pairs take it at once, the less
-/// often.
+/// Number of blocks whose pairs are processed together. Every step waits for the one before; larger batches reduce
+/// the number of waits.
 pub(super) const MAX_PENDING_BLOCKS: usize = 2;
 
-/// Entries for pairs with which looking at them is worth while.
+/// Minimum number of entries for pairs at which processing is worthwhile.
 pub(super) const MIN_PENDING_PAIRS: usize = 32;
 
 const MAX_PAIRS: usize = MIN_PENDING_PAIRS + MAX_BLOCK_PAIRS;
 
-// Lengths of the lists; indices are quick to keep within a power of two.
+// Lengths of the lists: powers of two, so that an index is bounded by a mask.
 const PAIRS_LEN: usize = (MAX_PAIRS + BLOCK_SIZE).next_power_of_two();
 const SIDES_LEN: usize = (MAX_PAIRS / BLOCK_SIZE).next_power_of_two();
 const PLANES_LEN: usize = (MAX_PAIRS + 1).next_power_of_two();
 const CANDIDATES_LEN: usize = (MAX_PAIRS * SPAN / 8 + 1).next_power_of_two();
 const _: () = assert!(MAX_PAIRS < 1 << 16);
 
-/// Blocks whose pairs wait to be looked at.
+/// Blocks whose pairs are pending.
 pub(super) struct PendingBlocks<'a> {
     pub blocks: [Option<&'a Block>; MAX_PENDING_BLOCKS],
-    /// Least depths of their triangles.
+    /// Minimum depths of their triangles.
     pub near: [[f32; BLOCK_SIZE]; MAX_PENDING_BLOCKS],
-    /// Greatest depths of their triangles.
+    /// Maximum depths of their triangles.
     pub far: [[f32; BLOCK_SIZE]; MAX_PENDING_BLOCKS],
     pub count: usize,
 }
@@ -53,27 +53,28 @@ impl PendingBlocks<'_> {
     };
 }
 
-/// The lists that the steps fill. A step may write one entry, or one register, beyond what it counts.
+/// The lists that the steps fill. A step may write one entry, or one register, beyond the entries that it counts.
 pub(super) struct CandidateLists {
-    /// `block · 256 + pulse · 16 + lane`, those of a block from a multiple of 16 on.
+    /// `block · 256 + pulse · 16 + lane`; the pairs of a block begin at a multiple of 16.
     pub pairs: [u32; PAIRS_LEN],
-    /// What each sixteen pairs have in common.
+    /// Block and mask of each sixteen pairs.
     pub batches: [Batch; MAX_PAIRS / BLOCK_SIZE + 1],
     pub batch_count: usize,
     /// The edges of sixteen pairs each.
     sides: [Sides; SIDES_LEN],
-    /// Indices in `pairs` of the pairs of which surely all rays are inside.
+    /// Indices in `pairs` of the pairs with all rays certainly inside.
     covered: [u32; PAIRS_LEN],
     covered_count: usize,
-    /// Indices in `pairs` of the others of which any ray may be inside.
+    /// Indices in `pairs` of the other pairs with possibly a ray inside.
     partial: [u32; PAIRS_LEN],
     partial_count: usize,
-    /// Pairs of which rays are inside.
+    /// Pairs with rays inside.
     pub inside: [Inside; PLANES_LEN],
     /// The planes of the pairs in `inside`.
     pub planes: [Plane; PLANES_LEN],
     pub candidates: [Candidates; CANDIDATES_LEN],
-    /// Indices in `inside` of what single precision leaves open, or in `candidates` of what the quick distance does.
+    /// Indices of pairs in `inside` that single precision leaves undecided, or of entries in `candidates` for which
+    /// the fast distance is not valid.
     pub open: [u32; CANDIDATES_LEN],
 }
 
@@ -84,7 +85,6 @@ pub(super) struct Batch {
     pub used: u32,
 }
 
-/// The rays of a span that pass within a triangle.
 #[derive(Clone, Copy)]
 pub(super) struct Inside {
     pub pair: u32,
@@ -92,8 +92,8 @@ pub(super) struct Inside {
     pub maybe: u32,
 }
 
-/// Eight rays that may be inside a triangle: from the lowest bit on the register that they are in, 32 bits, the plane, 16,
-/// and which are surely and which may be inside, 8 each.
+/// Eight rays that may be inside a triangle: from the lowest bit on, their register in 32 bits, the plane in 16, and
+/// the masks of rays certainly inside and possibly inside, 8 each.
 #[derive(Clone, Copy)]
 pub(super) struct Candidates(u64);
 
@@ -142,26 +142,26 @@ impl CandidateLists {
     };
 }
 
-/// The block of a pair, by its index among those pending.
+/// Returns the block of a pair, by its index among the pending blocks.
 #[inline(always)]
 pub(super) fn block_of(pair: u32) -> usize {
     pair as usize / MAX_BLOCK_PAIRS % MAX_PENDING_BLOCKS
 }
 
-/// The pulse of a pair, by its number in the packet.
+/// Returns the pulse of a pair, by its number in the packet.
 #[inline(always)]
 pub(super) fn pulse_of(pair: u32) -> usize {
     pair as usize / BLOCK_SIZE % PACKET_SIZE
 }
 
-/// The triangle of a pair, by its lane in the block.
+/// Returns the triangle of a pair, by its lane in the block.
 #[inline(always)]
 pub(super) fn lane_of(pair: u32) -> usize {
     pair as usize % BLOCK_SIZE
 }
 
-/// Which rays of each pulse have surely hit something, and the depth up to which they all have. Kept for pulses of one span
-/// only.
+/// The rays of each pulse that have certainly hit something, and the depth up to which they all have. Used only for
+/// pulses of one span.
 pub(super) struct Occlusion {
     pub rays: [u32; PACKET_SIZE],
     pub depth: PerPulse,
@@ -171,14 +171,15 @@ impl Occlusion {
     pub const NONE: Occlusion =
         Occlusion { rays: [0; PACKET_SIZE], depth: PerPulse([f32::NEG_INFINITY; PACKET_SIZE]) };
 
-    /// The rays that have hit something wholly in front of the triangle of a pair, which they do not see.
+    /// Returns the rays that have hit something entirely in front of the triangle of a pair, and so cannot hit it
+    /// first.
     #[inline(always)]
     fn occluded_rays(&self, blocks: &PendingBlocks, pair: u32) -> u32 {
         let (pulse, near) = (pulse_of(pair), blocks.near[block_of(pair)][lane_of(pair)]);
         self.rays[pulse] & all_if(near > self.depth.0[pulse])
     }
 
-    /// Records that these rays of a pair hit its triangle, unless that is partly behind the pulse's origin.
+    /// Records that these rays of a pair hit its triangle, unless it is partly behind the pulse's origin.
     #[inline(always)]
     fn mark_occluded(&mut self, blocks: &PendingBlocks, start: &PerPulse, pair: u32, rays: u32) {
         let (block, pulse, lane) = (block_of(pair), pulse_of(pair), lane_of(pair));
@@ -190,29 +191,28 @@ impl Occlusion {
     }
 }
 
-/// All ones or none, without a branch that would be mispredicted.
+/// Returns all ones or zero, without a branch that would be mispredicted.
 #[inline(always)]
 fn all_if(condition: bool) -> u32 {
     u32::from(condition).wrapping_neg()
 }
 
-/// What the steps read.
 #[derive(Clone, Copy)]
 pub(super) struct StepInput<'k, S: Simd> {
     pub blocks: &'k PendingBlocks<'k>,
     pub frustum: &'k PacketFrustum<S>,
     pub geometry: &'k Geometry,
     pub deviations: &'k [Deviations],
-    /// Where the rays of merged pulses start; empty for others.
+    /// Origins of the rays of merged pulses; empty for others.
     pub offsets: &'k [OriginOffsets],
-    /// Registers of sixteen rays per pulse.
+    /// Number of registers of sixteen rays per pulse.
     pub wide: usize,
-    /// Which rays of the pulses are looked at.
+    /// Index of the span of rays that is processed.
     pub span: usize,
 }
 
-/// Computes the edges of all pairs, keeps the pairs whose pulse does not pass beside the triangle, and prefetches the corners
-/// of these.
+/// Computes the edges of all pairs, keeps the pairs whose pulse does not pass entirely beside the triangle, and
+/// prefetches the corners of these triangles.
 #[inline(always)]
 pub(super) fn find_sides<S: Simd, const MERGED: bool>(
     simd: S,
@@ -245,9 +245,9 @@ pub(super) fn find_sides<S: Simd, const MERGED: bool>(
     }
 }
 
-/// Finds the rays of a span that pass within the triangles of the pairs. `valid` are the rays of the span; those that repeat
-/// the last count, or no limit would ever be lowered. Returns how many pairs have any, and how many of these single precision
-/// leaves open.
+/// Finds the rays of a span that pass within the triangles of the pairs. `valid` are the rays of the span, including
+/// padding that repeats the last ray; without the padding no limit would ever be lowered. Returns the number of pairs
+/// with such rays, and the number of these pairs that single precision leaves undecided.
 #[inline(always)]
 pub(super) fn find_inside<S: Simd, const MERGED: bool>(
     simd: S,
@@ -261,7 +261,7 @@ pub(super) fn find_inside<S: Simd, const MERGED: bool>(
     let (mut count, mut open_count) = (0, 0);
     let CandidateLists { pairs, sides, covered, covered_count, partial, partial_count, inside, open, .. } =
         lists;
-    // Pulses that are inside as a whole first: they occlude most of the others.
+    // Pulses entirely inside come first, because they occlude most of the others.
     for n in &covered[..*covered_count] {
         let pair = pairs[*n as usize % PAIRS_LEN];
         let rays = valid & !occlusion.occluded_rays(blocks, pair);
@@ -302,7 +302,7 @@ pub(super) fn find_inside<S: Simd, const MERGED: bool>(
     (count, open_count)
 }
 
-/// Decides from double precision about the first `open` pairs that single precision leaves open.
+/// Decides in double precision the first `open` pairs that single precision leaves undecided.
 #[inline(always)]
 pub(super) fn refine_inside<S: Simd, const MERGED: bool>(
     simd: S,
@@ -335,9 +335,9 @@ pub(super) fn refine_inside<S: Simd, const MERGED: bool>(
     }
 }
 
-/// Computes the planes of the first `count` pairs in `inside` and the list of candidates. `first` is the first register of
-/// eight rays of the first pulse's span, `stride` how many registers a pulse has. Returns the length of the list and a mask of
-/// the pulses in it.
+/// Computes the planes of the first `count` pairs in `inside` and the list of candidates. `first` is the first
+/// register of eight rays of the first pulse's span, `stride` the number of registers per pulse. Returns the length
+/// of the list and a mask of the pulses in it.
 #[inline(always)]
 pub(super) fn find_planes<S: Simd>(
     simd: S,
@@ -359,7 +359,7 @@ pub(super) fn find_planes<S: Simd>(
         (plane.id, plane.vertex, plane.pulse) = (block.id[lane], vertex, pulse as u32);
         let heading = Heading { axis, forward, max_along: frustum.max_along[pulse] };
         plane.set(simd, corners, &frustum.shears[pulse].origin, heading);
-        // Always all registers of a span, so that no branch depends on who hits what.
+        // Always all registers of a span, so that no branch depends on which rays hit.
         for register in 0..SPAN / 8 {
             let [sure, any] = [strictly, maybe].map(|m| m >> (8 * register) & 255);
             candidates[listed % CANDIDATES_LEN] =
@@ -370,15 +370,15 @@ pub(super) fn find_planes<S: Simd>(
     (listed, touched)
 }
 
-/// The rays and hits of a group, by registers of eight.
+/// The rays and hits of a group, in registers of eight.
 pub(super) struct RayRegisters<'k> {
     pub directions: [&'k [[f64; 8]]; 3],
     pub t: &'k mut [[f64; 8]],
     pub ids: &'k mut [[u32; 8]],
 }
 
-/// Finds the distances of the first `count` candidates; returns how many registers have rays for which the quick arithmetic
-/// does not serve. `axis` is the dominant axis.
+/// Computes the distances of the first `count` candidates. Returns the number of registers with rays for which the
+/// fast arithmetic is not valid. `axis` is the dominant axis.
 #[inline(always)]
 pub(super) fn find_distances<S: Simd>(
     simd: S,
@@ -390,7 +390,7 @@ pub(super) fn find_distances<S: Simd>(
     let RayRegisters { directions, t, ids } = rays;
     let along = directions[axis];
     let registers = along.len();
-    // With equal lengths one check of the index serves all slices.
+    // Equal lengths let the compiler check the index once for all slices.
     let [x, y, z] = directions.map(|d| &d[..registers]);
     let (t, ids) = (&mut t[..registers], &mut ids[..registers]);
     let CandidateLists { planes, candidates, open, .. } = lists;
@@ -410,9 +410,9 @@ pub(super) fn find_distances<S: Simd>(
     open_count
 }
 
-/// Finds the distances of merged pulses, the first `count` pairs in `inside`. `first` is the first register of eight rays of
-/// the first pulse. Returns how many registers have rays for which the quick arithmetic does not serve, and a mask of the
-/// pulses that were tested.
+/// Computes the distances of merged pulses, the first `count` pairs in `inside`. `first` is the first register of
+/// eight rays of the first pulse. Returns the number of registers with rays for which the fast arithmetic is not
+/// valid, and a mask of the pulses that were tested.
 #[inline(always)]
 pub(super) fn find_merged_distances<S: Simd>(
     simd: S,

@@ -1,6 +1,6 @@
 //! The distances of a pulse's rays to one primitive, eight rays at a time: the arithmetic of
-//! [`intersect`](mod@crate::tree::intersect), operation by operation, so that the bits are the same. Rays for which that
-//! arithmetic takes one of its rare turns are referred to it.
+//! [`intersect`](mod@crate::tree::intersect), operation by operation, so that the bits are equal. Rays for which that
+//! arithmetic takes one of its rare branches are left to the exact test.
 
 use crate::geom::DVec3;
 use crate::tree::geometry::Cube;
@@ -25,7 +25,7 @@ impl Rays<'_> {
         }
     }
 
-    /// Applies the exact test of a triangle to the rays in a mask; `origin` tells where each starts.
+    /// Applies the exact test of a triangle to the rays in a mask; `origin` returns the origin of each.
     pub fn intersect_exact(
         &mut self,
         mut rest: u32,
@@ -42,7 +42,7 @@ impl Rays<'_> {
         }
     }
 
-    /// Applies the test of a cube to all rays; `origin` tells where each starts.
+    /// Applies the test of a cube to all rays; `origin` returns the origin of each.
     pub fn intersect_cube(&mut self, id: u32, cube: Cube, origin: impl Fn(usize) -> DVec3) {
         for ray in 0..8 {
             if let Some(t) = intersect::cube(origin(ray), self.direction(ray), cube) {
@@ -52,7 +52,7 @@ impl Rays<'_> {
     }
 }
 
-/// The dominant axis of the rays, the sign of their directions along it and the greatest size of that component.
+/// The dominant axis of the rays, the sign of their directions along it and the maximum magnitude of that component.
 #[derive(Clone, Copy)]
 pub(super) struct Heading {
     pub axis: usize,
@@ -70,13 +70,13 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The greatest of the first three numbers.
+/// Maximum of the first three numbers.
 #[inline(always)]
 fn longest(e: &[f64]) -> f64 {
     greater(greater(e[0], e[1]), e[2])
 }
 
-/// What the distances of all rays from one origin to a triangle share.
+/// Values shared by the distances of all rays from one origin to a triangle.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub(super) struct Plane {
@@ -84,16 +84,13 @@ pub(super) struct Plane {
     e2: [f64; 4],
     /// `e2·q`.
     numerator: f64,
-    /// Range that the coordinate of a sound hit has, along the dominant axis and from the origin.
+    /// Range of a valid hit's coordinate along the dominant axis, relative to the origin.
     low: f64,
     high: f64,
-    /// A `det` that is not less belongs to a triangle not seen edge-on.
+    /// Minimum `det` of a triangle that is not seen edge-on.
     min_det: f64,
-    /// Number of the primitive.
     pub id: u32,
-    /// Numbers of the vertices.
     pub vertex: [u32; 3],
-    /// Number of the pulse in its packet.
     pub pulse: u32,
 }
 
@@ -110,7 +107,7 @@ impl Plane {
         pulse: 0,
     };
 
-    /// Computes what the corners and the origin determine.
+    /// Computes the values that depend only on the corners and the origin.
     #[inline(always)]
     pub fn set<S: Simd>(&mut self, simd: S, corners: [&[f64; 3]; 3], origin: &[f64; 3], heading: Heading) {
         let Heading { axis: k, forward, max_along } = heading;
@@ -123,7 +120,7 @@ impl Plane {
         let (mut products, mut lengths) = ([0.0; 4], [[0.0; 4]; 2]);
         let [a, b, c] = each_of!([0, 1, 2], v => simd.load_triple(corners[v]));
         let (e1, e2, p) = (b - a, c - a, a - simd.load_triple(origin));
-        // e1 × p is -p × e1, bit for bit.
+        // e1 × p equals -p × e1, bit for bit.
         let (e1t, pt) = (e1.rotate(), p.rotate());
         let q = e1t * pt.rotate() - e1t.rotate() * pt;
         (e2 * q).store(&mut products);
@@ -135,8 +132,8 @@ impl Plane {
         self.numerator = products[0] + products[1] + products[2];
     }
 
-    /// Brings the distances of eight rays that are `strictly` inside into the hits `t` and `ids`, where the quick arithmetic
-    /// serves; returns the rays for which it does. `along` are the directions along the dominant axis.
+    /// Merges the distances of eight rays, those `strictly` inside, into the hits `t` and `ids`, where the fast
+    /// arithmetic is valid. Returns the rays for which it is. `along` are the directions along the dominant axis.
     #[inline(always)]
     pub fn hit<S: Simd>(
         &self,
@@ -164,8 +161,8 @@ impl Plane {
     }
 }
 
-/// Brings the distances of eight rays of a merged pulse, each with its own origin, that are `strictly` inside a triangle into
-/// the hits `t` and `ids`, where the quick arithmetic serves; returns the rays for which it does.
+/// Merges the distances of eight rays of a merged pulse, each with a separate origin, those `strictly` inside a
+/// triangle, into the hits `t` and `ids`, where the fast arithmetic is valid. Returns the rays for which it is.
 #[inline(always)]
 pub(super) fn hit_merged<S: Simd>(
     simd: S,
@@ -184,7 +181,7 @@ pub(super) fn hit_merged<S: Simd>(
     let e2 = each_of!([0, 1, 2], a => simd.splat_f64(s2[a]));
     let q = each_of!([0, 1, 2], a => {
         let (u, v) = ((a + 1) % 3, (a + 2) % 3);
-        // e1 × p is -p × e1, bit for bit.
+        // e1 × p equals -p × e1, bit for bit.
         e1[u] * p[v] - e1[v] * p[u]
     });
     let h = each_of!([0, 1, 2], a => {

@@ -1,13 +1,14 @@
-//! Which rays of a pulse pass within a triangle, where the rounded corners of a block leave that open: from double
-//! precision, but evaluated in single wherever that suffices.
+//! The rays of a pulse that pass within a triangle, where the rounded corners of a block leave that undecided:
+//! computed from double precision, but evaluated in single precision wherever that suffices.
 //!
-//! Slopes are `d_i/d_k` and `d_j/d_k`. In coordinates sheared along the pulse's first ray, a ray that deviates from it by
-//! slopes `(δ_i, δ_j)` passes the edge
-//! from corner `p` to corner `q` on the side given by the sign of `E = c0 + c1·δ_i + c2·δ_j`, where
-//! `(c1, c2, c0) = p × q`. The three coefficients come from double precision, and as they are small for small triangles
-//! near the ray, so is the error of `E`. It is bounded; a ray within the bound of an edge is left undecided.
+//! Slopes are `d_i/d_k` and `d_j/d_k`. In coordinates sheared along the pulse's first ray, a ray that deviates from
+//! it by slopes `(δ_i, δ_j)` passes the edge from corner `p` to corner `q` on the side given by the sign of `E = c0 +
+//! c1·δ_i + c2·δ_j`, where `(c1, c2, c0) = p × q`. The three coefficients come from double precision. They are small
+//! for small triangles near the ray, and so is the error of `E`. The error is bounded; a ray within the bound of an
+//! edge is left undecided.
 //!
-//! For rays of merged pulses, which start aside of the first, the edges themselves count as well: see [`super::sides`].
+//! For rays of merged pulses, whose origins differ from that of the first, the edges themselves contribute as well:
+//! see [`super::sides`].
 
 use super::spread::{Deviations, OriginOffsets};
 use crate::geom::DVec3;
@@ -16,7 +17,7 @@ use crate::tree::simd::{F32Ops, MaskOps, QuadOps, Simd, VectorOps, each_of};
 /// Corners of a triangle by axis; the fourth number is not used.
 type Corners = [[f64; 4]; 3];
 
-/// Brings the corners of a triangle into the order of [`Corners`].
+/// Transposes the corners of a triangle to [`Corners`].
 #[inline(always)]
 pub(super) fn by_axis([a, b, c]: [DVec3; 3]) -> Corners {
     [[a.x, b.x, c.x, 0.0], [a.y, b.y, c.y, 0.0], [a.z, b.z, c.z, 0.0]]
@@ -25,11 +26,11 @@ pub(super) fn by_axis([a, b, c]: [DVec3; 3]) -> Corners {
 /// Rounding of the coefficients, the deviations and the evaluation, all in single precision, generously rounded up.
 const SINGLE: f64 = 1.0 / (1u64 << 20) as f64;
 
-/// Rounding of sheared coordinates and their products, here and in the exact test, relative to the square of the corners'
-/// distance, generously rounded up.
+/// Rounding of sheared coordinates and their products, in this module and in the exact test, relative to the square
+/// of the corners' distance, generously rounded up.
 const DOUBLE: f64 = 1.0 / (1u64 << 48) as f64;
 
-/// The sheared coordinates of a pulse: relative to the origin of its first ray, which runs along their third axis.
+/// The sheared coordinates of a pulse: relative to the origin of its first ray, which runs along the third axis.
 #[derive(Clone, Copy)]
 pub(super) struct Shear {
     pub origin: [f64; 3],
@@ -41,13 +42,14 @@ impl Shear {
     pub const ZERO: Shear = Shear { origin: [0.0; 3], slope: [0.0; 2] };
 }
 
-/// How the rays of a pulse spread around its first.
+/// Spread of the rays of a pulse around its first ray.
 pub(super) struct PulseExtent {
-    /// Largest deviation of a slope.
+    /// Maximum deviation of a slope.
     pub width: f64,
-    /// How far sideways rays of a merged pulse start from the first, tree's frame.
+    /// Maximum sideways distance between the origins of a merged pulse's rays and the first, tree's frame.
     pub reach: f64,
-    /// How far rays of any merged pulse of the packet start from their first along any axis, tree's frame.
+    /// Maximum distance along any axis between the origins of a merged pulse's rays and the first, over the packet,
+    /// tree's frame.
     pub origin_spread: f64,
     /// Units of the tree's frame per metre.
     pub scale: f64,
@@ -58,12 +60,13 @@ pub(super) struct PulseExtent {
 pub(super) struct Edges {
     /// `c1`, `c2`, `c0`, the bound of the error and its negative.
     coefficients: [[f32; 4]; 5],
-    /// The edges by axis, for starts in the tree's frame; only set for merged pulses.
+    /// The edges by axis, for origins in the tree's frame; only set for merged pulses.
     edges: [[f32; 4]; 3],
 }
 
 impl Edges {
-    /// The edges of a triangle as a pulse of this extent sees them. `[k, i, j]` are the dominant axis and the side axes.
+    /// Computes the edge functions of a triangle for a pulse of this extent. `[k, i, j]` are the dominant axis and
+    /// the side axes.
     #[inline(always)]
     pub fn of<S: Simd, const MERGED: bool>(
         simd: S,
@@ -109,7 +112,8 @@ impl Edges {
         edges
     }
 
-    /// Of sixteen rays: those surely inside, and those not surely outside. `offsets` count for merged pulses only.
+    /// Of sixteen rays, returns those certainly inside, and those not certainly outside. `offsets` are used for
+    /// merged pulses only.
     #[inline(always)]
     pub fn inside<S: Simd, const MERGED: bool>(
         &self,

@@ -1,4 +1,5 @@
-//! Boxes and blocks of triangles against the pulses of a packet; the reasoning is that of [`crate::tree::frustum`].
+//! Filters of boxes and blocks of triangles against the pulses of a packet, with the reasoning of
+//! [`crate::tree::frustum`].
 
 use super::lanes::PerPulse;
 use super::packet::{PacketFrustum, PlaneDepth, PlaneDepths};
@@ -6,8 +7,8 @@ use crate::tree::block::{BLOCK_SIZE, Block};
 use crate::tree::frustum::DEPTH_MARGIN;
 use crate::tree::simd::{F32Ops, MaskOps, Simd, each_of};
 
-/// Tests sixteen boxes against one frustum from depth 0 to `limit`. Returns a mask of the boxes that it may meet, and at
-/// which depths it enters them.
+/// Tests sixteen boxes against one frustum from depth 0 to `limit`. Returns a mask of the boxes that it may hit, and
+/// the depths of entry.
 #[inline(always)]
 pub(super) fn boxes_in_frustum<S: Simd>(
     simd: S,
@@ -31,7 +32,7 @@ pub(super) fn boxes_in_frustum<S: Simd>(
     (enter.le(leave * simd.splat(DEPTH_MARGIN)).bits(), enter)
 }
 
-/// Tests one box against all pulses, each up to its own limit. Returns a mask of the pulses that may meet it.
+/// Tests one box against all pulses, each up to its limit. Returns a mask of the pulses that may hit it.
 #[inline(always)]
 pub(super) fn box_in_pulses<S: Simd>(
     frustum: &PacketFrustum<S>,
@@ -53,7 +54,8 @@ pub(super) fn box_in_pulses<S: Simd>(
     enter.le(leave * simd.splat(DEPTH_MARGIN)).bits()
 }
 
-/// The depths `[lo, hi]` of each pulse cut by a plane: those at which it may be below the plane, and above it.
+/// Divides the depths `[lo, hi]` of each pulse by a plane: the depths at which it may be below the plane, and above
+/// it.
 #[inline(always)]
 pub(super) fn cut<S: Simd>(
     frustum: &PacketFrustum<S>,
@@ -68,7 +70,6 @@ pub(super) fn cut<S: Simd>(
     })
 }
 
-/// The depths at which the pulses meet a plane.
 #[inline(always)]
 fn depths_at<S: Simd>(simd: S, side: &PlaneDepths<S>, plane: f32) -> S::F32x16 {
     (simd.splat(plane) - simd.load(&side.from.0)) * simd.load(&side.inverse.0)
@@ -84,24 +85,25 @@ fn greatest<F: F32Ops>(v: [F; 3]) -> F {
     v[0].max(v[1]).max(v[2])
 }
 
-/// The triangles of a block as seen from the packet's apex; a lane is a triangle.
+/// The triangles of a block relative to the packet's apex; a lane is a triangle.
 pub(super) struct BlockSlopes<S: Simd> {
     /// Slopes `[side axis][low, high]`, widened.
     slope: [[S::F32x16; 2]; 2],
-    /// The middle of the reciprocals of the corners' depths.
+    /// The centre of the interval of reciprocals of the corners' depths.
     inverse: S::F32x16,
-    /// Least depth, widened.
+    /// Minimum depth, widened.
     near: S::F32x16,
-    /// Greatest depth, widened.
+    /// Maximum depth, widened.
     far: S::F32x16,
-    /// Triangles beside or behind the apex, whose slopes mean nothing.
+    /// Triangles beside or behind the apex, whose slopes are meaningless.
     is_beside: S::Mask16,
-    /// The slopes are wide enough for the offsets of all pulses, which no longer count.
+    /// Whether the slopes are widened by the offsets of all pulses, so that the offsets need no further test.
     cover_offsets: bool,
 }
 
 impl<S: Simd> BlockSlopes<S> {
-    /// The triangles of `block`; with `cover_offsets` the slopes are widened by the offsets of all pulses from the apex.
+    /// Computes the slopes of `block`; with `cover_offsets` they are widened by the offsets of all pulses from the
+    /// apex.
     #[inline(always)]
     pub fn of(frustum: &PacketFrustum<S>, block: &Block, cover_offsets: bool) -> BlockSlopes<S> {
         let simd = frustum.simd;
@@ -114,9 +116,9 @@ impl<S: Simd> BlockSlopes<S> {
         let x = each_of!([0, 1, 2], v => (simd.load(&c[v][i]) - r[1]) * inverse[v]);
         let y = each_of!([0, 1, 2], v => (simd.load(&c[v][j]) - r[2]) * inverse[v]);
         let (near, far, four) = (least(s), greatest(s), simd.splat(4.0 * frustum.slack));
-        // Wherever slopes count all depths are positive, and the nearest corner has the greatest reciprocal.
+        // Where slopes are used all depths are positive, and the nearest corner has the greatest reciprocal.
         let (inverse_near, inverse_far) = (greatest(inverse), least(inverse));
-        // What is left of the pulses' offsets: all, or how much it changes from the nearest corner to the farthest.
+        // Remaining error from the pulses' offsets: all of it, or its change from the nearest corner to the farthest.
         let (offset, changes) = (simd.splat(frustum.max_offset), (inverse_near - inverse_far) * half);
         let rounding = simd.splat(4.0 * frustum.slack + 1e-6 * frustum.max_offset);
         let shift = offset * if cover_offsets { inverse_near } else { changes };
@@ -131,14 +133,14 @@ impl<S: Simd> BlockSlopes<S> {
         }
     }
 
-    /// Writes the least and the greatest depths of the triangles, both on the safe side.
+    /// Writes the minimum and the maximum depths of the triangles, both rounded to the safe side.
     #[inline(always)]
     pub fn store_depths(&self, near: &mut [f32; BLOCK_SIZE], far: &mut [f32; BLOCK_SIZE]) {
         self.near.store(near);
         self.far.store(far);
     }
 
-    /// The triangles that a ray of pulse `p` might hit at depths within `[lo, hi]`, as a mask.
+    /// Returns the triangles that a ray of pulse `p` might hit at depths within `[lo, hi]`, as a mask.
     #[inline(always)]
     pub fn overlapping(&self, frustum: &PacketFrustum<S>, p: usize, [lo, hi]: [f32; 2]) -> u32 {
         let simd = frustum.simd;

@@ -1,4 +1,4 @@
-//! Instances in a packet's traversal: the instances that it meets, and the triangles of one where they are in the scene.
+//! Instances in a packet's traversal: the instances hit, and the triangles of an instance in the scene.
 
 use super::candidates::{CandidateLists, Inside, RayRegisters, SPAN, StepInput, block_of, lane_of, pulse_of};
 use super::distance::{Heading, Rays};
@@ -8,7 +8,7 @@ use crate::tree::block::{BLOCK_SIZE, Block};
 use crate::tree::instances::Instance;
 use crate::tree::simd::{F32Ops, Simd};
 
-/// An instance whose box pulses of a packet meet, and the least depth of that.
+/// An instance whose box is hit by pulses of a packet, and the minimum depth of entry.
 #[derive(Clone, Copy)]
 pub(super) struct InstanceVisit {
     pub enter: f32,
@@ -16,23 +16,22 @@ pub(super) struct InstanceVisit {
     pub instance: u32,
 }
 
-/// An instance whose model a packet walks through, and the rays as they are in the scene. Pulses are those of the walk.
+/// An instance whose model a packet traverses, and the rays in the scene's frame. Pulses are those of the traversal.
 pub(super) struct InstanceFrame<'a> {
     pub instance: &'a Instance,
-    /// Vertices of the model.
     pub vertices: &'a [DVec3],
-    /// Subtracted from every placed point.
+    /// Subtracted from every placed point, m.
     pub shift: DVec3,
     pub directions: [&'a [[f64; 8]]; 3],
     pub registers: usize,
-    /// Axis along which the rays run.
+    /// Dominant axis of the rays.
     pub axis: usize,
     pub forward: f64,
     pub origins: [DVec3; PACKET_SIZE],
     pub max_along: [f64; PACKET_SIZE],
 }
 
-/// Finds the distances of the first `count` pairs in `inside`; returns a mask of the pulses among them.
+/// Computes the distances of the first `count` pairs in `inside`. Returns a mask of the pulses among them.
 #[inline(always)]
 pub(super) fn hit_instance<S: Simd>(
     simd: S,
@@ -77,7 +76,7 @@ pub(super) fn hit_instance<S: Simd>(
     touched
 }
 
-/// Records the instances in a block that pulse `p` meets, `met` being their lanes and `enter` the depths of that.
+/// Records the instances in a block that pulse `p` hits: `met` are their lanes and `enter` the depths of entry.
 #[inline(always)]
 pub(super) fn record_instances(
     visits: &mut Vec<InstanceVisit>,
@@ -91,7 +90,7 @@ pub(super) fn record_instances(
     while met != 0 {
         let lane = met.trailing_zeros() as usize % BLOCK_SIZE;
         let (instance, enter) = (block.id[lane], depths[lane]);
-        // All pulses meet a block one after the other, so that an instance is among the last ones if at all.
+        // All pulses visit a block one after the other, so a recorded instance is among the last ones.
         let known = visits.iter_mut().rev().take(BLOCK_SIZE).find(|m| m.instance == instance);
         match known {
             Some(known) => {

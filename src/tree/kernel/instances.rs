@@ -1,6 +1,7 @@
-//! Instances: a packet walks the tree over their boxes once, and then, nearest first, the trees of the models whose instances
-//! it meets. There the rays are those of the model's frame, and so are all decisions of single precision; what these leave
-//! open, and all distances, come from the corners in the scene, as if they were stored.
+//! Tracing of instances by packets: a packet traverses the tree over their boxes once, and then, nearest first, the
+//! trees of the models whose instances it hits. In these trees the rays are those of the model's frame, and so are
+//! all decisions in single precision; undecided cases and all distances are computed from the corners in the scene,
+//! as if they were stored.
 
 use super::instance_frame::{InstanceFrame, InstanceVisit};
 use super::lanes::PACKET_SIZE;
@@ -21,12 +22,12 @@ pub struct InstanceScratch {
     visits: Vec<InstanceVisit>,
     /// Rays in the frame of a model.
     local: RayGroup,
-    /// What a group hits of the geometry itself.
+    /// Hits of a group on the geometry itself.
     own_hits: Hits,
 }
 
 impl InstanceTree {
-    /// Brings the instances into the hits of a group that was traced without them.
+    /// Merges the hits of the instances into the hits of a group that was traced without them.
     pub(in crate::tree) fn trace_group(
         &self,
         level: Level,
@@ -35,8 +36,8 @@ impl InstanceTree {
         hits: &mut Hits,
         scratch: &mut InstanceScratch,
     ) {
-        // Instances win all equal distances at first, the one with the lowest number that of all instances. If that
-        // one does not come before the geometry's primitive, no other does.
+        // Instances first win all equal distances, with the lowest number among all instances. If that one does not
+        // come before the geometry's primitive, no other does.
         scratch.own_hits.clone_from(hits);
         hits.primitive.fill(Hits::MISS);
         dispatch!(level, simd => trace_packets(simd, self, geometry, group, hits, scratch));
@@ -56,7 +57,7 @@ impl InstanceTree {
     }
 }
 
-/// Finds what a group hits among the instances, where that is not farther than the `hits` given.
+/// Finds the hits of a group on the instances that are not farther than the given `hits`.
 #[inline(always)]
 fn trace_packets<S: Simd>(
     simd: S,
@@ -79,14 +80,14 @@ fn trace_packets<S: Simd>(
                 tree.trace_pulse(rays, first, hits);
                 break;
             }
-            // Perhaps the first alone has a dominant axis.
+            // The first pulse alone may have a dominant axis.
             count = 1;
         }
         first += count;
     }
 }
 
-/// Traces some pulses together; returns false if they make no packet.
+/// Traces some pulses together. Returns false if they cannot form a packet.
 #[inline(always)]
 fn trace_packet<S: Simd>(
     simd: S,
@@ -122,7 +123,7 @@ fn trace_packet<S: Simd>(
 }
 
 impl<S: Simd> PacketTraversal<'_, S> {
-    /// Brings an instance into the hits of the `pulses`.
+    /// Merges the hits of an instance into the hits of the `pulses`.
     #[inline(always)]
     fn visit_instance(
         &mut self,
@@ -147,7 +148,7 @@ impl<S: Simd> PacketTraversal<'_, S> {
         }
     }
 
-    /// Walks through the model's tree with those of the pulses in `span` that are in `pulses`; returns false if they make no
+    /// Traverses the model's tree with the pulses of `span` that are in `pulses`. Returns false if they cannot form a
     /// packet in its frame.
     #[inline(always)]
     fn walk_model(
@@ -198,7 +199,7 @@ impl<S: Simd> PacketTraversal<'_, S> {
     }
 }
 
-/// Takes rays into a model's frame; returns by how much they may be off there.
+/// Transforms rays into a model's frame. Returns the bound of their error in it.
 #[inline(always)]
 fn to_instance(local: &mut RayGroup, rays: &RayGroup, pulses: Range<usize>, way: &WorldToInstance) -> f64 {
     let mut max_error = 0.0;

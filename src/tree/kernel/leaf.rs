@@ -1,4 +1,4 @@
-//! A leaf against a packet: which pulse may meet which primitive.
+//! Leaves in a packet's traversal: finds the primitives that each pulse may hit.
 
 use super::candidates::{
     Batch, CandidateLists, MAX_BLOCK_PAIRS, MAX_PENDING_BLOCKS, MIN_PENDING_PAIRS, Occlusion, RayRegisters,
@@ -15,8 +15,8 @@ use crate::tree::block::{BLOCK_SIZE, Block};
 use crate::tree::simd::{F64Ops, Simd};
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
-    /// Tests the pulses in `mask`, each within its range of depths, against a block; hits may be found with those of one of
-    /// the next blocks. `enter` is about the least depth of the block.
+    /// Tests the pulses in `mask`, each within its range of depths, against a block. Its hits may be found together
+    /// with those of a later block. `enter` is the approximate minimum depth of the block.
     #[inline(always)]
     pub(super) fn visit_block(
         &mut self,
@@ -38,7 +38,6 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         }
     }
 
-    /// Finds the hits of all pending pairs.
     #[inline(always)]
     pub(super) fn flush_candidates(&mut self) {
         if self.blocks.count == 0 {
@@ -49,7 +48,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         (self.blocks.count, self.lists.batch_count) = (0, 0);
     }
 
-    /// Finds the hits of all pending pairs, span by span; returns a mask of the pulses that may have hit something.
+    /// Finds the hits of all pending pairs, span by span. Returns a mask of the pulses that may have hit something.
     #[inline(always)]
     fn flush_pulses(&mut self) -> u32 {
         let simd = self.simd;
@@ -88,8 +87,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         touched
     }
 
-    /// Finds the hits of all pending pairs of merged pulses, which have one span; returns a mask of the pulses that may have
-    /// hit something.
+    /// Finds the hits of all pending pairs of merged pulses, which have one span. Returns a mask of the pulses that
+    /// may have hit something.
     #[inline(always)]
     fn flush_merged(&mut self) -> u32 {
         let simd = self.simd;
@@ -110,7 +109,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         touched
     }
 
-    /// Finds the rays of a span inside of triangles; returns of how many pairs there are any.
+    /// Finds the rays of a span inside of triangles. Returns the number of pairs with such rays.
     #[inline(always)]
     fn find_inside<const MERGED: bool>(&mut self, span: usize) -> usize {
         let simd = self.simd;
@@ -131,7 +130,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         count
     }
 
-    /// The parts of the traversal that a step borrows.
+    /// Borrows the parts of the traversal that a step needs.
     #[inline(always)]
     fn step(&mut self, span: usize) -> Step<'_, 'a, S> {
         Step {
@@ -151,7 +150,6 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         }
     }
 
-    /// Lowers the depth limits of the pulses in a mask.
     #[inline(always)]
     pub(super) fn lower_limits(&mut self, mut touched: u32) {
         while touched != 0 {
@@ -160,8 +158,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         }
     }
 
-    /// Lowers the depth limit of a pulse: once all of its rays have hit something, what lies behind the farthest of these hits
-    /// is of no interest.
+    /// Lowers the depth limit of a pulse: once all of its rays have hit something, objects behind the farthest of
+    /// these hits are occluded.
     #[inline(always)]
     fn lower_limit(&mut self, pulse: usize) {
         let first = (self.first + pulse) * self.registers;
@@ -174,8 +172,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         self.limit.0[pulse] = (depth * 1.000_000_4) as f32;
     }
 
-    /// Finds the triangles whose slopes overlap those of a pulse, for each pulse in `mask`. `enter` is about the least depth of
-    /// the block.
+    /// Finds, for each pulse in `mask`, the triangles whose slopes overlap those of the pulse. `enter` is the
+    /// approximate minimum depth of the block.
     #[inline(always)]
     fn pair_triangles(
         &mut self,
@@ -253,8 +251,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         }
     }
 
-    /// Applies the exact test to the rays of the `n`-th register that is open. Those that the quick distance served get the
-    /// same again.
+    /// Applies the exact test to the rays of the `n`-th open register. Rays for which the fast distance is valid
+    /// obtain the same result again.
     #[cold]
     #[inline(never)]
     fn intersect_open(&mut self, n: usize) {
@@ -269,7 +267,6 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     }
 }
 
-/// The parts of a traversal that a step of [`super::candidates`] borrows.
 struct Step<'k, 'a, S: Simd> {
     lists: &'k mut CandidateLists,
     input: StepInput<'k, S>,

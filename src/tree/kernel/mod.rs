@@ -1,21 +1,23 @@
-//! Tracing many pulses: up to sixteen neighbours, a packet, walk the tree together.
+//! Tracing of many pulses: up to sixteen neighbours, a packet, traverse the tree together.
 //!
-//! A pulse alone is a handful of nodes and triangles, so that most of its time goes into mispredicted branches and
-//! waiting for memory. A packet shares every decision among some hundred rays: lanes are the children of a node, then the
-//! pulses, then the triangles of a block, then pairs of a pulse and a triangle, and at last the rays of one pulse for one
-//! triangle, where distances are computed. So that pulses of few rays fill those last lanes, too, neighbours are merged:
-//! sixteen rays, each with its own origin, are traced like one pulse.
+//! A single pulse visits a handful of nodes and triangles, so that most of its time is spent on mispredicted branches
+//! and waiting for memory. A packet shares every decision among some hundred rays: lanes are the children of a node,
+//! then the pulses, then the triangles of a block, then pairs of a pulse and a triangle, and finally the rays of one
+//! pulse for one triangle, where distances are computed. To fill those last lanes with pulses of few rays, too,
+//! neighbours are merged: sixteen rays, each with its own origin, are traced like one pulse.
 //!
-//! | file | what it does |
+//! | file | contents |
 //! |---|---|
-//! | `lanes`, `packet`, `spread` | the frustums of sixteen pulses side by side, and how the rays of a pulse spread |
-//! | `traversal` | a packet on its way through a tree |
-//! | `walk`, `filter` | nodes and boxes against them |
-//! | `leaf` | which pulse may meet which triangle of a block: pairs |
-//! | `candidates` | what becomes of the pairs, step by step |
-//! | `sides`, `edges` | which rays are inside: from single precision, and from double where that leaves it open |
+//! | `lanes`, `packet`, `spread` | the frustums of sixteen pulses side by side, and the spread of a pulse's rays |
+//! | `traversal` | the state of a packet's traversal |
+//! | `walk`, `filter` | traversal of the nodes; tests of boxes |
+//! | `leaf` | pairs of a pulse and a triangle of a block that it may hit |
+//! | `candidates` | processing of the pairs, step by step |
+//! | `sides`, `edges` | the rays inside a triangle: in single precision, and in double precision where that is
+//! undecided |
 //! | `distance` | distances |
-//! | `instances`, `instance_frame` | which instances a packet meets, and their triangles in the frame of the model |
+//! | `instances`, `instance_frame` | the instances that a packet hits, and their triangles in the frame of the model
+//! |
 
 mod candidates;
 mod distance;
@@ -39,21 +41,21 @@ use packet::{PacketFrustum, count_neighbours};
 use std::ops::Range;
 use traversal::{PacketScratch, PacketTraversal};
 
-/// Memory of traversals, for one thread; what it holds from one to the next means nothing.
+/// Memory of traversals, for one thread; carries no state from one call to the next.
 #[derive(Default)]
 pub struct TraceScratch {
     packet: Box<PacketScratch>,
     instances: Option<Box<InstanceScratch>>,
-    /// Merged pulses, their hits, and where these belong.
+    /// Merged pulses, their hits, and the indices of these hits in the group.
     merged: (RayGroup, Hits, Vec<u32>),
 }
 
 impl Tree {
-    /// First hits of all rays of many pulses. Ray `r` of pulse `p` has its hit at `p · rays.stride() + r`; what stands between
-    /// the rows means nothing. `hits` is resized and overwritten.
+    /// First hits of all rays of many pulses. The hit of ray `r` of pulse `p` is at `p · rays.stride() + r`; entries
+    /// between the rows are unspecified. `hits` is resized and overwritten.
     ///
-    /// Runs of neighbouring pulses are traced together, by the widest instructions that the machine has. Bit for bit, the
-    /// hits are what [`Tree::nearest_where`] finds for each ray.
+    /// Runs of neighbouring pulses are traced together, with the widest instructions of the machine. The hits equal
+    /// those of [`Tree::nearest_where`] for each ray, bit for bit.
     pub fn trace_group(
         &self,
         geometry: &Geometry,
@@ -127,14 +129,14 @@ fn trace_packets<S: Simd>(
                 trace_single_rays(tree, geometry, rays, first, hits);
                 break;
             }
-            // Perhaps the first alone has a dominant axis.
+            // The first pulse alone may have a dominant axis.
             count = 1;
         }
         first += count;
     }
 }
 
-/// Traces some pulses together; returns false if they make no packet.
+/// Traces some pulses together. Returns false if they cannot form a packet.
 #[inline(always)]
 fn trace_packet<S: Simd>(
     simd: S,
@@ -155,7 +157,6 @@ fn trace_packet<S: Simd>(
     true
 }
 
-/// Traces one pulse ray by ray.
 #[cold]
 fn trace_single_rays(tree: &Tree, geometry: &Geometry, rays: &RayGroup, pulse: usize, hits: &mut Hits) {
     for r in 0..rays.rays() {

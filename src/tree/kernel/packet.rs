@@ -1,5 +1,5 @@
-//! Sixteen pulses side by side, a lane each: the [`Frustum`](crate::tree::frustum::Frustum) of every pulse, around one
-//! reference point (the packet's apex), and the frustum around all of them, the packet's hull.
+//! Sixteen pulses side by side, one per lane: the [`Frustum`](crate::tree::frustum::Frustum) of every pulse, around
+//! one reference point (the packet's apex), and the frustum around all of them, the packet's hull.
 
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
 
@@ -13,12 +13,12 @@ use crate::tree::rays::RayGroup;
 use crate::tree::simd::{F32Ops, Simd};
 use std::ops::Range;
 
-/// How far the first ray of a pulse may be from that of its packet's first pulse: each component of the direction, and of
-/// the origin in metres.
+/// Maximum difference between the first ray of a pulse and that of its packet's first pulse: in each component of the
+/// direction, and of the origin in metres.
 const MAX_DISTANCE: (f64, f64) = (0.1, 2.0);
 
-/// The depths at which the pulses meet planes across one axis, `(plane − from)·inverse` by lane, and whether these are upper
-/// or lower bounds of the depths on the inner side of the plane.
+/// The depths at which the pulses hit planes across one axis, `(plane − from)·inverse` by lane, and whether these are
+/// upper or lower bounds of the depths on the inner side of the plane.
 #[derive(Clone, Copy)]
 pub(crate) struct PlaneDepths<S: Simd> {
     pub from: PerPulse,
@@ -27,15 +27,15 @@ pub(crate) struct PlaneDepths<S: Simd> {
     pub is_lower: S::Mask16,
 }
 
-/// The depths at which one frustum meets planes across one axis: `(plane − from)·inverse`.
+/// The depths at which one frustum hits planes across one axis: `(plane − from)·inverse`.
 #[derive(Clone, Copy)]
 pub(crate) struct PlaneDepth {
     pub from: f32,
     pub inverse: f32,
 }
 
-/// The frustums of up to sixteen pulses that share the axis along which they run, and its sign. Arrays of two are by side
-/// axis, arrays of three by axis.
+/// The frustums of up to sixteen pulses that share the dominant axis and its sign. Arrays of two are by side axis,
+/// arrays of three by axis.
 #[derive(Clone, Copy)]
 pub(crate) struct PacketFrustum<S: Simd> {
     pub simd: S,
@@ -49,23 +49,23 @@ pub(crate) struct PacketFrustum<S: Simd> {
     pub slack: f32,
     /// Units of the tree's frame per metre.
     pub scale: f64,
-    /// How far the rays of merged pulses start from the first of each, tree's frame.
+    /// Maximum distance between the origins of merged pulses' rays and the first of each pulse, tree's frame.
     pub origin_spread: f64,
-    /// Depth up to which slopes as seen from the apex mean nothing.
+    /// Depth up to which slopes relative to the apex are meaningless.
     pub slopes_from: f32,
     /// Slopes, `[side axis][low, high]`.
     pub slope: [[PerPulse; 2]; 2],
-    /// Offsets at depth 0 from the apex, `[side axis][low, high]`.
+    /// Offsets from the apex at depth 0, `[side axis][low, high]`.
     pub offset: [[PerPulse; 2]; 2],
-    /// The greatest size of an offset.
+    /// Maximum magnitude of an offset.
     pub max_offset: f32,
-    /// Depth from which on [`PacketFrustum::max_offset`] is less than a quarter of the width of the narrowest pulse.
+    /// Depth from which [`PacketFrustum::max_offset`] is less than a quarter of the width of the narrowest pulse.
     pub small_offsets_from: f32,
-    /// Depth of each origin; of merged pulses, of the foremost.
+    /// Depth of each origin; for merged pulses, of the foremost.
     pub start: PerPulse,
-    /// Most depth that a ray gains per unit of t, tree's frame.
+    /// Maximum depth that a ray gains per unit of t, tree's frame.
     pub depth_per_t: [f64; PACKET_SIZE],
-    /// Greatest size of the directions' component along the dominant axis.
+    /// Maximum magnitude of the directions' component along the dominant axis.
     pub max_along: [f64; PACKET_SIZE],
     /// `[axis][planes above a box, planes below it]`.
     pub planes: [[PlaneDepths<S>; 2]; 3],
@@ -77,23 +77,23 @@ pub(crate) struct PacketFrustum<S: Simd> {
     pub lane_shears: LaneShears,
 }
 
-/// Sheared coordinates of the pulses in single precision, relative to the apex. Arrays of three are by dominant axis and side
-/// axes.
+/// Sheared coordinates of the pulses in single precision, relative to the apex. Arrays of three are by dominant axis
+/// and side axes.
 #[derive(Clone, Copy)]
 pub(crate) struct LaneShears {
-    /// Origin of the first ray.
     pub from: [PerPulse; 3],
     /// Slopes of the first ray, exactly those of [`Shear`].
     pub slope: [PerPulse; 2],
-    /// Their greatest size.
+    /// Maximum magnitude of these slopes.
     pub max_slope: PerPulse,
-    /// Largest deviation of another ray from them.
+    /// Maximum deviation of another ray from these slopes.
     pub width: PerPulse,
-    /// How far sideways rays of merged pulses start from the first.
+    /// Maximum sideways distance between the origins of a merged pulse's rays and the first.
     pub reach: PerPulse,
 }
 
-/// How many pulses from `first` on are near enough to be traced together, at least 1; none with one whose first ray is NaN.
+/// Returns the number of pulses from `first` on that are near enough to be traced together, at least 1. A pulse whose
+/// first ray is NaN joins no other.
 pub(crate) fn count_neighbours(rays: &RayGroup, first: usize) -> usize {
     let (o, d) = (rays.origin(first), rays.direction(first, 0));
     let last = (first + PACKET_SIZE).min(rays.len());
@@ -105,9 +105,10 @@ pub(crate) fn count_neighbours(rays: &RayGroup, first: usize) -> usize {
 }
 
 impl<S: Simd> PacketFrustum<S> {
-    /// The frustums of some pulses, at most sixteen; lanes without a pulse repeat the first. Writes the deviations of their
-    /// rays, and where the rays of merged pulses start. `None` when the rays do not all run along one axis, or start out of
-    /// reach. `error` is by how much rays and primitives may be off, in units of the tree's frame.
+    /// Computes the frustums of some pulses, at most sixteen; lanes without a pulse repeat the first. Writes the
+    /// deviations of their rays, and the origins of merged pulses' rays. Returns `None` when the rays do not share a
+    /// dominant axis, or start out of range. `error` is the maximum error of rays and primitives, in units of the
+    /// tree's frame.
     #[inline(always)]
     pub fn around(
         simd: S,
@@ -207,7 +208,7 @@ impl LaneShears {
 }
 
 impl<S: Simd> PlaneDepths<S> {
-    /// Planes above a box where `above`, else planes below it.
+    /// Creates the depths of planes above a box if `above`, else of planes below it.
     #[inline(always)]
     fn new(simd: S, from: [f32; PACKET_SIZE], slope: &[f32; PACKET_SIZE], above: bool) -> PlaneDepths<S> {
         let mut inverse = [0.0; PACKET_SIZE];
@@ -250,7 +251,6 @@ fn planes<S: Simd>(
     planes
 }
 
-/// The frustum around all pulses.
 #[inline(always)]
 fn hull(
     [k, i, j]: [usize; 3],

@@ -1,4 +1,4 @@
-//! How the rays of a packet spread: where they start, and by how much their directions differ.
+//! The spread of a packet's rays: their origins, and the differences of their directions.
 
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
 
@@ -11,29 +11,29 @@ use crate::tree::rays::RayGroup;
 use crate::tree::simd::{F32Ops, Simd, each_of};
 use std::ops::Range;
 
-/// Covers the rounding of slopes, which are below one.
+/// Bound of the rounding error of slopes, which are below one.
 const SLOPE_SLACK: f32 = 1e-6;
 
-/// Where the pulses of a packet start, in the tree's frame.
+/// The origins of a packet's pulses, in the tree's frame.
 pub(super) struct Origins {
     pub apex: [f32; 3],
     /// Sum of all errors that do not scale with depth.
     pub slack: f32,
-    /// Depth up to which slopes as seen from the apex mean nothing.
+    /// Depth up to which slopes relative to the apex are meaningless.
     pub slopes_from: f32,
     /// Sideways from the apex.
     pub offset: [PerPulse; 2],
     /// Forward from the apex.
     pub depth: PerPulse,
-    /// Forward from the apex, of the foremost ray of a merged pulse.
+    /// Forward from the apex, for the foremost ray of a merged pulse.
     pub foremost: PerPulse,
-    /// How far the rays of merged pulses start from the first of each.
+    /// Maximum distance between the origins of a merged pulse's rays and the first.
     pub spread: f64,
 }
 
 impl Origins {
-    /// The origins of some pulses that run `forward` along the first of `axes`; `None` if one is out of reach of single
-    /// precision. `error` is by how much they may be off.
+    /// Computes the origins of some pulses that run `forward` along the first of `axes`; `None` if one is out of
+    /// range of single precision. `error` is the maximum error of the origins.
     #[inline(always)]
     pub fn of(
         frame: &Frame,
@@ -67,28 +67,29 @@ impl Origins {
             reach = reach.max(o.abs().max_element());
             spread = spread.max(from.iter().fold(0.0, |m, x| m.max(x.abs())));
         }
-        // Rays start within the merged spread of the first, and up to twice that aside once they are followed to its depth.
+        // Rays start within the merged spread of the first, and at up to twice that sideways when extrapolated to its
+        // depth.
         spread += 2.0 * merged.spread;
         for lanes in [&mut depth, &mut foremost].into_iter().chain(&mut offset) {
             lanes.repeat_first(origins.len());
         }
         let slack = above(2.0 * Frame::ROUNDING + 1e-14 * (1.0 + reach) + 5e-7 * spread + error);
-        // Nearer than the offsets, an error of the depth is multiplied in offset / depth.
+        // At depths less than the offsets, an error of the depth is amplified in offset / depth.
         let slopes_from = 16.0 * slack + above(spread);
         let spread = merged.spread;
         (reach < MAX_ORIGIN).then_some(Origins { apex, slack, slopes_from, offset, depth, foremost, spread })
     }
 }
 
-/// How far the rays of merged pulses start from the first of each, in the tree's frame.
+/// The origins of merged pulses' rays relative to the first of each pulse, in the tree's frame.
 struct MergedOrigins {
-    /// Least depth of all rays.
+    /// Minimum depth of all rays.
     rearmost: f64,
-    /// Greatest coordinate of all rays.
+    /// Maximum coordinate of all rays.
     reach: f64,
-    /// Greatest distance from the first ray of the merged pulse along any axis.
+    /// Maximum distance along any axis from the first ray of the merged pulse.
     spread: f64,
-    /// How far the foremost ray of each merged pulse is before its first.
+    /// Distance by which the foremost ray of each merged pulse is ahead of its first.
     forward: [f64; PACKET_SIZE],
 }
 
@@ -107,14 +108,14 @@ impl MergedOrigins {
     }
 }
 
-/// Where the rays of a merged pulse start, aside of the first and followed to its depth: `u_i` and `u_j` in the tree's frame,
-/// and their product `u_i·δ_j − u_j·δ_i` with the deviations; sixteen rays at a time.
+/// Origins of a merged pulse's rays, relative to the first and extrapolated to its depth: `u_i` and `u_j` in the
+/// tree's frame, and their product `u_i·δ_j − u_j·δ_i` with the deviations; sixteen rays at a time.
 pub(crate) type OriginOffsets = [[f32; 16]; 3];
 
-/// Slopes of a pulse's rays, `d_i/d_k` and `d_j/d_k`, less those of its first ray; sixteen rays at a time.
+/// Slopes of a pulse's rays, `d_i/d_k` and `d_j/d_k`, minus those of its first ray; sixteen rays at a time.
 pub(crate) type Deviations = [[f32; 16]; 2];
 
-/// How the directions of each pulse spread around its first. `[low, high]` are least and greatest.
+/// Spread of the directions of each pulse around its first. `[low, high]` are minimum and maximum.
 pub(super) struct Spread {
     /// Slopes of the first ray, not turned forward.
     pub first: [[f64; PACKET_SIZE]; 2],
@@ -124,13 +125,13 @@ pub(super) struct Spread {
     pub forward: f32,
     /// `|d_k|`, `[low, high]`.
     pub along: [PerPulse; 2],
-    /// Where rays of merged pulses start, aside of the first, `[side axis][low, high]`, in the tree's frame.
+    /// Origins of merged pulses' rays relative to the first, `[side axis][low, high]`, in the tree's frame.
     pub start: [[PerPulse; 2]; 2],
 }
 
 impl Spread {
-    /// Writes the deviations of all rays to `deviations`, so many registers per pulse that all fit, and where the rays of
-    /// merged pulses start to `offsets`.
+    /// Computes the spread. Writes the deviations of all rays to `deviations`, in a fixed number of registers per
+    /// pulse, and the origins of merged pulses' rays to `offsets`.
     #[inline(always)]
     pub fn of<S: Simd>(
         simd: S,
@@ -150,7 +151,7 @@ impl Spread {
         for l in 0..pulses.len() {
             let row = (pulses.start + l) * registers;
             let reciprocal = 1.0 / along[row][0];
-            // In single precision, so that both precisions start from the same.
+            // In single precision, so that both precisions use identical slopes.
             let (mi, mj) = (i[row][0] * reciprocal, j[row][0] * reciprocal);
             let (mi, mj) = (f64::from(mi as f32), f64::from(mj as f32));
             (first[0][l], first[1][l]) = (mi, mj);
@@ -171,7 +172,7 @@ impl Spread {
                 let to = &mut deviations[l * wide + r];
                 w[0].store(&mut to[0]);
                 w[1].store(&mut to[1]);
-                // A ray that is NaN drops out here; the exact test has it miss.
+                // A NaN ray is dropped here; the exact test reports a miss for it.
                 least = each_of!([0, 1, 2], n => w[n].min(least[n]));
                 greatest = each_of!([0, 1, 2], n => w[n].max(greatest[n]));
             }
@@ -197,7 +198,8 @@ impl Spread {
         Spread { first, deviation: [wi, wj], forward: forward as f32, along, start }
     }
 
-    /// Intervals of slopes, `[side axis][low, high]`; `None` unless every ray runs forward, well within the cone of its axis.
+    /// Returns the intervals of slopes, `[side axis][low, high]`; `None` unless every ray runs forward, well within
+    /// the cone of its axis.
     #[inline(always)]
     pub fn slopes(&self) -> Option<[[PerPulse; 2]; 2]> {
         let mut slope = [[PerPulse::ZERO; 2]; 2];
@@ -220,7 +222,8 @@ impl Spread {
     }
 }
 
-/// Least and greatest of what [`F32Ops::fold_minima`] has left of each pulse: minima of numbers, then of their negatives.
+/// Stores minimum and maximum of each pulse from the results of [`F32Ops::fold_minima`]: minima of numbers, then of
+/// their negatives.
 #[inline(always)]
 fn store_ends<S: Simd>(simd: S, rows: &[[[f32; 16]; PACKET_SIZE]], ends: &mut [[PerPulse; 2]]) {
     for (rows, [least, greatest]) in rows.iter().zip(ends) {
@@ -230,7 +233,7 @@ fn store_ends<S: Simd>(simd: S, rows: &[[[f32; 16]; PACKET_SIZE]], ends: &mut [[
     }
 }
 
-/// Writes where the rays of merged pulses start to `offsets`, and least and greatest of that to `start`.
+/// Writes the origins of merged pulses' rays to `offsets`, and their minimum and maximum to `start`.
 #[inline(always)]
 fn set_offsets<S: Simd>(
     simd: S,
@@ -277,6 +280,6 @@ fn set_offsets<S: Simd>(
     store_ends(simd, &rows, start);
 }
 
-/// Pulses with a ray of less size than this along the dominant axis are traced ray by ray.
+/// Minimum component along the dominant axis; pulses with a smaller one are traced ray by ray.
 const MIN_PACKET_DIRECTION: f32 = 1e-18;
 const _: () = assert!(MIN_DIRECTION < MIN_PACKET_DIRECTION as f64);

@@ -1,4 +1,4 @@
-//! The state of a packet on its way through a tree, and the memory that it borrows.
+//! The state of a packet's traversal of a tree, and the memory that it borrows.
 
 use super::candidates::{CandidateLists, Occlusion, PendingBlocks};
 use super::instance_frame::{InstanceFrame, InstanceVisit};
@@ -11,7 +11,6 @@ use crate::tree::simd::Simd;
 use crate::tree::trace::MAX_WIDE_STACK;
 use crate::tree::{Geometry, RayGroup};
 
-/// A packet of pulses on its way through a tree.
 pub(super) struct PacketTraversal<'a, S: Simd> {
     pub simd: S,
     pub geometry: &'a Geometry,
@@ -25,26 +24,26 @@ pub(super) struct PacketTraversal<'a, S: Simd> {
     pub wide: usize,
     /// Spans of 32 rays per pulse.
     pub spans: usize,
-    /// Number of the packet's first pulse.
     pub first: usize,
     pub frustum: PacketFrustum<S>,
     pub deviations: &'a [Deviations],
-    /// Where the rays of merged pulses start; empty for others.
+    /// Origins of the rays of merged pulses; empty for others.
     pub offsets: &'a [OriginOffsets],
-    /// Depth beyond which nothing can be nearer than what each pulse has hit.
+    /// Depth beyond which nothing can be nearer than the hits of each pulse.
     pub limit: PerPulse,
     pub occlusion: Occlusion,
     pub stacks: &'a mut Stacks,
     pub blocks: PendingBlocks<'a>,
     pub lists: &'a mut CandidateLists,
-    /// In a tree over instances: those that have been met.
+    /// In a tree over instances: the instances hit.
     pub visits: Option<&'a mut Vec<InstanceVisit>>,
     /// In the tree of a model: the instance.
     pub instance: Option<InstanceFrame<'a>>,
 }
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
-    /// A traversal by the pulses from `first` on, which `frustum` is around; their limits are such that they meet nothing yet.
+    /// Creates a traversal by the pulses from `first` on, which `frustum` encloses. Their initial limits exclude
+    /// every hit.
     #[inline(always)]
     pub fn of(
         geometry: &'a Geometry,
@@ -79,7 +78,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     }
 }
 
-/// A node of the kd-tree to visit: the pulses that meet it, and at which depths.
+/// A pending node of the kd-tree: the pulses that hit it, and the depths at which they do.
 #[derive(Clone, Copy)]
 pub(super) struct KdVisit {
     pub node: u32,
@@ -92,7 +91,7 @@ impl KdVisit {
     pub const ROOT: KdVisit = KdVisit { node: 0, pulses: 0, lo: PerPulse::ZERO, hi: PerPulse::ZERO };
 }
 
-/// A child in the wide tree to visit: the pulses that meet it, and the least depth of that.
+/// A pending child in the wide tree: the pulses that hit it, and the minimum depth of entry.
 #[derive(Clone, Copy)]
 pub(super) struct WideVisit {
     pub child: WideChild,
@@ -104,7 +103,6 @@ impl WideVisit {
     pub const ROOT: WideVisit = WideVisit { child: WideChild::ROOT, enter: 0.0, pulses: 0 };
 }
 
-/// Nodes that wait to be visited.
 pub(super) struct Stacks {
     pub kd: [KdVisit; MAX_DEPTH as usize + 1],
     pub wide: [WideVisit; MAX_WIDE_STACK],
@@ -135,7 +133,6 @@ impl Default for PacketScratch {
 }
 
 impl PacketScratch {
-    /// Makes room for the rays of a packet.
     pub fn resize_for(&mut self, rays: &RayGroup) {
         let registers = PACKET_SIZE * rays.stride().div_ceil(16);
         self.deviations.resize(registers, [[0.0; 16]; 2]);

@@ -1,4 +1,4 @@
-//! A packet's walk through the nodes.
+//! A packet's traversal of the nodes.
 
 use super::filter::{box_in_pulses, boxes_in_frustum, cut};
 use super::lanes::{PACKET_SIZE, PerPulse};
@@ -11,7 +11,7 @@ use crate::tree::node::{KdNode, WideNode};
 use crate::tree::simd::{F32Ops, MaskOps, Simd, each_of, prefetch};
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
-    /// Walks the pulses in a mask through the tree, front to back.
+    /// Traverses the tree with the pulses in a mask, front to back.
     #[inline(always)]
     pub(super) fn walk(&mut self, tree: &'a Tree, pulses: u32) {
         match &tree.nodes {
@@ -90,7 +90,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     fn walk_wide(&mut self, tree: &'a Tree, nodes: &[WideNode], pulses: u32) {
         self.stacks.wide[0] = WideVisit { pulses, ..WideVisit::ROOT };
         let (is_single, mut height) = (pulses == 1, 1);
-        // The block that comes next is being fetched from memory until another one has been found.
+        // The next block is prefetched until another one has been found.
         let mut waiting: Option<(&'a Block, f32)> = None;
         let mut waiting_pulses = 0;
         loop {
@@ -122,14 +122,15 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         }
     }
 
-    /// A mask of the pulses that have not hit anything nearer than this depth with all of their rays.
+    /// Returns a mask of the pulses for which not all rays have hit something nearer than this depth.
     #[inline(always)]
     pub(super) fn within_limit(&self, enter: f32) -> u32 {
         let simd = self.simd;
         simd.splat(enter).le(simd.load(&self.limit.0) * simd.splat(DEPTH_MARGIN)).bits()
     }
 
-    /// Puts the children of a node that the pulses meet on the stack, the nearest on top; returns its new height.
+    /// Pushes the children of a node that the pulses hit on the stack, the nearest on top. Returns the new height of
+    /// the stack.
     #[inline(always)]
     fn push_children(
         &mut self,

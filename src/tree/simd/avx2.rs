@@ -10,12 +10,12 @@ use super::{F32Ops, F64Ops, MaskOps, QuadOps, Simd, VectorOps, each_of};
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Sub};
 
-/// The token of this set: proof that the machine has AVX2, POPCNT, BMI1, BMI2 and LZCNT.
+/// Token of the set: proof that the machine has AVX2, POPCNT, BMI1, BMI2 and LZCNT.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx2(());
 
 impl Avx2 {
-    /// The token, if the machine has the features.
+    /// Returns the token, if the machine has the features.
     pub fn detect() -> Option<Avx2> {
         let found = is_x86_feature_detected!("avx2")
             && is_x86_feature_detected!("popcnt")
@@ -33,15 +33,13 @@ fn with_features<R>(f: impl FnOnce() -> R) -> R {
     f()
 }
 
-/// Sixteen `f32`.
 #[derive(Clone, Copy)]
 pub(crate) struct F32x16([__m256; 2]);
 
-/// Eight `f64`.
 #[derive(Clone, Copy)]
 pub(crate) struct F64x8([__m256d; 2]);
 
-/// Four `f64`; AVX-512 has the same.
+/// Four `f64`, also used by AVX-512.
 #[derive(Clone, Copy)]
 pub(crate) struct F64x4(pub(super) __m256d);
 
@@ -53,7 +51,7 @@ pub(crate) struct Mask16([__m256; 2]);
 #[derive(Clone, Copy)]
 pub(crate) struct Mask8([__m256d; 2]);
 
-/// Operators that are an instruction for either register.
+/// Operators with one instruction per register.
 macro_rules! operators {
     ($vector:ident: $($trait:ident $name:ident $instruction:ident),+) => {$(
         impl $trait for $vector {
@@ -71,7 +69,7 @@ operators!(F64x8: Add add _mm256_add_pd, Sub sub _mm256_sub_pd, Mul mul _mm256_m
 operators!(Mask16: BitAnd bitand _mm256_and_ps, BitOr bitor _mm256_or_ps);
 operators!(Mask8: BitAnd bitand _mm256_and_pd, BitOr bitor _mm256_or_pd);
 
-/// Operators of the vectors of one register.
+/// Operators of vectors of one register.
 macro_rules! quad_operators {
     ($($trait:ident $name:ident $instruction:ident),+) => {$(
         impl $trait for F64x4 {
@@ -254,7 +252,7 @@ impl Simd for Avx2 {
     fn look_up(self, table: &[f32; 16], at: [__m256i; 2]) -> F32x16 {
         let [low, high] = self.load(table).0;
         unsafe {
-            // A permutation looks at the low three bits of an index; the fourth, as a sign, chooses between both halves.
+            // A permutation uses the low three bits of an index; the fourth, as a sign, selects one of the halves.
             F32x16(each_of!([0, 1], n => {
                 let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at[n]));
                 _mm256_blendv_ps(
@@ -285,7 +283,7 @@ impl Simd for Avx2 {
             });
             let [first, _]: [&mut [u32; 8]; 2] = halves_mut(out);
             _mm256_storeu_si256(first.as_mut_ptr().cast(), lower);
-            // At most eight entries come before these eight.
+            // At most eight entries precede these eight.
             let count = low.count_ones() as usize;
             _mm256_storeu_si256(out[count..count + 8].as_mut_ptr().cast(), upper);
         }
@@ -352,7 +350,7 @@ impl Simd for Avx2 {
     }
 }
 
-/// Both halves of an array of twice `N`.
+/// Splits an array of `2·N` into halves.
 #[inline(always)]
 fn halves<T, const M: usize, const N: usize>(x: &[T; M]) -> [&[T; N]; 2] {
     const { assert!(M == 2 * N) };
@@ -360,7 +358,6 @@ fn halves<T, const M: usize, const N: usize>(x: &[T; M]) -> [&[T; N]; 2] {
     [&halves[0], &halves[1]]
 }
 
-/// Both halves of an array of twice `N`.
 #[inline(always)]
 fn halves_mut<T, const M: usize, const N: usize>(x: &mut [T; M]) -> [&mut [T; N]; 2] {
     const { assert!(M == 2 * N) };
@@ -368,7 +365,7 @@ fn halves_mut<T, const M: usize, const N: usize>(x: &mut [T; M]) -> [&mut [T; N]
     [low.first_chunk_mut().expect("half of the array"), high.first_chunk_mut().expect("half of the array")]
 }
 
-/// For each mask of eight lanes the lanes in it, in order.
+/// For each mask of eight lanes, the lanes that are set, in order.
 static LANES_OF_MASK: [[u32; 8]; 256] = {
     let mut table = [[0; 8]; 256];
     let mut mask = 0;
@@ -386,8 +383,8 @@ static LANES_OF_MASK: [[u32; 8]; 256] = {
     table
 };
 
-/// Eight lanes, the lower or the upper ones, of the four rows from `first` on as one register: each half of it has the
-/// minima of the rows over four lanes.
+/// Reduces eight lanes, the lower or the upper ones, of the four rows from `first` on to one register: each half of
+/// it has the minima of the rows over four lanes.
 ///
 /// # Safety
 /// The machine must have AVX2.
@@ -406,7 +403,7 @@ unsafe fn minima_of_four(rows: &[[f32; 16]; 16], first: usize, half: usize) -> _
     }
 }
 
-/// A mask of four `f64` as one of four `u32`.
+/// Narrows a mask of four `f64` to one of four `u32`.
 ///
 /// # Safety
 /// The machine must have AVX2.

@@ -11,12 +11,12 @@ use super::{F32Ops, F64Ops, MaskOps, Simd, VectorOps, each_of};
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
-/// The token of this set: proof that the machine has AVX-512 F, VL, BW and DQ, and what [`Avx2`] stands for.
+/// Token of the set: proof that the machine has AVX-512 F, VL, BW and DQ, and the features of [`Avx2`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx512(Avx2);
 
 impl Avx512 {
-    /// The token, if the machine has the features.
+    /// Returns the token, if the machine has the features.
     pub fn detect() -> Option<Avx512> {
         let found = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512vl")
@@ -33,15 +33,13 @@ fn with_features<R>(f: impl FnOnce() -> R) -> R {
     f()
 }
 
-/// Sixteen `f32`.
 #[derive(Clone, Copy)]
 pub(crate) struct F32x16(__m512);
 
-/// Eight `f64`.
 #[derive(Clone, Copy)]
 pub(crate) struct F64x8(__m512d);
 
-/// Operators that are one instruction.
+/// Operators with one instruction.
 macro_rules! operators {
     ($vector:ident: $($trait:ident $name:ident $instruction:ident),+) => {$(
         impl $trait for $vector {
@@ -183,7 +181,7 @@ impl Simd for Avx512 {
     }
     #[inline(always)]
     fn look_up(self, table: &[f32; 16], at: __m512i) -> F32x16 {
-        // The instruction looks at the low four bits of an index only.
+        // The instruction uses only the low four bits of an index.
         unsafe { F32x16(_mm512_permutexvar_ps(at, _mm512_loadu_ps(table.as_ptr()))) }
     }
     #[inline(always)]
@@ -236,7 +234,7 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn keep_nearest(self, hit: __mmask8, t: &mut [f64; 8], v: F64x8, ids: &mut [u32; 8], id: u32) {
         unsafe {
-            // Minima of whole registers rather than masked stores, which would keep the next load waiting.
+            // Minima of complete registers rather than masked stores, which would delay the next load.
             let best = _mm512_loadu_pd(t.as_ptr());
             let offered = _mm512_mask_mov_pd(_mm512_set1_pd(f64::INFINITY), hit, v.0);
             let nearer = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(offered, best);
@@ -290,7 +288,8 @@ impl Simd for Avx512 {
     }
 }
 
-/// Four rows from `first` on as one register: each quarter of it has the minima of the rows over that quarter.
+/// Reduces four rows from `first` on to one register: each quarter of it has the minima of the rows over that
+/// quarter.
 ///
 /// # Safety
 /// The machine must have AVX-512 F.

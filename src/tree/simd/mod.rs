@@ -1,14 +1,14 @@
 //! Instruction sets as values: sixteen single-precision or eight double-precision numbers at a time.
 //!
-//! A set is a zero-sized token ([`Portable`](portable::Portable), [`Avx2`](avx2::Avx2), [`Avx512`](avx512::Avx512)) that only
-//! detection of its features creates, and its vectors are types that only the token creates. So every operation is safe:
-//! whoever holds a token or a vector has the proof that the machine has the instructions. `unsafe` is found in the files of
-//! the sets alone.
+//! A set is a zero-sized token ([`Portable`](portable::Portable), [`Avx2`](avx2::Avx2), [`Avx512`](avx512::Avx512))
+//! that only the detection of its features creates, and its vectors are types that only the token creates. So every
+//! operation is safe: a token or a vector is the proof that the machine has the instructions. `unsafe` is confined to
+//! the files of the sets.
 //!
-//! Code is written once, generic over [`Simd`], and gives the same bits on every set, because nothing is fused or
-//! reordered; the portable set is the reference that the others are tested against. Speed depends on inlining: a function
-//! that takes a token or vectors is `#[inline(always)]` up to a call of [`Simd::outlined`], which is compiled with the
-//! features of the set.
+//! Code is written once, generic over [`Simd`], and computes the same bits on every set, because nothing is fused or
+//! reordered; the portable set is the reference that the others are tested against. Speed depends on inlining: a
+//! function that takes a token or vectors is `#[inline(always)]` up to a call of [`Simd::outlined`], which is
+//! compiled with the features of the set.
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
@@ -22,8 +22,8 @@ pub(crate) use prefetch::prefetch;
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Sub};
 
-/// The array of `$e` for `$i` in 0, 1, 2 (or as many as given). `array::map` and `array::from_fn` are not always inlined, and
-/// a closure that is not inlined lacks the target features; this needs no closure.
+/// The array of `$e` for `$i` in 0, 1, 2 (or as many as listed). `array::map` and `array::from_fn` are not always
+/// inlined, and a closure that is not inlined lacks the target features; this macro needs no closure.
 macro_rules! each_of {
     ([$($n:literal),+], $i:ident => $e:expr) => {
         [$({
@@ -71,7 +71,7 @@ pub(crate) enum Level {
 }
 
 impl Level {
-    /// All sets that this machine has, the fastest last.
+    /// Returns all sets that this machine has, the fastest last.
     pub fn available() -> impl DoubleEndedIterator<Item = Level> {
         let sets = [
             Some(Level::Portable(portable::Portable)),
@@ -83,13 +83,12 @@ impl Level {
         sets.into_iter().flatten()
     }
 
-    /// The fastest set of this machine.
     pub fn best() -> Level {
         Level::available().next_back().unwrap_or(Level::Portable(portable::Portable))
     }
 }
 
-/// The token of an instruction set: makes its vectors and runs code compiled for it.
+/// The token of an instruction set: creates its vectors and runs code compiled for it.
 pub(crate) trait Simd: Copy + Debug + 'static {
     /// Sixteen `f32`.
     type F32x16: F32Ops<Mask = Self::Mask16>;
@@ -97,23 +96,21 @@ pub(crate) trait Simd: Copy + Debug + 'static {
     type F64x8: F64Ops<Mask = Self::Mask8>;
     /// Four `f64`.
     type F64x4: QuadOps;
-    /// Which of sixteen lanes.
+    /// Mask of sixteen lanes.
     type Mask16: MaskOps;
-    /// Which of eight lanes.
+    /// Mask of eight lanes.
     type Mask8: MaskOps;
     /// Sixteen indices into a table of sixteen.
     type Indices: Copy;
 
-    /// Whether one register holds eight `f64`: with this, code that exchanges branches for whole registers pays.
+    /// Whether one register holds eight `f64`; then replacing branches by work on complete registers pays.
     const HAS_WIDE_REGISTERS: bool;
 
-    /// Calls `f` in a function of its own, which has all registers for itself and is compiled with the features of the set.
-    /// `f` must be `#[inline(always)]`, as in `simd.outlined(#[inline(always)] || …)`.
+    /// Calls `f` in a separate function, which has all registers available and is compiled with the features of the
+    /// set. `f` must be `#[inline(always)]`, as in `simd.outlined(#[inline(always)] || …)`.
     fn outlined<R>(self, f: impl FnOnce() -> R) -> R;
 
-    /// Sixteen times `x`.
     fn splat(self, x: f32) -> Self::F32x16;
-    /// The numbers of an array.
     fn load(self, x: &[f32; 16]) -> Self::F32x16;
     /// The indices `x mod 16` and `x / 16 mod 16`.
     fn indices(self, x: &[u32; 16]) -> [Self::Indices; 2];
@@ -121,22 +118,20 @@ pub(crate) trait Simd: Copy + Debug + 'static {
     fn look_up(self, table: &[f32; 16], at: Self::Indices) -> Self::F32x16;
     /// The minima within the lower and within the upper eight lanes of sixteen rows, by row.
     fn row_minima(self, rows: &[[f32; 16]; 16]) -> [Self::F32x16; 2];
-    /// Writes `base + lane` for each lane in the 16-bit `mask` to consecutive entries of `out`; the entries behind these are
-    /// overwritten by anything.
+    /// Writes `base + lane` for each lane in the 16-bit `mask` to consecutive entries of `out`; later entries are
+    /// overwritten with unspecified values.
     fn write_lanes(self, mask: u32, base: u32, out: &mut [u32; 16]);
 
-    /// Eight times `x`.
     fn splat_f64(self, x: f64) -> Self::F64x8;
-    /// The numbers of an array.
     fn load_f64(self, x: &[f64; 8]) -> Self::F64x8;
     /// The lanes of an 8-bit mask.
     fn mask8(self, bits: u32) -> Self::Mask8;
-    /// Both vectors as one of `f32`, rounded to nearest.
+    /// Narrows both vectors to one of `f32`, rounded to nearest.
     fn narrow(self, low: Self::F64x8, high: Self::F64x8) -> Self::F32x16;
-    /// Lowers `t` to the candidates `v` in the lanes of `hit` where they are less, and sets `ids` to `id` there; where a
-    /// candidate equals `t`, the smaller of both ids stays.
+    /// Replaces `t` in the lanes of `hit` by the candidates `v` that are less, and `ids` by `id` there; where a
+    /// candidate equals `t`, the smaller of both ids is kept.
     fn keep_nearest(self, hit: Self::Mask8, t: &mut [f64; 8], v: Self::F64x8, ids: &mut [u32; 8], id: u32);
-    /// For each number of the blocks, how many of `keys` are smaller.
+    /// Counts, for each number of the blocks, the `keys` that are smaller.
     fn count_smaller<const BLOCKS: usize>(
         self,
         keys: &[f64],
@@ -145,27 +140,22 @@ pub(crate) trait Simd: Copy + Debug + 'static {
         blocks.map(|block| block.map(|x| keys.iter().filter(|key| **key < x).count() as u64))
     }
 
-    /// Four times `x`.
     fn splat_quad(self, x: f64) -> Self::F64x4;
-    /// The numbers of an array.
     fn load_quad(self, x: &[f64; 4]) -> Self::F64x4;
-    /// The numbers of an array, and 0.
+    /// Loads the numbers of an array, and 0.
     fn load_triple(self, x: &[f64; 3]) -> Self::F64x4;
 }
 
-/// What all vectors can do, by lane.
+/// Operations of all vectors, by lane.
 pub(crate) trait VectorOps:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self>
 {
-    /// Absolute values.
     fn abs(self) -> Self;
 }
 
-/// Sixteen `f32`; by lane if nothing else is said.
+/// Sixteen `f32`; operations are by lane unless stated otherwise.
 pub(crate) trait F32Ops: VectorOps + Div<Output = Self> {
-    /// A truth value per lane.
     type Mask;
-    /// Writes the numbers to an array.
     fn store(self, to: &mut [f32; 16]);
     /// `self < other ? self : other`, so `other` when either is NaN.
     fn min(self, other: Self) -> Self;
@@ -179,16 +169,15 @@ pub(crate) trait F32Ops: VectorOps + Div<Output = Self> {
     fn le(self, other: Self) -> Self::Mask;
     /// `self < other`, false when either is NaN.
     fn lt(self, other: Self) -> Self::Mask;
-    /// Lane `i` becomes the minimum of lanes `i` and `i + 8` of `self` in the lower half, of `high` in the upper half: one
-    /// row of [`Simd::row_minima`].
+    /// Lane `i` becomes the minimum of lanes `i` and `i + 8` of `self` in the lower half, of `high` in the upper
+    /// half: one row of [`Simd::row_minima`].
     fn fold_minima(self, high: Self) -> Self;
-    /// The greatest lane.
+    /// Returns the maximum of all lanes.
     fn max_lane(self) -> f32;
 }
 
-/// Eight `f64`; by lane if nothing else is said.
+/// Eight `f64`; operations are by lane unless stated otherwise.
 pub(crate) trait F64Ops: VectorOps + Div<Output = Self> {
-    /// A truth value per lane.
     type Mask;
     /// `self > other ? self : other`, so `other` when either is NaN.
     fn max(self, other: Self) -> Self;
@@ -196,7 +185,7 @@ pub(crate) trait F64Ops: VectorOps + Div<Output = Self> {
     fn le(self, other: Self) -> Self::Mask;
     /// `self < other`, false when either is NaN.
     fn lt(self, other: Self) -> Self::Mask;
-    /// The greatest lane.
+    /// Returns the maximum of all lanes.
     fn max_lane(self) -> f64;
 }
 
@@ -204,15 +193,13 @@ pub(crate) trait F64Ops: VectorOps + Div<Output = Self> {
 pub(crate) trait QuadOps: VectorOps {
     /// Lanes 1, 2, 0, 3.
     fn rotate(self) -> Self;
-    /// Writes the numbers to an array.
     fn store(self, to: &mut [f64; 4]);
     /// Writes the numbers to an array, rounded to nearest.
     fn store_f32(self, to: &mut [f32; 4]);
 }
 
-/// A truth value per lane.
 pub(crate) trait MaskOps: Copy + BitAnd<Output = Self> + BitOr<Output = Self> {
-    /// One bit per lane, that of the first lane lowest.
+    /// Returns one bit per lane, the first lane lowest.
     fn bits(self) -> u32;
 }
 

@@ -1,14 +1,12 @@
-//! Plain Rust: the reference for the other sets, and what is left where a machine has none of them.
+//! Plain Rust: the reference for the other sets, and the fallback for machines without them.
 
 use super::{F32Ops, F64Ops, MaskOps, QuadOps, Simd, VectorOps};
 use std::array::from_fn;
 use std::ops::{Add, Div, Mul, Sub};
 
-/// The token of this set, which every machine has.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
 
-/// A vector of `N` numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct Vector<T, const N: usize>([T; N]);
 
@@ -57,7 +55,6 @@ impl<T: Copy, const N: usize> Vector<T, N> {
         Vector(from_fn(|i| f(self.0[i], other.0[i])))
     }
 
-    /// Bits of the lanes for which `f` holds.
     #[inline(always)]
     fn mask(self, other: Self, f: impl Fn(T, T) -> bool) -> u32 {
         (0..N).fold(0, |m, i| m | u32::from(f(self.0[i], other.0[i])) << i)

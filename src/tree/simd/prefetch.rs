@@ -1,13 +1,13 @@
-//! Prefetching, on machines that can.
+//! Prefetching, where the machine supports it.
 #![allow(unsafe_code, reason = "an instruction")]
 
-/// Starts to fetch the memory of what `x` points to ahead of its use; `x` may point anywhere.
+/// Prefetches the memory of the object that `x` points to; `x` may point anywhere.
 #[inline(always)]
 pub(crate) fn prefetch<T>(x: *const T) {
     #[cfg(target_arch = "x86_64")]
     for line in (0..size_of::<T>()).step_by(64) {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a prefetch reads nothing, wherever it points to.
+        // SAFETY: a prefetch does not read, wherever the pointer points to.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(x.cast::<i8>().wrapping_add(line)) }
     }
     #[cfg(not(target_arch = "x86_64"))]

@@ -2,13 +2,13 @@ use super::portable::Portable;
 use super::*;
 use crate::rng::{Purpose, Stream};
 
-/// The bits of a number; all NaN are the same.
+/// Returns the bits of a number; all NaN are equal.
 fn bits(x: impl Into<f64>) -> u64 {
     let x = x.into();
     if x.is_nan() { 1 } else { x.to_bits() }
 }
 
-/// Results of every operation on random numbers, as bits.
+/// Returns the results of every operation on random numbers, as bits.
 #[inline(always)]
 fn results<S: Simd>(simd: S, round: u64) -> Vec<u64> {
     let draw = Stream::new(3, Purpose::SceneMaking);
