@@ -44,6 +44,7 @@ pub enum PolicyKind {
 }
 
 impl Policy {
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Policy::Single => "single",

@@ -97,6 +97,7 @@ impl Tree {
         Ok(Tree::of(frame, bounds, nodes, blocks, statistics))
     }
 
+    /// Writes the instances and their trees.
     pub fn pack_instances(&self, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
         let Some(trees) = &self.instances else { return Ok(()) };
         trees.top.pack("top", out, words)?;
