@@ -1,12 +1,12 @@
-//! The time of a pulse by stages of the pipeline, one after the other on one thread, and in all.
+//! Time per pulse of the stages of the pipeline, run one after the other on one thread, and in total.
 //!
 //! ```text
-//! cargo bench --bench stages                       a forest of a million triangles, made for it
+//! cargo bench --bench stages                       a generated forest of a million triangles
 //! cargo bench --bench stages -- survey.xml 5       any survey without moving parts, best of 5 passes
 //! ```
 //!
-//! Times are those of the computing thread, so that what else the machine does hardly shows; every figure is the best of
-//! some passes over the same 131 072 pulses, from where the beam first meets the scene mostly.
+//! Times are processor times of the computing thread, so that other load has little effect. Every figure is the best
+//! of several passes over the same 131 072 pulses, normally from where the beam first hits the scene.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,26 +18,25 @@ use vlscan::{
     Error, OutputRequest, PointFormat, ReadOptions, Result, Session, Settings, Target, read_survey,
 };
 
-/// Pulses of a pass.
 const PULSES: usize = 1 << 17;
 /// Pulses per chunk, as in runs.
 const CHUNK: usize = 1024;
 
-/// Seconds that this thread has computed.
+/// Processor time of this thread so far, s.
 #[cfg(target_os = "linux")]
 fn computed() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-/// Seconds since the first call.
+/// Wall time since the first call, s.
 #[cfg(not(target_os = "linux"))]
 fn computed() -> f64 {
     static START: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
     START.get_or_init(std::time::Instant::now).elapsed().as_secs_f64()
 }
 
-/// Counts what the producer of chunks sees, and keeps the pulses that workers compute.
+/// Counts like the producer of chunks, and collects the pulses like a worker.
 #[derive(Default)]
 struct Replay {
     keep: bool,
@@ -57,7 +56,7 @@ impl FlightSink for Replay {
 }
 
 impl Replay {
-    /// Steps until so many pulses have left, or the flight ends.
+    /// Steps until `pulses` pulses have been emitted or the flight ends.
     fn step(&mut self, state: &mut FlightState, plan: &FlightPlan, pulses: usize) -> Result<()> {
         self.seen = 0;
         self.pulses.clear();
@@ -66,7 +65,7 @@ impl Replay {
     }
 }
 
-/// The stages of a pass: how many there are before the outputs, and the names of all.
+/// The number of stages before the outputs; the names of all stages follow.
 const COMPUTING: usize = 5;
 const STAGES: [&str; 8] = [
     "count steps (producer)",
@@ -82,7 +81,6 @@ const STAGES: [&str; 8] = [
 /// Seconds of each stage in one pass.
 type Pass = [f64; STAGES.len()];
 
-/// A survey, ready to fly.
 struct Stages<'a> {
     flight: &'a FlightPlan,
     physics: &'a Physics<'a>,
@@ -90,7 +88,8 @@ struct Stages<'a> {
 }
 
 impl Stages<'_> {
-    /// The flight from where at least half of the pulses have echoes, or from its start if there is no such place.
+    /// Returns the state of the flight from which at least half of the pulses have echoes, or its start if there is
+    /// none.
     fn over_the_scene(&self) -> Result<FlightState> {
         let mut state = FlightState::start(self.flight);
         let (mut skipped, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });
@@ -109,7 +108,7 @@ impl Stages<'_> {
         }
     }
 
-    /// Flies the pulses through one stage after the other; returns the echoes, too.
+    /// Runs the pulses through one stage after the other. Also returns the number of echoes.
     fn pass(&self) -> Result<(Pass, usize)> {
         let mut pass = Pass::default();
         let (mut counter, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });
@@ -142,7 +141,7 @@ impl Stages<'_> {
     }
 }
 
-/// Seconds that it takes to encode the batches and hand the bytes to the system.
+/// Measures the seconds of encoding the batches and passing the bytes to the operating system.
 fn encode(plan: &Arc<OutputPlan>, batches: &[Batch]) -> Result<f64> {
     let mut writer = plan.open(Arc::new(NoOffload))?;
     let before = computed();
@@ -192,7 +191,7 @@ fn measure(path: &Path, passes: usize) -> Result<()> {
     Ok(())
 }
 
-/// The survey of a forest of a million triangles, made once.
+/// Returns the survey of a forest of a million triangles, generated once.
 fn forest() -> Result<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("forest-1m");
     let survey = folder.join("survey.xml");

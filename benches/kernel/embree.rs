@@ -25,7 +25,7 @@ unsafe extern "C" {
     fn embree_coherent(embree: *const Embree, rays: *const Rays, t: *mut f32, ids: *mut u32);
 }
 
-/// How Embree is called.
+/// Embree entry point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// `rtcIntersect1`.
@@ -55,7 +55,6 @@ pub struct Packed {
 }
 
 impl Packed {
-    /// All rays of a batch.
     pub fn of(batch: &RayGroup) -> Packed {
         let mut packed = Packed::default();
         for p in 0..batch.len() {
@@ -76,7 +75,6 @@ impl Packed {
     }
 }
 
-/// Embree in one of its modes.
 pub struct EmbreeTracer<'a> {
     embree: &'a Embree,
     mode: Mode,
@@ -106,12 +104,12 @@ impl Tracer for EmbreeTracer<'_> {
 }
 
 impl Embree {
-    /// Embree's own structure over the triangles.
+    /// Builds Embree's acceleration structure over the triangles.
     pub fn build(geometry: &Geometry) -> Embree {
         let vertices: Vec<[f32; 3]> =
             geometry.vertices.iter().map(|v| v.to_array().map(|x| x as f32)).collect();
         let mut embree = Embree { device: std::ptr::null_mut(), scene: std::ptr::null_mut() };
-        // SAFETY: the pointers and counts are those of live slices, which are copied.
+        // SAFETY: pointers and counts are those of live slices, which are copied.
         let built = unsafe {
             embree_build(
                 &mut embree,

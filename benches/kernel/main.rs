@@ -6,10 +6,11 @@
 //! cargo bench --bench kernel --features embree -- -n 1M --rounds 9 --builders bvh,fsah --sets airborne,sparse
 //! ```
 //!
-//! Rays come in batches, which are in the second-level cache when the clock starts, as they are in a run, where they have
-//! just been made: ours in double precision by pulse, Embree's in single precision one after the other. Both write
-//! distance and triangle of every ray. The tracers take turns, and a ratio is the median over the rounds of the ratios
-//! within a round. The clock is that of the thread, so that other load matters little.
+//! Rays come in batches, which are in the second-level cache when the clock starts, as in a run, where they have just
+//! been generated: those of vlscan in double precision by pulse, those of Embree in single precision one after the
+//! other. Both write distance and triangle of every ray. The tracers take turns, and a ratio is the median over the
+//! rounds of the ratios within a round. The clock measures the thread's processor time, so that other load has little
+//! effect.
 
 #[cfg(feature = "embree")]
 mod embree;
@@ -60,21 +61,17 @@ impl Settings {
     }
 }
 
-/// Processor time of this thread.
 fn thread_time() -> Duration {
     let t = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::new(t.tv_sec as u64, t.tv_nsec as u32)
 }
 
-/// A tracer and its times.
 struct Contender<'a> {
     name: String,
     tracer: Box<dyn Tracer + 'a>,
-    /// Seconds per round.
     seconds: Vec<f64>,
 }
 
-/// Traces batch after batch.
 trait Tracer {
     /// Copies the rays of a batch into the cache.
     fn load(&mut self, batch: usize);
@@ -82,7 +79,6 @@ trait Tracer {
     fn trace(&mut self);
 }
 
-/// One of our trees.
 struct Own<'a> {
     geometry: &'a Geometry,
     tree: &'a Tree,
@@ -120,7 +116,7 @@ impl<'a> Contender<'a> {
         self.seconds.push(spent.as_secs_f64());
     }
 
-    /// Median ratio of another's time to ours.
+    /// Median ratio of the other contender's time to this one's.
     fn times_as_fast_as(&self, other: &Contender) -> f64 {
         median(self.seconds.iter().zip(&other.seconds).map(|(own, other)| other / own))
     }
@@ -172,7 +168,7 @@ fn bench(geometry: &Geometry, settings: &Settings) {
         for round in 0..=settings.rounds {
             contenders.iter_mut().for_each(|l| l.run_round(set.batches.len()));
             if round == 0 {
-                // Caches and clocks are warm now.
+                // Caches and clock rates have settled.
                 contenders.iter_mut().for_each(|l| l.seconds.clear());
             }
         }
@@ -213,7 +209,6 @@ fn report(set: &RaySet, contenders: &[Contender]) {
     }
 }
 
-/// Distance and triangle of every ray.
 fn hits_of(geometry: &Geometry, tree: &Tree, set: &RaySet) -> Vec<(f64, u32)> {
     let (mut all, mut hits) = (Vec::with_capacity(set.rays), Hits::default());
     let mut scratch = TraceScratch::default();

@@ -5,20 +5,17 @@ use vlscan::internals::{DVec3, Rotation};
 use vlscan::internals::{Geometry, RayGroup};
 use vlscan::internals::{Purpose, Stream};
 
-/// Pulses per call.
 const BATCH_PULSES: usize = 512;
 
-/// Height of the aeroplane above the lowest vertex, m.
+/// Height of the aircraft above the lowest vertex, m.
 const HEIGHT: f64 = 300.0;
 
-/// Rays of many pulses.
 pub struct RaySet {
     pub name: &'static str,
     pub batches: Vec<RayGroup>,
     pub rays: usize,
 }
 
-/// One pulse.
 #[derive(Clone, Copy)]
 struct Aim {
     origin: DVec3,
@@ -26,7 +23,6 @@ struct Aim {
 }
 
 impl RaySet {
-    /// All sets for a scene.
     pub fn all(geometry: &Geometry) -> Vec<RaySet> {
         let bounds = geometry.bounds();
         let ground = bounds.min.z;
@@ -43,7 +39,7 @@ impl RaySet {
         ]
     }
 
-    /// `rings` rings of subrays per pulse, 0.1 mrad apart: 1, 6 and 12 rays.
+    /// Creates a set with `rings` rings of subrays per pulse, 0.1 mrad apart: 1, 6 and 12 rays.
     fn new(name: &'static str, rings: i32, aims: &[Aim]) -> RaySet {
         let counts = [1, 6, 12];
         let template: Vec<Rotation> = (0..rings)
@@ -71,7 +67,8 @@ impl RaySet {
     }
 }
 
-/// Parallel lines across the direction of flight: `lines` of them at a distance, pulses to either side at another.
+/// Parallel flight lines: `lines` is their number and distance, `side` the number of pulses to either side and their
+/// distance.
 fn flight(ground: f64, lines: (i32, f64), side: (i32, f64)) -> Vec<Aim> {
     let down = Rotation::about_x(-FRAC_PI_2);
     let line = |l: i32| {
@@ -87,7 +84,7 @@ fn flight(ground: f64, lines: (i32, f64), side: (i32, f64)) -> Vec<Aim> {
     (0..lines.0).flat_map(line).collect()
 }
 
-/// Vertical lines all around a point 1.7 m above the ground.
+/// Vertical scan lines all around a point 1.7 m above the ground.
 fn turn(geometry: &Geometry) -> Vec<Aim> {
     let place = DVec3::new(0.3, 0.2, 0.0);
     let beside = |v: &&DVec3| (**v - place).truncate().length() < 1.5;

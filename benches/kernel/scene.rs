@@ -1,11 +1,11 @@
-//! The forests.
+//! The forest scenes.
 
 use vlscan::internals::Geometry;
 use vlscan::internals::{Kind, SceneOptions, write_scene};
 use vlscan::internals::{LoadOptions, load};
 use vlscan::{ReadOptions, read_survey};
 
-/// What `vlscan scene make forest -n SIZE` makes, loaded as a run loads it.
+/// Makes the forest of `vlscan scene make forest -n SIZE` and loads it as a run does.
 pub fn forest(size: &str) -> Geometry {
     let triangles = match size.strip_suffix('M') {
         Some(millions) => millions.parse().map(|n: f64| (n * 1e6) as u64),

@@ -1,5 +1,5 @@
-//! `vlscan bench`: the paper's experiment on this machine. One survey is flown with every tree, by every schedule, with
-//! chunks of different sizes and different numbers of threads; the times are written as table, JSON and picture.
+//! `vlscan bench`: the paper's experiment on this machine. One survey is flown with every tree, every schedule,
+//! different chunk sizes and numbers of threads; the times are written as table, JSON and picture.
 
 mod columns;
 mod forecast;
@@ -19,7 +19,6 @@ use report::Report;
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Runs `vlscan bench`.
 pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     interrupt::listen();
     let matrix = Matrix::new(args)?;
@@ -75,7 +74,7 @@ fn write(path: &Path, text: &str) -> Result<()> {
     super::write_stdout(text)
 }
 
-/// The survey with the options of `vlscan run` that follow `--`.
+/// Parses the survey and the options of `vlscan run` that follow `--`.
 fn run_args(args: &BenchArgs) -> Result<Box<RunArgs>> {
     let words = ["vlscan", "run", "-q"].into_iter().map(OsString::from);
     let assets = args.assets.iter().flat_map(|dir| [OsString::from("--assets"), dir.clone().into()]);

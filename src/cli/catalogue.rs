@@ -1,4 +1,4 @@
-//! `vlscan catalogue`: the scanners and platforms that ship.
+//! `vlscan catalogue`: the scanners and platforms shipped with the program.
 
 use super::Console;
 use super::args::CatalogueArgs;
@@ -9,10 +9,10 @@ use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
 
-/// A scanner as users compare them; the figures are those of its first device.
+/// Properties of a scanner by which users compare scanners; the figures are those of its first device.
 #[derive(Serialize)]
 struct ScannerRow {
-    /// How surveys and pipelines refer to it.
+    /// Reference to the scanner in surveys and pipelines.
     reference: String,
     name: String,
     optics: &'static str,
@@ -24,7 +24,7 @@ struct ScannerRow {
     range_max_m: Option<f64>,
     /// Full angle of the deflection.
     field_of_view_deg: f64,
-    /// Largest speed of the head; 0 has none.
+    /// Maximum rotation rate of the head; 0 without a head.
     head_deg_per_s: f64,
     wavelength_nm: f64,
     pulse_length_ns: f64,
@@ -46,7 +46,6 @@ struct Rows {
     platforms: Vec<PlatformRow>,
 }
 
-/// Runs `vlscan catalogue`.
 pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
     let (known, warnings) = catalogue()?;
     console.warnings(&warnings);
@@ -123,7 +122,7 @@ fn platform(reference: &str, platform: &Platform) -> PlatformRow {
     PlatformRow { reference: reference.to_owned(), kind, mount_offset_m: platform.mount.offset.to_array() }
 }
 
-/// Without the digits that come from the conversion of units.
+/// Rounds away the digits that come from the conversion of units.
 fn rounded(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
@@ -173,7 +172,7 @@ fn scanner_line(s: &ScannerRow) -> Vec<String> {
     ]
 }
 
-/// Lines of equal columns, two blanks apart.
+/// Formats lines in aligned columns, two spaces apart.
 fn aligned(lines: &[Vec<String>]) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
     let width =

@@ -1,11 +1,10 @@
-//! `vlscan completions`: what the shell needs to complete our command line.
+//! `vlscan completions`: the shell's completion script for the command line.
 
 use super::args::CompletionsArgs;
 use super::manual;
 use crate::error::{Error, Result};
 use std::io::Write;
 
-/// Runs `vlscan completions`.
 pub fn run(args: &CompletionsArgs) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut manual::command(), "vlscan", &mut script);

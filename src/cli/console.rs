@@ -1,4 +1,4 @@
-//! What the user reads on stderr.
+//! Messages to the user on stderr.
 
 use crate::diag::{Diagnostics, Notice, Severity};
 use crate::error::{Error, Result};
@@ -8,7 +8,7 @@ use std::io::{IsTerminal, Write, stderr};
 use std::path::Path;
 use std::sync::Arc;
 
-/// How much the user wants to read.
+/// Amount of messages shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Verbosity {
     /// Nothing.
@@ -24,7 +24,8 @@ pub enum Verbosity {
     Verbose,
 }
 
-/// Where messages go. The file is `helios_<YYYY-MM-DD_hh-mm-ss>.log` in the working folder (spec outputs §10.1).
+/// Destination of messages. The file is `helios_<YYYY-MM-DD_hh-mm-ss>.log` in the working folder (spec outputs
+/// §10.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum LogTo {
     /// To stderr.
@@ -36,7 +37,7 @@ pub enum LogTo {
     File,
 }
 
-/// Writes messages to stderr, or where [`Console::logging`] says.
+/// Writes messages to stderr, or to the destination set by [`Console::logging`].
 #[derive(Clone, Debug)]
 pub struct Console {
     verbosity: Verbosity,
@@ -46,13 +47,13 @@ pub struct Console {
 }
 
 impl Console {
-    /// A console of that verbosity; coloured when stderr is a terminal and `NO_COLOR` is not set.
+    /// Creates a console of this verbosity; coloured when stderr is a terminal and `NO_COLOR` is not set.
     pub fn new(verbosity: Verbosity) -> Console {
         let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
         Console { verbosity, coloured, stderr: true, file: None }
     }
 
-    /// Sends messages to `to`. Runs that start within one second share a log file, line by line.
+    /// Sends messages to `to`. Runs that start within the same second share a log file, line by line.
     ///
     /// # Errors
     /// [`Error::Io`] when the log file cannot be opened.
@@ -66,17 +67,17 @@ impl Console {
         Ok(Console { coloured: false, stderr: to == LogTo::Both, file: Some(Arc::new(file)), ..self })
     }
 
-    /// Whether a bar may be drawn on stderr.
+    /// Whether a progress bar may be drawn on stderr.
     pub fn draws(&self) -> bool {
         self.stderr && self.shows(Verbosity::Normal)
     }
 
-    /// Whether messages of that level are shown.
+    /// Whether messages of this level are shown.
     pub fn shows(&self, level: Verbosity) -> bool {
         self.verbosity >= level
     }
 
-    /// Shows what a session reports.
+    /// Returns the observer that shows a session's notices.
     pub fn observer(&self) -> impl Fn(Notice) + Send + Sync + 'static + use<> {
         let console = self.clone();
         move |notice| match notice {
@@ -87,23 +88,23 @@ impl Console {
         }
     }
 
-    /// One line of the normal level.
+    /// Shows a line of the normal level.
     pub fn say(&self, message: impl Display) {
         self.line(Verbosity::Normal, message);
     }
 
-    /// One line of the verbose level.
+    /// Shows a line of the verbose level.
     pub fn detail(&self, message: impl Display) {
         self.line(Verbosity::Verbose, message);
     }
 
-    /// One line about how long something took, of that level or of [`Verbosity::Times`].
+    /// Shows how long something took, at this level or at [`Verbosity::Times`].
     pub fn took(&self, level: Verbosity, message: impl Display) {
         let times = self.verbosity == Verbosity::Times;
         self.line(if times { Verbosity::Times } else { level }, message);
     }
 
-    /// All warnings, each with its place.
+    /// Shows all warnings, each with its place.
     pub fn warnings(&self, found: &Diagnostics) {
         if self.shows(Verbosity::Normal) {
             for d in found.items().iter().filter(|d| d.severity == Severity::Warning) {
@@ -112,7 +113,7 @@ impl Console {
         }
     }
 
-    /// The reason why the run ends.
+    /// Shows the error that ends the run.
     pub fn failure(&self, error: &Error) {
         if self.shows(Verbosity::Errors) {
             match error {

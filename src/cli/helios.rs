@@ -1,17 +1,17 @@
-//! The reference program's command line, word for word (spec outputs §9): its option names in any case, options
-//! before or after the survey, values that begin with a minus, the first of repeated values, `SURVEY.xml` without `run`.
+//! Translation of HELIOS++ command lines (spec outputs §9): its option names in any case, options before or after the
+//! survey, values that begin with a minus, the first of repeated values, `SURVEY.xml` without `run`.
 
 use crate::error::{Error, Result};
 use std::ffi::{OsStr, OsString};
 
-/// What follows the name of an option of the reference program.
+/// Argument of a HELIOS++ option.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Takes {
-    /// Nothing; further occurrences say nothing new.
+    /// None; repetitions have no effect.
     Nothing,
-    /// Nothing, and every occurrence counts.
+    /// None, and every occurrence counts.
     NothingEachTime,
-    /// Nothing, and it has no effect here.
+    /// None, and the option has no effect in this program.
     NothingIgnored,
     /// A value; the first occurrence wins.
     Value,
@@ -22,10 +22,10 @@ enum Takes {
 }
 use Takes::{Nothing, NothingEachTime, NothingIgnored, Value, ValueIgnored, Values};
 
-/// The schedule by its number in HELIOS++, which [`name_schedule`] replaces.
+/// The option for the number of HELIOS++'s schedule, which [`name_schedule`] replaces.
 const PARALLELIZATION: &str = "--parallelization";
 
-/// Options of the reference program that `vlscan run` takes, and our name for each (spec outputs §9.2).
+/// HELIOS++ options that `vlscan run` accepts, and the name of each in this program (spec outputs §9.2).
 const NAMES: &[(&str, &str, Takes)] = &[
     ("--assets", "--assets", Values),
     ("--output", "--output", Value),
@@ -69,7 +69,7 @@ const NAMES: &[(&str, &str, Takes)] = &[
     ("--help", "--help", Nothing),
 ];
 
-/// Options that only make sense in builds of the reference program with its own tests and windows.
+/// Options that make sense only in builds of HELIOS++ with its tests and windows.
 const REFUSED: &[(&str, &str)] = &[
     ("--test", "there are no built-in self tests; `cargo test` in the source folder runs them"),
     ("--testDir", "there are no built-in self tests; `cargo test` in the source folder runs them"),
@@ -78,11 +78,11 @@ const REFUSED: &[(&str, &str)] = &[
     ("--demoAssets", "there are no demonstrations; `vlscan scene make` makes a scene with a survey to try"),
 ];
 
-/// The arguments with the reference's options replaced by ours, where they are for `run` or for no subcommand; all others
-/// are left as they are.
+/// Replaces HELIOS++ options in the arguments, where they are for `run` or for no subcommand; other arguments are
+/// unchanged.
 ///
 /// # Errors
-/// [`Error::Input`] for options that have no counterpart, with what to do instead.
+/// [`Error::Input`] for options without a counterpart, with a remedy.
 pub fn translate_helios_args(args: impl IntoIterator<Item = OsString>) -> Result<Vec<OsString>> {
     let args: Vec<OsString> = args.into_iter().collect();
     let Some((program, words)) = args.split_first() else { return Ok(args) };
@@ -90,7 +90,7 @@ pub fn translate_helios_args(args: impl IntoIterator<Item = OsString>) -> Result
     let is_run = subject.is_some_and(|word| word == "run");
     let is_survey = subject.is_some_and(is_xml);
     let is_ours = subject.is_some() && !is_run && !is_survey;
-    // Those of the developers' builds take values that look like subjects.
+    // Refused options of developer builds take values that look like subcommands or files.
     let judged = if is_ours { &words[..1] } else { words };
     if let Some((name, why)) = judged.iter().find_map(|word| named(REFUSED, word, |entry| entry.0)) {
         return Err(Error::input(format!("{name}: {why}")));
@@ -113,7 +113,7 @@ pub fn translate_helios_args(args: impl IntoIterator<Item = OsString>) -> Result
     Ok(ours)
 }
 
-/// The words with our names of options; the first `run` is left out if there is one.
+/// Returns the words with this program's option names; the first `run` is left out if there is one.
 fn translated(words: &[OsString], mut skip_run: bool) -> Vec<OsString> {
     let mut ours: Vec<OsString> = Vec::with_capacity(words.len());
     let mut seen: Vec<&str> = Vec::new();
@@ -154,8 +154,8 @@ fn translated(words: &[OsString], mut skip_run: bool) -> Vec<OsString> {
     ours
 }
 
-/// Replaces the number of HELIOS++'s schedule by the name of ours. HELIOS++ marks dynamic chunks by the sign of their first
-/// size; its warehouse uses the absolute value.
+/// Replaces the number of HELIOS++'s schedule by the schedule's name. HELIOS++ marks dynamic chunks by the sign of
+/// their first size; its warehouse uses the absolute value.
 fn name_schedule(words: &mut [OsString]) {
     let value =
         |word: &OsString, name: &str| word.to_str()?.strip_prefix(name)?.strip_prefix('=').map(str::to_owned);
@@ -181,7 +181,7 @@ fn name_schedule(words: &mut [OsString]) {
     }
 }
 
-/// Where the first word stands that is neither an option of the reference program nor its value, nor looks like an option.
+/// Returns the index of the first word that is neither a HELIOS++ option nor its value, nor looks like an option.
 fn subject(words: &[OsString]) -> usize {
     let mut at = 0;
     while let Some(word) = words.get(at) {
@@ -201,7 +201,7 @@ fn named<'t, T>(table: &'t [T], word: &OsStr, name: impl Fn(&T) -> &str) -> Opti
 }
 
 fn is(word: &OsStr, name: &str) -> bool {
-    // `-V` asks for the version here and everywhere else.
+    // `-V` requests the version everywhere else in this program, too.
     word.eq_ignore_ascii_case(name) && word != "-V"
 }
 

@@ -1,4 +1,4 @@
-//! `vlscan scene info`: what a scene holds and costs.
+//! `vlscan scene info`: contents and memory of a scene.
 
 use super::Console;
 use super::args::InfoArgs;
@@ -14,10 +14,9 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Parts that the text lists; `--json` lists all.
+/// Maximum number of parts listed as text; `--json` lists all.
 const MAX_LISTED_PARTS: usize = 40;
 
-/// What is reported.
 struct Facts<'a> {
     scene: &'a Scene,
     tree: &'a Tree,
@@ -26,7 +25,6 @@ struct Facts<'a> {
     seconds: [f64; 2],
 }
 
-/// Runs `vlscan scene info`.
 pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     let name = SceneName { scene: &args.scene, assets: &args.assets };
     let (recipe, scanning, mut warnings) = name.recipe()?;
@@ -51,24 +49,23 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     super::write_stdout(&text)
 }
 
-/// A scene as it is named on the command line: by itself, or by what scans it.
+/// A scene as named on the command line: directly, or by a file that refers to it.
 pub struct SceneName<'a> {
-    /// Scene, survey, pipeline or file of geometry.
+    /// Scene, survey, pipeline or geometry file.
     pub scene: &'a str,
-    /// Folders to look for files in.
+    /// Directories in which files are looked up.
     pub assets: &'a [PathBuf],
 }
 
-/// What scans a scene, as far as the scene depends on it.
+/// Properties of the scan that the scene depends on.
 pub struct Scanning {
-    /// Wavelength of the beam.
     pub wavelength_nm: f64,
-    /// The survey's own seed.
+    /// The survey's seed.
     pub seed: Option<u64>,
 }
 
 impl SceneName<'_> {
-    /// The scene, and how it is scanned.
+    /// Reads the scene's description and the properties of its scan.
     pub fn recipe(&self) -> Result<(SceneRecipe, Scanning, Diagnostics)> {
         let reading = ReadOptions { assets: self.assets.to_vec(), ..ReadOptions::default() };
         let path = Path::new(self.scene);
@@ -94,7 +91,7 @@ impl SceneName<'_> {
     }
 }
 
-/// Options under which a scene loads: those that a packed one was made with.
+/// Returns the options under which a scene loads; for a packed scene those that it was packed with.
 fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -> Result<LoadOptions> {
     let usual = LoadOptions { wavelength_nm: scanning.wavelength_nm, ..LoadOptions::default() };
     let Some(path) = &recipe.packed else {

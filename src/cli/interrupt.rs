@@ -1,13 +1,13 @@
-//! Ctrl-C: the first asks the run to end in order, the second ends the process.
+//! Ctrl-C: the first requests an orderly stop, the second ends the process.
 
 use crate::schedule::Stop;
 
-/// What a run looks at between chunks.
+/// Stop request that a run checks between chunks.
 pub static STOP: Stop = Stop::new();
 
-/// Turns SIGINT, SIGTERM and SIGHUP into a wish to stop. Harmless when called again.
+/// Converts SIGINT, SIGTERM and SIGHUP to stop requests. Repeated calls have no effect.
 pub fn listen() {
-    // Without a handler (it can be installed once per process) the signal simply ends the program.
+    // A handler can be installed once per process; without one the signal ends the program.
     let _ = ctrlc::set_handler(|| {
         if STOP.is_requested() {
             std::process::exit(130);

@@ -1,16 +1,16 @@
-//! The command line: one file per subcommand, and the edge where errors become reports and exit statuses.
+//! The command line: one file per subcommand, and the conversion of errors to reports and exit statuses.
 //!
 //! Data goes to stdout; messages, warnings and progress go to stderr.
 //!
-//! | file | what it does |
+//! | file | contents |
 //! |---|---|
 //! | `args` | the command line of every subcommand |
 //! | `helios` | command lines of HELIOS++ |
-//! | `run` | `vlscan run`; arguments and files to a session's settings |
+//! | `run` | `vlscan run`; conversion of arguments and files to a session's settings |
 //! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
 //! | `bench` | `vlscan bench` |
 //! | `scene`, `info`, `pack` | `vlscan scene make`, `info` and `pack` |
-//! | `preview`, `unzip`, `catalogue` | the commands of these names |
+//! | `preview`, `unzip`, `catalogue` | the subcommands of these names |
 //! | `completions`, `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
@@ -39,7 +39,7 @@ use clap::FromArgMatches;
 use std::ffi::OsString;
 use std::io::Write as _;
 
-/// Runs the program with these arguments and returns its exit status: 0 done, 1 the machine failed, 2 wrong input or
+/// Runs the program with these arguments and returns its exit status: 0 success, 1 system error, 2 invalid input or
 /// usage, 3 a scan frequency outside the scanner's limits, 130 interrupted.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     let words = match helios::translate_helios_args(args) {
@@ -58,7 +58,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match parsed {
         Ok(cli) => cli,
         Err(message) => {
-            // Help and version are answers, not errors; a closed pipe must not turn them into a panic.
+            // Help and version are output, not errors; a closed pipe must not turn them into a panic.
             let _ = message.print();
             return if message.use_stderr() { 2 } else { 0 };
         }
@@ -94,7 +94,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// Writes a text to stdout. A reader that went away ends the program quietly.
+/// Writes a text to stdout. If the reader has closed the pipe, the program ends without a message.
 fn write_stdout(text: &str) -> Result<(), Error> {
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Error::io("write", "stdout", e))

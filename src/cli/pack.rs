@@ -10,7 +10,6 @@ use crate::tree::BuildOptions;
 use std::path::Path;
 use std::time::Instant;
 
-/// Runs `vlscan scene pack`.
 pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let name = info::SceneName { scene: &args.scene, assets: &args.assets };
@@ -46,7 +45,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     Ok(())
 }
 
-/// What a run does with the file at first.
+/// Opens the file as a run does first.
 fn open(path: &Path) -> Result<()> {
     let pack = scene::Pack::open(path)?;
     let c = pack.conditions();

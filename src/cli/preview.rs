@@ -1,4 +1,4 @@
-//! `vlscan preview`: a picture of a point cloud, a page to turn it around, or the waveform of a pulse.
+//! `vlscan preview`: a picture of a point cloud, an interactive page, or the waveform of a pulse.
 
 use super::Console;
 use super::args::{Colour, PreviewArgs};
@@ -11,7 +11,6 @@ use crate::quantity::amount;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::Path;
 
-/// Runs `vlscan preview`.
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     check(args)?;
     if let Some(pulse) = args.pulse {
@@ -47,7 +46,6 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     Ok(())
 }
 
-/// Plots the waveform of one pulse.
 fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
     let wave = waveform(&args.points, pulse)?;
     let chart = Chart::new(&wave, &title(&args.points), args.width, args.height);
@@ -75,7 +73,6 @@ fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
     read_wave(open(&text)?, path, pulse)
 }
 
-/// Checks the options before the points are read.
 fn check(args: &PreviewArgs) -> Result<()> {
     let (points, out) = (&args.points, &args.out);
     if points.is_dir() {
@@ -117,7 +114,7 @@ fn title(points: &Path) -> String {
     if is_stdout(points) { String::new() } else { points.display().to_string() }
 }
 
-/// Writes a file, which has its name only once it is complete, or to stdout.
+/// Writes a file, which is renamed to its name only when complete, or to stdout.
 fn write<T>(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result<T>) -> Result<T> {
     let flushed = |out: &mut dyn Write| {
         let written = content(out)?;

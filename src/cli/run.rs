@@ -1,4 +1,4 @@
-//! `vlscan run`: a survey is flown and measured.
+//! `vlscan run`: flies and measures a survey.
 
 pub mod job;
 
@@ -13,7 +13,6 @@ use crate::schedule::Recorder;
 pub use job::Job;
 use std::time::Instant;
 
-/// Runs `vlscan run`.
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     interrupt::listen();
     let started = Instant::now();
@@ -33,10 +32,10 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     show_report(console, &report, started)
 }
 
-/// Prints what was written since the command began.
+/// Prints the summary of a run that began at `started`.
 ///
 /// # Errors
-/// [`Error::Interrupted`] for a run that was.
+/// [`Error::Interrupted`] when the run was interrupted.
 pub fn show_report(console: &Console, report: &Report, started: Instant) -> Result<()> {
     let Report { summary, pulses, seconds, interrupted } = report;
     for file in &summary.files {

@@ -1,4 +1,4 @@
-//! `vlscan scene`: scenes to try things with.
+//! `vlscan scene`: generated scenes, and information on scenes.
 
 use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
 use super::{Console, info, pack};
@@ -6,7 +6,6 @@ use crate::error::Result;
 use crate::generate::{Kind, SceneOptions, write_scene};
 use crate::quantity::amount;
 
-/// Runs `vlscan scene`.
 pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
     match &args.command {
         SceneCommand::Make(args) => make_scene(args, console),

@@ -1,4 +1,4 @@
-//! `vlscan unzip`: compressed text to text.
+//! `vlscan unzip`: expands compressed text.
 
 use super::Console;
 use super::args::UnzipArgs;
@@ -8,7 +8,6 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
-/// Runs `vlscan unzip`.
 pub fn run(args: &UnzipArgs, console: &Console) -> Result<()> {
     let file: Box<dyn BufRead> = if is_stream(&args.file) {
         Box::new(io::stdin().lock())

@@ -1,4 +1,4 @@
-//! Progress on stderr: a bar on a terminal, plain lines elsewhere when asked for.
+//! Progress on stderr: a bar on a terminal, plain lines elsewhere on request.
 
 use super::{Console, Verbosity};
 use crate::pipeline::{Progress, Snapshot};

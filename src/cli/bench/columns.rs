@@ -1,9 +1,9 @@
-//! Rows of text in aligned columns.
+//! Formatting of text in aligned columns.
 
 /// The heading of a column and its text in every row.
 pub type Column<T> = (&'static str, fn(&T) -> String);
 
-/// Rows of text in aligned columns, two spaces apart: the first column to the left, all others to the right.
+/// Formats rows in aligned columns, two spaces apart: the first column left-aligned, all others right-aligned.
 pub fn table<T>(rows: &[T], columns: &[Column<T>]) -> String {
     let head = columns.iter().map(|(head, _)| (*head).to_owned()).collect();
     let body = rows.iter().map(|row| columns.iter().map(|(_, text)| text(row)).collect());

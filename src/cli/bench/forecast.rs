@@ -1,23 +1,22 @@
-//! The schedules with other numbers of threads: measured task times in simulated time.
+//! Schedules with other numbers of threads: measured task times in simulated time.
 
 use super::matrix::{Combination, Matrix, Variant};
 use super::measure::Cell;
 use crate::schedule::{Schedule, SizeChange, Workload, replay};
 use serde::Serialize;
 
-/// A combination in simulated time.
 #[derive(Clone, Debug, Serialize)]
 pub struct Forecast {
-    /// Tree, schedule and threads, on as many cores.
+    /// Tree, schedule and threads, with as many cores.
     #[serde(flatten)]
     pub of: Combination,
-    /// Simulation, s.
+    /// Time of the simulation, s.
     pub simulation_s: f64,
-    /// One thread with the same chunks by this one.
+    /// Time on one thread with the same chunks, divided by this time.
     pub speedup: f64,
-    /// Part of all threads' time that goes into computing.
+    /// Fraction of all threads' time spent computing.
     pub utilisation: f64,
-    /// Part of the time in which the producer makes and hands over chunks.
+    /// Fraction of the time in which the producer makes and hands over chunks.
     pub producing: f64,
     /// Measured time of the combination on this machine, s.
     pub measured_s: Option<f64>,
@@ -25,11 +24,10 @@ pub struct Forecast {
     pub cpu_s: f64,
     /// Measured processor time on this machine, s.
     pub measured_cpu_s: Option<f64>,
-    /// Chunk sizes in the course of the simulation, of dynamic chunks.
+    /// History of the size of dynamic chunks.
     pub sizes: Vec<SizeChange>,
 }
 
-/// Simulates every schedule of the matrix with each number of threads.
 pub fn simulate(
     tree: &'static str,
     load: &Workload,

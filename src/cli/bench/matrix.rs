@@ -8,42 +8,38 @@ use crate::schedule::{Policy, PolicyKind, Schedule};
 use crate::tree::{BuildOptions, Builder};
 use serde::Serialize;
 
-/// Everything that is compared.
 pub struct Matrix {
     pub trees: Vec<(&'static str, BuildOptions)>,
-    /// Schedules that every tree is flown with. On one thread they are all alike, and `sequential` stands for them.
+    /// Schedules that every tree is flown with. On one thread they are equivalent and reported as `sequential`.
     pub variants: Vec<Variant>,
     pub repetitions: usize,
     pub warm_up: usize,
 }
 
-/// A schedule with its parameters.
 #[derive(Clone, Copy, PartialEq)]
 pub struct Variant {
     pub schedule: Schedule,
-    /// Pulses per chunk of the sequential counterpart, which under the single schedule differ from its chunks' size.
+    /// Pulses per chunk of the sequential counterpart; under the single schedule they differ from the schedule's
+    /// chunk size.
     pub chunk: u32,
 }
 
-/// A tree and a schedule as they are named in tables and JSON.
+/// A tree and a schedule, with the names used in tables and JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Combination {
-    /// Builder of the tree.
     pub tree: &'static str,
     /// Name of the schedule; `sequential` on one thread.
     pub schedule: &'static str,
-    /// Pulses per chunk (of the first one, when it is dynamic).
+    /// Pulses per chunk (of the first one, when the size is dynamic).
     pub chunk_size: u32,
-    /// Chunks that may wait per worker.
+    /// Maximum queued chunks per worker.
     pub warehouse_factor: Option<usize>,
-    /// Whether legs wait for one another.
+    /// Whether there is a barrier between legs.
     pub leg_barrier: bool,
-    /// Threads that build and compute.
     pub threads: usize,
 }
 
 impl Variant {
-    /// The variant with a tree.
     pub fn with_tree(&self, tree: &'static str) -> Combination {
         let Schedule { threads, policy, leg_barrier } = self.schedule;
         let (schedule, chunk_size, warehouse_factor) = match policy {
@@ -56,14 +52,14 @@ impl Variant {
 }
 
 impl Combination {
-    /// The schedule for people.
+    /// Describes the schedule in words.
     pub fn schedule_text(&self) -> String {
         format!("{}{}", self.schedule, if self.leg_barrier { " + barrier" } else { "" })
     }
 }
 
 impl Matrix {
-    /// The combinations that the command line asks for.
+    /// Returns the combinations requested on the command line.
     pub fn new(args: &BenchArgs) -> Result<Matrix> {
         let tree = |&builder: &Builder| Ok((builder.name(), args.rules.build_options(builder)?));
         let trees = args.tree.iter().map(tree).collect::<Result<Vec<_>>>()?;
@@ -71,7 +67,7 @@ impl Matrix {
         if wanted.is_empty() {
             wanted = (0..).map(|i| 1 << i).take_while(|&n| n < cores()).chain([cores()]).collect();
         }
-        // Speedups need it.
+        // Speedups are relative to one thread.
         if !wanted.contains(&1) {
             wanted.insert(0, 1);
         }
@@ -101,7 +97,6 @@ impl Matrix {
     }
 }
 
-/// Numbers of threads, each once.
 pub fn thread_counts(wanted: &[usize]) -> Result<Vec<usize>> {
     let mut all: Vec<usize> = Vec::new();
     for &n in wanted {
@@ -115,7 +110,6 @@ pub fn thread_counts(wanted: &[usize]) -> Result<Vec<usize>> {
     Ok(all)
 }
 
-/// Cores of this machine.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }

@@ -1,4 +1,4 @@
-//! Flying and timing.
+//! Measurement of flights and tree builds.
 
 use super::matrix::{Combination, Matrix};
 use crate::cli::run::Job;
@@ -16,57 +16,52 @@ use std::sync::Arc;
 use std::thread::available_parallelism;
 use std::time::Instant;
 
-/// The survey, ready to be flown again and again.
+/// The survey, ready for repeated flights.
 pub struct Bench {
     pub session: Session,
     pub load_s: f64,
     pub format: String,
     output: OutputRequest,
     flight: FlightPlan,
-    /// Where the points of the runs go, until the end.
+    /// Temporary directory of the points of all runs.
     folder: tempfile::TempDir,
 }
 
-/// The measurements of one combination. Seconds are the minimum of all repetitions.
+/// The measurements of one combination. Times are the minimum of all repetitions.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cell {
-    /// Tree, schedule and threads.
     #[serde(flatten)]
     pub of: Combination,
-    /// Building the tree, s.
+    /// Time to build the tree, s.
     pub build_s: f64,
-    /// From the first pulse to the last point written, s.
+    /// Time from the first pulse to the last point written, s.
     pub simulation_s: f64,
-    /// Both.
+    /// Build and simulation, s.
     pub total_s: f64,
-    /// Every repetition's simulation, s.
+    /// Simulation time of every repetition, s.
     pub simulations_s: Vec<f64>,
-    /// Processor time of the simulation's threads together, s, minimum of all repetitions: unlike the other times it is
-    /// not lengthened by other programs.
+    /// Processor time of the simulation's threads together, s, minimum of all repetitions: unlike the other times it
+    /// is not lengthened by other programs.
     pub cpu_s: f64,
-    /// Simulation of the same tree on one thread with chunks of this size, by this one.
+    /// Simulation time of the same tree on one thread with chunks of this size, divided by this one.
     pub speedup: f64,
     /// Speedup per thread.
     pub efficiency: f64,
-    /// Total of the median tree on one thread by this total (eq 17).
+    /// Total time of the median tree on one thread, divided by this total (eq 17).
     pub global_speedup: f64,
     /// 1 − 1 / global speedup (eq 18).
     pub time_reduction: f64,
-    /// Pulses fired.
     pub pulses: u64,
-    /// Echoes detected.
     pub echoes: u64,
     /// Pulses per second of simulation.
     pub pulses_per_s: f64,
-    /// Rays per second of simulation, those that go on behind a voxel not counted.
+    /// Rays per second of simulation, without those that continue behind a voxel.
     pub rays_per_s: f64,
     /// Echoes per second of simulation.
     pub echoes_per_s: f64,
-    /// Bytes of the tree.
     pub tree_bytes: usize,
-    /// Interior nodes of the tree without the trees of instances, like the following figures.
+    /// Interior nodes of the tree, without the trees of instances, like the following figures.
     pub tree_nodes: usize,
-    /// Leaves.
     pub tree_leaves: usize,
     /// References to primitives in all leaves.
     pub tree_references: usize,
@@ -76,18 +71,17 @@ pub struct Cell {
     pub tree_cost: f64,
     /// Peak memory of the process so far, bytes; 0 where the system does not report it.
     pub peak_bytes: u64,
-    /// Part of the workers' time in which they had nothing to do.
+    /// Fraction of the workers' time without work.
     pub idle: f64,
-    /// Times that the producer found all workers busy or the warehouse full.
+    /// Number of times that the producer found all workers busy or the warehouse full.
     pub refusals: u64,
     /// Mean number of chunks in the warehouse, or being computed, at a hand-over.
     pub queue_depth: f64,
-    /// Chunk sizes in the course of the fastest repetition, of dynamic chunks.
+    /// History of the size of dynamic chunks, in the fastest repetition.
     pub sizes: Vec<SizeChange>,
 }
 
 impl Bench {
-    /// Reads the survey and loads its scene.
     pub fn prepare(args: &RunArgs, format: &str, console: &Console) -> Result<Bench> {
         let (job, warnings) = Job::resolve(&args.file, &args.options)?;
         console.warnings(&warnings);
@@ -109,7 +103,7 @@ impl Bench {
         Ok(Bench { session, load_s, format: format.to_owned(), output, flight, folder })
     }
 
-    /// All cells of a tree. Repetitions take turns, so that what else the machine does falls on all of them.
+    /// Measures all cells of a tree. Repetitions take turns, so that other load affects all of them alike.
     pub fn cells(
         &self,
         tree_name: &'static str,
@@ -148,7 +142,6 @@ impl Bench {
         Ok(cells.collect())
     }
 
-    /// Builds the tree with each number of threads.
     pub fn build(&self, options: &BuildOptions, matrix: &Matrix) -> Result<Built> {
         let mut seconds: Vec<(usize, f64)> = Vec::new();
         let mut tree = None;
@@ -180,11 +173,11 @@ impl Bench {
     }
 
     fn fly(&self, physics: &Physics, options: &BuildOptions, schedule: Schedule) -> Result<Flown> {
-        // The time of a flight that was stopped is of no use.
+        // A flight that was stopped has no valid time.
         self.fly_until(&interrupt::STOP, &self.format, physics, options, schedule)?.ok_or(Error::Interrupted)
     }
 
-    /// Flies once; `None` when it was stopped.
+    /// Flies once; `None` when the flight was stopped.
     fn fly_until(
         &self,
         stop: &Stop,
@@ -238,13 +231,13 @@ impl Bench {
         })
     }
 
-    /// Task times in chunks of all sizes that may occur, measured on one thread while the other cores are busy, and the
+    /// Measures the task times in chunks of all possible sizes, on one thread while the other cores are busy, and the
     /// other costs.
     pub fn workload(&self, options: &BuildOptions, tree: &Tree, matrix: &Matrix) -> Result<Workload> {
         let physics = self.physics(tree)?;
         let mut sizes: Vec<u32> =
             matrix.variants.iter().flat_map(|v| [1, v.schedule.policy.size()]).collect();
-        // Dynamic chunks can have any size; their costs near a measured size are known well enough.
+        // Dynamic chunks can have any size; their costs near a measured size are known accurately enough.
         if matrix.variants.iter().any(|v| matches!(v.schedule.policy, Policy::Dynamic { .. })) {
             for more in [8, 64, 512] {
                 if !sizes.iter().any(|&size| (size / 4..=size.saturating_mul(4)).contains(&more)) {
@@ -269,8 +262,8 @@ impl Bench {
         Ok(Workload::from_logs(&logs, Overheads::measure(alone)?))
     }
 
-    /// Measures while all other cores fly the same survey, as they do in the simulated flights: they share the memory, and
-    /// waking a thread on a core that sleeps costs several times as much.
+    /// Measures while all other cores fly the same survey, as in the simulated flights: the threads share memory
+    /// bandwidth, and waking a thread on a sleeping core costs several times as much.
     fn under_load<T>(
         &self,
         physics: &Physics,
@@ -297,13 +290,12 @@ impl Bench {
     }
 }
 
-/// A tree, and the least time that building it took with each number of threads, s.
+/// A tree, and the minimum time of building it with each number of threads, s.
 pub struct Built {
     pub tree: Tree,
     seconds: Vec<(usize, f64)>,
 }
 
-/// What a flight was.
 #[derive(Clone)]
 struct Flown {
     seconds: f64,
@@ -313,7 +305,8 @@ struct Flown {
     log: Log,
 }
 
-/// The figures of a combination. `simulations_s` and `cpu_s` are those of all its flights, `flown` is the fastest.
+/// Computes the figures of a combination. `simulations_s` and `cpu_s` are those of all its flights, `flown` is the
+/// fastest.
 fn cell(
     of: Combination,
     build_s: f64,
@@ -369,7 +362,7 @@ fn with_jobs(options: &BuildOptions, jobs: usize) -> BuildOptions {
     BuildOptions { jobs, geometry_jobs, ..options.clone() }
 }
 
-/// The largest resident size of this process so far.
+/// Peak resident size of this process so far, bytes.
 fn peak() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

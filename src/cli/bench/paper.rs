@@ -1,9 +1,9 @@
-//! The paper's own results: Tables 3 to 6.
+//! The paper's results: Tables 3 to 6.
 
 use super::columns::table;
 use serde_json::{Value, json};
 
-/// Tables 3: SCALED_COG, 6 cores; build, simulation, total in seconds.
+/// Table 3: SCALED_COG, 6 cores; build, simulation, total in seconds.
 const TABLE_3: [(&str, [f64; 3]); 7] = [
     ("BL simple", [128.27, 713.40, 841.67]),
     ("BLI simple", [43.04, 597.20, 640.24]),
@@ -14,10 +14,10 @@ const TABLE_3: [(&str, [f64; 3]); 7] = [
     ("FSAH warehouse 32×4", [24.64, 72.80, 97.44]),
 ];
 
-/// Scene, tree, schedule, cores; build, simulation, total in seconds; time reduction where it is given.
+/// Scene, tree, schedule, cores; build, simulation, total in seconds; time reduction where the paper states it.
 type Best = (&'static str, &'static str, &'static str, u32, [f64; 3], Option<f64>);
 
-/// Table 4: the best configurations on a PC of 32 cores.
+/// Table 4: the best configurations on a PC with 32 cores.
 const TABLE_4: [Best; 5] = [
     ("FIXED_250", "simple", "dynamic 32", 16, [2.94, 87.0, 89.94], Some(92.60)),
     ("HAMMERLE", "FSAH", "warehouse 32×8", 32, [25.22, 46.0, 71.22], Some(99.15)),
@@ -26,7 +26,7 @@ const TABLE_4: [Best; 5] = [
     ("ARBORETUM", "simple", "warehouse 64×8", 21, [29.31, 183.0, 212.31], Some(89.51)),
 ];
 
-/// Table 5: the best configurations on a supercomputer's node of 24 cores.
+/// Table 5: the best configurations on a node with 24 cores of a supercomputer.
 const TABLE_5: [Best; 5] = [
     ("FIXED_250", "simple", "warehouse 64×8", 24, [3.62, 67.0, 70.62], None),
     ("HAMMERLE", "FSAH", "dynamic 32", 24, [19.56, 107.0, 126.56], None),
@@ -35,7 +35,7 @@ const TABLE_5: [Best; 5] = [
     ("ARBORETUM", "FSAH", "warehouse 64×8", 14, [36.24, 113.0, 149.24], None),
 ];
 
-/// Table 6: sequential build, simulation, both; speedups of these; time reduction in per cent.
+/// Table 6: sequential build, simulation, total; their speedups; time reduction in per cent.
 const TABLE_6: [(&str, [f64; 3], [f64; 3], f64); 5] = [
     ("FIXED_250", [12.16, 816.0, 828.16], [3.36, 12.18, 11.73], 91.47),
     ("HAMMERLE", [94.32, 13990.0, 14084.32], [4.82, 130.75, 111.28], 99.10),
@@ -52,7 +52,6 @@ fn percent(x: f64) -> String {
     format!("{x:.2} %")
 }
 
-/// The tables as text.
 pub fn tables() -> String {
     let third = table(
         &TABLE_3,
@@ -101,7 +100,6 @@ pub fn tables() -> String {
     )
 }
 
-/// The tables as JSON.
 pub fn json() -> Value {
     let times = |[build, simulation, total]: [f64; 3]| json!({ "build_s": build, "simulation_s": simulation, "total_s": total });
     let best = |rows: [Best; 5]| -> Vec<Value> {

@@ -1,22 +1,21 @@
-//! The comparison as a picture (SVG): times and speedups against threads, schedules, chunk sizes in the course of a run,
-//! like the paper's figures 10 and 13 to 16, and speedups of simulated machines.
+//! The comparison as a picture (SVG): times and speedups by threads and schedules, and chunk sizes during a run, like
+//! the paper's figures 10 and 13 to 16, and speedups of simulated machines.
 
 use super::report::Report;
 use std::fmt::Write as _;
 
-/// Colours of lines that most people can distinguish.
+/// Line colours that most people can distinguish.
 const COLOURS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#5d5d5d", "#8a2be2"];
 
 const WIDTH: f64 = 680.0;
 const HEIGHT: f64 = 380.0;
-/// Space for axes and title within a chart, without the legend at its right: left, right, top, bottom.
+/// Space for axes and title within a chart, without the legend at its right: left, right, top, bottom, px.
 const MARGINS: [f64; 4] = [70.0, 20.0, 44.0, 48.0];
 
 /// Name and points of a line.
 type Line = (String, Vec<(f64, f64)>);
 
-/// Lines or bars over two axes.
 struct Chart {
     title: String,
     x: &'static str,
@@ -24,11 +23,10 @@ struct Chart {
     /// Whether the axes are logarithmic.
     log: [bool; 2],
     lines: Vec<Line>,
-    /// Names of places on the x axis. There the lines' points are bars beside one another.
+    /// Category names on the x axis; the lines' points are then bars beside one another.
     bars: Option<Vec<String>>,
 }
 
-/// The whole picture.
 pub fn of(report: &Report) -> String {
     let charts: Vec<Chart> =
         charts(report).into_iter().filter(|c| c.lines.iter().any(|l| !l.1.is_empty())).collect();
@@ -88,7 +86,7 @@ fn charts(report: &Report) -> Vec<Chart> {
         ),
     ];
     charts.push(schedules(report));
-    // As many lines as there are colours, of those with the most threads.
+    // At most as many lines as there are colours, those with the most threads.
     let most = report.cells.iter().map(|c| c.of.threads).max().unwrap_or(1);
     let sizes: Vec<Line> = report
         .cells
@@ -122,7 +120,7 @@ fn charts(report: &Report) -> Vec<Chart> {
     charts
 }
 
-/// The points of the line of that name, which is added if there is none.
+/// Returns the points of the line `name`, which is added if it does not exist.
 fn line(lines: &mut Vec<Line>, name: String) -> &mut Vec<(f64, f64)> {
     let at = lines.iter().position(|line| line.0 == name).unwrap_or_else(|| {
         lines.push((name, Vec::new()));
@@ -135,7 +133,7 @@ fn barrier(is_kept: bool) -> &'static str {
     if is_kept { " + barrier" } else { "" }
 }
 
-/// Bars of the best simulation of every schedule with the most threads, by tree.
+/// Bars of the best simulation of every schedule with the maximum number of threads, by tree.
 fn schedules(report: &Report) -> Chart {
     let most = report.cells.iter().map(|c| c.of.threads).max().unwrap_or(1);
     let trees = report.trees();
@@ -256,7 +254,6 @@ impl Chart {
         36.0 + 6.8 * longest as f64
     }
 
-    /// Names of the lines, beside the chart.
     fn legend(&self, svg: &mut String) {
         let [_, right, top, _] = MARGINS;
         let left = WIDTH - right - self.legend_width() + 10.0;
@@ -275,14 +272,13 @@ impl Chart {
         }
     }
 
-    /// How a line is drawn: every other one dashed, so that one below the other is seen.
+    /// Returns the stroke of a line: every other line is dashed, so that a covered line stays visible.
     fn stroke(&self, line: usize) -> String {
         let dashes = if self.bars.is_none() && line % 2 == 1 { " stroke-dasharray=\"7 4\"" } else { "" };
         format!("stroke=\"{}\"{dashes}", COLOURS[line % COLOURS.len()])
     }
 }
 
-/// A range of values along one side of a chart.
 struct Axis {
     lo: f64,
     hi: f64,
@@ -309,13 +305,13 @@ impl Axis {
         Axis { lo, hi, log }
     }
 
-    /// Where a value lies, 0 at the lower end and 1 at the upper.
+    /// Position of a value on the axis, 0 at the lower end and 1 at the upper end.
     fn place(&self, value: f64) -> f64 {
         let scale = |v: f64| if self.log { libm::log(v.max(1e-300)) } else { v };
         (scale(value) - scale(self.lo)) / (scale(self.hi) - scale(self.lo))
     }
 
-    /// Round values in it.
+    /// Returns round values on the axis.
     fn ticks(&self) -> Vec<f64> {
         if self.log {
             let first = libm::floor(libm::log2(self.lo)) as i32;
@@ -326,7 +322,7 @@ impl Axis {
                 .map(|e| libm::ldexp(1.0, e))
                 .filter(|t| *t >= self.lo)
                 .collect();
-            // Within two doublings there are too few.
+            // Within two doublings there are too few ticks.
             if ticks.len() > 2 {
                 return ticks;
             }

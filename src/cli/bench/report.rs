@@ -6,7 +6,6 @@ use super::measure::{Bench, Cell};
 use super::paper;
 use serde_json::{Value, json};
 
-/// Everything that a comparison yields.
 pub struct Report {
     pub survey: String,
     pub primitives: usize,
@@ -19,7 +18,6 @@ pub struct Report {
 }
 
 impl Report {
-    /// A report without measurements.
     pub fn begin(bench: &Bench) -> Report {
         Report {
             survey: bench.session.survey().name.clone(),
@@ -33,8 +31,8 @@ impl Report {
         }
     }
 
-    /// Computes speedups: of each cell against its tree on one thread with the same chunks, or else the smallest; and against
-    /// the median tree on one thread, or else the first tree.
+    /// Computes speedups: of each cell relative to its tree on one thread with the same chunks, or else the smallest;
+    /// global speedups relative to the median tree on one thread, or else the first tree.
     pub fn compare(&mut self) {
         let sequential: Vec<Cell> = self.cells.iter().filter(|c| c.of.threads == 1).cloned().collect();
         let base = |tree: &str, chunk: u32| {
@@ -66,7 +64,7 @@ impl Report {
         trees
     }
 
-    /// The cell of minimum total time for every number of threads of a tree, threads rising.
+    /// For every number of threads of a tree, ascending, the cell of minimum total time.
     pub fn best_by_threads(&self, tree: &str) -> Vec<&Cell> {
         let mut best: Vec<&Cell> = Vec::new();
         for cell in self.cells.iter().filter(|c| c.of.tree == tree) {
@@ -80,7 +78,6 @@ impl Report {
         best
     }
 
-    /// Everything as JSON.
     pub fn json(&self, with_paper: bool) -> Value {
         let mut all = json!({
             "program": concat!("vlscan ", env!("CARGO_PKG_VERSION")),

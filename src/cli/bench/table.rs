@@ -5,7 +5,6 @@ use super::matrix::Combination;
 use super::report::Report;
 use crate::quantity::amount;
 
-/// Everything measured and simulated.
 pub fn of(report: &Report) -> String {
     let mut text = format!(
         "{}: {} primitives, {} legs, {} pulses, {} echoes; loaded in {:.2} s; points as {}\n\n",

@@ -1,4 +1,4 @@
-//! From options to the settings of a session, with every choice made.
+//! Conversion of options to the settings of a session, with every choice resolved.
 
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
@@ -13,13 +13,12 @@ use crate::survey::{NavigationErrors, PlatformKind, Survey};
 use crate::tree::BuildOptions;
 use std::path::{Path, PathBuf};
 
-/// Idle times that mean nothing to dynamic chunks, in milliseconds.
+/// Idle times that dynamic chunks ignore, in milliseconds.
 const DEFAULT_IDLE_THRESHOLD_MS: f64 = 0.1;
 
-/// Most threads that are ever started.
 const MAX_THREADS: usize = 1024;
 
-/// What a command is asked to do, with every choice made.
+/// A command's job, with every choice resolved.
 pub struct Job {
     pub settings: Settings,
     pub output: OutputRequest,
@@ -28,13 +27,14 @@ pub struct Job {
 }
 
 impl Job {
-    /// Reads the survey or pipeline and makes every choice: the command line first, then the file, then the default.
+    /// Reads the survey or pipeline and resolves every choice: the command line takes precedence over the file, the
+    /// file over the default.
     pub fn resolve(file: &Path, typed: &Options) -> Result<(Job, Diagnostics)> {
         let (survey, options, warnings) = read_survey(file, typed.clone())?;
         Ok((Job::new(survey, &options)?, warnings))
     }
 
-    /// Makes every choice for a survey that has been read.
+    /// Resolves every choice for a survey that has been read.
     pub fn new(mut survey: Survey, options: &Options) -> Result<Job> {
         if let Some(crs) = &options.output.crs {
             survey.crs_wkt = Some(crs.wkt()?);
@@ -82,7 +82,7 @@ impl Job {
     }
 }
 
-/// The rules by which materials and leaf angle tables are read under some corrections.
+/// Returns the rules by which materials and leaf angle tables are read under these corrections.
 pub fn material_rules(corrections: &Corrections) -> MaterialRules {
     MaterialRules {
         specular_shares: corrections.specular_shares,
@@ -94,7 +94,7 @@ pub fn material_rules(corrections: &Corrections) -> MaterialRules {
     }
 }
 
-/// A schedule with its parameters, each where it has a meaning.
+/// Returns a schedule with those parameters that apply to it.
 pub fn policy(kind: PolicyKind, size: u32, factor: usize, idle_threshold_ms: Option<f64>) -> Policy {
     let ms = idle_threshold_ms.unwrap_or(DEFAULT_IDLE_THRESHOLD_MS);
     match kind {
@@ -119,7 +119,7 @@ fn tree(options: &Options, all: usize) -> BuildOptions {
     BuildOptions { jobs, geometry_jobs: jobs, ..BuildOptions::of(options.tree.tree.unwrap_or_default()) }
 }
 
-/// The number of threads that is wanted; 0 and nothing are `all`.
+/// Returns the requested number of threads; 0 and `None` mean `all`.
 fn threads(wanted: Option<usize>, all: usize) -> usize {
     wanted.filter(|&n| n > 0).unwrap_or(all).min(MAX_THREADS)
 }
@@ -142,7 +142,7 @@ fn physics(options: &Options, survey: &Survey, seed: u64) -> Result<PhysicsOptio
     if output.subrays && record_waveforms {
         return Err(Error::input("subrays have no waveforms: leave out either --subrays or the waveforms"));
     }
-    // Light from all along a way belongs to no place of a subray.
+    // Light scattered continuously along a path cannot be attributed to the range of a subray.
     corrections.foliage_continuum &= !output.subrays;
     Ok(PhysicsOptions {
         seed,

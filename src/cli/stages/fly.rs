@@ -1,4 +1,4 @@
-//! `vlscan trajectory` and `vlscan pulses`: a survey is flown, and its poses or pulses go to stdout.
+//! `vlscan trajectory` and `vlscan pulses`: fly a survey and write its poses or pulses to stdout.
 
 use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryArgs};
 use crate::cli::run::Job;
@@ -17,10 +17,9 @@ use crate::survey::Survey;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 
-/// Seconds between poses of surveys that do not say.
+/// Default interval between poses, s.
 const INTERVAL: f64 = 0.05;
 
-/// Runs `vlscan trajectory`.
 pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
     let interval = args.interval.map(|seconds| seconds.0);
     let change = |survey: &mut Survey| {
@@ -32,7 +31,6 @@ pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
     fly(&args.survey, &args.emit, args.flown, console, change, Rows::Poses)
 }
 
-/// Runs `vlscan pulses`.
 pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
     // No poses are written.
     let change = |survey: &mut Survey| {
@@ -41,7 +39,6 @@ pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
     fly(&args.survey, &args.emit, false, console, change, Rows::Pulses)
 }
 
-/// The rows that are written of a flight.
 #[derive(Clone, Copy)]
 enum Rows {
     Poses,
@@ -49,7 +46,6 @@ enum Rows {
 }
 
 impl Rows {
-    /// First line of text.
     fn header(self, flight: &Flight) -> String {
         match self {
             Rows::Poses => POSE_HEADER.to_owned(),
@@ -57,7 +53,6 @@ impl Rows {
         }
     }
 
-    /// Columns of a table.
     fn columns(self, flight: &Flight) -> Vec<TableColumn> {
         match self {
             Rows::Poses => pose_columns(),
@@ -65,7 +60,7 @@ impl Rows {
         }
     }
 
-    /// Appends what was emitted as lines of text, or as values for [`TableWriter`].
+    /// Appends the emitted rows as lines of text, or as values for [`TableWriter`].
     fn push(self, flight: &Flight, emitted: &Emitted, as_text: bool, out: &mut Vec<u8>) {
         match self {
             Rows::Poses => {
@@ -87,14 +82,13 @@ impl Rows {
     }
 }
 
-/// What the rows need of the flight.
+/// Properties of the flight that the rows depend on.
 struct Flight {
     shift: DVec3,
-    /// Columns of a stream of pulses.
     columns: ColumnSet,
-    /// Poses are those flown, not those reported.
+    /// Whether poses are true poses, not reported ones.
     as_flown: bool,
-    /// By leg: divergence when the survey begins and in the leg.
+    /// Divergence at the start of the survey and in the leg, by leg, rad.
     divergences: Vec<[f64; 2]>,
 }
 

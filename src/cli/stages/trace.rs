@@ -1,4 +1,4 @@
-//! `vlscan trace`: pulses from a stream meet a scene, and their echoes go wherever those of `vlscan run` may go.
+//! `vlscan trace`: traces pulses from a stream through a scene; outputs are those of `vlscan run`.
 
 use crate::cli::args::{InstrumentArgs, TraceArgs};
 use crate::cli::run::{Job, show_report};
@@ -17,7 +17,6 @@ use crate::survey::{
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Runs `vlscan trace`.
 pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     interrupt::listen();
     let started = Instant::now();
@@ -37,7 +36,7 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     }
     let streamed_divergence = args.instrument.divergence.is_none();
     let legs = LegRule { known, separate_files, streamed_divergence };
-    // Opened before the scene is loaded, so that a wrong name costs no wait.
+    // Opened before the scene is loaded, so that a wrong name is reported without delay.
     let pulses = PulseReader::open(&args.stream, settings.schedule.policy.size() as usize)?;
     let mut session = Session::open(settings, console.observer())?;
     let progress = Progress::default();
@@ -49,11 +48,11 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     show_report(console, &report, started)
 }
 
-/// The scene that the pulses meet, and the instrument that receives their echoes.
+/// The scene that is traced, and the instrument that receives the echoes.
 struct Setting {
     survey: Survey,
     options: Options,
-    /// The survey is one that a file describes.
+    /// Whether the survey is described by a file.
     known: bool,
 }
 
@@ -84,7 +83,7 @@ impl Setting {
     }
 }
 
-/// Changes the instrument as the command line asks.
+/// Applies the instrument options of the command line.
 fn change_instrument(survey: &mut Survey, args: &InstrumentArgs) {
     let set = |target: &mut f64, value: Option<NotNegative>| *target = value.map_or(*target, |value| value.0);
     for device in &mut survey.scanner.devices {
@@ -106,7 +105,7 @@ fn change_instrument(survey: &mut Survey, args: &InstrumentArgs) {
     }
 }
 
-/// The scene of a survey, or of whatever else names one.
+/// Returns the scene of a survey, or of another file that refers to one.
 fn scene_of(name: &str, reading: &ReadOptions) -> Result<(SceneRecipe, Diagnostics)> {
     if holds_survey(Path::new(name)) {
         let input = InputOptions {
@@ -120,7 +119,7 @@ fn scene_of(name: &str, reading: &ReadOptions) -> Result<(SceneRecipe, Diagnosti
     survey::read_scene(name, reading)
 }
 
-/// A survey of one leg that is nowhere.
+/// Returns a survey of one leg without a position.
 fn bare_survey(scanner: Scanner, scene: SceneRecipe) -> Survey {
     let settings = ScannerSettings { active: true, ..scanner.own_settings() };
     let leg = Leg {
