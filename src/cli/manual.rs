@@ -1,7 +1,7 @@
-//! What the manual knows beyond the options: examples, files and exit statuses of every subcommand; and the manual pages
-//! themselves, which `vlscan man DIR` writes in the form of man(7).
+//! Parts of the manual beyond the options: examples, files and exit statuses of every subcommand; and the manual
+//! pages, which `vlscan man DIR` writes in the format of man(7).
 //!
-//! The pages in `man/` are checked in; `tests/whole/manual.rs` fails when they differ from what is written now.
+//! The pages in `man/` are checked in; `tests/whole/manual.rs` fails when they differ from the generated ones.
 
 mod pages;
 
@@ -17,22 +17,22 @@ use clap_mangen::roff::{Roff, bold, roman};
 use pages::{EXIT_STATUS, PAGES, Page};
 use std::path::Path;
 
-/// What stands below the short help, for those who see it first.
+/// Introduction below the short help, for new users.
 const BEGIN: &str = "\
 To begin:
   vlscan scene make forest -n 20k -o forest
   vlscan run forest/survey.xml -o forest.laz
   vlscan preview forest.laz -o forest.html";
 
-/// The command line with the examples of [`pages`] and the exit statuses at the end of each `--help`.
+/// Returns the command line with the examples of [`pages`] and the exit statuses at the end of each `--help`.
 pub fn command() -> Command {
     let mut command = with_examples(Cli::command(), "vlscan").after_help(BEGIN);
-    // Options that hold everywhere reach the subcommands, and all get their full names.
+    // Passes global options to the subcommands, and sets the full names of all commands.
     command.build();
     command
 }
 
-/// Runs `vlscan man`: writes a page for every subcommand into a folder, over those that are there.
+/// Runs `vlscan man`: writes a page for every subcommand to a directory, replacing existing pages.
 pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
     std::fs::create_dir_all(&args.dir).map_err(|e| Error::io("create", &args.dir, e))?;
     let pages = manual()?;
@@ -70,12 +70,11 @@ fn with_examples(command: Command, path: &str) -> Command {
     command.after_long_help(corrections + &examples.unwrap_or_default() + &exit_status())
 }
 
-/// Whether a command has the option `--correct`.
 fn takes_corrections(command: &Command) -> bool {
     command.get_arguments().any(|arg| arg.get_id() == "correct")
 }
 
-/// Name as it is typed, whether the refined physics has it, and meaning of every correction.
+/// Returns, for every correction, its name as typed, whether the refined physics includes it, and its meaning.
 fn correction_entries() -> impl Iterator<Item = (String, String)> {
     let mut refined = Corrections::REFINED;
     Corrections::NAMES.iter().zip(Corrections::HELP).map(move |(name, help)| {
@@ -84,7 +83,7 @@ fn correction_entries() -> impl Iterator<Item = (String, String)> {
     })
 }
 
-/// The corrections as help lists them.
+/// Formats the corrections for help.
 fn corrections() -> String {
     let mut text = "Corrections (--correct NAME; a name after no- switches one off; \
                     --physics refined has them all but those marked; \
@@ -96,7 +95,7 @@ fn corrections() -> String {
     text + "\n"
 }
 
-/// Lines of at most `width` characters, set in.
+/// Wraps a text to indented lines of at most `width` characters.
 fn wrapped(text: &str, width: usize) -> String {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {
@@ -112,14 +111,14 @@ fn wrapped(text: &str, width: usize) -> String {
     lines.iter().map(|line| format!("      {line}")).collect::<Vec<_>>().join("\n")
 }
 
-/// The exit statuses as help tells them.
+/// Formats the exit statuses for help.
 fn exit_status() -> String {
     let lines: Vec<String> =
         EXIT_STATUS.iter().map(|(status, meaning)| format!("  {status:<3}  {meaning}")).collect();
     format!("Exit status:\n{}", lines.join("\n"))
 }
 
-/// All pages: file name and text.
+/// Returns file name and text of all pages.
 fn manual() -> Result<Vec<(String, Vec<u8>)>> {
     let mut pages = Vec::new();
     let mut root = Cli::command().disable_help_subcommand(true);
@@ -151,7 +150,7 @@ fn collect(command: &Command, path: &str, kin: &[String], pages: &mut Vec<(Strin
 fn written(command: &Command, path: &str, related: &[String]) -> std::io::Result<Vec<u8>> {
     let mut short = command.clone();
     let usage = short.render_usage().to_string();
-    // A synopsis of sixty options tells nothing.
+    // A synopsis of sixty options is not informative.
     let short = short.override_usage(usage.trim_start_matches("Usage:").trim().to_owned());
     let man = Man::new(short)
         .title(path.replace(' ', "-").to_uppercase())
@@ -185,7 +184,7 @@ fn written(command: &Command, path: &str, related: &[String]) -> std::io::Result
     Ok(in_ascii(&String::from_utf8_lossy(&text)).into_bytes())
 }
 
-/// The page on pipeline files, from the definitions of their keys.
+/// Returns the page on pipeline files, from the definitions of their keys.
 fn pipeline_page() -> Vec<u8> {
     let version = format!("vlscan {}", env!("CARGO_PKG_VERSION"));
     let mut page = Roff::new();
@@ -213,7 +212,6 @@ fn pipeline_page() -> Vec<u8> {
     in_ascii(&page.render()).into_bytes()
 }
 
-/// A pipeline file.
 const PIPELINE_EXAMPLE: &str = r#"scene = "forest.xml#forest"
 
 [trajectory]
@@ -228,7 +226,7 @@ scan_freq_hz = 100
 [[output]]
 path = "points.laz""#;
 
-/// Letters beyond ASCII by their numbers, as groff(7) takes them without being told an encoding.
+/// Replaces non-ASCII letters by their code points, which groff(7) accepts without knowing the encoding.
 fn in_ascii(text: &str) -> String {
     text.chars().fold(String::with_capacity(text.len()), |mut plain, c| {
         if c.is_ascii() {
@@ -240,7 +238,7 @@ fn in_ascii(text: &str) -> String {
     })
 }
 
-/// The examples as they are typed: no filling, no hyphens of typography.
+/// Writes the examples verbatim: no filling, no typographic hyphens.
 fn examples(page: &mut Roff, text: &str) {
     page.control("SH", ["EXAMPLES"]);
     page.control("EX", []);

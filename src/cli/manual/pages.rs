@@ -1,17 +1,17 @@
-//! The examples and files of every subcommand. The examples of a page run as they are, one after the other, in an empty
-//! folder; `tests/whole/examples.rs` does that.
+//! The examples and files of every subcommand. The examples of a page run unchanged, one after the other, in an empty
+//! directory; `tests/whole/examples.rs` runs them.
 
-/// What the manual says about a subcommand besides its options.
+/// The manual's content on a subcommand besides its options.
 pub(super) struct Page {
-    /// As typed: `vlscan scene make`.
+    /// The command as typed: `vlscan scene make`.
     pub(super) path: &'static str,
     /// Shell lines with comments; an empty line between examples.
     pub(super) examples: &'static str,
-    /// Files that are read or written, with what they are.
+    /// Files that are read or written, with descriptions.
     pub(super) files: &'static [(&'static str, &'static str)],
 }
 
-/// The same for all subcommands.
+/// Exit statuses, common to all subcommands.
 pub(super) const EXIT_STATUS: &[(&str, &str)] = &[
     ("0", "Done. Also when the reader of stdout closes it, as head(1) does."),
     ("1", "The machine failed: a file could not be read or written, the disk is full."),
@@ -23,7 +23,6 @@ pub(super) const EXIT_STATUS: &[(&str, &str)] = &[
     ),
 ];
 
-/// All subcommands.
 pub(super) const PAGES: &[Page] = &[
     Page {
         path: "vlscan",
