@@ -23,7 +23,7 @@ pub(crate) const DEPTH_MARGIN: f32 = 1.000_000_6;
 /// Minimum magnitude of slopes; those nearer to zero are widened to it, so that reciprocals are finite.
 pub(crate) const MIN_SLOPE: f32 = 1e-18;
 
-/// Maximum coordinate of an origin, in scene radii, for filtering in single precision.
+/// Maximum distance of an origin, in scene radii, for filtering in single precision.
 pub(crate) const MAX_ORIGIN: f64 = 1e12;
 
 /// A frustum around rays with one origin. Arrays are indexed by axis.

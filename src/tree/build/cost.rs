@@ -184,7 +184,7 @@ impl CostAccount {
         }
     }
 
-    /// The accounted cost of the finished tree; `None` with [`CostAccount::Local`].
+    /// The accounted cost of the finished tree; `None` with `CostAccount::Local`.
     pub fn total(&self) -> Option<f64> {
         match self {
             CostAccount::Local => None,

@@ -78,8 +78,8 @@ impl Position {
     }
 
     /// Returns how many of `threads` are assigned to the node. They are divided evenly among the nodes of a level,
-    /// and the right-most node gets the remainder; below level ⌊log2 threads⌋ every node has one (spec
-    /// tree-and-schedule §2.3).
+    /// and the right-most node gets the remainder; below level ⌊log2 threads⌋ every node has one
+    /// (spec tree-and-schedule §2.3).
     fn share_of(self, threads: usize) -> usize {
         let (nodes, threads) = (1u128 << self.depth, threads as u128);
         let (each, rest) = (threads / nodes, threads % nodes);

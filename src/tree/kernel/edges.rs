@@ -2,10 +2,10 @@
 //! computed from double precision, but evaluated in single precision wherever that suffices.
 //!
 //! Slopes are `d_i/d_k` and `d_j/d_k`. In coordinates sheared along the pulse's first ray, a ray that deviates from
-//! it by slopes `(δ_i, δ_j)` passes the edge from corner `p` to corner `q` on the side given by the sign of `E = c0 +
-//! c1·δ_i + c2·δ_j`, where `(c1, c2, c0) = p × q`. The three coefficients come from double precision. They are small
-//! for small triangles near the ray, and so is the error of `E`. The error is bounded; a ray within the bound of an
-//! edge is left undecided.
+//! it by slopes `(δ_i, δ_j)` passes the edge from corner `p` to corner `q` on the side given by the sign of
+//! `E = c0 + c1·δ_i + c2·δ_j`, where `(c1, c2, c0) = p × q`. The three coefficients come from double precision. They
+//! are small for small triangles near the ray, and so is the error of `E`. The error is bounded; a ray within the
+//! bound of an edge is left undecided.
 //!
 //! For rays of merged pulses, whose origins differ from that of the first, the edges themselves contribute as well:
 //! see [`super::sides`].
