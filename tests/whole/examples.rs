@@ -221,7 +221,7 @@ fn examples_of_the_readme_run() {
     // A survey as HELIOS++ users have it.
     workspace.copy_in("fixtures/room", "my_assets").copy_in("fixtures/room/survey.xml", "survey.xml");
     let ran = workspace.run_examples("README.md", &examples(&page));
-    assert!(ran >= 8, "{ran} examples");
+    assert!(ran >= 7, "{ran} examples");
 }
 
 /// Pages of Markdown of the project.
@@ -282,6 +282,8 @@ fn examples_of_docs_run() {
 fn the_examples_of_the_manual_run_in_an_empty_folder() {
     let mut pages: Vec<PathBuf> =
         fs::read_dir(root().join("man")).unwrap().map(|e| e.unwrap().path()).collect();
+    // Section 5 shows a pipeline file, section 1 commands.
+    pages.retain(|path| path.extension().is_some_and(|e| e == "1"));
     pages.sort();
     for path in pages {
         let examples = examples_of_manual(&fs::read_to_string(&path).unwrap());

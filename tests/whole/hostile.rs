@@ -613,7 +613,7 @@ fn clouds_that_contradict_themselves_are_refused() {
 
 #[test]
 fn what_needs_more_memory_than_allowed_is_refused_before_it_is_built() {
-    // The limit is 20 MB.
+    // The limit is 20M, 20 · 2^20 bytes.
     let of = |file: &str| Case { is_text: false, ..cases().into_iter().find(|c| c.file == file).unwrap() };
     let mut all = Complaints::default();
     let padding = format!("<!-- {} -->", "x".repeat(3_000_000));
@@ -623,7 +623,7 @@ fn what_needs_more_memory_than_allowed_is_refused_before_it_is_built() {
     all.refused(&places, &[&places.whole[..], line.repeat(100_000).as_bytes()].concat(), "of 100 000 lines");
     let (status, messages, _) = outcome(&of("dem.tif"), &raster(400));
     all.expect(
-        status == 2 && messages.contains("raster") && messages.contains("the limit is 20.00 MB"),
+        status == 2 && messages.contains("raster") && messages.contains("the limit is 20.97 MB"),
         || format!("a raster of 400 x 400: status {status}\n{messages}"),
     );
     all.told();
