@@ -10,10 +10,13 @@ pub fn amount(n: f64) -> String {
     format!("{n:.0}")
 }
 
-/// Formats a duration as h:mm:ss, or as seconds below a minute.
+/// Formats a duration as h:mm:ss, or as seconds below a minute, with two decimals below ten.
 pub fn duration(seconds: f64) -> String {
     if !seconds.is_finite() || seconds > 1e7 {
         return "?".to_owned();
+    }
+    if seconds < 9.995 {
+        return format!("{seconds:.2} s");
     }
     let s = seconds.round() as u64;
     if s < 60 { format!("{s} s") } else { format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60) }
@@ -37,7 +40,7 @@ mod tests {
     fn quantities_are_short() {
         assert_eq!(amount(950.0), "950");
         assert_eq!(amount(1_234_567.0), "1.23 M");
-        assert_eq!(duration(42.4), "42 s");
+        assert_eq!([0.1234, 9.994, 9.996, 42.4].map(duration), ["0.12 s", "9.99 s", "10 s", "42 s"]);
         assert_eq!(duration(3725.0), "1:02:05");
         assert_eq!([9.94, 123.4, 1234.0, 12_345.0].map(metres), ["9.9 m", "123 m", "1.2 km", "12 km"]);
     }

@@ -106,7 +106,7 @@ impl OutputPlan {
             warnings,
             force: request.force,
             run_stamp: request.run_stamp,
-            epochs: request.plays.max(1),
+            epochs: request.epochs.max(1),
             rescued: Mutex::default(),
         })
     }

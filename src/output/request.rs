@@ -167,7 +167,7 @@ pub struct OutputRequest {
     /// Name of run directories; `None` for the local time of their creation.
     pub run_stamp: Option<String>,
     /// Number of epochs (spec input-formats §3.8); see [`Writer::next_epoch`](super::Writer::next_epoch).
-    pub plays: u32,
+    pub epochs: u32,
 }
 
 impl Default for OutputRequest {
@@ -189,7 +189,7 @@ impl Default for OutputRequest {
             crs_wkt: None,
             creation: (0, 0),
             run_stamp: None,
-            plays: 1,
+            epochs: 1,
         }
     }
 }

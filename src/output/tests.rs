@@ -324,7 +324,7 @@ fn every_epoch_has_a_run_directory_and_files_are_continued() {
     let survey = survey(1, &[None, None]);
     let mut request = points(Target::Helios(dir.path().join("runs")));
     request.sinks.push((Target::File(dir.path().join("all.xyz")), PointFormat::Xyz));
-    let plan = plan(OutputRequest { plays: 2, ..request }, &survey);
+    let plan = plan(OutputRequest { epochs: 2, ..request }, &survey);
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
     for epoch in 0..2 {
         for leg in 0..2 {

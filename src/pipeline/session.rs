@@ -200,7 +200,7 @@ impl Session {
             && let Some(next) = source.next_epoch(control.stop)?
         {
             return Err(Error::input(format!(
-                "after play {} comes a pulse of play {next}; plays ascend, and the scene has {}",
+                "after epoch {} comes a pulse of epoch {next}; epochs ascend, and the scene has {}",
                 self.epochs - 1,
                 self.epochs
             )));
@@ -240,7 +240,7 @@ impl Session {
         self.enter_epoch(0, control.stop)?;
         let options = self.settings.physics_for(&outputs);
         let context = OutputContext { survey: &self.settings.survey, scene: &self.scene };
-        let output = Arc::new(OutputPlan::new(OutputRequest { plays: self.epochs, ..outputs }, &context)?);
+        let output = Arc::new(OutputPlan::new(OutputRequest { epochs: self.epochs, ..outputs }, &context)?);
         let (mut epoch, mut seconds, mut writer) = (0, 0.0, None);
         let (summary, interrupted) = loop {
             self.enter_epoch(epoch, control.stop)?;

@@ -5,7 +5,7 @@
 //! accepted, as in other programs that map their input: copying gigabytes of scene before each run would cost more than
 //! the fault, and a file that changes during a run has no correct result either way. Arrays of a changed file may hold
 //! other numbers, but never invalid values: their types accept every bit pattern ([`AnyBitPattern`]).
-#![allow(unsafe_code)]
+#![allow(unsafe_code, reason = "mapping a file, and arrays within the mapping")]
 
 use bytemuck::AnyBitPattern;
 use memmap2::Mmap;

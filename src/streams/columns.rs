@@ -48,7 +48,7 @@ columns! {
     RangeError "range_error" [], Length, "Mechanical error that is added to every range.";
     Divergence "divergence" ["beam_divergence"], Angle, "Divergence of the beam of device 0.";
     StartDivergence "start_divergence" [], Angle, "Divergence at the beginning of the survey, with which the reference traces all legs.";
-    Epoch "play" [], Count, "Number of the epoch, from 0, in surveys with swapped parts.";
+    Epoch "epoch" ["play"], Count, "Number of the epoch, from 0, in surveys with swapped parts.";
     ReportedW "reported_qw" [], Ratio, "The quaternion computed with the reported pose, without mechanical errors: points are reported along it.";
     ReportedX "reported_qx" [], Ratio, "See ReportedW.";
     ReportedY "reported_qy" [], Ratio, "See ReportedW.";

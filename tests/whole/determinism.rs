@@ -3,6 +3,10 @@
 use crate::common::{files, fixture, folder, succeed};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use vlscan::internals::{BuildOptions, Builder};
+use vlscan::{
+    Control, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey,
+};
 
 /// A survey with noise on every source that may draw random numbers.
 fn outputs(survey: &Path, extra: &[&str]) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -86,6 +90,35 @@ fn schedules_leave_no_trace() {
 }
 
 #[test]
+fn trees_leave_no_trace() {
+    let trees = [
+        BuildOptions::default(),
+        BuildOptions { bins: 4, ..BuildOptions::of(Builder::Fsah) },
+        BuildOptions { candidates: 3, ..BuildOptions::strict(Builder::Sah) },
+        BuildOptions { max_depth: Some(3), jobs: 3, delegate: 64, ..BuildOptions::of(Builder::AxisSah) },
+        BuildOptions { min_primitives: 200, geometry_jobs: 4, ..BuildOptions::of(Builder::Median) },
+    ];
+    for survey in ["forest/survey.xml", "room/survey.xml", "moving/survey.xml"] {
+        let points = trees.clone().map(|tree| {
+            let dir = folder();
+            let points = dir.path().join("all.xyz");
+            let (survey, _) = read_survey(&fixture(survey), &ReadOptions::default()).unwrap();
+            let settings = Settings { tree, ..Settings::new(survey) };
+            let mut session = Session::open(settings, |_| {}).unwrap();
+            let sinks = vec![(Target::File(points.clone()), PointFormat::Xyz)];
+            let (progress, stop) = (Progress::default(), Stop::new());
+            let outputs = OutputRequest { sinks, ..Default::default() };
+            session.run(outputs, Control::new(&progress, &stop)).unwrap();
+            std::fs::read(points).unwrap()
+        });
+        assert!(points[0].len() > 1000);
+        for (bytes, tree) in points.iter().zip(&trees) {
+            assert!(*bytes == points[0], "{survey} differs with {tree:?}");
+        }
+    }
+}
+
+#[test]
 fn another_seed_gives_other_noise() {
     let survey = fixture("forest/survey.xml");
     let one = outputs(&survey, &[]);
@@ -100,12 +133,12 @@ fn another_seed_gives_other_noise() {
 }
 
 #[test]
-fn moving_parts_move_and_every_play_has_its_own_run_directory() {
+fn moving_parts_move_and_every_epoch_has_its_own_run_directory() {
     let (dir, survey) = (folder(), fixture("moving/survey.xml"));
     succeed(dir.path(), &["run", survey.to_str().unwrap(), "-q", "--output", "out", "-j", "2"]);
     let points: Vec<PathBuf> =
         files(dir.path()).into_iter().filter(|f| f.ends_with("leg001_points.xyz")).collect();
-    assert_eq!(points.len(), 3, "a run directory per play: {points:?}");
+    assert_eq!(points.len(), 3, "a run directory per epoch: {points:?}");
     let of = |file: &Path, id: &str| -> Vec<Vec<f64>> {
         let text = std::fs::read_to_string(dir.path().join(file)).unwrap();
         let rows = text.lines().map(|l| l.split(' ').collect::<Vec<_>>());

@@ -226,7 +226,7 @@ impl Bench {
             pulses: false,
             trajectory: None,
             force: true,
-            plays: 1,
+            epochs: 1,
             ..self.output.clone()
         })
     }

@@ -5,7 +5,7 @@ macro_rules! kinematics {
         /// Corrections of the reference's kinematics, each of which can be enabled separately. The field of the same
         /// name in [`crate::pulse::Corrections`] describes the effect, docs/physics.md the formula.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-        #[allow(missing_docs)]
+        #[allow(missing_docs, reason = "described at the fields of the same names in `Corrections`")]
         pub struct Kinematics {
             $(pub $name: bool,)*
         }

@@ -164,7 +164,7 @@ pub struct Motion {
 
 /// Rigid motions; no others exist. Axes and normals are unit vectors, angles radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(missing_docs)] // the fields are the motions' own mathematical names
+#[allow(missing_docs, reason = "variants and fields have the mathematical names of the motions")]
 pub enum MotionKind {
     Identity,
     Translation { by: DVec3 },
