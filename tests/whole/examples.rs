@@ -132,6 +132,15 @@ impl Cloud {
         }
         Cloud { count, min, max, classes }
     }
+
+    /// Compares number and bounds: up to a quarter more points than `least`, bounds within a metre.
+    fn check(&self, name: &str, least: usize, min: [f64; 3], max: [f64; 3]) {
+        assert!((least..least * 5 / 4).contains(&self.count), "{name}: {} points", self.count);
+        for axis in 0..3 {
+            let off = (self.min[axis] - min[axis]).abs().max((self.max[axis] - max[axis]).abs());
+            assert!(off < 1.0, "{name}: {:?} to {:?}", self.min, self.max);
+        }
+    }
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -251,6 +260,20 @@ fn links_between_pages_lead_somewhere() {
 /// Pages whose commands measure speed.
 const MEASUREMENTS: [&str; 3] = ["experiment.md", "kernel.md", "speed.md"];
 
+/// A file that a page of docs/ leaves: the page, its name, the least number of points, their bounds.
+type CloudOfPage = (&'static str, &'static str, usize, [f64; 3], [f64; 3]);
+
+/// As seen in a picture of each.
+const CLOUDS_OF_PAGES: [CloudOfPage; 7] = [
+    ("own-data.md", "site.laz", 360_000, [475_889.4, 5_428_849.0, 202.0], [476_102.6, 5_429_141.9, 220.0]),
+    ("own-data.md", "gnss.laz", 360_000, [475_891.1, 5_428_849.0, 202.0], [476_098.6, 5_429_145.3, 220.0]),
+    ("scenes.md", "stand.laz", 69_000, [-29.7, -24.7, -3.0], [20.7, 24.7, 12.9]),
+    ("scenes.md", "scanned.laz", 69_000, [-29.7, -24.5, -2.5], [20.7, 24.5, 13.0]),
+    ("scenes.md", "crown.laz", 69_000, [-29.7, -24.7, -3.0], [20.7, 24.7, 6.8]),
+    ("scenes.md", "forest.laz", 69_000, [-29.7, -24.7, -3.0], [20.7, 24.7, 11.8]),
+    ("scenes.md", "moving.laz", 69_000, [-29.7, -24.7, -3.0], [20.7, 24.7, 7.9]),
+];
+
 #[test]
 fn examples_of_docs_run() {
     let mut pages: Vec<PathBuf> =
@@ -275,7 +298,80 @@ fn examples_of_docs_run() {
             fs::write(workspace.path().join("my_instrument.toml"), file).unwrap();
         }
         workspace.run_examples(&path.display().to_string(), &examples(&page));
+        for (_, file, least, min, max) in CLOUDS_OF_PAGES.iter().filter(|cloud| path.ends_with(cloud.0)) {
+            let bytes = fs::read(workspace.path().join(file)).unwrap();
+            Cloud::of_las(&bytes).check(file, *least, *min, *max);
+        }
     }
+}
+
+/// A shell function that changes the columns of the flight of docs/own-data.md by awk, and flies it.
+const FLY: &str = r#"fly() {
+  awk -F, -v OFS=, -v CONVFMT=%.6f "NR == 1 { gsub(/.deg./, \"\") } NR > 1 { $1 } NR < 40" flight.csv > wrong.csv
+  vlscan run site.toml --trajectory wrong.csv -o wrong.laz --force
+}"#;
+
+/// The mistakes of the table in docs/own-data.md: what makes them, and what is said, in the order of the table.
+const MISTAKES: [(&str, &str); 15] = [
+    ("fly '$2 -= 476000; $3 -= 5429000'", "coordinates of a grid such as UTM and the flight local ones"),
+    ("fly '$2 = 8.67176; $3 = 49.0121 + NR / 1e5'", "look like longitude and latitude"),
+    ("fly '$2 -= 434000'", "as between neighbouring UTM zones"),
+    ("fly '$3 += 10000000'", "the false northing of the southern hemisphere"),
+    ("fly 'swap = $2; $2 = $3; $3 = swap'", "with x and y exchanged"),
+    ("fly 'for (i = 2; i < 5; i++) $i /= 0.3048'", "taken as feet"),
+    ("fly '$4 -= 148'", "below the lowest point of the scene"),
+    ("fly '$4 -= 105'", "below the terrain"),
+    ("fly 'for (i = 5; i < 8; i++) $i /= 57.29578'", "the angles look like radians"),
+    ("fly '$7 = 90'", "the platform moves towards"),
+    (
+        "sed /copter/d site.toml > wrong.toml; vlscan run wrong.toml -o wrong.laz --force",
+        "no mount turns the scanner towards the scene",
+    ),
+    (
+        "mkdir degrees; cp ./*.* degrees; cd degrees; printf '%s\n' 2e-5 0 0 -2e-5 8.67 49.01 > dem.tfw; \
+         vlscan scene info dem.tif",
+        "its coordinates are degrees",
+    ),
+    ("cp dem.tif nowhere.tif; vlscan scene info nowhere.tif", "it does not say where it lies"),
+    (
+        "sed s/site.mtl/none.mtl/ house.obj > wrong.obj; vlscan scene info wrong.obj",
+        "there is no material file",
+    ),
+    ("fly '$2 += 300'", "points for"),
+];
+
+#[test]
+fn mistakes_with_own_data_are_answered_as_the_page_says() {
+    let page = fs::read_to_string(root().join("docs/own-data.md")).unwrap();
+    let (_, table) = page.split_once("## What goes wrong").unwrap();
+    let listed: Vec<&str> =
+        table.lines().filter_map(|line| line.split(" | `").nth(1)?.split('`').next()).collect();
+    assert_eq!(listed, MISTAKES.map(|(_, warning)| warning));
+    let workspace = Workspace::new();
+    // The blocks that write the files of the page.
+    let files: Vec<String> = examples(&page).into_iter().filter(|block| block.contains(" > ")).collect();
+    workspace.run_examples("docs/own-data.md", &files);
+    for (mistake, warning) in MISTAKES {
+        let said = text(&workspace.bash(&format!("{FLY}\n{mistake}")).stderr);
+        assert!(said.contains(warning), "{mistake}: {said}");
+    }
+}
+
+#[test]
+fn every_correction_has_its_row() {
+    let dir = folder();
+    let help = text(&common::succeed(dir.path(), &["run", "--help"]).stdout);
+    let (_, list) = help.split_once("\nCorrections").unwrap();
+    let (list, _) = list.split_once("\nExamples").unwrap();
+    let entries = list.lines().filter_map(|line| line.strip_prefix("  "));
+    let names = entries.filter(|line| line.starts_with(|c: char| c.is_ascii_lowercase()));
+    let page = fs::read_to_string(root().join("docs/physics.md")).unwrap();
+    let mut count = 0;
+    for name in names.map(|line| line.split(' ').next().unwrap()) {
+        assert!(page.contains(&format!("\n| `{name}`")), "docs/physics.md has no row of {name}");
+        count += 1;
+    }
+    assert!(count > 50, "{count} corrections");
 }
 
 #[test]
@@ -364,11 +460,7 @@ fn every_pipeline_gives_what_it_describes() {
         let said = text(&done.stderr);
         assert!(done.status.success() && !said.contains("warning"), "{name}: {said}");
         let cloud = Cloud::of_rows(&fs::read_to_string(workspace.path().join("a.csv")).unwrap(), ',');
-        assert!((least..least * 5 / 4).contains(&cloud.count), "{name}: {} points", cloud.count);
-        for axis in 0..3 {
-            let off = (cloud.min[axis] - min[axis]).abs().max((cloud.max[axis] - max[axis]).abs());
-            assert!(off < 1.0, "{name}: {:?} to {:?}", cloud.min, cloud.max);
-        }
+        cloud.check(name, least, min, max);
         assert_eq!(cloud.classes, classes.iter().copied().collect(), "{name}");
     }
 }
