@@ -92,9 +92,11 @@ pub use survey::{Formula, ReadOptions, parse_seed, read_survey};
 /// What the benchmarks and tests of this repository measure and compare, besides the library.
 #[doc(hidden)]
 pub mod internals {
+    pub use crate::cli::command_line;
     pub use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
     pub use crate::generate::{Kind, SceneOptions, write_scene};
     pub use crate::geom::{DVec3, Rotation, UtmZone};
+    pub use crate::options::{Options, read_survey as read_run};
     pub use crate::output::{NoOffload, OutputContext, OutputPlan};
     pub use crate::preview::{read_packet, read_points};
     pub use crate::pulse::{Batch, Phase, Physics, PulseSimulator};

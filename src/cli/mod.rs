@@ -33,6 +33,7 @@ mod watch;
 
 pub use args::{Cli, Command, RunArgs};
 pub use console::{Console, LogTo, Verbosity};
+pub use manual::command as command_line;
 
 use crate::error::Error;
 use clap::FromArgMatches;

@@ -37,7 +37,7 @@ pub trait Collect<R>: Send {
 /// fails.
 ///
 /// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent of the
-/// schedule. On any failure `stop` is set, which `produce` should check between chunks. The first error in the order
+/// schedule. On any failure `stop` reads as requested until the next run, which `produce` should check between chunks. The first error in the order
 /// of the results is returned. A `recorder` records the activity of all threads.
 pub fn run<C, R, W, K>(
     schedule: Schedule,
@@ -54,6 +54,7 @@ where
     W: FnMut(C) -> Result<R>,
     K: Collect<R>,
 {
+    stop.begin_run();
     let (queue, queue_end) = bounded::<QueuedChunk<C, R>>(schedule.queue_capacity());
     let (results, results_end) = bounded(schedule.results_capacity());
     let (announce_idle, idle_workers) = bounded(schedule.workers().max(1));
@@ -85,7 +86,7 @@ where
         let collecting = scope.spawn(move || {
             let outcome = collect(&results_end, stop, recorder, collector);
             if outcome.is_err() {
-                stop.request();
+                stop.fail();
             }
             jobs.close();
             outcome
@@ -111,7 +112,7 @@ where
         let produced = produced.and(flushed);
         match produced {
             Ok(()) => feed.drain(),
-            Err(_) => stop.request(),
+            Err(_) => stop.fail(),
         }
         feed.record.finish();
         drop(feed);

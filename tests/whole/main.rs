@@ -11,6 +11,7 @@ mod determinism;
 mod examples;
 mod fixtures;
 mod formats;
+mod fuzz;
 mod helios_options;
 mod hostile;
 mod instruments;

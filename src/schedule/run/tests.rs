@@ -255,6 +255,25 @@ fn a_stop_ends_the_run_as_interrupted() {
 }
 
 #[test]
+fn the_failure_of_a_run_does_not_stop_the_next() {
+    let stop = Stop::new();
+    let run_until = |failing: u64| {
+        run(
+            Schedule { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
+            &Arc::new(JobQueue::new(4)),
+            &stop,
+            None,
+            || move |x: u64| if x == failing { Err(Error::input("failed")) } else { Ok(x) },
+            |feed| (0..50).try_for_each(|x| feed.put(x)),
+            Each(|_: u64| Ok(()), || ()),
+        )
+    };
+    assert!(run_until(20).is_err() && stop.is_requested());
+    run_until(50).unwrap();
+    assert!(!stop.is_requested());
+}
+
+#[test]
 fn a_leg_begins_when_the_one_before_is_done() {
     for schedule in schedules(&[2, 4]).into_iter().filter(|s| s.leg_barrier) {
         let done = AtomicUsize::new(0);
