@@ -11,8 +11,9 @@ mod report;
 mod table;
 
 use super::args::BenchArgs;
-use super::{Cli, Command, Console, RunArgs, interrupt};
+use super::{Cli, Command, Console, RunArgs};
 use crate::error::{Error, Result};
+use crate::files::{FileWriter, Patched, is_special, write_stdout};
 use clap::Parser;
 use matrix::{Matrix, thread_counts};
 use report::Report;
@@ -20,10 +21,9 @@ use std::ffi::OsString;
 use std::path::Path;
 
 pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
-    interrupt::listen();
     let matrix = Matrix::new(args)?;
     for path in [&args.json, &args.svg].into_iter().flatten() {
-        if path.exists() && !args.force {
+        if path.exists() && !is_special(path) && !args.force {
             return Err(Error::input(format!("{} exists; --force replaces it", path.display())));
         }
     }
@@ -55,23 +55,25 @@ fn write_report(args: &BenchArgs, report: &Report) -> Result<()> {
     if let Some(path) = &args.json {
         let json = serde_json::to_string_pretty(&report.json(args.paper))
             .map_err(|e| Error::Internal(e.to_string()))?;
-        write(path, &(json + "\n"))?;
+        write(path, &(json + "\n"), args.force)?;
     }
     if let Some(path) = &args.svg {
-        write(path, &picture::of(report))?;
+        write(path, &picture::of(report), args.force)?;
     }
     if to_stdout {
         eprint!("{text}");
         return Ok(());
     }
-    write(Path::new("-"), &text)
+    write_stdout(&text)
 }
 
-fn write(path: &Path, text: &str) -> Result<()> {
-    if path.as_os_str() != "-" {
-        return std::fs::write(path, text).map_err(|e| Error::io("write", path, e));
+fn write(path: &Path, text: &str, force: bool) -> Result<()> {
+    if path.as_os_str() == "-" {
+        return write_stdout(text);
     }
-    super::write_stdout(text)
+    let mut file = FileWriter::create(path, force, Patched::Never)?;
+    file.append(text.as_bytes())?;
+    file.finish().map(drop)
 }
 
 /// Parses the survey and the options of `vlscan run` that follow `--`.

@@ -3,11 +3,10 @@
 use super::Console;
 use super::args::CatalogueArgs;
 use crate::error::{Error, Result};
+use crate::files::write_stdout;
 use crate::geom::degrees;
 use crate::survey::{Deflector, Platform, PlatformKind, Scanner, catalogue};
 use serde::Serialize;
-use std::io::Write;
-use std::path::Path;
 
 /// Properties of a scanner by which users compare scanners; the figures are those of its first device.
 #[derive(Serialize)]
@@ -72,10 +71,7 @@ pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
     } else {
         table(&rows)
     };
-    std::io::stdout()
-        .lock()
-        .write_all(text.as_bytes())
-        .map_err(|e| Error::io("write", Path::new("standard output"), e))?;
+    write_stdout(&text)?;
     if rows.scanners.is_empty() && rows.platforms.is_empty() {
         console.say("nothing in the catalogue has that in its name; `vlscan catalogue` lists everything");
     }

@@ -46,7 +46,7 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
         console.warnings(&warnings);
     }
     let text = if args.json { facts.json()? } else { facts.text() };
-    super::write_stdout(&text)
+    crate::files::write_stdout(&text)
 }
 
 /// A scene as named on the command line: directly, or by a file that refers to it.

@@ -1,17 +1,42 @@
-//! Ctrl-C: the first requests an orderly stop, the second ends the process.
+//! Ctrl-C and other requests to end. While a run measures, the first one stops it in order; at any other time, and the
+//! second time, it ends the process, which leaves no temporary files.
 
+use super::Console;
+use crate::error::Error;
+use crate::files;
 use crate::schedule::Stop;
+use std::time::Duration;
 
 /// Stop request that a run checks between chunks.
 pub static STOP: Stop = Stop::new();
 
-/// Converts SIGINT, SIGTERM and SIGHUP to stop requests. Repeated calls have no effect.
-pub fn listen() {
+/// How long a stopped run waits for the readers of its streams, and the end of the process for that of its messages.
+const GRACE: Duration = Duration::from_secs(2);
+
+/// Handles SIGINT, SIGTERM and SIGHUP from now on.
+pub fn listen(console: &Console) {
+    let console = console.clone();
     // A handler can be installed once per process; without one the signal ends the program.
-    let _ = ctrlc::set_handler(|| {
-        if STOP.is_requested() {
-            std::process::exit(130);
+    let _ = ctrlc::set_handler(move || {
+        if STOP.is_requested() || !STOP.is_heeded() {
+            end(console.clone());
         }
         STOP.request();
+        files::limit_waiting(GRACE);
     });
+}
+
+/// Ends the process.
+fn end(console: Console) -> ! {
+    files::remove_temporary();
+    let (done, is_done) = flume::bounded(1);
+    // A full pipe must not keep the process.
+    let started = std::thread::Builder::new().spawn(move || {
+        console.failure(&Error::Interrupted);
+        let _ = done.send(());
+    });
+    if started.is_ok() {
+        let _ = is_done.recv_timeout(GRACE);
+    }
+    std::process::exit(i32::from(Error::Interrupted.exit_status()));
 }

@@ -9,6 +9,7 @@ use super::Cli;
 use super::args::ManArgs;
 use super::console::Console;
 use crate::error::{Error, Result};
+use crate::files::{FileWriter, NewFolder, Patched};
 use crate::options::pipeline_keys;
 use crate::pulse::Corrections;
 use clap::{Command, CommandFactory};
@@ -34,12 +35,14 @@ pub fn command() -> Command {
 
 /// Runs `vlscan man`: writes a page for every subcommand to a directory, replacing existing pages.
 pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
-    std::fs::create_dir_all(&args.dir).map_err(|e| Error::io("create", &args.dir, e))?;
+    let folder = NewFolder::create_all(&args.dir).map_err(|e| Error::io("create", &args.dir, e))?;
     let pages = manual()?;
     for (name, text) in &pages {
-        let path = args.dir.join(name);
-        std::fs::write(&path, text).map_err(|e| Error::io("write", &path, e))?;
+        let mut page = FileWriter::create(&args.dir.join(name), true, Patched::Never)?;
+        page.append(text)?;
+        page.finish()?;
     }
+    folder.keep();
     console.say(format!(
         "{} pages in {}; look: man -l {}",
         pages.len(),

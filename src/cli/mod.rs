@@ -39,6 +39,7 @@ use crate::error::Error;
 use clap::FromArgMatches;
 use std::ffi::OsString;
 use std::io::Write as _;
+use std::path::Path;
 
 /// Runs the program with these arguments and returns its exit status: 0 success, 1 system error, 2 invalid input or
 /// usage, 3 a scan frequency outside the scanner's limits, 130 interrupted.
@@ -51,17 +52,16 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     if words.len() < 2 {
-        let _ = manual::command().print_help();
-        return 0;
+        return status(printed(manual::command().print_help()), &Console::new(Verbosity::Normal));
     }
     let parsed =
         manual::command().try_get_matches_from(words).and_then(|found| Cli::from_arg_matches(&found));
     let cli = match parsed {
         Ok(cli) => cli,
         Err(message) => {
-            // Help and version are output, not errors; a closed pipe must not turn them into a panic.
-            let _ = message.print();
-            return if message.use_stderr() { 2 } else { 0 };
+            // Help and version are output, not errors.
+            let outcome = printed(message.print());
+            return if message.use_stderr() { 2 } else { status(outcome, &Console::new(Verbosity::Normal)) };
         }
     };
     let console = match Console::new(cli.verbosity()).logging(cli.log()) {
@@ -71,6 +71,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
             return error.exit_status();
         }
     };
+    interrupt::listen(&console);
     let outcome = match &cli.command {
         Command::Run(args) => run::run(args, &console),
         Command::Bench(args) => bench::run(args, &console),
@@ -84,6 +85,16 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Completions(args) => completions::run(args),
         Command::Man(args) => manual::run(args, &console),
     };
+    let outcome = match outcome {
+        // A stopped run has given up a stream whose reader takes nothing.
+        Err(Error::ClosedPipe) if interrupt::STOP.is_requested() => Err(Error::Interrupted),
+        outcome => outcome,
+    };
+    status(outcome, &console)
+}
+
+/// Shows the error and returns the exit status. A reader that has closed its pipe causes no message.
+fn status(outcome: Result<(), Error>, console: &Console) -> u8 {
     match outcome {
         Ok(()) => 0,
         Err(error) => {
@@ -95,8 +106,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// Writes a text to stdout. If the reader has closed the pipe, the program ends without a message.
-fn write_stdout(text: &str) -> Result<(), Error> {
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Error::io("write", "stdout", e))
+/// The outcome of printing something to standard output through its buffer.
+fn printed(outcome: std::io::Result<()>) -> Result<(), Error> {
+    let flushed = outcome.and_then(|()| std::io::stdout().flush());
+    flushed.map_err(|e| Error::io("write", Path::new("standard output"), e))
 }

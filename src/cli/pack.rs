@@ -4,6 +4,7 @@ use super::args::PackArgs;
 use super::run::job::material_rules;
 use super::{Console, info};
 use crate::error::{Error, Result};
+use crate::files::is_special;
 use crate::quantity::amount;
 use crate::scene::{self, LoadOptions};
 use crate::tree::BuildOptions;
@@ -16,7 +17,8 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let (recipe, found, warnings) = name.recipe()?;
     console.warnings(&warnings);
     let out = args.out.clone().unwrap_or_else(|| recipe.path.with_extension("vlscene"));
-    if out.exists() && !args.force {
+    let is_stream = is_special(&out);
+    if out.exists() && !is_stream && !args.force {
         return Err(Error::input(format!("{} exists; --force overwrites it", out.display())));
     }
     let seed = args.seed.map(|seed| seed.0).or(found.seed).unwrap_or(0);
@@ -33,14 +35,19 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     console.warnings(&warnings);
     let loaded = started.elapsed().as_secs_f64();
     let started = Instant::now();
-    open(&out)?;
+    let opens = match is_stream {
+        true => String::new(),
+        false => {
+            open(&out)?;
+            format!(", opens in {:.1} ms", started.elapsed().as_secs_f64() * 1e3)
+        }
+    };
     let epochs = if packed.epochs > 1 { format!(" in {} epochs", packed.epochs) } else { String::new() };
     console.say(format!(
-        "{}  {} primitives{epochs}, {}B; packed in {loaded:.1} s, opens in {:.1} ms",
+        "{}  {} primitives{epochs}, {}B; packed in {loaded:.1} s{opens}",
         out.display(),
         amount(packed.primitives as f64),
-        amount(packed.bytes as f64),
-        started.elapsed().as_secs_f64() * 1e3
+        amount(packed.bytes as f64)
     ));
     Ok(())
 }

@@ -3,12 +3,13 @@
 use super::Console;
 use super::args::{Colour, PreviewArgs};
 use crate::error::{Error, Result};
-use crate::files::TemporaryFile;
+use crate::files::{FileWriter, Patched, identity, is_special};
+use crate::output::expand;
 use crate::preview::{
     Chart, ColourBy, PageOptions, PreviewOptions, Wave, draw, read_packet, read_points, read_wave, write_page,
 };
 use crate::quantity::amount;
-use std::io::{BufWriter, IsTerminal, Write};
+use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
 
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
@@ -30,13 +31,13 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         let (width, height) = (args.width, args.height);
         let options = PreviewOptions { colour, width, height, title, ..PreviewOptions::default() };
         let picture = draw(&points, &options).png()?;
-        write(&args.out, |out| out.write_all(&picture))?;
+        write(args, |out| out.write_all(&picture))?;
         console.say(format!("{}: {count} points", args.out.display()));
         return Ok(());
     }
     let options =
         PageOptions { colour, title, max_points: usize::try_from(args.most_points.0).unwrap_or(usize::MAX) };
-    let page = write(&args.out, |out| write_page(&points, &options, out))?;
+    let page = write(args, |out| write_page(&points, &options, out))?;
     let sampled = if page.shown < page.total {
         format!("{} of {count} points, evenly chosen (--most-points)", amount(page.shown as f64))
     } else {
@@ -50,7 +51,7 @@ fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
     let wave = waveform(&args.points, pulse)?;
     let chart = Chart::new(&wave, &title(&args.points), args.width, args.height);
     let content = if is_page(&args.out) { chart.page().into_bytes() } else { chart.picture().png()? };
-    write(&args.out, |out| out.write_all(&content))?;
+    write(args, |out| out.write_all(&content))?;
     console.say(format!("{}: pulse {pulse}, {} samples", args.out.display(), wave.samples.len()));
     Ok(())
 }
@@ -62,15 +63,14 @@ fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("las") || e.eq_ignore_ascii_case("laz")) {
         return read_packet(path, pulse);
     }
-    let open = |path: &Path| std::fs::File::open(path).map_err(|e| Error::open(path, e));
-    let file = open(path)?;
+    let file = std::fs::File::open(path).map_err(|e| Error::open(path, e))?;
     if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("bin")) {
         return read_wave(file, path, pulse);
     }
-    let folder = tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir(), e))?;
-    let text = folder.path().join("text");
-    crate::output::unzip(path, std::io::BufReader::new(file), Some(&text), false)?;
-    read_wave(open(&text)?, path, pulse)
+    let mut text = FileWriter::scratch()?;
+    expand(path, BufReader::new(file), |bytes| text.append(bytes))?;
+    text.rewind().map_err(|e| text.failed("read", e))?;
+    read_wave(text, path, pulse)
 }
 
 fn check(args: &PreviewArgs) -> Result<()> {
@@ -92,8 +92,11 @@ fn check(args: &PreviewArgs) -> Result<()> {
         }
         return Ok(());
     }
-    if out.exists() && !args.force {
+    if out.exists() && !is_special(out) && !args.force {
         return Err(Error::input(format!("{} exists already; overwrite it with --force", out.display())));
+    }
+    if out.is_file() && identity(out) == identity(points) {
+        return Err(Error::input(format!("{} is the file of points, expected another name", out.display())));
     }
     let ending = out.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     if is_page(out) || ending.as_deref() == Some("png") {
@@ -114,17 +117,14 @@ fn title(points: &Path) -> String {
     if is_stdout(points) { String::new() } else { points.display().to_string() }
 }
 
-/// Writes a file, which is renamed to its name only when complete, or to stdout.
-fn write<T>(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result<T>) -> Result<T> {
-    let flushed = |out: &mut dyn Write| {
-        let written = content(out)?;
-        out.flush().map(|()| written)
+/// Writes the picture or page.
+fn write<T>(args: &PreviewArgs, content: impl FnOnce(&mut dyn Write) -> std::io::Result<T>) -> Result<T> {
+    let file = match is_stdout(&args.out) {
+        true => FileWriter::stdout(Patched::Never)?,
+        false => FileWriter::create(&args.out, args.force, Patched::Never)?,
     };
-    if is_stdout(path) {
-        return flushed(&mut std::io::stdout().lock()).map_err(|e| Error::io("write", "<stdout>", e));
-    }
-    let (part, file) = TemporaryFile::create(path, true)?;
-    let written = flushed(&mut BufWriter::new(file)).map_err(|e| Error::io("write", part.path(), e))?;
-    part.commit()?;
-    Ok(written)
+    let mut out = BufWriter::new(file);
+    let written = content(&mut out).and_then(|written| out.flush().map(|()| written));
+    let written = written.map_err(|e| out.get_ref().failed("write", e))?;
+    out.into_parts().0.finish().map(|_| written)
 }

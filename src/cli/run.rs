@@ -6,6 +6,7 @@ use super::args::RunArgs;
 use super::watch::watched;
 use super::{Console, Verbosity, interrupt};
 use crate::error::{Error, Result};
+use crate::files::{FileWriter, Patched};
 use crate::output::FileKind;
 use crate::pipeline::{Control, Progress, Report, Session};
 use crate::quantity::{amount, duration};
@@ -14,11 +15,13 @@ pub use job::Job;
 use std::time::Instant;
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
-    interrupt::listen();
     let started = Instant::now();
     let (job, warnings) = Job::resolve(&args.file, &args.options)?;
     console.warnings(&warnings);
-    let Job { settings, output, schedule_log, progress_lines } = job;
+    let Job { settings, mut output, schedule_log, progress_lines } = job;
+    let force = output.force;
+    output.inputs.push(args.file.clone());
+    output.companions.extend(schedule_log.clone());
     let mut session = Session::open(settings, console.observer())?;
     let recorder = schedule_log.is_some().then(Recorder::new);
     let progress = Progress::default();
@@ -27,7 +30,9 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let report = watched(console, progress_lines, legs, &progress, || session.run(output, control))?;
     if let (Some(path), Some(recorder), false) = (&schedule_log, recorder, report.interrupted) {
         let text = serde_json::to_string(&recorder.finish()).map_err(|e| Error::Internal(e.to_string()))?;
-        std::fs::write(path, text + "\n").map_err(|e| Error::io("write", path, e))?;
+        let mut log = FileWriter::create(path, force, Patched::Never)?;
+        log.append((text + "\n").as_bytes())?;
+        log.finish()?;
     }
     show_report(console, &report, started)
 }
@@ -64,7 +69,8 @@ pub fn show_report(console: &Console, report: &Report, started: Instant) -> Resu
         return Ok(());
     }
     if !summary.files.is_empty() {
-        console.say("the run was interrupted: these outputs are valid but partial, and say so");
+        console
+            .say("the run was interrupted: files named NAME.partial.EXT hold what was measured until then");
     }
     Err(Error::Interrupted)
 }

@@ -3,6 +3,7 @@
 use super::Console;
 use super::args::UnzipArgs;
 use crate::error::{Error, Result};
+use crate::files::identity;
 use crate::output::unzip;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -16,6 +17,12 @@ pub fn run(args: &UnzipArgs, console: &Console) -> Result<()> {
         Box::new(BufReader::new(file))
     };
     let out = (!is_stream(&args.out)).then_some(args.out.as_path());
+    if out.is_some_and(|out| out.is_file() && identity(out) == identity(&args.file)) {
+        return Err(Error::input(format!(
+            "{} is the compressed file, expected another name",
+            args.out.display()
+        )));
+    }
     let lines = unzip(&args.file, file, out, args.force)?;
     console.say(format!("{}  {lines} lines", out.map_or("stdout".into(), |p| p.display().to_string())));
     Ok(())

@@ -1,13 +1,13 @@
 //! Foliage as opaque voxels, written as an AMAPVox file like the voxelised laser scans of real trees.
 
-use super::obj::NewFile;
+use super::obj::SceneFolder;
 use super::random::{Random, Topic};
 use super::tree::Tree;
 use crate::error::{Error, Result};
 use crate::geom::{Aabb, DVec3};
 use std::collections::HashSet;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Edge of a cell, m.
 pub(super) const CELL: f64 = 0.25;
@@ -23,7 +23,7 @@ pub(super) struct Cells {
 
 /// Writes about `wanted` cells within the crowns of `trees`, distributed in proportion to leaf area. Fails when the
 /// crowns are too small for that number of cells.
-pub(super) fn write(trees: &[Tree], seed: u64, wanted: u64, folder: &Path) -> Result<Cells> {
+pub(super) fn write(trees: &[Tree], seed: u64, wanted: u64, folder: &SceneFolder) -> Result<Cells> {
     let area: f64 = trees.iter().map(Tree::leaf_area).sum();
     let volume = |tree: &Tree| {
         let radii = tree.crown().1;
@@ -67,7 +67,7 @@ fn too_many(wanted: u64, room: f64) -> Error {
     ))
 }
 
-fn write_cells(cells: &[[i64; 3]], folder: &Path) -> Result<Cells> {
+fn write_cells(cells: &[[i64; 3]], folder: &SceneFolder) -> Result<Cells> {
     let fold = |pick: fn(i64, i64) -> i64| {
         cells.iter().copied().reduce(|a, b| [0, 1, 2].map(|i| pick(a[i], b[i]))).unwrap_or_default()
     };
@@ -88,7 +88,7 @@ fn write_cells(cells: &[[i64; 3]], folder: &Path) -> Result<Cells> {
         hi[1] - lo[1],
         hi[2] - lo[2],
     );
-    let mut file = NewFile::create(&folder.join(FILE))?;
+    let mut file = folder.file(FILE)?;
     for [x, y, z] in cells {
         let _ = writeln!(text, "{} {} {} 1 0 0 0 0 0 0 0 0 0 0.5 0 0", x - lo[0], y - lo[1], z - lo[2]);
         if text.len() > 1 << 20 {
@@ -98,5 +98,5 @@ fn write_cells(cells: &[[i64; 3]], folder: &Path) -> Result<Cells> {
     }
     file.write(text.as_bytes())?;
     let bounds = Aabb { min: DVec3::from(min), max: DVec3::from(max) };
-    Ok(Cells { path: file.finish()?, count: cells.len() as u64, bounds })
+    Ok(Cells { path: file.finish(), count: cells.len() as u64, bounds })
 }

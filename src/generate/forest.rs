@@ -1,13 +1,12 @@
 //! A mixed forest on rolling ground.
 
-use super::obj::{Mesh, NewFile, ObjFile};
+use super::obj::{Mesh, ObjFile, SceneFolder};
 use super::random::{Octave, Random, Relief, Topic};
 use super::solid::{ground, ground_cells};
 use super::tree::{MIN_TREE_TRIANGLES, Species, Tree, shrub};
 use super::{Materials, Part, SceneFiles, SceneOptions, crowns};
 use crate::error::Result;
 use crate::geom::DVec3;
-use std::path::Path;
 
 pub(super) const MATERIAL_FILE: &str = "forest.mtl";
 pub(super) const MATERIALS: Materials = Materials {
@@ -68,7 +67,7 @@ impl Budget {
 }
 
 /// Writes the ground, the undergrowth, the trees and, if requested, the voxels.
-pub(super) fn write(options: &SceneOptions, extent: f64, folder: &Path) -> Result<SceneFiles> {
+pub(super) fn write(options: &SceneOptions, extent: f64, folder: &SceneFolder) -> Result<SceneFiles> {
     if let Some((models, copies)) = options.instances {
         return write_models(options, (models, copies), extent, folder);
     }
@@ -89,8 +88,8 @@ pub(super) fn write(options: &SceneOptions, extent: f64, folder: &Path) -> Resul
     Ok(files)
 }
 
-fn write_ground(relief: &Relief, extent: f64, cells: u64, folder: &Path) -> Result<Mesh> {
-    let mut out = ObjFile::create(&folder.join("ground.obj"), MATERIAL_FILE)?;
+fn write_ground(relief: &Relief, extent: f64, cells: u64, folder: &SceneFolder) -> Result<Mesh> {
+    let mut out = ObjFile::create(folder, "ground.obj", MATERIAL_FILE)?;
     out.material("forest_floor");
     ground(&mut out, relief, extent, cells)?;
     out.finish()
@@ -154,10 +153,10 @@ impl ForestStand {
         seed: u64,
         relief: &Relief,
         extent: f64,
-        folder: &Path,
+        folder: &SceneFolder,
         pairs: u64,
     ) -> Result<Mesh> {
-        let mut out = ObjFile::create(&folder.join("undergrowth.obj"), MATERIAL_FILE)?;
+        let mut out = ObjFile::create(folder, "undergrowth.obj", MATERIAL_FILE)?;
         out.material("undergrowth");
         let shrubs = (self.trees.len() as u64 * 3 / 4).min(pairs / 8).max(1);
         for i in 0..shrubs {
@@ -170,11 +169,17 @@ impl ForestStand {
         out.finish()
     }
 
-    fn write_by_species(&self, seed: u64, folder: &Path, pairs: u64, scene: &mut SceneFiles) -> Result<()> {
+    fn write_by_species(
+        &self,
+        seed: u64,
+        folder: &SceneFolder,
+        pairs: u64,
+        scene: &mut SceneFiles,
+    ) -> Result<()> {
         let mut files = Vec::new();
         for species in Species::ALL.into_iter().filter(|s| self.trees.iter().any(|t| t.species == *s)) {
-            let path = folder.join(format!("{}.obj", species.name()));
-            files.push((species, ObjFile::create(&path, MATERIAL_FILE)?));
+            let name = format!("{}.obj", species.name());
+            files.push((species, ObjFile::create(folder, &name, MATERIAL_FILE)?));
         }
         for (tree, triangles) in self.shares(pairs) {
             if let Some((_, out)) = files.iter_mut().find(|(s, _)| *s == tree.species) {
@@ -187,11 +192,17 @@ impl ForestStand {
         Ok(())
     }
 
-    fn write_separately(&self, seed: u64, folder: &Path, pairs: u64, scene: &mut SceneFiles) -> Result<()> {
-        create_trees_folder(folder)?;
+    fn write_separately(
+        &self,
+        seed: u64,
+        folder: &SceneFolder,
+        pairs: u64,
+        scene: &mut SceneFiles,
+    ) -> Result<()> {
+        folder.add_folder(TREES_FOLDER)?;
         for (i, (tree, triangles)) in self.shares(pairs).enumerate() {
             let name = format!("{TREES_FOLDER}/{:06}_{}.obj", i + 1, tree.species.name());
-            let mut out = ObjFile::create(&folder.join(&name), &format!("../{MATERIAL_FILE}"))?;
+            let mut out = ObjFile::create(folder, &name, &format!("../{MATERIAL_FILE}"))?;
             tree.write(&mut out, seed, triangles)?;
             scene.add_part(Part { file: name, name: tree.species.name() }, out.finish()?);
         }
@@ -199,17 +210,12 @@ impl ForestStand {
     }
 }
 
-fn create_trees_folder(folder: &Path) -> Result<()> {
-    let trees = folder.join(TREES_FOLDER);
-    std::fs::create_dir_all(&trees).map_err(|e| crate::Error::io("create", &trees, e))
-}
-
 /// Writes a forest of few tree models, each of which is placed many times.
 fn write_models(
     options: &SceneOptions,
     (models, copies): (u64, u64),
     extent: f64,
-    folder: &Path,
+    folder: &SceneFolder,
 ) -> Result<SceneFiles> {
     let (seed, trees) = (options.seed, models * copies);
     let below = (options.triangles * 9 / 100).min(MAX_TRIANGLES_BELOW_MODELS);
@@ -218,13 +224,13 @@ fn write_models(
     let relief = Relief::new(seed, &RELIEF, extent / cells as f64);
     let mut files = SceneFiles::default();
     files.add("ground", write_ground(&relief, extent, cells, folder)?);
-    create_trees_folder(folder)?;
+    folder.add_folder(TREES_FOLDER)?;
     let mut names = Vec::new();
     let mut tallest = 0.0f64;
     for number in 0..models {
         let species = Species::ALL[(number % Species::ALL.len() as u64) as usize];
         let name = format!("{TREES_FOLDER}/{:04}_{}.obj", number + 1, species.name());
-        let mut out = ObjFile::create(&folder.join(&name), &format!("../{MATERIAL_FILE}"))?;
+        let mut out = ObjFile::create(folder, &name, &format!("../{MATERIAL_FILE}"))?;
         Tree::new(seed, number, species, DVec3::ZERO).write(&mut out, seed, per_tree)?;
         let mesh = out.finish()?;
         tallest = tallest.max(mesh.bounds.max.z);
@@ -232,7 +238,7 @@ fn write_models(
         names.push(name);
     }
 
-    let mut table = NewFile::create(&folder.join(TABLE))?;
+    let mut table = folder.file(TABLE)?;
     table.write(b"file,x,y,z,yaw,scale\n")?;
     let columns = ((trees as f64).sqrt().ceil() as u64).max(1);
     let step = extent / columns as f64;
@@ -245,7 +251,7 @@ fn write_models(
         let line = format!("{name},{x:.3},{y:.3},{:.3},{yaw:.1},{scale:.3}\n", relief.height(x, y));
         table.write(line.as_bytes())?;
     }
-    files.files.push(table.finish()?);
+    files.files.push(table.finish());
     files.parts.push(Part { file: TABLE.to_owned(), name: "trees" });
     files.triangles += trees * per_tree;
     files.bounds.max.z += 1.25 * tallest;

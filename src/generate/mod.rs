@@ -24,7 +24,7 @@ mod tree;
 
 use crate::error::{Error, Result};
 use crate::geom::Aabb;
-use obj::{Mesh, NewFile};
+use obj::{Mesh, SceneFolder};
 use std::path::{Path, PathBuf};
 
 /// Kinds of scenes.
@@ -124,8 +124,8 @@ pub struct GeneratedScene {
     pub pulses: u64,
 }
 
-/// Writes a scene and its survey into `folder`, which is created if it does not exist. Files appear under their names
-/// only when they are complete.
+/// Writes a scene and its survey into `folder`, which is created if it does not exist. The files appear under their
+/// names when all are complete.
 ///
 /// # Errors
 /// [`Error::Input`] for impossible sizes and for existing files (unless [`SceneOptions::overwrite`]); [`Error::Io`]
@@ -135,25 +135,26 @@ pub fn write_scene(options: &SceneOptions, folder: &Path) -> Result<GeneratedSce
     if !options.overwrite {
         refuse_existing(folder)?;
     }
-    std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))?;
+    let folder = SceneFolder::create(folder, options.overwrite)?;
     let (material_file, materials) = match options.kind {
         Kind::Forest => (forest::MATERIAL_FILE, forest::MATERIALS),
         Kind::Terrain => (terrain::MATERIAL_FILE, terrain::MATERIALS),
         Kind::Room => (room::MATERIAL_FILE, room::MATERIALS),
     };
-    let materials = write_text(folder, material_file, &materials.text())?;
+    let materials = write_text(&folder, material_file, &materials.text())?;
     let mut scene = match options.kind {
-        Kind::Forest => forest::write(options, extent, folder)?,
-        Kind::Terrain => terrain::write(options, extent, folder)?,
-        Kind::Room => room::write(options, extent, folder)?,
+        Kind::Forest => forest::write(options, extent, &folder)?,
+        Kind::Terrain => terrain::write(options, extent, &folder)?,
+        Kind::Room => room::write(options, extent, &folder)?,
     };
     let texts = survey::survey_texts(options.kind, extent, scene.ground_height, options.pulses);
     scene.files.push(materials);
-    scene.files.push(write_text(folder, "scene.xml", &survey::scene_text(options.kind, &scene.parts))?);
-    scene.files.push(write_text(folder, "scanners.xml", &texts.scanners)?);
-    scene.files.push(write_text(folder, "platforms.xml", &texts.platforms)?);
-    let survey = write_text(folder, "survey.xml", &texts.survey)?;
+    scene.files.push(write_text(&folder, "scene.xml", &survey::scene_text(options.kind, &scene.parts))?);
+    scene.files.push(write_text(&folder, "scanners.xml", &texts.scanners)?);
+    scene.files.push(write_text(&folder, "platforms.xml", &texts.platforms)?);
+    let survey = write_text(&folder, "survey.xml", &texts.survey)?;
     scene.files.push(survey.clone());
+    folder.commit()?;
     let SceneFiles { files, triangles, voxels, bounds, .. } = scene;
     Ok(GeneratedScene { survey, files, triangles, voxels, bounds, pulses: texts.pulses })
 }
@@ -241,10 +242,10 @@ fn refuse_existing(folder: &Path) -> Result<()> {
     }
 }
 
-fn write_text(folder: &Path, name: &str, text: &str) -> Result<PathBuf> {
-    let mut file = NewFile::create(&folder.join(name))?;
+fn write_text(folder: &SceneFolder, name: &str, text: &str) -> Result<PathBuf> {
+    let mut file = folder.file(name)?;
     file.write(text.as_bytes())?;
-    file.finish()
+    Ok(file.finish())
 }
 
 /// A part of the scene and its file.

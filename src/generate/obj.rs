@@ -1,10 +1,9 @@
 //! Writes a mesh as OBJ text while it is generated; no part of the mesh is kept in memory.
 
 use crate::error::{Error, Result};
-use crate::files::TemporaryFile;
+use crate::files::{FileWriter, NewFolder, Patched};
 use crate::geom::{Aabb, DVec3};
-use std::fs::File;
-use std::io::Write;
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 /// Decimals of a coordinate in metres: the unit is 0.1 mm.
@@ -12,42 +11,87 @@ const DECIMALS: usize = 4;
 const UNITS_PER_METRE: f64 = 10_000.0;
 const FLUSH_AT: usize = 1 << 20;
 
-/// A file being written, and its path for error messages.
-pub(super) struct NewFile {
-    temporary: TemporaryFile,
-    file: File,
+/// The folder of a scene. Its files get their names together, when the last one is complete.
+pub(super) struct SceneFolder {
+    path: PathBuf,
+    overwrite: bool,
+    /// Dropped before `folders`, which can be removed only when they are empty.
+    complete: RefCell<Vec<FileWriter>>,
+    /// Inner ones first.
+    folders: RefCell<Vec<NewFolder>>,
 }
 
-impl NewFile {
-    pub(super) fn create(path: &Path) -> Result<NewFile> {
-        let (temporary, file) = TemporaryFile::create(path, true)?;
-        Ok(NewFile { temporary, file })
+impl SceneFolder {
+    /// Creates the folder, if it does not exist.
+    pub(super) fn create(path: &Path, overwrite: bool) -> Result<SceneFolder> {
+        let (folders, complete) = Default::default();
+        let folder = SceneFolder { path: path.to_path_buf(), overwrite, folders, complete };
+        folder.add_folder("").map(|()| folder)
     }
 
+    pub(super) fn add_folder(&self, name: &str) -> Result<()> {
+        let path = self.path.join(name);
+        let made = NewFolder::create_all(&path).map_err(|e| Error::io("create", &path, e))?;
+        self.folders.borrow_mut().insert(0, made);
+        Ok(())
+    }
+
+    /// Creates a file in the folder.
+    pub(super) fn file(&self, name: &str) -> Result<NewFile<'_>> {
+        let path = self.path.join(name);
+        if !self.overwrite && path.exists() {
+            return Err(Error::input(format!(
+                "{} exists already; overwrite it with --force",
+                path.display()
+            )));
+        }
+        let file = FileWriter::create(&path, self.overwrite, Patched::Never)?;
+        Ok(NewFile { folder: self, path, file })
+    }
+
+    /// Gives all files their names, in the order in which they were completed.
+    pub(super) fn commit(self) -> Result<()> {
+        self.complete.into_inner().into_iter().try_for_each(|file| file.finish().map(drop))?;
+        self.folders.into_inner().into_iter().for_each(NewFolder::keep);
+        Ok(())
+    }
+}
+
+/// A file of a scene under construction.
+pub(super) struct NewFile<'f> {
+    folder: &'f SceneFolder,
+    path: PathBuf,
+    file: FileWriter,
+}
+
+impl NewFile<'_> {
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        self.file.write_all(bytes).map_err(|e| Error::io("write", self.temporary.path(), e))
+        self.file.append(bytes)
     }
 
-    /// Renames the complete file from its temporary to its final path, which is returned.
-    pub(super) fn finish(self) -> Result<PathBuf> {
-        self.temporary.commit()
+    /// Passes the complete file to its folder and returns its path.
+    pub(super) fn finish(mut self) -> PathBuf {
+        self.file.close_handle();
+        self.folder.complete.borrow_mut().push(self.file);
+        self.path
     }
 }
 
 /// An OBJ file under construction.
-pub(super) struct ObjFile {
-    file: NewFile,
+pub(super) struct ObjFile<'f> {
+    file: NewFile<'f>,
     text: Vec<u8>,
     vertices: u64,
     pub(super) triangles: u64,
     pub(super) bounds: Aabb,
 }
 
-impl ObjFile {
-    pub(super) fn create(path: &Path, materials: &str) -> Result<ObjFile> {
+impl<'f> ObjFile<'f> {
+    pub(super) fn create(folder: &'f SceneFolder, name: &str, materials: &str) -> Result<ObjFile<'f>> {
         let mut text = Vec::with_capacity(FLUSH_AT + 4096);
         text.extend_from_slice(format!("mtllib {materials}\n").as_bytes());
-        Ok(ObjFile { file: NewFile::create(path)?, text, vertices: 0, triangles: 0, bounds: Aabb::EMPTY })
+        let file = folder.file(name)?;
+        Ok(ObjFile { file, text, vertices: 0, triangles: 0, bounds: Aabb::EMPTY })
     }
 
     /// Sets the material of the faces that follow.
@@ -98,7 +142,7 @@ impl ObjFile {
 
     pub(super) fn finish(mut self) -> Result<Mesh> {
         self.flush()?;
-        Ok(Mesh { triangles: self.triangles, bounds: self.bounds, path: self.file.finish()? })
+        Ok(Mesh { triangles: self.triangles, bounds: self.bounds, path: self.file.finish() })
     }
 }
 

@@ -1,6 +1,6 @@
 //! A furnished room under a sloping roof.
 
-use super::obj::ObjFile;
+use super::obj::{ObjFile, SceneFolder};
 use super::random::{Random, Topic};
 use super::solid::{BOX_FACES, ball, ball_triangles, box_corners, patch, tube};
 use super::tree::leaf_around;
@@ -8,7 +8,6 @@ use super::{Materials, SceneFiles, SceneOptions};
 use crate::error::Result;
 use crate::geom::{DVec3, radians};
 use libm::{cos, sin};
-use std::path::Path;
 
 pub(super) const MATERIAL_FILE: &str = "room.mtl";
 pub(super) const MATERIALS: Materials = Materials {
@@ -132,19 +131,19 @@ impl Group {
 }
 
 /// Writes the room and its furniture.
-pub(super) fn write(options: &SceneOptions, extent: f64, folder: &Path) -> Result<SceneFiles> {
+pub(super) fn write(options: &SceneOptions, extent: f64, folder: &SceneFolder) -> Result<SceneFiles> {
     let groups = furnish(options, extent);
     let total = |width: f64| groups.iter().map(|g| g.triangles(width)).sum::<u64>();
     let width = mesh_width(total, options.triangles * 92 / 100);
     let mut files = SceneFiles::default();
     let mut written = 0;
     for group in &groups {
-        let mut out = ObjFile::create(&folder.join(format!("{}.obj", group.name)), MATERIAL_FILE)?;
+        let mut out = ObjFile::create(folder, &format!("{}.obj", group.name), MATERIAL_FILE)?;
         group.write(&mut out, width)?;
         written += out.triangles;
         files.add(group.name, out.finish()?);
     }
-    let mut out = ObjFile::create(&folder.join("plant.obj"), MATERIAL_FILE)?;
+    let mut out = ObjFile::create(folder, "plant.obj", MATERIAL_FILE)?;
     plant(&mut out, options, extent, options.triangles.saturating_sub(written))?;
     files.add("plant", out.finish()?);
     Ok(files)

@@ -1,12 +1,11 @@
 //! Hills with boulders and a few houses.
 
-use super::obj::{Mesh, ObjFile};
+use super::obj::{Mesh, ObjFile, SceneFolder};
 use super::random::{Octave, Random, Relief, Topic};
 use super::solid::{BOX_FACES, ball, ball_triangles, box_corners, ground, ground_cells};
 use super::{Materials, SceneFiles, SceneOptions};
 use crate::error::Result;
 use crate::geom::DVec3;
-use std::path::Path;
 
 pub(super) const MATERIAL_FILE: &str = "terrain.mtl";
 pub(super) const MATERIALS: Materials = Materials {
@@ -38,13 +37,13 @@ const HOUSE: u64 = 26;
 const STONE: u64 = 8;
 
 /// Writes the ground, the houses and the boulders.
-pub(super) fn write(options: &SceneOptions, extent: f64, folder: &Path) -> Result<SceneFiles> {
+pub(super) fn write(options: &SceneOptions, extent: f64, folder: &SceneFolder) -> Result<SceneFiles> {
     let cells = ground_cells(options.triangles * 93 / 100);
     let rest = options.triangles - 2 * cells * cells;
     let relief = Relief::new(options.seed, &RELIEF, extent / cells as f64);
     let mut files = SceneFiles::default();
 
-    let mut hills = ObjFile::create(&folder.join("ground.obj"), MATERIAL_FILE)?;
+    let mut hills = ObjFile::create(folder, "ground.obj", MATERIAL_FILE)?;
     hills.material("meadow");
     ground(&mut hills, &relief, extent, cells)?;
     files.add("ground", hills.finish()?);
@@ -56,8 +55,8 @@ pub(super) fn write(options: &SceneOptions, extent: f64, folder: &Path) -> Resul
     Ok(files)
 }
 
-fn write_houses(seed: u64, relief: &Relief, extent: f64, folder: &Path, houses: u64) -> Result<Mesh> {
-    let mut out = ObjFile::create(&folder.join("houses.obj"), MATERIAL_FILE)?;
+fn write_houses(seed: u64, relief: &Relief, extent: f64, folder: &SceneFolder, houses: u64) -> Result<Mesh> {
+    let mut out = ObjFile::create(folder, "houses.obj", MATERIAL_FILE)?;
     for number in 0..houses {
         house(&mut out, &mut Random::new(seed, Topic::House, number), relief, extent)?;
     }
@@ -118,8 +117,14 @@ fn house(out: &mut ObjFile, random: &mut Random, relief: &Relief, extent: f64) -
 }
 
 /// Writes boulders of up to a few metres, then stones until at most seven of the triangles are left.
-fn write_boulders(seed: u64, relief: &Relief, extent: f64, folder: &Path, triangles: u64) -> Result<Mesh> {
-    let mut out = ObjFile::create(&folder.join("boulders.obj"), MATERIAL_FILE)?;
+fn write_boulders(
+    seed: u64,
+    relief: &Relief,
+    extent: f64,
+    folder: &SceneFolder,
+    triangles: u64,
+) -> Result<Mesh> {
+    let mut out = ObjFile::create(folder, "boulders.obj", MATERIAL_FILE)?;
     out.material("rock");
     let rings = match triangles {
         0..1_000 => 3,

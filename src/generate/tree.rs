@@ -298,15 +298,17 @@ fn on_axis(trunk: &[(DVec3, f64)], t: f64) -> DVec3 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::obj::SceneFolder;
     use super::*;
 
     #[test]
     fn a_tree_has_exactly_the_triangles_asked_for() {
         let folder = tempfile::tempdir().unwrap();
+        let folder = SceneFolder::create(folder.path(), true).unwrap();
         for species in Species::ALL {
             for triangles in [MIN_TREE_TRIANGLES, 64, 150, 602, 5000] {
                 let tree = Tree::new(1, 3, species, DVec3::new(1.0, 2.0, 0.5));
-                let mut out = ObjFile::create(&folder.path().join("t.obj"), "m.mtl").unwrap();
+                let mut out = ObjFile::create(&folder, "t.obj", "m.mtl").unwrap();
                 tree.write(&mut out, 1, triangles).unwrap();
                 let mesh = out.finish().unwrap();
                 assert_eq!(mesh.triangles, triangles, "{species:?}");

@@ -2,6 +2,7 @@
 
 use super::groups::{Options, OutputOptions};
 use crate::error::{Error, Result};
+use crate::files;
 use crate::output::{LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat};
 use crate::survey::{PlatformKind, Survey};
 use serde::Deserialize;
@@ -133,9 +134,7 @@ fn with_file_per_leg(target: Target) -> Target {
 }
 
 fn is_stdout(path: &Path) -> bool {
-    ["-", "STDOUT", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"]
-        .iter()
-        .any(|name| path.as_os_str() == *name)
+    ["-", "STDOUT"].iter().any(|name| path.as_os_str() == *name) || files::is_stdout(path)
 }
 
 /// Where a path leads, and its format: the one that its extension tells, else the one asked for, else `default`.
@@ -144,7 +143,7 @@ fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result
         return Ok((Target::Stdout, asked.unwrap_or(default)));
     }
     let told = if path.is_dir() { None } else { PointFormat::of_file(path) };
-    let is_special_file = path.exists() && !path.is_dir() && !path.is_file();
+    let is_special_file = files::is_special(path);
     // A named pipe, or what the shell makes of >(...), has no extension.
     let target = match told.is_some() || is_special_file {
         true => Target::File(path.to_path_buf()),
@@ -193,5 +192,11 @@ mod tests {
             assert_eq!(sink(Path::new(path), asked, Xyz).unwrap(), expected, "{path}");
         }
         assert!(sink(Path::new("a.e57"), None, Xyz).is_err());
+        #[cfg(unix)]
+        {
+            use std::os::unix::ffi::OsStrExt;
+            let name = Path::new(std::ffi::OsStr::from_bytes(b"a\xff.copc.laz"));
+            assert_eq!(sink(name, None, Xyz).unwrap(), (Target::File(name.into()), Copc));
+        }
     }
 }

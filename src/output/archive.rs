@@ -4,9 +4,11 @@
 
 use super::blocks::BlockCompressor;
 use super::offload::Offload;
-use super::stream::{Destination, OutputStream, Patched, is_special};
+use super::stream::{Destination, OutputStream};
 use crate::error::{Error, Result};
+use crate::files::{Patched, is_special};
 use adler2::Adler32;
+use flate2::bufread::ZlibDecoder;
 use flate2::{Compress, Compression, FlushCompress, Status};
 use std::io::{self, BufRead, Read};
 use std::path::Path;
@@ -104,25 +106,19 @@ pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) ->
     if let Some(path) = to.filter(|path| !force && !is_special(path) && path.symlink_metadata().is_ok()) {
         return Err(Error::input(format!("{} exists already; overwrite it with --force", path.display())));
     }
-    let mut archive = Archive { name, bytes: flate2::bufread::ZlibDecoder::new(file), at: 0 };
-    archive.check_head()?;
+    let mut archive = Archive::open(name, file)?;
     let mut out = OutputStream::open(&place, force, Patched::Never)?;
-    let mut text = Vec::new();
-    let mut lines = 0;
-    while let Some(length) = archive.length()? {
-        archive.copy(length, &mut text, &mut out)?;
-        lines += 1;
-    }
-    out.append(&text)?;
-    let mut file = archive.bytes.into_inner();
-    if !file.fill_buf().map_err(|e| Error::io("read", name, e))?.is_empty() {
-        return Err(Error::input(format!(
-            "{}: something follows the end of the compressed text",
-            name.display()
-        )));
-    }
+    let lines = archive.expand(|bytes| out.append(bytes))?;
     out.finish(None)?;
     Ok(lines)
+}
+
+/// Expands a compressed text as [`unzip`] does and passes it to `out` in pieces.
+///
+/// # Errors
+/// As for [`unzip`], and those of `out`.
+pub fn expand(name: &Path, file: impl BufRead, out: impl FnMut(&[u8]) -> Result<()>) -> Result<u64> {
+    Archive::open(name, file)?.expand(out)
 }
 
 /// Minimum bytes of text per write.
@@ -131,11 +127,32 @@ const MIN_WRITE_BYTES: usize = 1 << 16;
 /// The decompressed archive and the number of bytes read from it.
 struct Archive<'n, R> {
     name: &'n Path,
-    bytes: R,
+    bytes: ZlibDecoder<R>,
     at: u64,
 }
 
-impl<R: Read> Archive<'_, R> {
+impl<'n, R: BufRead> Archive<'n, R> {
+    /// Begins to read the archive and checks that it is one.
+    fn open(name: &'n Path, file: R) -> Result<Archive<'n, R>> {
+        let mut archive = Archive { name, bytes: ZlibDecoder::new(file), at: 0 };
+        archive.check_head().map(|()| archive)
+    }
+
+    /// Passes all records to `out` and returns their number.
+    fn expand(&mut self, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<u64> {
+        let (mut text, mut lines) = (Vec::new(), 0);
+        while let Some(length) = self.length()? {
+            self.copy(length, &mut text, &mut out)?;
+            lines += 1;
+        }
+        out(&text)?;
+        let file = self.bytes.get_mut();
+        if !file.fill_buf().map_err(|e| Error::io("read", self.name, e))?.is_empty() {
+            return Err(self.wrong("something follows the end of the compressed text"));
+        }
+        Ok(lines)
+    }
+
     fn check_head(&mut self) -> Result<()> {
         let mut head = [0; 40];
         let read = self.fill(&mut head)?;
@@ -164,7 +181,12 @@ impl<R: Read> Archive<'_, R> {
     }
 
     /// Copies one record of `left` bytes. The length comes from the file, so no memory is reserved for it.
-    fn copy(&mut self, mut left: u64, text: &mut Vec<u8>, out: &mut OutputStream) -> Result<()> {
+    fn copy(
+        &mut self,
+        mut left: u64,
+        text: &mut Vec<u8>,
+        out: &mut impl FnMut(&[u8]) -> Result<()>,
+    ) -> Result<()> {
         let mut piece = [0; 4096];
         while left > 0 {
             let wanted = usize::try_from(left).unwrap_or(usize::MAX).min(piece.len());
@@ -174,7 +196,7 @@ impl<R: Read> Archive<'_, R> {
             text.extend_from_slice(&piece[..wanted]);
             left -= wanted as u64;
             if text.len() >= MIN_WRITE_BYTES {
-                out.append(text)?;
+                out(text)?;
                 text.clear();
             }
         }

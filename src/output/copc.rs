@@ -13,12 +13,11 @@ use super::offload::Offload;
 use super::stream::OutputStream;
 use super::summary::Tally;
 use crate::error::{Error, Result};
+use crate::files::FileWriter;
 use crate::geom::DVec3;
 use laz::LazVlr;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use std::collections::VecDeque;
-use std::io::{BufWriter, Read, Seek, Write};
-use tempfile::SpooledTempFile;
 
 /// Grid cells of a node along each edge.
 const GRID: u64 = 128;
@@ -29,8 +28,10 @@ const MAX_LEAF_POINTS: u64 = 50_000;
 const MIN_NODE_POINTS: u64 = 200;
 /// Deepest level. The edge of the root cube is a multiple of 2 to this power, so that all edges are integers.
 const MAX_LEVEL: u32 = 16;
-/// Maximum bytes of a spill in memory, and of a block read from its file.
+/// Maximum bytes of a spill without a file.
 const MAX_MEMORY_BYTES: usize = 2 << 20;
+/// Bytes per write to the file of a spill.
+const WRITE_BYTES: usize = 64 << 10;
 /// Offset of the GPS time in a record of format 6, in bytes.
 const TIME_AT: usize = 22;
 
@@ -274,12 +275,14 @@ impl CellSet {
 struct Spill {
     record: usize,
     bytes: u64,
-    file: BufWriter<SpooledTempFile>,
+    /// Records that are not in the file.
+    memory: Vec<u8>,
+    file: Option<FileWriter>,
 }
 
 impl Spill {
     fn new(record: usize) -> Spill {
-        Spill { record, bytes: 0, file: BufWriter::new(SpooledTempFile::new(MAX_MEMORY_BYTES)) }
+        Spill { record, bytes: 0, memory: Vec::new(), file: None }
     }
 
     fn count(&self) -> u64 {
@@ -288,23 +291,36 @@ impl Spill {
 
     fn append(&mut self, records: &[u8]) -> Result<()> {
         self.bytes += records.len() as u64;
-        self.file.write_all(records).map_err(|e| failed("write", e))
+        self.memory.extend_from_slice(records);
+        let max = if self.file.is_none() { MAX_MEMORY_BYTES } else { WRITE_BYTES };
+        if self.memory.len() <= max {
+            return Ok(());
+        }
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => none.insert(FileWriter::scratch()?),
+        };
+        file.append(&self.memory)?;
+        // Frees what was needed before there was a file.
+        self.memory = Vec::with_capacity(WRITE_BYTES);
+        Ok(())
     }
 
     /// Passes all records in order to `read`, in blocks of complete records.
     fn each_block(self, mut read: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-        let mut file = self.file.into_inner().map_err(|e| failed("write", e.into_error()))?;
-        file.rewind().map_err(|e| failed("read", e))?;
-        let max_block = MAX_MEMORY_BYTES / self.record * self.record;
-        let mut block = vec![0; max_block.min(usize::try_from(self.bytes).unwrap_or(usize::MAX))];
-        let mut left = self.bytes;
-        while left > 0 {
-            let now = block.len().min(usize::try_from(left).unwrap_or(usize::MAX));
-            file.read_exact(&mut block[..now]).map_err(|e| failed("read", e))?;
-            read(&block[..now])?;
-            left -= now as u64;
+        let record = self.record;
+        let mut rest = Vec::new();
+        if let Some(file) = self.file {
+            file.copy_to(|bytes| {
+                rest.extend_from_slice(bytes);
+                let complete = rest.len() / record * record;
+                read(&rest[..complete])?;
+                rest.drain(..complete);
+                Ok(())
+            })?;
         }
-        Ok(())
+        rest.extend_from_slice(&self.memory);
+        read(&rest)
     }
 
     fn into_bytes(self) -> Result<Vec<u8>> {
@@ -315,10 +331,6 @@ impl Spill {
         })?;
         Ok(bytes)
     }
-}
-
-fn failed(action: &'static str, e: std::io::Error) -> Error {
-    Error::io(action, std::env::temp_dir(), e)
 }
 
 /// Returns the contents of the COPC info record.
@@ -361,7 +373,7 @@ mod tests {
         let mut spill = Spill::new(7);
         let all: Vec<u8> = (0..7 * 900_000u32).map(|i| (i % 251) as u8).collect();
         all.chunks(7 * 1234).for_each(|records| spill.append(records).unwrap());
-        assert!(spill.file.get_ref().is_rolled());
+        assert!(spill.file.is_some());
         assert_eq!(spill.count(), 900_000);
         assert!(spill.into_bytes().unwrap() == all);
     }

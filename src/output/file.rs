@@ -11,11 +11,12 @@ use super::offload::Offload;
 use super::plan::{OutputPlan, packets_path};
 use super::ply;
 use super::request::{PacketPlace, PointFormat, TrajectoryFormat};
-use super::stream::{Destination, OutputStream, Patched, is_special};
+use super::stream::{Destination, OutputStream};
 use super::summary::{COMPLETE, FileKind, FileSummary, PARTIAL, Tally};
 use super::table;
 use super::text::TRAJECTORY_HEADER;
 use crate::error::{Error, Result};
+use crate::files::Patched;
 use ::laz::LazVlr;
 use std::path::{Path, PathBuf};
 
@@ -203,10 +204,13 @@ impl OutputFile {
         self.out.flush()
     }
 
-    /// Whether the records should be kept when the run fails: there are records, and a file of an earlier run has the
-    /// same name.
-    pub fn is_worth_keeping(&self) -> bool {
-        self.tally.records > 0 && self.out.partial_path().is_some()
+    /// Whether the output is a file, which is left out if a run ends before it has records.
+    pub fn is_file(&self) -> bool {
+        self.out.is_file()
+    }
+
+    pub fn has_records(&self) -> bool {
+        self.tally.records > 0
     }
 
     /// Closes the file handle until the next append.
@@ -215,9 +219,8 @@ impl OutputFile {
         self.out.close_handle()
     }
 
-    /// Writes the trailer, patches the header and completes the file. With `partial`, the file is marked as
-    /// interrupted: in its metadata, or by a note beside it for formats without metadata. A partial file never
-    /// replaces a file of an earlier run; it is left beside that file under another name.
+    /// Writes the trailer, patches the header and completes the file. A `partial` file says so in its metadata, if
+    /// its format has any, and in its name: it never has the name of a complete one.
     pub fn finish(
         mut self,
         plan: &OutputPlan,
@@ -225,9 +228,11 @@ impl OutputFile {
         partial: bool,
     ) -> Result<Vec<FileSummary>> {
         let state = if partial { PARTIAL } else { COMPLETE };
-        let partial_path = self.out.partial_path().filter(|_| partial);
-        let is_text =
-            matches!((&self.head, &self.encoder), (Head::None, Encoder::Plain | Encoder::Archive(_)));
+        let has_packet_file = self.packets.as_ref().is_some_and(|packets| packets.path.is_some());
+        let exists = |path: &Path| path.symlink_metadata().is_ok();
+        let taken = |path: &Path| exists(path) || has_packet_file && exists(&packets_path(path));
+        let partial_path = if partial { self.out.partial_path(plan.force, taken) } else { None };
+        let beside = partial_path.as_ref().and_then(|_| self.out.existing());
         let mut octree = Octree::EMPTY;
         match self.encoder {
             Encoder::Plain => {}
@@ -253,35 +258,20 @@ impl OutputFile {
         }
         let bytes = self.out.len();
         self.out.finish(partial_path.as_deref())?;
-        if is_text
-            && partial_path.is_none()
-            && let Some(path) = self.path.as_deref().filter(|path| !is_special(path))
-        {
-            write_or_remove_note(path, partial)?;
-        }
-        let (path, beside) = match partial_path {
-            Some(partial) => (Some(partial), self.path),
-            None => (self.path, None),
-        };
+        let path = partial_path.or(self.path);
         let Tally { records, left_out, by_return, .. } = self.tally;
-        let points =
-            FileSummary { path, beside, kind: self.kind, records, bytes, bounds, by_return, left_out };
+        let points = FileSummary {
+            path,
+            partial,
+            beside,
+            kind: self.kind,
+            records,
+            bytes,
+            bounds,
+            by_return,
+            left_out,
+        };
         Ok([Some(points), packet_file].into_iter().flatten().collect())
-    }
-}
-
-/// Writes a note beside a partial text file, and removes the note of an earlier run beside a complete one.
-fn write_or_remove_note(path: &Path, partial: bool) -> Result<()> {
-    let mut name = path.as_os_str().to_os_string();
-    name.push(".partial");
-    let note = PathBuf::from(name);
-    if partial {
-        let text = format!("{} is {PARTIAL}.\n", path.display());
-        return std::fs::write(&note, text).map_err(|e| Error::io("write", note, e));
-    }
-    match std::fs::remove_file(&note) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", note, e)),
-        _ => Ok(()),
     }
 }
 
@@ -312,13 +302,11 @@ impl Packets {
             self.out.append_to(points)?;
             return Ok(None);
         };
+        let beside = partial_path.and_then(|_| self.out.existing());
         self.out.finish(partial_path)?;
-        let (path, beside) = match partial_path {
-            Some(partial) => (Some(partial.to_path_buf()), Some(path)),
-            None => (Some(path), None),
-        };
+        let (path, partial) = (Some(partial_path.map_or(path, Path::to_path_buf)), partial_path.is_some());
         let Tally { left_out, by_return, bounds, .. } = Tally::EMPTY;
         let kind = FileKind::Packets;
-        Ok(Some(FileSummary { path, beside, kind, records: 0, bytes, bounds, by_return, left_out }))
+        Ok(Some(FileSummary { path, partial, beside, kind, records: 0, bytes, bounds, by_return, left_out }))
     }
 }

@@ -3,11 +3,11 @@
 use super::request::{OutputRequest, PointFormat, Target, TrajectoryFormat};
 use super::stream::Destination;
 use super::summary::FileKind;
+use crate::files::{is_stdout, with_suffix};
 use crate::survey::{Leg, Survey};
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Content {
@@ -311,28 +311,4 @@ fn file_name(name: &str) -> String {
         }
     }
     clean
-}
-
-/// Returns `dir/stem.ext` with `suffix` after the stem, and with another extension if one is given.
-fn with_suffix(path: &Path, suffix: &str, extension: Option<&str>) -> PathBuf {
-    let stem = path.file_stem().unwrap_or_default();
-    // `.copc.laz` counts as one extension.
-    if let Some(stem) = stem.to_str().and_then(|stem| stem.strip_suffix(".copc"))
-        && path.extension() == Some(OsStr::new("laz"))
-    {
-        let extension = extension.unwrap_or("copc.laz");
-        return path.with_file_name(format!("{stem}{suffix}.{extension}"));
-    }
-    let mut name = stem.to_os_string();
-    name.push(suffix);
-    if let Some(extension) = extension.map(OsStr::new).or(path.extension()) {
-        name.push(".");
-        name.push(extension);
-    }
-    path.with_file_name(name)
-}
-
-/// Whether the path denotes standard output, which cannot be written under a temporary name.
-fn is_stdout(path: &Path) -> bool {
-    ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }

@@ -20,8 +20,8 @@
 //! | `writer`, `file`, `stream` | writing of bytes to files and streams, in the writer thread |
 //! | `offload`, `summary`, `crs` | jobs for idle workers, summary of the outputs, EPSG codes |
 //!
-//! A named file is `NAME.part` until it is complete. Formats with counts in their header are spooled to an unnamed
-//! file when the stream is not seekable.
+//! Files are written through [`FileWriter`](crate::files::FileWriter). Formats with counts in their header are spooled to
+//! an unnamed file when the stream is not seekable.
 
 mod archive;
 mod arrow;
@@ -54,7 +54,7 @@ mod tests;
 mod text;
 mod writer;
 
-pub use archive::unzip;
+pub use archive::{expand, unzip};
 pub use columns::Column;
 pub use encode::Encoded;
 pub use offload::{NoOffload, Offload};

@@ -8,15 +8,15 @@ use super::las::LasFormat;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
 use super::objects::ObjectIds;
 use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
-use super::stream::{Destination, is_special};
+use super::stream::Destination;
 use super::summary::FileSummary;
 use super::text;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::files::TemporaryFile;
+use crate::files::{NewFolder, identity, is_special, remove_litter};
 use crate::geom::DVec3;
 use crate::scene::Scene;
-use crate::survey::Survey;
+use crate::survey::{PlatformKind, Survey};
 use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
@@ -59,7 +59,7 @@ pub struct OutputPlan {
     pub(super) force: bool,
     pub(super) run_stamp: Option<String>,
     pub(super) epochs: u32,
-    /// Partial files that a failed run left beside files of earlier runs.
+    /// Partial files that a failed run left.
     pub(super) rescued: Mutex<Vec<FileSummary>>,
 }
 
@@ -73,7 +73,8 @@ impl OutputPlan {
         let mut problems = Diagnostics::default();
         let layout = OutputLayout::new(&request, context.survey);
         check_requests(&request, context.survey.scanner.devices.len(), &mut problems);
-        check_files(&layout, request.force, &mut problems);
+        let inputs = Inputs::of(&request, context);
+        check_files(&layout, &request, &inputs, &mut problems);
         let mut las_problems = Diagnostics::default();
         let OutputContext { survey, scene } = *context;
         let objects = ObjectIds::new(&scene.parts);
@@ -82,7 +83,7 @@ impl OutputPlan {
         if request.sinks.iter().any(|(_, format)| format.is_las()) {
             problems.extend(las_problems);
             if las.packet_place() == Some(PacketPlace::Beside) {
-                check_packets(&layout, request.force, &mut problems);
+                check_packets(&layout, request.force, &inputs, &mut problems);
             }
         }
         let warnings = problems.finish(false)?;
@@ -116,7 +117,7 @@ impl OutputPlan {
         &self.warnings
     }
 
-    /// Partial files that a failed run left beside files of earlier runs, see [`Writer`](super::Writer).
+    /// Partial files that a failed run left, see [`Writer`](super::Writer).
     pub fn rescued(&self) -> Vec<FileSummary> {
         self.rescued.lock().map(|files| files.clone()).unwrap_or_default()
     }
@@ -156,7 +157,30 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
     }
 }
 
-fn check_files(layout: &OutputLayout, force: bool, problems: &mut Diagnostics) {
+/// The files that a run reads, none of which an output may replace.
+struct Inputs(BTreeSet<PathBuf>);
+
+impl Inputs {
+    fn of(request: &OutputRequest, context: &OutputContext) -> Inputs {
+        let OutputContext { survey, scene } = *context;
+        let own = [&survey.path, &survey.scene.path];
+        let all = own.into_iter().chain(&request.inputs).chain(&scene.sources);
+        let poses: Vec<&PathBuf> = match &survey.platform.kind {
+            PlatformKind::Interpolated(recorded) => recorded.files.iter().map(|file| &file.path).collect(),
+            PlatformKind::Stream(stream) => vec![&stream.path],
+            _ => Vec::new(),
+        };
+        // Without --force no file is replaced.
+        let all = all.chain(poses).filter(|_| request.force);
+        Inputs(all.map(|path| identity(path)).collect())
+    }
+
+    fn contain(&self, path: &Path) -> bool {
+        !self.0.is_empty() && path.is_file() && self.0.contains(&identity(path))
+    }
+}
+
+fn check_files(layout: &OutputLayout, request: &OutputRequest, inputs: &Inputs, problems: &mut Diagnostics) {
     for clash in &layout.clashes {
         let message = match clash {
             OutputLocation::Fixed(Destination::Stdout) => {
@@ -170,15 +194,21 @@ fn check_files(layout: &OutputLayout, force: bool, problems: &mut Diagnostics) {
     for folder in folders.filter(|f| f.exists() && !f.is_dir()) {
         problems.error(None, format!("{} is a file, expected a directory", folder.display()));
     }
-    for FilePlan { location, .. } in &layout.files {
-        if let OutputLocation::Fixed(Destination::Path(path)) = location {
-            check_path(path, &layout.directories, force, problems);
+    let mut taken = BTreeSet::new();
+    let planned = layout.files.iter().filter_map(|FilePlan { location, .. }| match location {
+        OutputLocation::Fixed(Destination::Path(path)) => Some(path),
+        _ => None,
+    });
+    for path in planned.chain(&request.companions) {
+        check_path(path, &layout.directories, request.force, inputs, problems);
+        if !is_special(path) && !taken.insert(identity(path)) {
+            problems.error(None, format!("two outputs would be written to {}", path.display()));
         }
     }
 }
 
 /// Reports problems of the separate files of waveform packets.
-fn check_packets(layout: &OutputLayout, force: bool, problems: &mut Diagnostics) {
+fn check_packets(layout: &OutputLayout, force: bool, inputs: &Inputs, problems: &mut Diagnostics) {
     let mut taken: BTreeSet<OutputLocation> = BTreeSet::new();
     for file in &layout.files {
         if !matches!(file.content, Content::Points(format) if format.is_las()) {
@@ -193,8 +223,8 @@ fn check_packets(layout: &OutputLayout, force: bool, problems: &mut Diagnostics)
             }
             OutputLocation::Fixed(Destination::Path(path)) => {
                 let path = packets_path(path);
-                check_path(&path, &layout.directories, force, problems);
-                OutputLocation::Fixed(Destination::Path(path))
+                check_path(&path, &layout.directories, force, inputs, problems);
+                OutputLocation::Fixed(Destination::Path(identity(&path)))
             }
             OutputLocation::Run { run, name } => {
                 let path = packets_path(Path::new(name));
@@ -212,7 +242,7 @@ pub(super) fn packets_path(las: &Path) -> PathBuf {
     las.with_extension("wdp")
 }
 
-fn check_path(path: &Path, made: &[PathBuf], force: bool, problems: &mut Diagnostics) {
+fn check_path(path: &Path, made: &[PathBuf], force: bool, inputs: &Inputs, problems: &mut Diagnostics) {
     if is_special(path) {
         return;
     }
@@ -226,17 +256,11 @@ fn check_path(path: &Path, made: &[PathBuf], force: bool, problems: &mut Diagnos
         problems
             .error(None, format!("{} is not a directory, so {shown} cannot be written", folder.display()));
     }
-    if force {
-        return;
-    }
-    if path.symlink_metadata().is_ok() {
+    if !force && path.exists() {
         problems.error(None, format!("{shown} exists already")).help("overwrite it with --force");
     }
-    let part = TemporaryFile::name_for(path);
-    if part.symlink_metadata().is_ok() {
-        problems
-            .error(None, format!("{} exists: another run is writing it or was interrupted", part.display()))
-            .help("remove it, or overwrite it with --force");
+    if inputs.contain(path) {
+        problems.error(None, format!("{shown} is read by this run, so it cannot be replaced"));
     }
 }
 
@@ -245,15 +269,19 @@ pub(super) fn stamp() -> String {
     jiff::Zoned::now().strftime("%Y-%m-%d_%H-%M-%S").to_string()
 }
 
-/// Creates `parent/stamp`, or the first of `parent/stamp_2` … `parent/stamp_99` that does not exist.
-pub(super) fn create_run_directory(parent: &Path, stamp: &str) -> Result<PathBuf> {
-    std::fs::create_dir_all(parent).map_err(|e| Error::io("create", parent, e))?;
+/// Creates `parent/stamp`, or the first of `parent/stamp_2` … `parent/stamp_99` that does not exist. Returns its path
+/// and the folders that were created, inner ones first. Run directories of killed runs lose their temporary files.
+pub(super) fn create_run_directory(parent: &Path, stamp: &str) -> Result<(PathBuf, [NewFolder; 2])> {
+    let made = NewFolder::create_all(parent).map_err(|e| Error::io("create", parent, e))?;
+    for earlier in std::fs::read_dir(parent).into_iter().flatten().flatten() {
+        remove_litter(&earlier.path());
+    }
     for number in 1..=99 {
         let path = parent.join(if number == 1 { stamp.to_owned() } else { format!("{stamp}_{number}") });
-        match std::fs::create_dir(&path) {
+        match NewFolder::create(&path) {
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
             Err(e) => return Err(Error::io("create", path, e)),
-            Ok(()) => return Ok(path),
+            Ok(run) => return Ok((path, [run, made])),
         }
     }
     Err(Error::input(format!("{}/{stamp} and its copies up to _99 exist already", parent.display())))

@@ -49,14 +49,15 @@ impl PointFormat {
     ///
     /// # Errors
     /// The extension, when it denotes no format.
-    pub fn of_file(path: &Path) -> Option<Result<PointFormat, &str>> {
-        let name = path.file_name()?.to_str()?;
+    pub fn of_file(path: &Path) -> Option<Result<PointFormat, String>> {
+        // A name that is no Unicode has an extension, too.
+        let name = path.file_name()?.to_string_lossy();
         let copc = name.len().checked_sub(".copc.laz".len()).and_then(|at| name.get(at..));
         let extension = match copc {
             Some(end) if end.eq_ignore_ascii_case(".copc.laz") => "copc.laz",
-            _ => path.extension()?.to_str()?,
+            _ => Path::new(&*name).extension()?.to_str()?,
         };
-        Some(PointFormat::from_str(extension, true).map_err(|_| extension))
+        Some(PointFormat::from_str(extension, true).map_err(|_| extension.to_owned()))
     }
 
     /// Returns all names, separated by commas.
@@ -160,6 +161,10 @@ pub struct OutputRequest {
     pub las: LasSettings,
     /// Whether to replace existing files and to write binary data to a terminal.
     pub force: bool,
+    /// Files that the run reads besides those of survey and scene; no output may replace them.
+    pub inputs: Vec<PathBuf>,
+    /// Files that the caller writes besides the outputs, which are checked with them.
+    pub companions: Vec<PathBuf>,
     /// Coordinate reference system as WKT; the one of the survey if `None`.
     pub crs_wkt: Option<String>,
     /// Year and day of the year (from 1) for LAS headers.
@@ -186,6 +191,8 @@ impl Default for OutputRequest {
             live: false,
             las: LasSettings::default(),
             force: false,
+            inputs: Vec::new(),
+            companions: Vec::new(),
             crs_wkt: None,
             creation: (0, 0),
             run_stamp: None,

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 /// State recorded in the metadata of a complete output.
 pub(super) const COMPLETE: &str = "complete";
-/// State recorded in the metadata of an output of an interrupted run.
-pub(super) const PARTIAL: &str = "partial: the run was interrupted";
+/// State recorded in the metadata of an output of a run that was interrupted or failed.
+pub(super) const PARTIAL: &str = "partial: the run ended early";
 
 /// Summary of the outputs of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,6 +39,8 @@ pub enum FileKind {
 pub struct FileSummary {
     /// Path; `None` for standard output.
     pub path: Option<PathBuf>,
+    /// Whether the run ended before the file was complete.
+    pub partial: bool,
     /// The complete file of an earlier run that this partial file did not replace.
     pub beside: Option<PathBuf>,
     /// Kind of its records.

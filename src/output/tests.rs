@@ -1,12 +1,11 @@
 //! Complete runs: files, names, order, failures.
 
-use super::stream::{OutputStream, Storage};
 use super::testing::{batch, scene, survey, write};
 use super::*;
 use crate::error::Error;
 use crate::pulse::Batch;
 use std::fs;
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -138,7 +137,8 @@ fn run_directories_are_named_by_the_time_and_run_out_at_99() {
     let shape: String = stamp.chars().map(|c| if c.is_ascii_digit() { '0' } else { c }).collect();
     assert_eq!(shape, "0000-00-00_00-00-00");
     for number in 1..=99 {
-        let made = super::plan::create_run_directory(dir.path(), "s").unwrap();
+        let (made, folders) = super::plan::create_run_directory(dir.path(), "s").unwrap();
+        folders.map(crate::files::NewFolder::keep);
         let name = if number == 1 { "s".to_owned() } else { format!("s_{number}") };
         assert_eq!(made, dir.path().join(name));
     }
@@ -214,15 +214,39 @@ fn a_file_has_its_name_only_when_it_is_complete() {
     let plan = plan(points(Target::Directory(dir.path().into())), &survey);
     assert!(files(dir.path()).is_empty(), "a plan writes nothing");
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
-    assert_eq!(files(dir.path()), ["leg000_points.xyz.part", "leg001_points.xyz.part"]);
+    let temporary = files(dir.path());
+    assert!(temporary.len() == 2 && temporary.iter().all(|name| name.ends_with(".part")), "{temporary:?}");
     writer.append(plan.encode(&batch(0, 0, 10))).unwrap();
     writer.flush().unwrap();
-    assert_eq!(lines(dir.path().join("leg000_points.xyz.part")), 10);
+    assert_eq!(lines(dir.path().join(&temporary[0])), 10);
     writer.append(plan.encode(&batch(1, 10, 10))).unwrap();
-    assert_eq!(files(dir.path()), ["leg000_points.xyz", "leg001_points.xyz.part"]);
+    assert_eq!(files(dir.path()), ["leg000_points.xyz", temporary[1].as_str()]);
     assert!(matches!(writer.append(plan.encode(&batch(0, 20, 10))), Err(Error::Internal(_))));
     writer.abort();
-    assert_eq!(files(dir.path()), ["leg000_points.xyz"]);
+    assert_eq!(
+        files(dir.path()),
+        ["leg000_points.xyz"],
+        "after a failure of the writer nothing partial is left"
+    );
+}
+
+#[test]
+fn what_was_measured_before_a_failure_is_kept_as_partial() {
+    let dir = tempfile::tempdir().unwrap();
+    let survey = survey(1, &[None, None, None]);
+    let plan = plan(points(Target::Directory(dir.path().join("legs"))), &survey);
+    let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
+    for leg in 0..2 {
+        writer.append(plan.encode(&batch(leg, 0, 10))).unwrap();
+    }
+    writer.abort();
+    assert_eq!(files(dir.path()), ["legs/leg000_points.xyz", "legs/leg001_points.partial.xyz"]);
+    let rescued = plan.rescued();
+    assert!(rescued.len() == 1 && rescued[0].partial && rescued[0].records == 10, "{rescued:?}");
+    // A run that measured nothing leaves nothing.
+    let plan = self::plan(points(Target::Directory(dir.path().join("none"))), &survey);
+    drop(plan.open(Arc::new(NoOffload)).unwrap());
+    assert!(!dir.path().join("none").exists());
 }
 
 #[test]
@@ -233,14 +257,14 @@ fn an_abandoned_run_leaves_no_directory() {
     let writer = plan.open(Arc::new(NoOffload)).unwrap();
     assert_eq!(writer.directories().count(), 1);
     drop(writer);
-    assert_eq!(fs::read_dir(dir.path().join("demo")).unwrap().count(), 0);
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
 }
 
 #[test]
 fn files_are_not_overwritten_without_force() {
     let dir = tempfile::tempdir().unwrap();
     let survey = survey(1, &[None]);
-    for name in ["a.xyz", "b.xyz.part"] {
+    for name in ["a.xyz", "b.xyz", "b.xyz.part"] {
         fs::write(dir.path().join(name), "precious").unwrap();
     }
     let mut request = points(Target::File(dir.path().join("a.xyz")));
@@ -252,8 +276,9 @@ fn files_are_not_overwritten_without_force() {
     request.sinks.pop();
     request.force = true;
     write(request, &survey, &[batch(0, 0, 5)]).unwrap();
-    assert_eq!(files(dir.path()), ["a.xyz", "b.xyz"]);
+    assert_eq!(files(dir.path()), ["a.xyz", "b.xyz", "b.xyz.part"]);
     assert_eq!(lines(dir.path().join("a.xyz")), 5);
+    assert_eq!(fs::read(dir.path().join("b.xyz.part")).unwrap(), b"precious");
 }
 
 #[test]
@@ -266,7 +291,7 @@ fn what_appears_during_the_run_is_not_overwritten() {
     fs::write(dir.path().join("a.xyz"), "precious").unwrap();
     assert!(matches!(writer.finish(), Err(Error::Io { .. })));
     assert_eq!(fs::read_to_string(dir.path().join("a.xyz")).unwrap(), "precious");
-    assert_eq!(lines(dir.path().join("a.xyz.part")), 5, "the result stays under its own name");
+    assert_eq!(lines(dir.path().join("a.new.xyz")), 5, "the result stays under another name");
 }
 
 #[test]
@@ -292,6 +317,16 @@ fn requests_that_cannot_be_met() {
         OutputRequest { sinks: [file.sinks.clone(), file.sinks.clone()].concat(), ..file },
         "two outputs",
     );
+    let mut twice = points(Target::File(dir.path().join("a.xyz")));
+    twice.sinks.push((Target::File(dir.path().join("./a.xyz")), PointFormat::Xyz));
+    refused(twice.clone(), "two outputs");
+    twice.sinks.pop();
+    twice.companions.push(dir.path().join("a.xyz"));
+    refused(twice, "two outputs");
+    fs::write(dir.path().join("read.xyz"), "").unwrap();
+    let mut source = points(Target::File(dir.path().join("read.xyz")));
+    (source.force, source.inputs) = (true, vec![dir.path().join("./read.xyz")]);
+    refused(source, "is read by this run");
     refused(points(Target::File(dir.path().into())), "is a directory");
     fs::write(dir.path().join("file"), "").unwrap();
     refused(points(Target::Directory(dir.path().join("file"))), "expected a directory");
@@ -338,44 +373,6 @@ fn every_epoch_has_a_run_directory_and_files_are_continued() {
     let first = summary.directories[0].join("leg001_points.xyz");
     let second = summary.directories[1].join("leg001_points.xyz");
     assert_eq!([lines(first), lines(second)], [10, 10]);
-}
-
-/// Storage that fails after the given number of bytes, like a full disk.
-struct Full(fs::File, usize);
-
-impl Write for Full {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if self.1 == 0 {
-            return Err(io::ErrorKind::StorageFull.into());
-        }
-        let written = self.0.write(&bytes[..bytes.len().min(self.1)])?;
-        self.1 -= written;
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.0.flush()
-    }
-}
-
-impl Seek for Full {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.0.seek(to)
-    }
-}
-
-#[test]
-fn a_full_disk_is_reported_and_leaves_nothing() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("p.xyz");
-    for room in [0, 10, 200_000] {
-        let limited = |file| -> Box<dyn Storage> { Box::new(Full(file, room)) };
-        let mut out = OutputStream::named_through(&path, limited);
-        let written = (0..4).try_for_each(|_| out.append(&[b'x'; 60_000])).and_then(|()| out.finish(None));
-        let Err(Error::Io { path: named, source, .. }) = written else { panic!("{room} bytes were enough") };
-        assert_eq!((named, source.kind()), (path.clone(), io::ErrorKind::StorageFull));
-        assert!(files(dir.path()).is_empty());
-    }
 }
 
 #[cfg(target_os = "linux")]

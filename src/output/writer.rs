@@ -8,10 +8,12 @@ use super::plan::{OutputPlan, create_run_directory, stamp};
 use super::stream::Destination;
 use super::summary::Summary;
 use crate::error::{Error, Result};
+use crate::files::NewFolder;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// All open outputs of a run. Dropping it unfinished is equivalent to [`Writer::abort`].
+/// All open outputs of a run. Dropping it unfinished is equivalent to [`Writer::abort`], except that a panic leaves
+/// nothing.
 pub struct Writer {
     plan: Arc<OutputPlan>,
     offload: Arc<dyn Offload>,
@@ -23,26 +25,16 @@ pub struct Writer {
     /// Slots of streams that their readers have closed.
     closed_pipes: Vec<u32>,
     partial: bool,
+    /// Whether an output could not be written.
+    failed: bool,
     leg: u32,
     epoch: u32,
     summary: Summary,
-    /// Declared after `files`, which are dropped first: a directory can be removed only when it is empty.
-    runs: Vec<RunDirectory>,
-}
-
-/// A run directory, removed on drop if it is empty.
-struct RunDirectory {
-    path: PathBuf,
-    keep: bool,
-}
-
-impl Drop for RunDirectory {
-    fn drop(&mut self) {
-        if !self.keep {
-            // Fails when the directory contains a file, which is intended.
-            let _ = std::fs::remove_dir(&self.path);
-        }
-    }
+    /// Run directories of the current epoch. Declared after `files`, as `folders`: a folder can be removed only when
+    /// it is empty.
+    runs: Vec<PathBuf>,
+    /// Folders that were made for the outputs, inner ones first.
+    folders: Vec<NewFolder>,
 }
 
 impl OutputPlan {
@@ -61,13 +53,16 @@ impl OutputPlan {
             closed: 0,
             closed_pipes: Vec::new(),
             partial: false,
+            failed: false,
             leg: 0,
             epoch: 1,
             summary: Summary::default(),
             runs: Vec::new(),
+            folders: Vec::new(),
         };
         for directory in &self.layout.directories {
-            std::fs::create_dir_all(directory).map_err(|e| Error::io("create", directory, e))?;
+            let made = NewFolder::create_all(directory).map_err(|e| Error::io("create", directory, e))?;
+            writer.folders.insert(0, made);
         }
         writer.create_runs()?;
         writer.open_files(|_| true)?;
@@ -78,7 +73,7 @@ impl OutputPlan {
 impl Writer {
     /// Run directories of the current epoch, for the log.
     pub fn directories(&self) -> impl Iterator<Item = &Path> {
-        self.runs.iter().map(|run| run.path.as_path())
+        self.runs.iter().map(PathBuf::as_path)
     }
 
     /// Appends a batch. Batches must arrive in chunk order, so that a file is complete when a later leg begins.
@@ -88,6 +83,11 @@ impl Writer {
     /// continue); [`Error::Internal`] when a batch is out of order. Nothing can be written after an error; drop the
     /// writer.
     pub fn append(&mut self, encoded: Encoded) -> Result<()> {
+        let appended = self.try_append(encoded);
+        self.note_failure(appended)
+    }
+
+    fn try_append(&mut self, encoded: Encoded) -> Result<()> {
         if encoded.leg < self.leg || encoded.leg as usize >= self.plan.layout.routes.len() {
             return Err(Error::Internal(format!("a batch of leg {} after leg {}", encoded.leg, self.leg)));
         }
@@ -110,6 +110,11 @@ impl Writer {
 
     /// Passes all appended bytes to the operating system, for readers of live streams.
     pub fn flush(&mut self) -> Result<()> {
+        let flushed = self.try_flush();
+        self.note_failure(flushed)
+    }
+
+    fn try_flush(&mut self) -> Result<()> {
         let plan = self.plan.clone();
         for slot in 0..self.files.len() as u32 {
             if let Some(file) = &mut self.files[slot as usize] {
@@ -126,11 +131,13 @@ impl Writer {
         if self.epoch >= self.plan.epochs {
             return Err(Error::Internal(format!("more than {} epochs", self.plan.epochs)));
         }
-        self.close_while(|_| true)?;
-        (self.epoch, self.leg, self.closed) = (self.epoch + 1, 0, 0);
-        self.keep_runs();
-        self.create_runs()?;
-        self.open_files(|location| matches!(location, OutputLocation::Run { .. }))
+        let next = self.close_while(|_| true).and_then(|()| {
+            (self.epoch, self.leg, self.closed) = (self.epoch + 1, 0, 0);
+            self.keep_folders();
+            self.create_runs()?;
+            self.open_files(|location| matches!(location, OutputLocation::Run { .. }))
+        });
+        self.note_failure(next)
     }
 
     /// Sets the executor of compression jobs from now on.
@@ -144,12 +151,16 @@ impl Writer {
     /// [`Error::Io`]; files already completed are kept, the others are removed.
     pub fn finish(mut self) -> Result<Summary> {
         self.epoch = self.plan.epochs.max(self.epoch);
-        self.close_while(|_| true)?;
-        self.keep_runs();
+        let closed = self.close_while(|_| true);
+        self.note_failure(closed)?;
+        if !self.partial {
+            self.keep_folders();
+        }
         Ok(std::mem::take(&mut self.summary))
     }
 
-    /// [`Writer::finish`] of an interrupted run: every output is valid and marked as partial.
+    /// [`Writer::finish`] of an interrupted run: every output is valid and marked as partial, and files without records
+    /// are left out.
     ///
     /// # Errors
     /// As for [`Writer::finish`].
@@ -170,23 +181,31 @@ impl Writer {
         }
     }
 
-    /// Abandons the run and removes incomplete files. A partial file that would have replaced a file of an earlier
-    /// run is left beside that file and listed by [`OutputPlan::rescued`].
+    /// Ends a run that has failed. What was measured until then is completed as partial files, which
+    /// [`OutputPlan::rescued`] lists, unless an output could not be written: then the incomplete files are removed.
     pub fn abort(self) {}
+
+    /// Remembers whether an output could not be written.
+    fn note_failure(&mut self, outcome: Result<()>) -> Result<()> {
+        self.failed |= matches!(&outcome, Err(e) if !matches!(e, Error::ClosedPipe));
+        outcome
+    }
 
     fn create_runs(&mut self) -> Result<()> {
         let plan = self.plan.clone();
         let name = plan.run_stamp.clone().unwrap_or_else(stamp);
         for run in &plan.layout.runs {
-            let path = create_run_directory(&run.parent, &name)?;
+            let (path, made) = create_run_directory(&run.parent, &name)?;
             self.summary.directories.push(path.clone());
-            self.runs.push(RunDirectory { path, keep: false });
+            self.runs.push(path);
+            self.folders.splice(0..0, made);
         }
         Ok(())
     }
 
-    fn keep_runs(&mut self) {
-        self.runs.drain(..).for_each(|mut run| run.keep = true);
+    fn keep_folders(&mut self) {
+        self.runs.clear();
+        self.folders.drain(..).for_each(NewFolder::keep);
     }
 
     fn open_files(&mut self, wanted: impl Fn(&OutputLocation) -> bool) -> Result<()> {
@@ -194,7 +213,7 @@ impl Writer {
         for (slot, file) in plan.layout.files.iter().enumerate().filter(|(_, f)| wanted(&f.location)) {
             let place = match &file.location {
                 OutputLocation::Fixed(place) => place.clone(),
-                OutputLocation::Run { run, name } => Destination::Path(self.runs[*run].path.join(name)),
+                OutputLocation::Run { run, name } => Destination::Path(self.runs[*run].join(name)),
             };
             let mut open = OutputFile::open(&plan, &place, file)?;
             open.close_handle()?;
@@ -231,6 +250,9 @@ impl Writer {
                 continue;
             }
             let Some(open) = self.files[slot as usize].take() else { continue };
+            if self.partial && open.is_file() && !open.has_records() {
+                continue;
+            }
             let done = match open.finish(&plan, &*self.offload, self.partial) {
                 Err(Error::ClosedPipe) => {
                     self.drop_closed_pipe(slot, Err(Error::ClosedPipe))?;
@@ -249,12 +271,12 @@ impl Writer {
 
 impl Drop for Writer {
     fn drop(&mut self) {
-        if std::thread::panicking() {
+        if self.failed || std::thread::panicking() {
             return;
         }
         let plan = self.plan.clone();
-        for file in self.files.iter_mut().filter_map(Option::take).filter(OutputFile::is_worth_keeping) {
-            // The run has failed already; a file that cannot be completed is removed like all others.
+        for file in self.files.iter_mut().filter_map(Option::take).filter(OutputFile::has_records) {
+            // The run has failed already; a file that cannot be completed is removed.
             let Ok(done) = file.finish(&plan, &*self.offload, true) else { continue };
             if let Ok(mut rescued) = plan.rescued.lock() {
                 rescued.extend(done);

@@ -2,7 +2,7 @@
 
 use super::pass::Pass;
 use super::plausibility::CheckTime;
-use super::worker::Measured;
+use super::worker::{Measured, Pieces};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::output::{Summary, Writer};
@@ -63,13 +63,13 @@ impl<'a> Collector<'a> {
     }
 }
 
-impl Collect<Vec<Measured>> for Collector<'_> {
+impl Collect<Pieces> for Collector<'_> {
     type Summary = Ended;
 
-    fn take(&mut self, pieces: Vec<Measured>, more_waiting: bool) -> Result<()> {
+    fn take(&mut self, pieces: Pieces, more_waiting: bool) -> Result<()> {
         let last = pieces.len().saturating_sub(1);
         let mut pieces = pieces.into_iter().enumerate();
-        pieces.try_for_each(|(i, piece)| self.append(piece, more_waiting || i < last))
+        pieces.try_for_each(|(i, piece)| self.append(piece?, more_waiting || i < last))
     }
 
     fn finish(mut self) -> Result<Ended> {

@@ -4,7 +4,7 @@ use super::chunk;
 use super::collector::{Collector, Ended};
 use super::pass::{Control, Pass};
 use super::stream::{PulseSource, StreamWorker, Tracing};
-use super::worker::{FlightWorker, Measured};
+use super::worker::{FlightWorker, Pieces};
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightState};
 use crate::output::{Offload, Writer};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in chunk
 /// order. `state` is the state before the first step of the epoch; `writer` holds the outputs of the previous epoch.
-/// On failure incomplete outputs are removed.
+/// On failure what was measured is kept as partial outputs.
 pub fn fly(
     pass: &Pass<'_>,
     flight: &FlightPlan,
@@ -50,7 +50,10 @@ pub(super) fn trace(
             let mut worker = StreamWorker::new(pass, tracing);
             move |block| worker.measure(&block)
         },
-        |feed| source.produce(epoch, pass.control.stop, feed),
+        |feed| {
+            source.produce(epoch, pass.control.stop, feed)?;
+            if pass.is_last { source.check_end(epoch, pass.control.stop) } else { Ok(()) }
+        },
     )
 }
 
@@ -59,11 +62,11 @@ impl Pass<'_> {
         &self,
         writer: Option<Box<Writer>>,
         make_worker: impl Fn() -> W + Sync,
-        produce: impl FnOnce(&mut Feed<'_, C, Vec<Measured>, W>) -> Result<()>,
+        produce: impl FnOnce(&mut Feed<'_, C, Pieces, W>) -> Result<()>,
     ) -> Result<Ended>
     where
         C: Tasks + Send,
-        W: FnMut(C) -> Result<Vec<Measured>>,
+        W: FnMut(C) -> Result<Pieces>,
     {
         let jobs = Arc::new(JobQueue::new(2 * self.schedule.threads));
         let writer = match writer {
@@ -74,6 +77,7 @@ impl Pass<'_> {
             }
         };
         let Control { stop, recorder, .. } = self.control;
+        stop.heed();
         let collector = Collector::new(self, writer);
         schedule::run(self.schedule, &jobs, stop, recorder, make_worker, produce, collector)
     }

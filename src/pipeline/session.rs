@@ -13,12 +13,13 @@ use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightState};
 use crate::output::{FileSummary, OutputContext, OutputPlan, OutputRequest, Summary, Writer};
 use crate::platform::PoseReader;
-use crate::pulse::Physics;
+use crate::pulse::{Physics, PhysicsOptions};
 use crate::scene::{self, MotionPlan, Scene, SceneFrame};
 use crate::schedule::Stop;
 use crate::streams::PulseReader;
 use crate::survey::{PlatformKind, Survey};
 use crate::tree::{BuildOptions, Tree};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -65,7 +66,7 @@ pub struct Report {
     pub pulses: u64,
     /// Time from the first pulse to the last point written, without the loading of later epochs, s.
     pub seconds: f64,
-    /// Whether the run was stopped: the outputs contain what was measured until then and are marked as partial.
+    /// Whether the run was stopped: the outputs contain what was measured until then, and say so.
     pub interrupted: bool,
 }
 
@@ -186,26 +187,11 @@ impl Session {
     ) -> Result<Report> {
         let mut source = PulseSource::new(pulses);
         let options = self.settings.physics_for(&outputs);
-        let report = self.run_epochs(
-            outputs,
-            control,
-            false,
-            &AtomicBool::new(false),
-            |session, pass, epoch, writer| {
-                let tracing = Tracing { survey: session.survey(), options, shift: session.scene.shift, legs };
-                trace(pass, &tracing, &mut source, epoch, writer)
-            },
-        )?;
-        if !report.interrupted
-            && let Some(next) = source.next_epoch(control.stop)?
-        {
-            return Err(Error::input(format!(
-                "after epoch {} comes a pulse of epoch {next}; epochs ascend, and the scene has {}",
-                self.epochs - 1,
-                self.epochs
-            )));
-        }
-        Ok(report)
+        let is_reported = AtomicBool::new(false);
+        self.run_epochs(outputs, control, false, &is_reported, |session, pass, epoch, writer| {
+            let tracing = Tracing { survey: session.survey(), options, shift: session.scene.shift, legs };
+            trace(pass, &tracing, &mut source, epoch, writer)
+        })
     }
 
     /// Converts the session to the flight alone, for [`emit`](super::emit()). The scene, whose frame and ground the
@@ -235,12 +221,26 @@ impl Session {
         control: Control<'_>,
         is_live: bool,
         is_reported: &AtomicBool,
-        mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
+        pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
         self.enter_epoch(0, control.stop)?;
         let options = self.settings.physics_for(&outputs);
         let context = OutputContext { survey: &self.settings.survey, scene: &self.scene };
         let output = Arc::new(OutputPlan::new(OutputRequest { epochs: self.epochs, ..outputs }, &context)?);
+        (self.observer)(Notice::Warnings(output.warnings().clone().finish(self.settings.strict)?));
+        let ended = self.pass_epochs(&output, options, control, is_live, is_reported, pass_over);
+        ended.map_err(|e| self.with_rescued(e, &output.rescued()))
+    }
+
+    fn pass_epochs(
+        &mut self,
+        output: &Arc<OutputPlan>,
+        options: PhysicsOptions,
+        control: Control<'_>,
+        is_live: bool,
+        is_reported: &AtomicBool,
+        mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
+    ) -> Result<Report> {
         let (mut epoch, mut seconds, mut writer) = (0, 0.0, None);
         let (summary, interrupted) = loop {
             self.enter_epoch(epoch, control.stop)?;
@@ -272,15 +272,15 @@ impl Session {
                 Ended::NextEpoch(writer) => Ok(Err(writer)),
             });
             seconds += started.elapsed().as_secs_f64();
-            match ended.inspect_err(|_| self.report_kept(&output.rescued()))? {
+            match ended? {
                 Ok(complete) => break complete,
                 Err(open) => writer = Some(open),
             }
             epoch += 1;
             (self.observer)(Notice::Detail(format!("epoch {} of {}", epoch + 1, self.epochs)));
         };
-        if interrupted {
-            self.report_kept(&summary.files);
+        for file in summary.files.iter().filter(|file| file.beside.is_some()) {
+            (self.observer)(Notice::Note(what_is_kept(file)));
         }
         let pulses = control.progress.snapshot().pulses;
         Ok(Report { summary, pulses, seconds, interrupted })
@@ -320,17 +320,28 @@ impl Session {
         Ok(Some(reader.on_notice(strict, move |notice| observer(notice))))
     }
 
-    /// Reports files of earlier runs that were kept because their replacements are partial.
-    fn report_kept(&self, files: &[FileSummary]) {
-        for file in files {
-            if let (Some(old), Some(new)) = (&file.beside, &file.path) {
-                (self.observer)(Notice::Note(format!(
-                    "{} is kept as it was; what was measured until then is in {}",
-                    old.display(),
-                    new.display()
-                )));
+    /// Adds to the error of a failed run where its partial outputs are.
+    fn with_rescued(&self, mut error: Error, files: &[FileSummary]) -> Error {
+        for file in files.iter().filter(|file| file.path.is_some()) {
+            let kept = what_is_kept(file);
+            match &mut error {
+                Error::Input(problems) | Error::Limits(problems) => {
+                    problems.note(None, kept);
+                }
+                _ => (self.observer)(Notice::Note(kept)),
             }
         }
+        error
+    }
+}
+
+/// Describes where a partial output is, and that it did not replace the file of an earlier run.
+fn what_is_kept(file: &FileSummary) -> String {
+    let path = file.path.as_deref().unwrap_or(Path::new("standard output"));
+    let new = format!("what was measured until then is in {}", path.display());
+    match &file.beside {
+        Some(old) => format!("{} is kept as it was; {new}", old.display()),
+        None => new,
     }
 }
 

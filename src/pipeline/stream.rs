@@ -2,8 +2,8 @@
 
 use super::moving::MovingParts;
 use super::pass::Pass;
-use super::worker::{Measured, Worker};
-use crate::error::Result;
+use super::worker::{Measured, Pieces, Worker};
+use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use crate::pulse::{InstrumentTable, PhysicsOptions};
 use crate::scene::MotionState;
@@ -54,11 +54,22 @@ impl PulseSource {
     ///
     /// # Errors
     /// As for [`PulseReader::next_block`].
-    pub fn next_epoch(&mut self, stop: &Stop) -> Result<Option<u32>> {
+    fn next_epoch(&mut self, stop: &Stop) -> Result<Option<u32>> {
         if self.next.is_none() {
             self.next = self.reader.next_block(stop)?;
         }
         Ok(self.next.as_ref().map(RowBlock::first_epoch))
+    }
+
+    /// Fails if a pulse follows those of the last epoch.
+    pub(super) fn check_end(&mut self, last: u32, stop: &Stop) -> Result<()> {
+        match self.next_epoch(stop)? {
+            Some(next) if !stop.is_requested() => Err(Error::input(format!(
+                "after epoch {last} comes a pulse of epoch {next}; epochs ascend, and the scene has {}",
+                last + 1
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Passes all pulses of `epoch` to `feed`.
@@ -120,16 +131,17 @@ impl<'a> StreamWorker<'a> {
     }
 
     /// Reads the rows, simulates their pulses together and encodes the echoes: one piece per run of rows of the same
-    /// leg.
-    pub fn measure(&mut self, block: &RowBlock) -> Result<Vec<Measured>> {
+    /// leg. The rows before one that is not valid are measured, too.
+    pub fn measure(&mut self, block: &RowBlock) -> Result<Pieces> {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         let (tracing, has_motion) = (self.tracing, self.motion.is_some());
-        block.pulses(tracing.shift, &mut rows, |row| tracing.check(row, has_motion))?;
+        let read = block.pulses(tracing.shift, &mut rows, |row| tracing.check(row, has_motion));
         let alike = |a: &PulseRow, b: &PulseRow| (a.leg, a.divergence) == (b.leg, b.divergence);
-        let measured = rows.chunk_by(alike).map(|rows| self.measure_leg(rows)).collect();
+        let mut measured: Pieces = rows.chunk_by(alike).map(|rows| self.measure_leg(rows)).collect();
+        measured.extend(read.err().map(Err));
         self.rows = rows;
-        measured
+        Ok(measured)
     }
 
     fn measure_leg(&mut self, rows: &[PulseRow]) -> Result<Measured> {

@@ -39,13 +39,17 @@ impl Measured {
     }
 }
 
-/// The pieces of a chunk in pulse order, one per run of pulses of the same leg.
-impl Outcome for Vec<Measured> {
-    fn join(&mut self, mut next: Vec<Measured>) -> Option<Vec<Measured>> {
+/// The pieces of a chunk in pulse order, one per run of pulses of the same leg. The last one is the failure of what
+/// follows, if there is any.
+pub(super) type Pieces = Vec<Result<Measured>>;
+
+impl Outcome for Pieces {
+    fn join(&mut self, mut next: Pieces) -> Option<Pieces> {
         if next.len() == 1
-            && let (Some(last), Some(piece)) = (self.last_mut(), next.pop())
+            && let Some(Ok(last)) = self.last_mut()
+            && let Some(piece) = next.pop()
         {
-            let rest = last.join(piece);
+            let rest = piece.map(|piece| last.join(piece)).transpose();
             self.extend(rest);
             return None;
         }
@@ -123,12 +127,12 @@ impl<'a> FlightWorker<'a> {
     }
 
     /// Replays the chunk's steps, simulates their pulses together and encodes the echoes.
-    pub fn measure(&mut self, chunk: Chunk) -> Result<Vec<Measured>> {
+    pub fn measure(&mut self, chunk: Chunk) -> Result<Pieces> {
         let (leg, done) = (chunk.leg, chunk.done);
         self.worker.pulses.clear();
         self.worker.batch.clear(leg);
         self.replay(chunk)?;
-        Ok(vec![self.worker.measure(leg, leg, done)?])
+        Ok(vec![self.worker.measure(leg, leg, done)])
     }
 
     /// Replays the chunk's steps, with the motions of the scene between them.

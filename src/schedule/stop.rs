@@ -9,12 +9,17 @@ pub struct Stop {
     requested: AtomicBool,
     /// Whether a thread of the present run has failed.
     failed: AtomicBool,
+    heeded: AtomicBool,
 }
 
 impl Stop {
     /// Creates a flag that is not set.
     pub const fn new() -> Stop {
-        Stop { requested: AtomicBool::new(false), failed: AtomicBool::new(false) }
+        Stop {
+            requested: AtomicBool::new(false),
+            failed: AtomicBool::new(false),
+            heeded: AtomicBool::new(false),
+        }
     }
 
     /// Requests the stop.
@@ -25,6 +30,17 @@ impl Stop {
     /// Whether the stop was requested, or the present run has failed.
     pub fn is_requested(&self) -> bool {
         self.requested.load(Ordering::Relaxed) || self.failed.load(Ordering::Relaxed)
+    }
+
+    /// Records that the run has open outputs and checks for this request from now on.
+    pub(crate) fn heed(&self) {
+        self.heeded.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether a request ends the run in order. Before that nothing has been measured, and the process can just be
+    /// ended.
+    pub(crate) fn is_heeded(&self) -> bool {
+        self.heeded.load(Ordering::Relaxed)
     }
 
     /// Forgets the failure of an earlier run.

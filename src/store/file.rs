@@ -14,10 +14,9 @@ use super::array::Store;
 use super::bytes::{ByteReader, ByteWriter, UnexpectedEnd};
 use super::mapped::FileBytes;
 use crate::error::{Error, Result};
-use crate::files::TemporaryFile;
+use crate::files::{FileWriter, Patched};
 use bytemuck::{AnyBitPattern, NoUninit};
 use rayon::prelude::*;
-use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -37,10 +36,9 @@ const HEADER_BYTES: usize = 64;
 /// Offsets of arrays are multiples of this number of bytes, which satisfies the alignment of every element type.
 const ALIGNMENT: u64 = 64;
 
-/// Writes a file of arrays under a temporary name; the final name is set when it is complete.
+/// Writes a file of arrays.
 pub struct ArrayFileWriter {
-    temporary: TemporaryFile,
-    out: BufWriter<File>,
+    out: BufWriter<FileWriter>,
     at: u64,
     table: Vec<Entry>,
 }
@@ -54,11 +52,11 @@ struct Entry {
 }
 
 impl ArrayFileWriter {
-    /// Creates the temporary file. An existing file is replaced at the end.
+    /// Begins a file, which gets its name at the end and replaces an existing one then.
     pub fn create(path: &Path) -> Result<ArrayFileWriter> {
-        let (temporary, file) = TemporaryFile::create(path, true)?;
+        let file = FileWriter::create(path, true, Patched::Always)?;
         let out = BufWriter::with_capacity(1 << 20, file);
-        let mut writer = ArrayFileWriter { temporary, out, at: 0, table: Vec::new() };
+        let mut writer = ArrayFileWriter { out, at: 0, table: Vec::new() };
         writer.put(&[0; HEADER_BYTES])?;
         Ok(writer)
     }
@@ -90,20 +88,19 @@ impl ArrayFileWriter {
             header.extend(number.to_ne_bytes());
         }
         header.extend(xxh3_64(&header).to_ne_bytes());
-        let ArrayFileWriter { temporary, mut out, at, .. } = self;
-        let write = |out: &mut BufWriter<File>| {
+        let ArrayFileWriter { mut out, at, .. } = self;
+        let write = |out: &mut BufWriter<FileWriter>| {
             out.seek(SeekFrom::Start(0))?;
             out.write_all(&header)?;
-            out.flush()?;
-            out.get_ref().sync_all()
+            out.flush()
         };
-        write(&mut out).map_err(|e| Error::io("write", temporary.path(), e))?;
-        temporary.commit()?;
-        Ok(at)
+        write(&mut out).map_err(|e| out.get_ref().failed("write", e))?;
+        let (file, _) = out.into_parts();
+        file.finish().map(|_| at)
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
-        self.out.write_all(bytes).map_err(|e| Error::io("write", self.temporary.path(), e))?;
+        self.out.write_all(bytes).map_err(|e| self.out.get_ref().failed("write", e))?;
         self.at += bytes.len() as u64;
         Ok(())
     }

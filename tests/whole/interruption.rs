@@ -94,7 +94,8 @@ fn a_full_disk_is_a_clear_error_and_status_1() {
     }
 }
 
-/// A run over poses that never end, interrupted by `signal` as soon as `watched` has grown to `bytes`.
+/// A run over poses that never end, interrupted by `signal` as soon as the temporary file of `watched` has grown to
+/// `bytes`.
 #[cfg(unix)]
 fn interrupted(folder: &std::path::Path, sinks: &[&str], watched: &str, bytes: u64, signal: &str) -> Output {
     let mut child = vlscan(folder)
@@ -117,7 +118,14 @@ fn interrupted(folder: &std::path::Path, sinks: &[&str], watched: &str, bytes: u
         }
     });
     let started = std::time::Instant::now();
-    while fs::metadata(folder.join(watched)).map_or(0, |m| m.len()) < bytes {
+    let length = || {
+        let part = files(folder).into_iter().find(|f| {
+            let name = f.to_string_lossy();
+            name.starts_with(&format!("{watched}.vlscan-")) && name.ends_with(".part")
+        });
+        part.and_then(|part| fs::metadata(folder.join(part)).ok()).map_or(0, |m| m.len())
+    };
+    while length() < bytes {
         assert!(started.elapsed().as_secs() < 60, "the run does not write");
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
@@ -129,44 +137,38 @@ fn interrupted(folder: &std::path::Path, sinks: &[&str], watched: &str, bytes: u
 
 #[cfg(unix)]
 #[test]
-fn an_interrupt_leaves_complete_files_that_say_they_are_partial() {
+fn an_interrupt_leaves_valid_files_that_say_they_are_partial() {
     for signal in ["-INT", "-TERM"] {
         let dir = folder();
         let names = ["a.csv", "a.las", "a.laz", "a.ply", "a.xyz", "a.arrow", "a.parquet", "a.bin"];
         let sinks: Vec<&str> = names.iter().flat_map(|name| ["-o", name]).collect();
-        let out = interrupted(dir.path(), &sinks, "a.csv.part", 300_000, signal);
+        let out = interrupted(dir.path(), &sinks, "a.csv", 300_000, signal);
         assert_eq!(out.status.code(), Some(130), "{}", text(&out.stderr));
         assert!(text(&out.stderr).contains("partial"), "{}", text(&out.stderr));
-        let mut expected: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
-        expected.extend(["a.bin", "a.csv", "a.xyz"].map(|name| format!("{name}.partial")));
-        expected.sort();
+        let expected =
+            ["arrow", "bin", "csv", "las", "laz", "parquet", "ply", "xyz"].map(|e| format!("a.partial.{e}"));
         let found: Vec<String> = files(dir.path()).iter().map(|f| f.display().to_string()).collect();
         assert_eq!(found, expected);
-        let points = fs::read_to_string(dir.path().join("a.csv")).unwrap().lines().count() - 1;
+        let points = fs::read_to_string(dir.path().join("a.partial.csv")).unwrap().lines().count() - 1;
         assert!(points > 1000, "{points} points");
-        let xyz = fs::read_to_string(dir.path().join("a.xyz")).unwrap();
+        let xyz = fs::read_to_string(dir.path().join("a.partial.xyz")).unwrap();
         assert!(xyz.ends_with('\n') && xyz.lines().count() == points);
-        let note = fs::read_to_string(dir.path().join("a.xyz.partial")).unwrap();
-        assert!(note.contains("interrupted"), "{note}");
-        let ply = fs::read(dir.path().join("a.ply")).unwrap();
+        let ply = fs::read(dir.path().join("a.partial.ply")).unwrap();
         let ply = text(&ply[..2000]);
         assert!(
             ply.contains("comment state partial") && ply.contains(&format!("element vertex {points}\n")),
             "{ply}"
         );
-        // A complete run with the same names removes the notes.
-        succeed(dir.path(), &["run", &room(), "-q", "-o", "a.xyz", "--force"]);
-        assert!(!dir.path().join("a.xyz.partial").exists());
         let Some(python) = common::python("laspy, lazrs, pyarrow") else { continue };
         let script = format!(
             r#"
 import laspy, pyarrow as pa, pyarrow.parquet as pq
-for name in ("a.las", "a.laz"):
+for name in ("a.partial.las", "a.partial.laz"):
     las = laspy.read(name)
     assert len(las) == {points}, (len(las), {points})
     state = [v.record_data_bytes() for v in las.header.vlrs if (v.user_id, v.record_id) == ("vlscan", 2)]
     assert state[0].startswith(b"partial"), state
-reader = pa.ipc.open_stream("a.arrow")
+reader = pa.ipc.open_stream("a.partial.arrow")
 rows, state = 0, {{}}
 while True:
     try:
@@ -175,8 +177,8 @@ while True:
         break
     rows, state = rows + batch.num_rows, dict(metadata or {{}})
 assert rows == {points} and state[b"state"].startswith(b"partial"), (rows, state)
-assert pa.ipc.open_stream("a.arrow").read_all().num_rows == {points}
-parquet = pq.ParquetFile("a.parquet")
+assert pa.ipc.open_stream("a.partial.arrow").read_all().num_rows == {points}
+parquet = pq.ParquetFile("a.partial.parquet")
 assert parquet.metadata.num_rows == {points}
 assert parquet.metadata.metadata[b"state"].startswith(b"partial")
 "#
@@ -201,7 +203,7 @@ fn an_interrupted_run_replaces_no_complete_file() {
     }
     let old = names.map(|name| fs::read(dir.path().join(name)).unwrap());
     let forced = [&sinks[..], &["-o", "new.csv", "--force"]].concat();
-    let out = interrupted(dir.path(), &forced, "a.csv.part", 300_000, "-INT");
+    let out = interrupted(dir.path(), &forced, "a.csv", 300_000, "-INT");
     assert_eq!(out.status.code(), Some(130), "{}", text(&out.stderr));
     let said = text(&out.stderr);
     assert!(
@@ -213,9 +215,7 @@ fn an_interrupted_run_replaces_no_complete_file() {
     }
     let points = fs::read_to_string(dir.path().join("a.partial.csv")).unwrap().lines().count() - 1;
     assert!(points > 1000, "{points}");
-    // A file that replaces none has its own name, with a note beside it.
-    assert!(dir.path().join("new.csv").exists() && dir.path().join("new.csv.partial").exists());
-    let mut expected: Vec<String> = ["new.csv", "new.csv.partial"].map(str::to_owned).to_vec();
+    let mut expected: Vec<String> = ["new.partial.csv"].map(str::to_owned).to_vec();
     expected.extend(names.map(str::to_owned));
     expected.extend(["a.partial.laz", "b.partial.las", "a.partial.csv"].map(str::to_owned));
     expected.extend(["a.partial.wdp", "b.partial.wdp"].map(str::to_owned));
@@ -244,11 +244,18 @@ fn an_error_in_the_middle_replaces_no_complete_file() {
         let args = [&["run", survey.to_str().unwrap(), "--trajectory", "-", "-o", "a.laz"], extra].concat();
         feed(dir.path(), &args, poses.as_bytes())
     };
-    // Where there was no file before, none is left.
-    for extra in [&[][..], &["--force"]] {
-        assert_eq!(fly(extra).status.code(), Some(2));
-        assert!(files(dir.path()).is_empty(), "{:?}", files(dir.path()));
+    // What was measured before the error is kept, and never replaced without --force.
+    for (extra, name) in
+        [(&[][..], "a.partial.laz"), (&[], "a.partial-2.laz"), (&["--force"], "a.partial.laz")]
+    {
+        let out = fly(extra);
+        assert_eq!(out.status.code(), Some(2));
+        let said = text(&out.stderr);
+        assert!(said.contains(&format!("what was measured until then is in {name}")), "{said}");
+        assert_eq!(&fs::read(dir.path().join(name)).unwrap()[..4], b"LASF");
+        assert!(!dir.path().join("a.laz").exists());
     }
+    files(dir.path()).iter().for_each(|name| fs::remove_file(dir.path().join(name)).unwrap());
     succeed(dir.path(), &["run", &room(), "-q", "-o", "a.laz"]);
     let old = fs::read(dir.path().join("a.laz")).unwrap();
     let out = fly(&["--force"]);
@@ -266,9 +273,9 @@ fn an_interrupted_stream_is_complete() {
     let dir = folder();
     // What is written into a file tells when to interrupt; the stream is not read until then.
     let sinks = ["-o", "a.csv", "-o", "-", "--format", "csv", "-q"];
-    let out = interrupted(dir.path(), &sinks, "a.csv.part", 1, "-INT");
+    let out = interrupted(dir.path(), &sinks, "a.csv", 1, "-INT");
     assert_eq!(out.status.code(), Some(130), "{}", text(&out.stderr));
-    assert!(out.stdout == fs::read(dir.path().join("a.csv")).unwrap(), "the stream was cut");
+    assert!(out.stdout == fs::read(dir.path().join("a.partial.csv")).unwrap(), "the stream was cut");
 }
 
 #[test]

@@ -5,6 +5,7 @@ use crate::cli::run::Job;
 use crate::cli::watch::watched;
 use crate::cli::{Console, Verbosity, interrupt};
 use crate::error::{Error, Result};
+use crate::files::{FileWriter, Patched};
 use crate::geom::DVec3;
 use crate::pipeline::{Control, Emission, Emitted, Progress, Session, emit};
 use crate::quantity::{amount, duration};
@@ -128,7 +129,6 @@ fn fly(
     change: impl FnOnce(&mut Survey),
     rows: Rows,
 ) -> Result<()> {
-    interrupt::listen();
     if emit_args.format == EmitFormat::Arrow && !emit_args.force && std::io::stdout().is_terminal() {
         return Err(Error::input(
             "an Arrow stream would go to the terminal; redirect standard output, or insist with --force",
@@ -148,10 +148,10 @@ fn fly(
     let control = Control::new(&progress, &interrupt::STOP);
     let started = Instant::now();
     let failed = |e| Error::io("write", "standard output", e);
-    let mut out = std::io::stdout();
+    let mut out = FileWriter::stdout(Patched::Never)?;
     match emit_args.format {
         EmitFormat::Csv => {
-            out.write_all(rows.header(&flight).as_bytes()).and_then(|()| out.flush()).map_err(failed)?;
+            out.append(rows.header(&flight).as_bytes())?;
             let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push(&flight, emitted, true, out);
             watched(console, progress_lines, legs, &progress, || emit(emission, control, encode, out))?;
         }

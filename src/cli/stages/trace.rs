@@ -18,14 +18,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
-    interrupt::listen();
     let started = Instant::now();
     let (mut setting, warnings) = Setting::read(args)?;
     console.warnings(&warnings);
     change_instrument(&mut setting.survey, &args.instrument);
     let known = setting.known;
     let job = Job::new(setting.survey, &setting.options)?;
-    let Job { mut settings, output, progress_lines, .. } = job;
+    let Job { mut settings, mut output, progress_lines, .. } = job;
+    output.inputs.push(args.stream.clone());
     settings.survey.legs.iter_mut().for_each(|leg| leg.scanner.active = true);
     let has_folder = |(t, _): &(Target, _)| matches!(t, Target::Directory(_) | Target::Helios(_));
     let separate_files = output.sinks.iter().any(has_folder);

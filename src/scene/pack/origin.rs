@@ -1,6 +1,7 @@
 //! The files and settings that a packed scene was made from, and whether it is still up to date.
 
 use crate::error::{Error, Result};
+use crate::files::identity;
 use crate::scene::{LoadOptions, MaterialRules, Scene};
 use crate::store::{ByteReader, ByteWriter, UnexpectedEnd};
 use crate::survey::{Loader, MaterialChoice, SceneRecipe, VoxelMode};
@@ -76,6 +77,18 @@ impl Origin {
         let is_spectrum = |f: &PathBuf| f.parent().is_some_and(|p| p.ends_with("spectra"));
         self.conditions.has_spectra |= files.iter().any(is_spectrum);
         self.files.extend(files.iter().cloned());
+    }
+
+    /// Fails if `pack` is one of the files.
+    pub fn refuse_replacing(&self, pack: &Path) -> Result<()> {
+        let own = identity(pack);
+        match self.files.iter().any(|file| identity(file) == own) {
+            true => Err(Error::input(format!(
+                "{} is a source of the scene, expected another name",
+                pack.display()
+            ))),
+            false => Ok(()),
+        }
     }
 
     /// Reads all files again for their checksums and encodes the origin.

@@ -28,8 +28,8 @@ pub struct Packed {
 /// Loads a scene from its sources and packs it with its tree as `path`.
 ///
 /// # Errors
-/// The errors of [`load_epoch`]; [`crate::Error::Input`] for more than 64 epochs and for a scene that is already
-/// packed.
+/// The errors of [`load_epoch`]; [`crate::Error::Input`] for more than 64 epochs, for a scene that is already packed,
+/// and for a `path` that is one of the sources.
 pub fn pack(
     recipe: &SceneRecipe,
     options: &LoadOptions,
@@ -44,8 +44,9 @@ pub fn pack(
         let message = format!("the scene has {epochs} epochs; at most {MAX_EPOCHS} can be packed");
         return Err(Error::input(message));
     }
-    let (mut out, mut values) = (ArrayFileWriter::create(path)?, ByteWriter::default());
     let mut origin = Origin::of(recipe, options, tree.builder);
+    origin.refuse_replacing(path)?;
+    let (mut out, mut values) = (ArrayFileWriter::create(path)?, ByteWriter::default());
     let (mut warnings, mut first, mut primitives) = (Diagnostics::default(), None, 0);
     values.u64(u64::from(epochs));
     for epoch in 0..epochs {
@@ -56,6 +57,7 @@ pub fn pack(
         origin.add(&scene);
         contents::write(&scene, &scene.tree(tree), epoch, &mut out, &mut values)?;
     }
+    origin.refuse_replacing(path)?;
     out.array("scene", values.bytes())?;
     out.array("origin", origin.finish(path)?.bytes())?;
     Ok((Packed { bytes: out.finish()?, primitives, epochs }, warnings))

@@ -1,0 +1,43 @@
+//! Failures of chosen operations, for tests of what a run does when the machine fails.
+//!
+//! In builds with debug assertions the environment variable `VLSCAN_FAULT` names an operation by its number, from 1:
+//! `VLSCAN_FAULT=7` fails the seventh operation of the process, `VLSCAN_FAULT=7+` every one from the seventh on. Other
+//! builds contain nothing of it.
+
+use std::io;
+
+/// Fails if this is the chosen operation. To be called before an operation of the system that can fail: creating,
+/// writing, synchronising and renaming a file, creating a folder, mapping memory, starting a thread.
+pub fn point() -> io::Result<()> {
+    #[cfg(debug_assertions)]
+    chosen::check()?;
+    Ok(())
+}
+
+#[cfg(debug_assertions)]
+mod chosen {
+    use std::io;
+    use std::sync::LazyLock;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    static OPERATIONS: AtomicU64 = AtomicU64::new(0);
+
+    /// The number of the first operation that fails, and whether all that follow fail, too.
+    static CHOSEN: LazyLock<Option<(u64, bool)>> = LazyLock::new(|| {
+        let text = std::env::var("VLSCAN_FAULT").ok()?;
+        let number = text.trim_end_matches('+').parse().ok()?;
+        Some((number, text.ends_with('+')))
+    });
+
+    pub fn check() -> io::Result<()> {
+        let Some((first, all)) = *CHOSEN else { return Ok(()) };
+        let number = OPERATIONS.fetch_add(1, Ordering::Relaxed) + 1;
+        if number == first || all && number > first {
+            return Err(io::Error::new(
+                io::ErrorKind::StorageFull,
+                format!("injected failure of operation {first}"),
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,278 @@
+//! Temporary files and new folders, and their removal.
+
+use super::fault;
+use super::paths::folder_of;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
+use std::fs::{self, File, OpenOptions};
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
+
+/// What precedes the number in the name of a temporary file.
+const MARK: &str = ".vlscan-";
+/// The end of the name of a temporary file.
+const END: &str = ".part";
+const DIGITS: usize = 8;
+/// Maximum length of the target's name in that of its temporary file, bytes; file systems take 255 altogether.
+const MAX_NAME_BYTES: usize = 255 - MARK.len() - DIGITS - END.len();
+/// How often, and at which interval, something that another process or thread holds for an instant is tried again.
+const ATTEMPTS: u32 = 100;
+const ATTEMPT_PERIOD: Duration = Duration::from_millis(10);
+
+/// The temporary files and unfinished folders of this process.
+struct Live {
+    files: BTreeSet<PathBuf>,
+    folders: Vec<PathBuf>,
+    locks: BTreeMap<PathBuf, Weak<FolderLock>>,
+    /// Folders from which the files of killed processes have been removed.
+    cleaned: BTreeSet<PathBuf>,
+}
+
+/// A shared lock on a folder, if its file system has locks: while it is held, no other process takes the temporary
+/// files in the folder for those of a killed one.
+type FolderLock = Option<File>;
+
+static LIVE: Mutex<Live> = Mutex::new(Live {
+    files: BTreeSet::new(),
+    folders: Vec::new(),
+    locks: BTreeMap::new(),
+    cleaned: BTreeSet::new(),
+});
+
+fn live() -> MutexGuard<'static, Live> {
+    LIVE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Live {
+    /// Returns the lock on a folder. Before the first file of this process the files of killed ones are removed.
+    fn lock(&mut self, folder: &Path) -> Arc<FolderLock> {
+        if let Some(lock) = self.locks.get(folder).and_then(Weak::upgrade) {
+            return lock;
+        }
+        let lock = Arc::new(lock_folder(folder, self.cleaned.insert(folder.to_path_buf())));
+        self.locks.insert(folder.to_path_buf(), Arc::downgrade(&lock));
+        lock
+    }
+}
+
+fn lock_folder(folder: &Path, clean: bool) -> FolderLock {
+    let file = File::open(folder).ok()?;
+    if clean && file.try_lock().is_ok() {
+        remove_parts(folder);
+    }
+    for _ in 0..ATTEMPTS {
+        match file.try_lock_shared() {
+            Ok(()) => return Some(file),
+            Err(fs::TryLockError::WouldBlock) => std::thread::sleep(ATTEMPT_PERIOD),
+            Err(fs::TryLockError::Error(_)) => return None,
+        }
+    }
+    None
+}
+
+/// Removes the temporary files of killed processes from a folder, unless another process writes into it.
+pub fn remove_litter(folder: &Path) {
+    if File::open(folder).is_ok_and(|file| file.try_lock().is_ok() && remove_parts(folder) > 0) {
+        // A folder that was made for these files; fails if it holds others.
+        let _ = fs::remove_dir(folder);
+    }
+}
+
+/// Removes all temporary files in a folder and returns their number.
+fn remove_parts(folder: &Path) -> usize {
+    let Ok(entries) = fs::read_dir(folder) else { return 0 };
+    let parts = entries.flatten().filter(|entry| {
+        is_temporary_name(&entry.file_name()) && entry.file_type().is_ok_and(|kind| kind.is_file())
+    });
+    parts.filter(|part| fs::remove_file(part.path()).is_ok()).count()
+}
+
+fn temporary_name(target: &OsStr) -> std::ffi::OsString {
+    let mut name = match target.len() <= MAX_NAME_BYTES {
+        true => target.to_os_string(),
+        false => {
+            let text = target.to_string_lossy();
+            text[..text.floor_char_boundary(MAX_NAME_BYTES)].into()
+        }
+    };
+    let number = RandomState::new().build_hasher().finish() as u32;
+    name.push(format!("{MARK}{number:0width$x}{END}", width = DIGITS));
+    name
+}
+
+fn is_temporary_name(name: &OsStr) -> bool {
+    let name = name.as_encoded_bytes().strip_suffix(END.as_bytes());
+    name.and_then(|name| name.split_last_chunk::<DIGITS>()).is_some_and(|(name, digits)| {
+        digits.iter().all(|d| matches!(d, b'0'..=b'9' | b'a'..=b'f')) && name.ends_with(MARK.as_bytes())
+    })
+}
+
+/// A file under a temporary name. Dropping this value removes the file unless it has been renamed.
+#[derive(Debug)]
+pub(super) struct TemporaryFile {
+    path: PathBuf,
+    is_renamed: bool,
+    _lock: Arc<FolderLock>,
+}
+
+impl TemporaryFile {
+    /// Creates a file beside `target` that did not exist before, and opens it for reading and writing.
+    pub fn create(target: &Path) -> io::Result<(TemporaryFile, File)> {
+        let name = target.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
+        let folder = folder_of(target);
+        let mut live = live();
+        let lock = live.lock(folder);
+        loop {
+            fault::point()?;
+            let path = target.with_file_name(temporary_name(name));
+            match OpenOptions::new().read(true).write(true).create_new(true).open(&path) {
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(e) => return Err(e),
+                Ok(file) => {
+                    live.files.insert(path.clone());
+                    return Ok((TemporaryFile { path, is_renamed: false, _lock: lock }, file));
+                }
+            }
+        }
+    }
+
+    /// Opens the file again for reading and writing.
+    pub fn reopen(&self) -> io::Result<File> {
+        fault::point()?;
+        OpenOptions::new().read(true).write(true).open(&self.path)
+    }
+
+    /// Renames the file. Without `replace` an existing file is an error, after which the file can be renamed
+    /// otherwise.
+    pub fn rename(&mut self, to: &Path, replace: bool) -> io::Result<()> {
+        fault::point()?;
+        let mut live = live();
+        if replace { fs::rename(&self.path, to) } else { rename_new(&self.path, to) }?;
+        live.files.remove(&self.path);
+        self.is_renamed = true;
+        Ok(())
+    }
+}
+
+impl Drop for TemporaryFile {
+    fn drop(&mut self) {
+        if !self.is_renamed {
+            // The run has failed already; its error is the one to report.
+            let _ = fs::remove_file(&self.path);
+            live().files.remove(&self.path);
+        }
+    }
+}
+
+/// Renames a file without ever replacing another one.
+fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    match fs::hard_link(from, to) {
+        Ok(()) => fs::remove_file(from),
+        Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Err(e),
+        // Some file systems have no hard links.
+        Err(_) if to.symlink_metadata().is_ok() => Err(io::ErrorKind::AlreadyExists.into()),
+        Err(_) => fs::rename(from, to),
+    }
+}
+
+/// Writes a file's content to the disk. File systems without this operation are passed over.
+pub(super) fn synchronise(file: &File) -> io::Result<()> {
+    fault::point()?;
+    match file.sync_all() {
+        Err(e) if matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => Ok(()),
+        done => done,
+    }
+}
+
+/// Writes the names in a file's folder to the disk. A folder that cannot be opened for reading is passed over.
+pub(super) fn synchronise_folder(file: &Path) -> io::Result<()> {
+    if cfg!(not(unix)) {
+        return Ok(());
+    }
+    match File::open(folder_of(file)) {
+        Ok(folder) => synchronise(&folder),
+        Err(_) => Ok(()),
+    }
+}
+
+/// Folders that did not exist before. Dropping this value removes those that are empty, unless they are kept.
+#[derive(Debug, Default)]
+pub struct NewFolder {
+    /// Outer folders first.
+    created: Vec<PathBuf>,
+}
+
+impl NewFolder {
+    /// Creates a folder with the folders around it, as far as they do not exist.
+    pub fn create_all(path: &Path) -> io::Result<NewFolder> {
+        let mut missing: Vec<&Path> =
+            path.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).collect();
+        missing.reverse();
+        let mut made = NewFolder::default();
+        for folder in missing {
+            match made.add(folder) {
+                // Another process was faster.
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists && folder.is_dir() => {}
+                done => done?,
+            }
+        }
+        if path.is_dir() { Ok(made) } else { Err(io::ErrorKind::NotADirectory.into()) }
+    }
+
+    /// Creates a folder that must not exist.
+    pub fn create(path: &Path) -> io::Result<NewFolder> {
+        let mut made = NewFolder::default();
+        made.add(path).map(|()| made)
+    }
+
+    fn add(&mut self, folder: &Path) -> io::Result<()> {
+        fault::point()?;
+        let mut live = live();
+        fs::create_dir(folder)?;
+        live.folders.push(folder.to_path_buf());
+        self.created.push(folder.to_path_buf());
+        Ok(())
+    }
+
+    /// Keeps the folders even if they are empty.
+    pub fn keep(mut self) {
+        let kept = std::mem::take(&mut self.created);
+        live().folders.retain(|folder| !kept.contains(folder));
+    }
+}
+
+impl Drop for NewFolder {
+    fn drop(&mut self) {
+        for folder in self.created.iter().rev() {
+            // Fails when the folder holds a file, which is intended.
+            let _ = fs::remove_dir(folder);
+        }
+        live().folders.retain(|folder| !self.created.contains(folder));
+    }
+}
+
+/// Removes the temporary files and the empty new folders of this process, which must end after it: no other file can
+/// be created or renamed.
+pub fn remove_temporary() {
+    for _ in 0..ATTEMPTS {
+        let live = match LIVE.try_lock() {
+            Ok(live) => live,
+            Err(std::sync::TryLockError::Poisoned(live)) => live.into_inner(),
+            Err(std::sync::TryLockError::WouldBlock) => {
+                std::thread::sleep(ATTEMPT_PERIOD);
+                continue;
+            }
+        };
+        for file in &live.files {
+            let _ = fs::remove_file(file);
+        }
+        for folder in live.folders.iter().rev() {
+            let _ = fs::remove_dir(folder);
+        }
+        std::mem::forget(live);
+        return;
+    }
+}

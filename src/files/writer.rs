@@ -1,0 +1,272 @@
+//! A file, stream or scratch file that is written.
+
+use super::fault;
+use super::paths::{is_special, is_stdout, resolve, with_suffix};
+use super::stream::{Stream, stdout_file};
+use super::temporary::{TemporaryFile, synchronise, synchronise_folder};
+use crate::error::{Error, Result};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Whether bytes at the beginning will be replaced at the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Patched {
+    Never,
+    /// If the destination allows it.
+    IfPossible,
+    Always,
+}
+
+/// A destination of bytes. Errors refer to the path as the user wrote it.
+#[derive(Debug)]
+pub struct FileWriter {
+    name: PathBuf,
+    kind: Kind,
+    /// The file, unless bytes go directly to a stream; `None` while the handle is closed.
+    file: Option<File>,
+    /// Whether bytes at the beginning can be replaced.
+    seekable: bool,
+}
+
+#[derive(Debug)]
+enum Kind {
+    /// Bytes go directly to the stream.
+    Stream(Stream),
+    /// Bytes are collected in a scratch file and copied to the stream at the end.
+    Spooled(Stream),
+    /// Bytes go to an unnamed file, which is removed when it is closed.
+    Scratch,
+    /// Bytes go to a temporary file that is renamed at the end.
+    Named { temporary: TemporaryFile, target: PathBuf, replace: bool },
+}
+
+/// Bytes per read when a file is copied.
+const COPY_BYTES: usize = 64 * 1024;
+
+impl FileWriter {
+    /// Opens `path` for writing. A pipe, terminal or device is written directly, or at the end if bytes at the
+    /// beginning are `patched`; a file gets its name when it is [finished](FileWriter::finish), and replaces an
+    /// existing one only with `replace`.
+    pub fn create(path: &Path, replace: bool, patched: Patched) -> Result<FileWriter> {
+        if is_stdout(path) {
+            return FileWriter::stdout(patched);
+        }
+        if is_special(path) {
+            let file = fault::point()
+                .and_then(|()| OpenOptions::new().write(true).truncate(true).open(path))
+                .map_err(|e| Error::io("open", path, e))?;
+            return FileWriter::stream(path.to_path_buf(), file, patched);
+        }
+        let failed = |e| Error::io("create", path, e);
+        let target = resolve(path).map_err(failed)?;
+        let (temporary, file) = TemporaryFile::create(&target).map_err(failed)?;
+        let kind = Kind::Named { temporary, target, replace };
+        Ok(FileWriter { name: path.to_path_buf(), kind, file: Some(file), seekable: true })
+    }
+
+    /// Opens standard output.
+    pub fn stdout(patched: Patched) -> Result<FileWriter> {
+        let name = PathBuf::from("standard output");
+        let file = stdout_file().map_err(|e| Error::io("open", &name, e))?;
+        FileWriter::stream(name, file, patched)
+    }
+
+    /// Creates an unnamed file in the folder for temporary files, which is removed when it is closed.
+    pub fn scratch() -> Result<FileWriter> {
+        Ok(FileWriter { name: PathBuf::new(), kind: Kind::Scratch, file: Some(scratch()?), seekable: true })
+    }
+
+    fn stream(name: PathBuf, file: File, patched: Patched) -> Result<FileWriter> {
+        let mut stream = Stream::new(file);
+        let seekable = stream.is_seekable();
+        if patched != Patched::Always || seekable {
+            return Ok(FileWriter { name, kind: Kind::Stream(stream), file: None, seekable });
+        }
+        Ok(FileWriter { name, kind: Kind::Spooled(stream), file: Some(scratch()?), seekable: true })
+    }
+
+    /// Whether bytes that were written can be replaced.
+    pub fn is_seekable(&self) -> bool {
+        self.seekable
+    }
+
+    /// Whether bytes are written directly to a pipe, terminal or device.
+    pub fn is_stream(&self) -> bool {
+        matches!(self.kind, Kind::Stream(_))
+    }
+
+    /// The error for an operation that failed.
+    pub fn failed(&self, action: &'static str, e: io::Error) -> Error {
+        match self.kind {
+            Kind::Spooled(_) | Kind::Scratch => scratch_failed(e),
+            _ => Error::io(action, &self.name, e),
+        }
+    }
+
+    /// Writes all bytes.
+    pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        self.write_all(bytes).map_err(|e| self.failed("write", e))
+    }
+
+    /// Closes the handle of a named file until the next write, so that thousands of files do not need thousands of
+    /// handles.
+    pub fn close_handle(&mut self) {
+        if matches!(self.kind, Kind::Named { .. }) {
+            self.file = None;
+        }
+    }
+
+    /// Copies the bytes of a scratch file to another writer.
+    pub fn copy_to(mut self, mut copy: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        self.rewind().map_err(|e| self.failed("read", e))?;
+        let mut block = vec![0; COPY_BYTES];
+        loop {
+            match self.read(&mut block).map_err(|e| self.failed("read", e))? {
+                0 => return Ok(()),
+                n => copy(&block[..n])?,
+            }
+        }
+    }
+
+    /// The file whose name this one gets when it is finished; `None` for streams.
+    pub fn target(&self) -> Option<&Path> {
+        match &self.kind {
+            Kind::Named { target, .. } => Some(target),
+            _ => None,
+        }
+    }
+
+    /// Completes the file under its name and returns that, or copies what was collected to a stream.
+    ///
+    /// # Errors
+    /// [`Error::Io`]. The file is removed, unless only its folder could not be synchronised, or another file of its
+    /// name has appeared, beside which it is left as `NAME.new.EXT`.
+    pub fn finish(self) -> Result<PathBuf> {
+        let (name, target) = (self.name.clone(), self.target().map(Path::to_path_buf));
+        self.finish_as(target.as_deref().unwrap_or(&name)).map(|()| name)
+    }
+
+    /// [`FileWriter::finish`] under another name than that of [`FileWriter::target`].
+    pub fn finish_as(mut self, path: &Path) -> Result<()> {
+        let (stream, file) = match self.kind {
+            Kind::Scratch | Kind::Stream(_) => return Ok(()),
+            Kind::Spooled(ref mut stream) => (stream, &mut self.file),
+            Kind::Named { .. } => return self.commit(path),
+        };
+        let Some(file) = file else { return Err(Error::Internal("a scratch file has no handle".to_owned())) };
+        file.rewind().map_err(scratch_failed)?;
+        let mut block = vec![0; COPY_BYTES];
+        loop {
+            match file.read(&mut block).map_err(scratch_failed)? {
+                0 => return Ok(()),
+                n => write_all(stream, &block[..n]).map_err(|e| Error::io("write", &self.name, e))?,
+            }
+        }
+    }
+
+    fn commit(mut self, path: &Path) -> Result<()> {
+        self.handle().and_then(|file| synchronise(file)).map_err(|e| self.failed("write", e))?;
+        self.file = None;
+        let Kind::Named { mut temporary, replace, .. } = self.kind else { return Ok(()) };
+        let renamed = temporary.rename(path, replace).map_err(|e| match e.kind() {
+            io::ErrorKind::AlreadyExists => appeared(&mut temporary, path),
+            _ => e,
+        });
+        renamed.map_err(|e| Error::io("give its name to", path, e))?;
+        synchronise_folder(path).map_err(|e| Error::io("synchronise the folder of", path, e))
+    }
+
+    fn handle(&mut self) -> io::Result<&mut File> {
+        let file = match (self.file.take(), &self.kind) {
+            (Some(file), _) => file,
+            (None, Kind::Named { temporary, .. }) => {
+                let mut file = temporary.reopen()?;
+                file.seek(SeekFrom::End(0))?;
+                file
+            }
+            (None, _) => return Err(io::ErrorKind::Unsupported.into()),
+        };
+        Ok(self.file.insert(file))
+    }
+}
+
+/// Leaves a complete file beside one of its name that has appeared meanwhile, and returns the error that tells so.
+fn appeared(temporary: &mut TemporaryFile, path: &Path) -> io::Error {
+    let exists = io::ErrorKind::AlreadyExists;
+    for number in 1..100 {
+        let suffix = if number == 1 { ".new".to_owned() } else { format!(".new-{number}") };
+        let beside = with_suffix(path, &suffix, None);
+        match temporary.rename(&beside, false) {
+            Err(e) if e.kind() == exists => {}
+            Err(e) => return e,
+            Ok(()) => {
+                let message = format!(
+                    "a file of this name has appeared and is kept; the complete output is {}",
+                    beside.display()
+                );
+                return io::Error::new(exists, message);
+            }
+        }
+    }
+    exists.into()
+}
+
+fn scratch() -> Result<File> {
+    fault::point().and_then(|()| tempfile::tempfile()).map_err(scratch_failed)
+}
+
+fn scratch_failed(e: io::Error) -> Error {
+    Error::io("write a temporary file in the folder that TMPDIR names,", std::env::temp_dir(), e)
+}
+
+fn write_all(stream: &mut Stream, mut bytes: &[u8]) -> io::Result<()> {
+    while !bytes.is_empty() {
+        fault::point()?;
+        match stream.write(bytes) {
+            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+            Ok(n) => bytes = &bytes[n..],
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(())
+}
+
+impl Write for FileWriter {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        fault::point()?;
+        match &mut self.kind {
+            Kind::Stream(stream) => stream.write(bytes),
+            _ => self.handle()?.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for FileWriter {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        match &mut self.kind {
+            Kind::Stream(stream) => stream.seek(to),
+            _ => self.handle()?.seek(to),
+        }
+    }
+}
+
+impl Read for FileWriter {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        fault::point()?;
+        self.handle()?.read(bytes)
+    }
+}
+
+/// Writes a text to standard output.
+///
+/// # Errors
+/// [`Error::ClosedPipe`] if the reader has closed it; [`Error::Io`].
+pub fn write_stdout(text: &str) -> Result<()> {
+    FileWriter::stdout(Patched::Never)?.append(text.as_bytes())
+}
