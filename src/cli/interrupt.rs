@@ -5,10 +5,14 @@ use super::Console;
 use crate::error::Error;
 use crate::files;
 use crate::schedule::Stop;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Stop request that a run checks between chunks.
 pub static STOP: Stop = Stop::new();
+
+/// Whether a signal has arrived. Failures of a run request its stop, too.
+static SIGNALLED: AtomicBool = AtomicBool::new(false);
 
 /// How long a stopped run waits for the readers of its streams, and the end of the process for that of its messages.
 const GRACE: Duration = Duration::from_secs(2);
@@ -18,12 +22,17 @@ pub fn listen(console: &Console) {
     let console = console.clone();
     // A handler can be installed once per process; without one the signal ends the program.
     let _ = ctrlc::set_handler(move || {
-        if STOP.is_requested() || !STOP.is_heeded() {
+        if SIGNALLED.swap(true, Ordering::Relaxed) || !STOP.is_heeded() {
             end(console.clone());
         }
         STOP.request();
         files::limit_waiting(GRACE);
     });
+}
+
+/// Whether the user has asked for the end.
+pub fn is_signalled() -> bool {
+    SIGNALLED.load(Ordering::Relaxed)
 }
 
 /// Ends the process.

@@ -87,7 +87,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     };
     let outcome = match outcome {
         // A stopped run has given up a stream whose reader takes nothing.
-        Err(Error::ClosedPipe) if interrupt::STOP.is_requested() => Err(Error::Interrupted),
+        Err(Error::ClosedPipe) if interrupt::is_signalled() => Err(Error::Interrupted),
         outcome => outcome,
     };
     status(outcome, &console)

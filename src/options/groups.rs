@@ -80,7 +80,7 @@ pub struct OutputOptions {
     #[serde(skip)]
     pub output: Option<PathBuf>,
     /// Replace files that exist, once their successors are complete: a run that is interrupted or fails leaves them, and what
-    /// it measured as NAME.partial.laz beside them. Also write binary data to a terminal.
+    /// it measured as NAME.partial.EXT beside them. Also write binary data to a terminal.
     #[arg(long)]
     pub force: bool,
     /// Write every digitised waveform, beside the first output that is a file or folder.
@@ -274,7 +274,7 @@ pub struct ScheduleOptions {
     /// Begin a leg only when everything of the one before is done, as in the paper; slower.
     #[arg(long)]
     pub leg_barrier: bool,
-    /// Write what the schedule did as JSON: idle times, queue depths, chunk sizes, leg ends.
+    /// Write what the schedule did as JSON: idle times, queue depths, chunk sizes, leg ends. --force replaces an existing file.
     #[arg(long, value_name = "FILE")]
     pub schedule_log: Option<PathBuf>,
     /// Refuse scenes that need more memory than this, e.g. 4G.

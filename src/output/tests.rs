@@ -138,7 +138,7 @@ fn run_directories_are_named_by_the_time_and_run_out_at_99() {
     assert_eq!(shape, "0000-00-00_00-00-00");
     for number in 1..=99 {
         let (made, folders) = super::plan::create_run_directory(dir.path(), "s").unwrap();
-        folders.map(crate::files::NewFolder::keep);
+        folders.into_iter().for_each(crate::files::NewFolder::keep);
         let name = if number == 1 { "s".to_owned() } else { format!("s_{number}") };
         assert_eq!(made, dir.path().join(name));
     }

@@ -63,13 +63,16 @@ fn one_file_has_one_output_and_no_source_is_replaced() {
     assert!(fs::read(dir.path().join("survey.xml")).unwrap() == survey);
     assert!(fs::read(dir.path().join("shell.obj")).unwrap() == fs::read(fixture("room/shell.obj")).unwrap());
 
+    assert!(!names(dir.path()).iter().any(|name| name.ends_with(".part")), "{:?}", names(dir.path()));
+
+    let dir = folder();
     let flight = fs::read(fixture("flight.csv")).unwrap();
     fs::write(dir.path().join("flight.csv"), &flight).unwrap();
     let forest = fixture("forest/survey.xml").to_str().unwrap().to_owned();
     let onto = ["run", &forest, "--trajectory", "flight.csv", "-o", "./flight.csv", "--force"];
     refused(dir.path(), &onto, "is read by this run");
     assert!(fs::read(dir.path().join("flight.csv")).unwrap() == flight);
-    assert!(!names(dir.path()).iter().any(|name| name.ends_with(".part")), "{:?}", names(dir.path()));
+    assert_eq!(names(dir.path()), ["flight.csv"]);
 }
 
 #[cfg(unix)]

@@ -439,5 +439,10 @@ fn a_bad_pose_is_reported_with_its_line() {
     let out = feed(dir.path(), &args, poses.as_bytes());
     assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
     assert!(text(&out.stderr).contains(":3:"), "{}", text(&out.stderr));
-    assert!(files(dir.path()).is_empty());
+    // The pulse at the first pose was measured.
+    assert_eq!(files(dir.path()), [std::path::Path::new("a.partial.xyz")]);
+    // Nothing is left where nothing was measured.
+    fs::remove_file(dir.path().join("a.partial.xyz")).unwrap();
+    let out = feed(dir.path(), &args, b"time,x,y,z,roll,pitch,yaw\n1.1,zero,0,400,0,0,0\n");
+    assert!(out.status.code() == Some(2) && files(dir.path()).is_empty(), "{:?}", files(dir.path()));
 }

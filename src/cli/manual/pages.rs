@@ -68,7 +68,8 @@ vlscan run forest/survey.xml -o - --format xyz -q |
 vlscan run forest/survey.xml -o refined.laz --physics refined --seed 7",
         files: &[
             ("output/SURVEY/TIME/", "Where the files go with neither -o nor --output, as with HELIOS++."),
-            ("NAME.part", "An output that is not complete yet; it gets its name when it is."),
+            ("NAME.vlscan-*.part", "An output that is not complete yet; it gets its name when it is."),
+            ("NAME.partial.EXT", "What was measured before a run was interrupted or its input failed."),
             ("helios_TIME.log", "The messages, with --log-file."),
         ],
     },
@@ -271,7 +272,7 @@ vlscan preview trees.arrow -o returns.png --colour return",
             ),
             ("*.las, *.laz", "With --pulse: files with waveform packets, inside or beside (.wdp)."),
             ("*.html", "A page that holds its points, drawn with WebGL 2; it fetches nothing."),
-            ("NAME.part", "A file that is not complete yet."),
+            ("NAME.vlscan-*.part", "A file that is not complete yet."),
         ],
     },
     Page {
