@@ -9,8 +9,6 @@ mod citations;
 mod conformance;
 mod determinism;
 mod examples;
-mod faults;
-mod files;
 mod fixtures;
 mod formats;
 mod fuzz;
