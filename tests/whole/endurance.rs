@@ -1,0 +1,84 @@
+//! Many runs in one process: memory, file descriptors, threads and temporary files at the end as at the beginning.
+
+use crate::common::{files, fixture, folder, text};
+use std::path::Path;
+use std::process::Command;
+use vlscan::{
+    Control, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey,
+};
+
+/// Number of runs, from the environment.
+const VARIABLE: &str = "VLSCAN_ENDURANCE_RUNS";
+
+/// Other tests of this program would change what is counted, so that the runs have a process of their own.
+#[test]
+#[cfg(target_os = "linux")]
+fn many_runs_leave_nothing_behind() {
+    let mut child = Command::new(std::env::current_exe().unwrap());
+    child.args(["--exact", "endurance::runs", "--ignored", "--nocapture"]).env(VARIABLE, "100");
+    let output = child.output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
+/// What a process holds.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    memory_kb: u64,
+    threads: usize,
+    descriptors: usize,
+}
+
+fn held() -> Held {
+    let entries = |folder: &str| std::fs::read_dir(folder).unwrap().count();
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let memory = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    let memory_kb = memory.trim().trim_end_matches(" kB").parse().unwrap();
+    Held { memory_kb, threads: entries("/proc/self/task"), descriptors: entries("/proc/self/fd") }
+}
+
+#[test]
+#[ignore = "called by many_runs_leave_nothing_behind; VLSCAN_ENDURANCE_RUNS=10000 for a night"]
+fn runs() {
+    let runs: u32 = std::env::var(VARIABLE).map_or(100, |n| n.parse().unwrap());
+    let dir = folder();
+    let mut start = None;
+    for run in 0..runs {
+        fly(dir.path(), run);
+        if run == 20 {
+            start = Some(held());
+        }
+    }
+    let (start, end) = (start.expect("more than 20 runs"), held());
+    eprintln!("{runs} runs: {start:?} after 21 runs, {end:?} at the end");
+    assert!(end.threads <= start.threads, "threads: {start:?}, {end:?}");
+    assert_eq!(end.descriptors, start.descriptors);
+    assert!(end.memory_kb < start.memory_kb * 5 / 4 + 4096, "memory: {start:?}, {end:?}");
+    assert!(files(dir.path()).is_empty(), "{:?}", files(dir.path()));
+}
+
+/// A run of one of the small surveys to one of the formats; every fifth fails because the file exists, every seventh is
+/// stopped.
+fn fly(dir: &Path, run: u32) {
+    let surveys = ["moving/survey.xml", "street/spinning.xml", "room/survey.xml"];
+    let formats =
+        [PointFormat::Las, PointFormat::Laz, PointFormat::Parquet, PointFormat::Copc, PointFormat::Xyz];
+    let (mut survey, _) =
+        read_survey(&fixture(surveys[run as usize % surveys.len()]), &ReadOptions::default()).unwrap();
+    survey.legs.truncate(1);
+    let mut session = Session::open(Settings::new(survey), |_| {}).unwrap();
+    let points = dir.join("points");
+    if run % 5 == 4 {
+        std::fs::write(&points, "another run's").unwrap();
+    }
+    let sinks = vec![(Target::File(points.clone()), formats[run as usize % formats.len()])];
+    let (progress, stop) = (Progress::default(), Stop::new());
+    if run % 7 == 6 {
+        stop.request();
+    }
+    let outputs = OutputRequest { sinks, ..Default::default() };
+    let outcome = session.run(outputs, Control::new(&progress, &stop));
+    assert_eq!(outcome.is_err(), run % 5 == 4, "run {run}: {outcome:?}");
+    for file in files(dir) {
+        std::fs::remove_file(dir.join(file)).unwrap();
+    }
+}
