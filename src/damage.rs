@@ -1,8 +1,13 @@
-//! Panics of decoders: libraries that assert that a file is valid are called through [`catch_decoder_panic`].
+//! Panics over damaged data: libraries that assert that a file is valid are called through [`catch_decoder_panic`];
+//! code that reads a mapped file may panic after a part of the file was lost ([`silence_panics`]).
 
 use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether panics of all threads are without a message, because another error explains them.
+static IS_SILENT: AtomicBool = AtomicBool::new(false);
 
 thread_local! {
     /// Whether a panic of this thread is caught by [`catch_decoder_panic`].
@@ -12,19 +17,29 @@ thread_local! {
 /// Calls `decode`, which may go through a library that panics on damaged data (`laz` does), and returns `None` when it
 /// panicked, without the message on stderr. State that the panic may have left inconsistent must not be used afterwards.
 pub(crate) fn catch_decoder_panic<T>(decode: impl FnOnce() -> T) -> Option<T> {
-    static HOOK: Once = Once::new();
-    HOOK.call_once(|| {
-        let default_hook = panic::take_hook();
-        panic::set_hook(Box::new(move |info| {
-            if !IS_CAUGHT.get() {
-                default_hook(info);
-            }
-        }));
-    });
+    install_panic_hook();
     IS_CAUGHT.set(true);
     let decoded = panic::catch_unwind(AssertUnwindSafe(decode));
     IS_CAUGHT.set(false);
     decoded.ok()
+}
+
+/// Installs the panic hook that omits messages as the functions of this module ask for.
+pub(crate) fn install_panic_hook() {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let default_hook = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !IS_CAUGHT.get() && !IS_SILENT.load(Ordering::SeqCst) {
+                default_hook(info);
+            }
+        }));
+    });
+}
+
+/// Omits the messages of panics of all threads, or no longer. May be called by a signal handler.
+pub(crate) fn silence_panics(silent: bool) {
+    IS_SILENT.store(silent, Ordering::SeqCst);
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@
 //! | `error`, `diag` | errors; diagnostics with file, line and caret | |
 //! | `geom`, `rng` | rotations, boxes, map projection; counter-based random numbers | |
 //! | `quantity`, `columns` | counts and sizes as text; headings and separators of columns | |
-//! | `files`, `damage`, `input` | files named when complete; panics of decoders caught; byte streams and Arrow tables read while they arrive | |
+//! | `files`, `damage`, `machine`, `input` | files named when complete; panics of decoders caught; threads and memory of the machine; byte streams and Arrow tables read while they arrive | |
 //! | `store` | arrays in memory or in a mapped file, and that file | geom |
 //! | `points` | reads point clouds: LAS and LAZ, PLY, columns of text | geom |
 //! | `survey` | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, input |
@@ -63,6 +63,7 @@ mod flight;
 mod generate;
 mod geom;
 mod input;
+mod machine;
 mod options;
 mod output;
 mod pipeline;
@@ -78,6 +79,7 @@ mod schedule;
 mod store;
 mod streams;
 mod survey;
+
 mod tree;
 
 pub use cli::main;

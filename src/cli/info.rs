@@ -4,6 +4,7 @@ use super::Console;
 use super::args::InfoArgs;
 use crate::diag::{Diagnostics, Severity};
 use crate::error::{Error, Result};
+use crate::machine;
 use crate::options::{InputOptions, Options, holds_survey, read_survey};
 use crate::quantity::amount;
 use crate::scene::{self, Inventory, LoadOptions, Material, Pack, Scene};
@@ -94,11 +95,12 @@ impl SceneName<'_> {
 /// Returns the options under which a scene loads; for a packed scene those that it was packed with.
 fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -> Result<LoadOptions> {
     let usual = LoadOptions { wavelength_nm: scanning.wavelength_nm, ..LoadOptions::default() };
+    let within = LoadOptions { max_memory: machine::memory(), ..usual.clone() };
     let Some(path) = &recipe.packed else {
         if verify {
             return Err(Error::input("--verify is about packed scenes (.vlscene)"));
         }
-        return Ok(usual);
+        return Ok(within);
     };
     let pack = Pack::open(path)?;
     if verify {

@@ -35,7 +35,8 @@ pub use args::{Cli, Command, RunArgs};
 pub use console::{Console, LogTo, Verbosity};
 pub use manual::command as command_line;
 
-use crate::error::Error;
+use crate::error::{Error, Result};
+use crate::{machine, store};
 use clap::FromArgMatches;
 use std::ffi::OsString;
 use std::io::Write as _;
@@ -72,19 +73,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     interrupt::listen(&console);
-    let outcome = match &cli.command {
-        Command::Run(args) => run::run(args, &console),
-        Command::Bench(args) => bench::run(args, &console),
-        Command::Trajectory(args) => stages::trajectory(args, &console),
-        Command::Pulses(args) => stages::pulses(args, &console),
-        Command::Trace(args) => stages::trace(args, &console),
-        Command::Scene(args) => scene::run(args, &console),
-        Command::Catalogue(args) => catalogue::run(args, &console),
-        Command::Unzip(args) => unzip::run(args, &console),
-        Command::Preview(args) => preview::run(args, &console),
-        Command::Completions(args) => completions::run(args),
-        Command::Man(args) => manual::run(args, &console),
-    };
+    let outcome = machine::start_pool().and_then(|()| store::catch_loss(|| dispatch(&cli.command, &console)));
     let outcome = match outcome {
         // A stopped run has given up a stream whose reader takes nothing.
         Err(Error::ClosedPipe) if interrupt::is_signalled() => Err(Error::Interrupted),
@@ -103,6 +92,22 @@ fn status(outcome: Result<(), Error>, console: &Console) -> u8 {
             }
             error.exit_status()
         }
+    }
+}
+
+fn dispatch(command: &Command, console: &Console) -> Result<()> {
+    match command {
+        Command::Run(args) => run::run(args, console),
+        Command::Bench(args) => bench::run(args, console),
+        Command::Trajectory(args) => stages::trajectory(args, console),
+        Command::Pulses(args) => stages::pulses(args, console),
+        Command::Trace(args) => stages::trace(args, console),
+        Command::Scene(args) => scene::run(args, console),
+        Command::Catalogue(args) => catalogue::run(args, console),
+        Command::Unzip(args) => unzip::run(args, console),
+        Command::Preview(args) => preview::run(args, console),
+        Command::Completions(args) => completions::run(args),
+        Command::Man(args) => manual::run(args, console),
     }
 }
 

@@ -5,6 +5,7 @@ use super::run::job::material_rules;
 use super::{Console, info};
 use crate::error::{Error, Result};
 use crate::files::is_special;
+use crate::machine;
 use crate::quantity::amount;
 use crate::scene::{self, LoadOptions};
 use crate::tree::BuildOptions;
@@ -28,6 +29,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
         seed,
         rules: material_rules(&corrections),
         sharing: args.instances.unwrap_or_default(),
+        max_memory: machine::memory(),
         ..LoadOptions::default()
     };
     let tree = BuildOptions::of(args.tree.unwrap_or_default());

@@ -26,7 +26,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         Colour::Return => ColourBy::Return,
     };
     let title = title(&args.points);
-    let count = amount(points.len() as f64);
+    let count = amount(points.total() as f64);
     if !is_page(&args.out) {
         let (width, height) = (args.width, args.height);
         let options = PreviewOptions { colour, width, height, title, ..PreviewOptions::default() };

@@ -24,7 +24,8 @@ pub fn watched<T>(
     }
     let (done, is_done) = flume::bounded::<()>(1);
     std::thread::scope(|scope| {
-        scope.spawn(move || {
+        // A run whose progress cannot be shown for want of a thread goes on.
+        let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             let start = Instant::now();
             let bar = if terminal { Some(bar()) } else { None };
             let period = if terminal { BAR_PERIOD } else { LINE_PERIOD };

@@ -16,6 +16,9 @@ pub use utm::UtmZone;
 /// Speed of light, m/ns.
 pub const LIGHT_SPEED: f64 = 0.299_792_458;
 
+/// Maximum absolute coordinate of points and primitives, m. Beyond it double precision does not resolve millimetres.
+pub const MAX_COORDINATE: f64 = 1e12;
+
 /// Converts degrees to radians by one multiplication with the constant π/180, so that every angle is rounded alike.
 pub fn radians(degrees: f64) -> f64 {
     degrees * (std::f64::consts::PI / 180.0)

@@ -36,7 +36,8 @@ impl InputStream {
     /// Starts the thread that reads `input`.
     pub fn from_reader(mut input: impl Read + Send + 'static) -> InputStream {
         let (sender, reads) = flume::bounded(MAX_QUEUED_READS);
-        std::thread::spawn(move || {
+        let failed = sender.clone();
+        let started = std::thread::Builder::new().spawn(move || {
             let mut buffer = vec![0; MAX_READ_BYTES];
             loop {
                 let read = match input.read(&mut buffer) {
@@ -51,6 +52,10 @@ impl InputStream {
                 }
             }
         });
+        if let Err(e) = started {
+            // The receiver exists, and the queue is empty.
+            let _ = failed.try_send(Err(e));
+        }
         InputStream { reads }
     }
 

@@ -277,7 +277,7 @@ pub struct ScheduleOptions {
     /// Write what the schedule did as JSON: idle times, queue depths, chunk sizes, leg ends. --force replaces an existing file.
     #[arg(long, value_name = "FILE")]
     pub schedule_log: Option<PathBuf>,
-    /// Refuse scenes that need more memory than this, e.g. 4G.
+    /// Refuse scenes that need more memory than this, e.g. 4G. [default: the memory of the machine]
     #[arg(long, value_name = "SIZE")]
     pub max_memory: Option<Bytes>,
     /// Show the progress as plain lines when stderr is no terminal.

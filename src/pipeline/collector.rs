@@ -7,6 +7,7 @@ use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::output::{Summary, Writer};
 use crate::schedule::Collect;
+use crate::store::check_loss;
 
 pub(super) struct Collector<'a> {
     pass: &'a Pass<'a>,
@@ -38,6 +39,8 @@ impl<'a> Collector<'a> {
     }
 
     fn append(&mut self, m: Measured, more_waiting: bool) -> Result<()> {
+        // A loss is recorded before anything is computed from it, so what is appended is free of it.
+        check_loss()?;
         let leg = m.encoded.leg();
         if leg < self.leg {
             let mut problems = Diagnostics::default();
@@ -73,6 +76,7 @@ impl Collect<Pieces> for Collector<'_> {
     }
 
     fn finish(mut self) -> Result<Ended> {
+        check_loss()?;
         if self.pass.is_last {
             self.check(CheckTime::End)?;
             return self.writer.finish().map(Ended::Complete);

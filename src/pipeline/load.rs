@@ -5,6 +5,7 @@ use crate::diag::Notice;
 use crate::error::{Error, Result};
 use crate::quantity::amount;
 use crate::scene::{self, Scene, SceneFrame};
+use crate::store::check_loss;
 use crate::tree::{BuildOptions, Tree};
 use std::time::Instant;
 
@@ -20,6 +21,7 @@ pub(super) fn load_scene(
 ) -> Result<Scene> {
     let started = Instant::now();
     let (scene, found) = scene::load_epoch(&settings.survey.scene, &settings.load, epoch, frame)?;
+    check_loss()?;
     notify(Notice::Warnings(found.finish(settings.strict)?));
     notify(Notice::Timing(format!(
         "scene: {} parts, {} primitives, {:.1} MB, {:.2} s",
@@ -63,7 +65,7 @@ pub(super) fn check_raster_memory(settings: &Settings, notify: &dyn Fn(Notice)) 
     let mut all = 0u64;
     for need in scene::raster_needs(&settings.survey.scene) {
         let tree = Tree::estimate_build_memory(need.triangles, settings.tree.builder);
-        all = all.saturating_add(need.bytes).saturating_add(tree);
+        all = all.saturating_add(need.bytes).saturating_add(need.decoding_bytes.max(tree));
         if need.bytes.saturating_add(tree) >= MIN_REPORTED_BYTES {
             notify(Notice::Note(format!(
                 "{}: {} x {} pixels become {} triangles, which need {}B, and about {}B more for the tree over them",

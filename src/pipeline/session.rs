@@ -11,11 +11,13 @@ use super::stream::{LegRule, PulseSource, Tracing};
 use crate::diag::Notice;
 use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightState};
+use crate::machine;
 use crate::output::{FileSummary, OutputContext, OutputPlan, OutputRequest, Summary, Writer};
 use crate::platform::PoseReader;
 use crate::pulse::{Physics, PhysicsOptions};
 use crate::scene::{self, MotionPlan, Scene, SceneFrame};
 use crate::schedule::Stop;
+use crate::store::{catch_loss, check_loss};
 use crate::streams::PulseReader;
 use crate::survey::{PlatformKind, Survey};
 use crate::tree::{BuildOptions, Tree};
@@ -77,10 +79,12 @@ impl Session {
     /// # Errors
     /// [`Error::Input`] for scenes that are invalid or exceed the memory limit; [`Error::Io`].
     pub fn open(settings: Settings, observer: impl Fn(Notice) + Send + Sync + 'static) -> Result<Session> {
-        check_raster_memory(&settings, &observer)?;
-        let mut session = Session::open_scene(settings, observer)?;
-        session.tree = Some(session.build_tree(&session.settings.tree)?);
-        Ok(session)
+        catch_loss(|| {
+            check_raster_memory(&settings, &observer)?;
+            let mut session = Session::open_scene(settings, observer)?;
+            session.tree = Some(session.build_tree(&session.settings.tree)?);
+            Ok(session)
+        })
     }
 
     /// Loads the scene of the first epoch without building a tree: for flights without tracing, and for other kinds
@@ -92,6 +96,7 @@ impl Session {
         settings: Settings,
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Session> {
+        machine::start_pool()?;
         let epochs = scene::count_epochs(&settings.survey.scene)?;
         let scene = load_scene(&settings, 0, None, &observer)?;
         let frame = SceneFrame::of(&scene);
@@ -141,6 +146,7 @@ impl Session {
         let Session { settings, scene, .. } = self;
         let ground = |x, y| scene.ground_height(x, y);
         let (flight, found) = FlightPlan::new(&settings.survey, scene.shift, &ground, &settings.flight)?;
+        check_loss()?;
         (self.observer)(Notice::Warnings(found.finish(settings.strict)?));
         Ok(flight)
     }
@@ -151,6 +157,10 @@ impl Session {
     /// [`Error::Input`] for flights or outputs that are impossible, [`Error::Io`], [`Error::ClosedPipe`], and
     /// [`Error::Interrupted`] when a stop is requested before the first pulse or between two epochs.
     pub fn run(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
+        catch_loss(|| self.fly(outputs, control))
+    }
+
+    fn fly(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
         self.enter_epoch(0, control.stop)?;
         let flight = self.plan_flight()?;
         let Session { settings, scene, .. } = &*self;
@@ -179,6 +189,16 @@ impl Session {
     /// # Errors
     /// As for [`Session::run`]; [`Error::Input`] for malformed rows, with their line.
     pub fn trace(
+        &mut self,
+        pulses: PulseReader,
+        legs: LegRule,
+        outputs: OutputRequest,
+        control: Control<'_>,
+    ) -> Result<Report> {
+        catch_loss(|| self.trace_stream(pulses, legs, outputs, control))
+    }
+
+    fn trace_stream(
         &mut self,
         pulses: PulseReader,
         legs: LegRule,

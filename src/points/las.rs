@@ -10,6 +10,9 @@ use std::io::{Cursor, Seek};
 /// Lengths of a record of point formats 0 to 10 without extra bytes, bytes.
 const MIN_RECORD_BYTES: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
 
+/// Maximum length of a compressed record, bytes: the decompressor takes up to 16 kB of memory per byte of it.
+const MAX_COMPRESSED_RECORD_BYTES: u16 = 4096;
+
 /// Bit of the format byte that marks compressed records; the bits of the format itself.
 const COMPRESSED: u8 = 0x80;
 const FORMAT: u8 = 0x3f;
@@ -113,12 +116,11 @@ impl<'a> Fields<'a> {
                     _ => self.u64(at + 20)?,
                 };
                 let end = usize::try_from(length).ok().and_then(|length| start.checked_add(length));
-                let end = end.ok_or("the file ends within its header")?;
+                let end = end.filter(|end| *end <= self.0.len()).ok_or("the file ends within its header")?;
                 let user_id = self.bytes::<16>(at + 2)?;
                 let name = user_id.split(|b| *b == 0).next().unwrap_or_default();
                 if name == user.as_bytes() && self.u16(at + 18)? == id {
-                    let data = self.0.get(start..end);
-                    return data.map(Some).ok_or_else(|| "the file ends within its header".to_owned());
+                    return Ok(self.0.get(start..end));
                 }
                 at = end;
             }
@@ -351,6 +353,12 @@ impl<'a> Compressed<'a> {
         let record = file.variable_record(LazVlr::USER_ID, LazVlr::RECORD_ID)?;
         let record = record.ok_or("compressed points without the record that describes the compression")?;
         let (items, layers) = Compressed::items(record)?;
+        if header.record_length > MAX_COMPRESSED_RECORD_BYTES {
+            let length = header.record_length;
+            return Err(format!(
+                "its compressed points have {length} bytes; at most {MAX_COMPRESSED_RECORD_BYTES} can be read"
+            ));
+        }
         if items != u32::from(header.record_length) {
             let length = header.record_length;
             return Err(format!("expected {length} bytes per point, the compression is for {items}"));

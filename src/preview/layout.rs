@@ -185,6 +185,10 @@ impl Sheet {
                     let at = top + (f64::from(bar) * (high - tick) / (high - low)) as u32;
                     picture.fill(Frame { x: x + 14 * t, y: at, width: 4 * t, height: t }, FAINT);
                     picture.text(x + 22 * t, at.saturating_sub(3 * t), &round_number(tick, step), t, INK);
+                    if tick + step <= tick {
+                        // The height is too large for such a small step.
+                        break;
+                    }
                     tick += step;
                 }
             }
@@ -302,7 +306,7 @@ fn title(points: &Points, name: &str, room: u32) -> String {
         parts.push("no points".to_owned());
     } else {
         let size = points.bounds().size();
-        parts.push(format!("{} points", grouped(points.len())));
+        parts.push(format!("{} points", grouped(points.total())));
         parts.push(format!("{} × {} × {} m", metres(size.x), metres(size.y), metres(size.z)));
     }
     let facts = parts.join(" · ");

@@ -56,7 +56,7 @@ pub struct Page {
 /// When writing to `out` fails.
 pub fn write_page(points: &Points, options: &PageOptions, out: &mut dyn Write) -> io::Result<Page> {
     let chosen = sample(points.len(), options.max_points);
-    let page = Page { shown: chosen.len(), total: points.len() };
+    let page = Page { shown: chosen.len(), total: points.total() };
     let legends = Legends::new(points);
     let packed = pack(points, &chosen, &legends.ranges);
     let parts = [

@@ -1,7 +1,10 @@
-//! A point cloud in memory: 20 bytes per point.
+//! A point cloud in memory: 20 bytes per point, and a bounded number of points.
 
-use crate::geom::{Aabb, DVec3};
+use crate::geom::{Aabb, DVec3, MAX_COORDINATE};
 use std::collections::HashMap;
+
+/// Maximum number of points that are kept.
+const MAX_POINTS: usize = 40_000_000;
 
 /// A point to be added to [`Points`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,8 +29,9 @@ pub struct Attributes {
     pub object: bool,
 }
 
-/// A point cloud. Positions are `f32` offsets from an origin near the points.
-#[derive(Clone, Debug, Default)]
+/// A point cloud. Positions are `f32` offsets from an origin near the points. When there are too many points, every
+/// second one of those kept is dropped.
+#[derive(Clone, Debug)]
 pub struct Points {
     pub(super) attributes: Attributes,
     pub(super) offsets: Vec<[f32; 3]>,
@@ -40,24 +44,59 @@ pub struct Points {
     bounds: Aabb,
     object_numbers: HashMap<String, u16>,
     latest_object: u16,
+    /// Number of points that were added, without those skipped.
+    added: u64,
+    /// Number of points of which the first is kept.
+    stride: u64,
+    max_points: usize,
     skipped: u64,
+}
+
+impl Default for Points {
+    fn default() -> Points {
+        Points::new(Attributes::default())
+    }
 }
 
 impl Points {
     /// An empty cloud whose points have `attributes`; the others take no memory.
     pub fn new(attributes: Attributes) -> Points {
-        Points { attributes, ..Points::default() }
+        Points {
+            attributes,
+            offsets: Vec::new(),
+            intensity: Vec::new(),
+            class: Vec::new(),
+            return_number: Vec::new(),
+            object: Vec::new(),
+            objects: Vec::new(),
+            origin: None,
+            bounds: Aabb::default(),
+            object_numbers: HashMap::new(),
+            latest_object: 0,
+            added: 0,
+            stride: 1,
+            max_points: MAX_POINTS,
+            skipped: 0,
+        }
     }
 
-    /// Adds a point. A point whose position is not finite is counted and skipped. Classes above 255 become 255; object
+    /// Adds a point. A point with a coordinate that is NaN or beyond [`MAX_COORDINATE`] is counted and skipped. Classes above 255 become 255; object
     /// names beyond the first 65 535 share one number.
     pub fn push(&mut self, point: &Point) {
-        if !point.position.is_finite() {
+        // Also false for NaN.
+        if !(point.position.is_finite() && point.position.abs().max_element() <= MAX_COORDINATE) {
             self.skipped += 1;
             return;
         }
         let origin = *self.origin.get_or_insert(point.position);
         self.bounds = self.bounds.with(point.position);
+        if self.offsets.len() >= self.max_points {
+            self.drop_every_second();
+        }
+        self.added += 1;
+        if !(self.added - 1).is_multiple_of(self.stride) {
+            return;
+        }
         let offset = point.position - origin;
         self.offsets.push([offset.x as f32, offset.y as f32, offset.z as f32]);
         if self.attributes.intensity {
@@ -73,6 +112,20 @@ impl Points {
             let number = self.object_number(point.object);
             self.object.push(number);
         }
+    }
+
+    fn drop_every_second(&mut self) {
+        fn halve<T: Copy>(values: &mut Vec<T>) {
+            let kept = values.len().div_ceil(2);
+            (0..kept).for_each(|i| values[i] = values[2 * i]);
+            values.truncate(kept);
+        }
+        halve(&mut self.offsets);
+        halve(&mut self.intensity);
+        halve(&mut self.class);
+        halve(&mut self.return_number);
+        halve(&mut self.object);
+        self.stride *= 2;
     }
 
     fn object_number(&mut self, name: &str) -> u16 {
@@ -106,8 +159,14 @@ impl Points {
         self.origin.unwrap_or(DVec3::ZERO)
     }
 
+    /// Number of points that are kept.
     pub fn len(&self) -> usize {
         self.offsets.len()
+    }
+
+    /// Number of points of the cloud, of which not all may be kept.
+    pub fn total(&self) -> usize {
+        self.added as usize
     }
 
     pub fn is_empty(&self) -> bool {
@@ -119,7 +178,7 @@ impl Points {
         if self.is_empty() { Aabb::EMPTY } else { self.bounds }
     }
 
-    /// Number of points skipped because their position is not finite.
+    /// Number of points skipped because of their position.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
@@ -143,6 +202,20 @@ mod tests {
         assert_eq!((points.len(), points.skipped()), (2, 1));
         assert!((f64::from(points.offsets[1][0]) + points.origin().x - 478_001.456).abs() < 1e-6);
         assert_eq!(points.bounds().max.x, 478_001.456);
+    }
+
+    #[test]
+    fn a_bounded_number_of_points_is_kept_evenly() {
+        let all = Attributes { intensity: true, class: true, return_number: true, object: true };
+        let mut points = Points { max_points: 8, ..Points::new(all) };
+        for i in 0..100 {
+            let position = DVec3::X * f64::from(i);
+            points.push(&Point { position, intensity: i as f32, class: i, object: "a", ..Point::default() });
+        }
+        assert_eq!((points.total(), points.len()), (100, 7));
+        assert_eq!(points.class, [0, 16, 32, 48, 64, 80, 96]);
+        assert_eq!((points.intensity[6], points.offsets[6][0], points.object.len()), (96.0, 96.0, 7));
+        assert_eq!(points.bounds().max.x, 99.0);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::points::{Attributes, Point, Points};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
+use crate::geom::MAX_COORDINATE;
 use crate::input::arrow::{ArrowDetection, detect_arrow};
 use crate::points::text::{Separators, is_heading, is_skipped};
 use crate::points::{Attribute, Columns, LasReader, PlyReader, PointReader, PointRow, Selection};
@@ -93,6 +94,10 @@ pub(super) fn push_row(points: &mut Points, row: &PointRow, object: Option<&str>
 /// Returns the points, or an error if there are none.
 pub(super) fn not_empty(points: Points, path: &Path) -> Result<Points> {
     match points.is_empty() {
+        true if points.skipped() > 0 => Err(Error::input(format!(
+            "{} holds no points with coordinates within ±{MAX_COORDINATE:e} m",
+            path.display()
+        ))),
         true => Err(Error::input(format!("{} holds no points", path.display()))),
         false => Ok(points),
     }

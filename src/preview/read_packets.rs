@@ -183,10 +183,13 @@ impl Packet {
             (home, start) = (beside(path), 0);
             file = File::open(&home).map_err(failed(&home))?;
         }
-        let mut bytes = vec![0; self.bytes as usize];
+        let mut bytes = Vec::new();
         file.seek(SeekFrom::Start(start.saturating_add(self.offset)))
-            .and_then(|_| file.read_exact(&mut bytes))
+            .and_then(|_| file.take(u64::from(self.bytes)).read_to_end(&mut bytes))
             .map_err(failed(&home))?;
+        if bytes.len() < self.bytes as usize {
+            return Err(failed(&home)(std::io::ErrorKind::UnexpectedEof.into()));
+        }
         Ok(bytes)
     }
 }

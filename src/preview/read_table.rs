@@ -2,12 +2,14 @@
 
 use super::points::Points;
 use super::read::{attributes, not_empty, push_row};
+use crate::damage::catch_decoder_panic;
 use crate::error::{Error, Result};
 use crate::input::arrow::{ArrowDecoder, numbers};
 use crate::points::{Attribute, Columns};
+use crate::store::FileBytes;
 use ::parquet::arrow::ProjectionMask;
 use ::parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-use std::fs::File;
+use bytes::Bytes;
 use std::io::Read;
 use std::path::Path;
 
@@ -57,8 +59,15 @@ pub(super) fn read_arrow(mut source: impl Read, path: &Path) -> Result<Points> {
     not_empty(read.map(|(_, points)| points).unwrap_or_default(), path)
 }
 
+/// Reads a Parquet file; its library panics on some damaged pages.
 pub(super) fn read_parquet(path: &Path) -> Result<Points> {
-    let file = File::open(path).map_err(|e| Error::open(path, e))?;
+    catch_decoder_panic(|| read_row_groups(path))
+        .unwrap_or_else(|| Err(Error::input(format!("{}: its pages are damaged", path.display()))))
+}
+
+fn read_row_groups(path: &Path) -> Result<Points> {
+    // Mapped: the library reads damaged headers byte by byte.
+    let file = Bytes::from_owner(FileBytes::open(path).map_err(|e| Error::open(path, e))?);
     let failed = |e: &dyn std::fmt::Display| {
         Error::input(format!("{} is not a Parquet file that can be read: {e}", path.display()))
     };
@@ -96,6 +105,7 @@ mod tests {
     use ::arrow_array::{
         ArrayRef, Float32Array, Float64Array, Int32Array, RecordBatch, StringArray, UInt8Array,
     };
+    use std::fs::File;
     use std::sync::Arc;
 
     fn table() -> RecordBatch {

@@ -4,9 +4,11 @@ use super::library::Library;
 use super::model::{MovingPart, Part};
 use super::rules::MaterialRules;
 use super::surfaces::Surface;
+use super::text::Source;
 use super::voxel::Voxel;
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
+pub(super) use crate::geom::MAX_COORDINATE;
 use crate::geom::{Aabb, DVec3};
 use crate::tree::{Cube, Geometry, Model, Placement};
 use rayon::prelude::*;
@@ -15,9 +17,6 @@ use std::mem::size_of;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Maximum coordinate of a primitive, m. Beyond it double precision does not resolve millimetres.
-pub(super) const MAX_COORDINATE: f64 = 1e12;
 
 /// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means "none".
 pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
@@ -257,12 +256,41 @@ impl<'a> SceneBuilder<'a> {
         Ok(())
     }
 
+    /// Memory that the limit leaves, bytes.
+    pub fn free_memory(&self) -> u64 {
+        self.options.max_memory.map_or(u64::MAX, |limit| limit.saturating_sub(self.memory()))
+    }
+
+    fn memory(&self) -> u64 {
+        let Geometry { vertices, triangles, cubes } = &self.geometry;
+        memory_of(vertices.len(), triangles.len(), cubes.len()).saturating_add(self.meshes.memory())
+    }
+
+    /// Makes room for more primitives of `source`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the scene then exceeds the memory limit, [`Error::Io`] if the system has no more memory.
+    pub fn reserve(
+        &mut self,
+        vertices: usize,
+        triangles: usize,
+        cubes: usize,
+        source: &Source,
+    ) -> Result<()> {
+        self.check_memory(memory_of(vertices, triangles, cubes), source.path())?;
+        let Geometry { vertices: all_vertices, triangles: all_triangles, cubes: all_cubes } =
+            &mut self.geometry;
+        let reserved = (all_vertices.to_mut().try_reserve(vertices))
+            .and_then(|()| all_triangles.to_mut().try_reserve(triangles))
+            .and_then(|()| all_cubes.to_mut().try_reserve(cubes))
+            .and_then(|()| self.voxels.try_reserve(cubes));
+        reserved.map_err(|_| Error::io("load", source.path(), std::io::ErrorKind::OutOfMemory.into()))
+    }
+
     /// Fails if the loaded data and `more` bytes for `file` exceed the memory limit.
     pub fn check_memory(&self, more: u64, file: &Path) -> Result<()> {
         let Some(limit) = self.options.max_memory else { return Ok(()) };
-        let Geometry { vertices, triangles, cubes } = &self.geometry;
-        let stored = memory_of(vertices.len(), triangles.len(), cubes.len());
-        let need = stored.saturating_add(self.meshes.memory()) + more;
+        let need = self.memory().saturating_add(more);
         if need <= limit {
             return Ok(());
         }

@@ -13,6 +13,7 @@ use super::text::Source;
 use super::{geotiff, instances, obj, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
+use crate::machine;
 use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, Transform, UpAxis, VoxelMode};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -35,11 +36,7 @@ pub fn load_epoch(
     if let Some(path) = &recipe.packed {
         return Ok((Pack::open(path)?.scene(options, epoch)?, Diagnostics::default()));
     }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.jobs)
-        .build()
-        .map_err(|e| Error::Internal(format!("cannot start the threads that load the scene: {e}")))?;
-    pool.install(|| load_sources(recipe, options, epoch, first))
+    machine::with_pool(options.jobs, || load_sources(recipe, options, epoch, first))?
 }
 
 fn load_sources(

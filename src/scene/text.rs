@@ -22,11 +22,15 @@ pub(super) struct Source {
     begin: usize,
 }
 
+/// Bytes that are read before their memory is released.
+const RELEASED_BYTES: usize = 1 << 24;
+
 /// UTF-8 byte order mark.
 const MARK: &[u8] = b"\xef\xbb\xbf";
 
 impl Source {
-    /// Maps `path`, or reads it if it is not a regular file.
+    /// Maps `path`, or reads it if it is not a regular file. If the file is shortened while it is read, its missing parts
+    /// read as bytes that are no text, and [`check_loss`](crate::store::check_loss) fails.
     pub fn open(path: &Path) -> std::io::Result<Source> {
         FileBytes::open(path).map(|data| Source::new(path, data))
     }
@@ -39,7 +43,7 @@ impl Source {
     /// A source without a file, for tests.
     #[cfg(test)]
     pub fn of(path: &str, text: &[u8]) -> Source {
-        Source::new(Path::new(path), FileBytes::Read(text.to_vec()))
+        Source::new(Path::new(path), FileBytes::from(text.to_vec()))
     }
 
     pub fn path(&self) -> &Path {
@@ -51,6 +55,11 @@ impl Source {
         &self.data[self.begin..]
     }
 
+    /// Gives the memory of content that has been read back to the system, see [`FileBytes::release`].
+    pub fn release(&self, bytes: Range<usize>) {
+        self.data.release(bytes.start..bytes.end + self.begin);
+    }
+
     /// Whether the file is text; otherwise reports an error at the first line that is not.
     pub fn is_text(&self, what: &str, diagnostics: &mut Diagnostics) -> bool {
         let bytes = self.bytes();
@@ -58,7 +67,13 @@ impl Source {
             diagnostics.error(Some(self.place(1, 0..0)), format!("expected {what}, found an empty file"));
             return false;
         }
-        let Some(at) = memchr(0, bytes) else { return true };
+        let in_piece = |start: usize| {
+            let piece = start..(start + RELEASED_BYTES).min(bytes.len());
+            let found = memchr(0, &bytes[piece.clone()]).map(|at| start + at);
+            self.release(piece);
+            found
+        };
+        let Some(at) = (0..bytes.len()).step_by(RELEASED_BYTES).find_map(in_piece) else { return true };
         let line = memchr::memchr_iter(b'\n', &bytes[..at]).count() + 1;
         let found = if matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
             "UTF-16; save it as UTF-8"

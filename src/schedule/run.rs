@@ -8,7 +8,9 @@ use super::sizing::{ChunkSizer, IdleClock};
 use super::spin::spin_until;
 use super::stop::Stop;
 use crate::error::{Error, Result};
+use crate::machine;
 use crossbeam_channel::{Receiver, Sender, bounded, select};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// Consumer of results in chunk order.
@@ -78,19 +80,28 @@ where
         let mut workers = Vec::new();
         for _ in 0..schedule.workers() {
             let context = context.clone();
-            workers.push(scope.spawn(move || context.run(make_worker())));
+            let worker = machine::spawn_scoped(scope, "a worker thread", move || context.run(make_worker()));
+            match worker {
+                Ok(worker) => workers.push(worker),
+                Err(e) => {
+                    collector.abort();
+                    jobs.close();
+                    return Err(e);
+                }
+            }
         }
         let queue_end = context.queue_end.clone();
         // A producer that waits for an idle worker must notice when none is left.
         drop(context);
-        let collecting = scope.spawn(move || {
+        let collecting = machine::spawn_scoped(scope, "the collector thread", move || {
             let outcome = collect(&results_end, stop, recorder, collector);
             if outcome.is_err() {
                 stop.fail();
             }
             jobs.close();
             outcome
-        });
+        })
+        .inspect_err(|_| jobs.close())?;
         let mut feed = Feed {
             schedule,
             queue,
@@ -106,13 +117,16 @@ where
             record: ProducerRecord::new(recorder),
             work: make_worker(),
         };
-        let produced = produce(&mut feed);
-        // Results before a failure or a stop are part of the output, too.
-        let flushed = feed.flush();
-        let produced = produced.and(flushed);
-        match produced {
-            Ok(()) => feed.drain(),
-            Err(_) => stop.fail(),
+        // The producer computes chunks, too. If that panics, the collector must not take what it has for everything.
+        let produced = catch_unwind(AssertUnwindSafe(|| {
+            let produced = produce(&mut feed);
+            // Results before a failure or a stop are part of the output, too.
+            let flushed = feed.flush();
+            produced.and(flushed).map(|()| feed.drain())
+        }));
+        let produced = produced.unwrap_or_else(|_| Err(thread_ended("the producer")));
+        if produced.is_err() {
+            stop.fail();
         }
         feed.record.finish();
         drop(feed);

@@ -4,15 +4,18 @@
 //! |---|---|
 //! | `array` | [`Store`]: a `Vec` or an array in a mapped file, read as a slice |
 //! | `bytes` | encodes and decodes small values |
-//! | `file` | the file format: named arrays, a checked header and a checked table |
-//! | `mapped` | mapped files; the only `unsafe` code here |
+//! | `file` | the file format: named arrays, checksums of everything |
+//! | `loss` | what becomes of a run whose file turns out to be damaged |
+//! | `mapped` | mapped files, checked at the first access; the only `unsafe` code here |
 
 mod array;
 mod bytes;
 mod file;
+mod loss;
 mod mapped;
 
 pub use array::Store;
 pub use bytes::{ByteReader, ByteWriter, UnexpectedEnd};
 pub use file::{ArrayFile, ArrayFileWriter};
+pub use loss::{catch_loss, check_loss};
 pub use mapped::FileBytes;

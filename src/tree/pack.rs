@@ -4,9 +4,9 @@ use super::block::Block;
 use super::frame::Frame;
 use super::index::{InstanceTree, Nodes};
 use super::instances::{Instances, Model, Placement};
-use super::node::{KdNode, WideNode};
+use super::node::{KdNode, WideChild, WideNode};
 use super::options::Statistics;
-use super::{Geometry, Tree};
+use super::{Geometry, Hits, Tree};
 use crate::error::Result;
 use crate::geom::{Aabb, Rotation};
 use crate::store::{ArrayFile, ArrayFileWriter, ByteReader, ByteWriter, UnexpectedEnd};
@@ -95,6 +95,34 @@ impl Tree {
         };
         let blocks = file.array::<Block>(&format!("{name}.blocks"))?;
         Ok(Tree::of(frame, bounds, nodes, blocks, statistics))
+    }
+
+    /// Whether all numbers in the trees are those of nodes, blocks and primitives that exist.
+    pub fn is_sound(&self, geometry: &Geometry) -> bool {
+        let Some(instances) = &self.instances else { return self.is_sound_over(geometry.len(), geometry) };
+        let models = instances.models.iter().zip(&instances.instances.models);
+        self.is_sound_over(geometry.len(), geometry)
+            && models.into_iter().all(|(tree, m)| tree.is_sound_over(m.geometry.len(), &m.geometry))
+            && instances.top.is_sound_over(instances.instances.all.len(), &Geometry::default())
+    }
+
+    fn is_sound_over(&self, primitives: usize, geometry: &Geometry) -> bool {
+        let (blocks, vertices) = (self.blocks.len(), geometry.vertices.len());
+        let is_child =
+            |count: usize| move |c: &WideChild| c.number().map_or_else(|b| b < blocks, |n| n < count);
+        let nodes = match &self.nodes {
+            Nodes::Kd(nodes) => nodes.iter().all(|n| match n.axis() {
+                Some(_) => n.child() + 1 < nodes.len(),
+                None => n.blocks().end <= blocks,
+            }),
+            Nodes::Wide(nodes) => nodes.iter().flat_map(|n| &n.child).all(is_child(nodes.len())),
+        };
+        let is_primitive = |id: &u32| *id == Hits::MISS || (*id as usize) < primitives;
+        let is_vertex = |v: &u32| *v == 0 || (*v as usize) < vertices;
+        nodes
+            && self.blocks.iter().all(|block| {
+                block.id.iter().all(is_primitive) && block.vertex.as_flattened().iter().all(is_vertex)
+            })
     }
 
     /// Writes the instances and their trees.
@@ -217,6 +245,7 @@ mod tests {
             let mapped = Tree::unpack("tree", &file, &mut reader).unwrap();
             let placed = Arc::new(Instances::unpack(&file, &mut reader).unwrap());
             let mapped = mapped.unpack_instances(&placed, &file, &mut reader).unwrap();
+            assert!(mapped.is_sound(&again) && !mapped.is_sound(&Geometry::default()));
             assert_eq!(placed.all, instances.all);
             assert_eq!(placed.shift, instances.shift);
             let mut found = 0;

@@ -7,6 +7,7 @@ mod bench;
 mod catalogue;
 mod citations;
 mod conformance;
+mod damage;
 mod dependencies;
 mod determinism;
 mod endurance;

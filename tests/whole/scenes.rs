@@ -91,7 +91,7 @@ fn param(kind: &str, key: &str, value: &str) -> String {
 
 /// A scene with all kinds of parts: a floor, boxes of one mesh of which one drives and one leaves the first
 /// box, and voxels with leaf angles around the scanner.
-fn everything(folder: &Path) {
+pub fn everything(folder: &Path) {
     write(folder, "own.xml", SCANNER);
     write(folder, "survey.xml", survey("scene.xml#s"));
     write(folder, "floor.obj", "v -20 -20 -1\nv 20 -20 -1\nv 20 20 -1\nv -20 20 -1\nf 1 2 3 4\n");

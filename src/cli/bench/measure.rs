@@ -5,6 +5,7 @@ use crate::cli::run::Job;
 use crate::cli::{Console, RunArgs, interrupt};
 use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightState};
+use crate::machine;
 use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
 use crate::pipeline::{Control, Ended, Pass, Progress, Session, Settings, fly, target};
 use crate::pulse::Physics;
@@ -283,7 +284,7 @@ impl Bench {
             for _ in 0..others {
                 // Until the end, or until an error, which the measured flight reports.
                 let fly = || self.fly_until(&end, "none", physics, options, settings);
-                scope.spawn(move || while let Ok(Some(_)) = fly() {});
+                machine::spawn_scoped(scope, "a thread", move || while let Ok(Some(_)) = fly() {})?;
             }
             measure()
         })

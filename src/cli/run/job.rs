@@ -3,6 +3,7 @@
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::FlightOptions;
+use crate::machine;
 use crate::options::{Options, read_survey};
 use crate::output::OutputRequest;
 use crate::pipeline::{DEFAULT_CHUNK_SIZE, DEFAULT_LATENCY, DEFAULT_WAREHOUSE_FACTOR, Settings};
@@ -57,7 +58,11 @@ impl Job {
             load: LoadOptions {
                 wavelength_nm: survey.scanner.devices[0].beam.wavelength,
                 seed,
-                max_memory: options.schedule.max_memory.map(|bytes| bytes.0),
+                // A packed scene is mapped, and can be larger than the memory.
+                max_memory: match options.schedule.max_memory {
+                    Some(bytes) => Some(bytes.0),
+                    None => machine::memory().filter(|_| survey.scene.packed.is_none()),
+                },
                 jobs: threads,
                 sharing: options.tree.instances.unwrap_or_default(),
                 rules: material_rules(&physics.corrections),

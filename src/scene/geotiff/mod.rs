@@ -18,8 +18,13 @@ use tiff::TiffError;
 use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
-/// Maximum compression ratio that is accepted; a raster that states more pixels is damaged.
+/// Maximum compression ratio of LZW, whose codes of 12 bits stand for at most 3840 bytes, and of Deflate. A raster or
+/// block that states more pixels is damaged.
 const MAX_COMPRESSION_RATIO: u64 = 3000;
+const MAX_DEFLATE_RATIO: u64 = 1040;
+
+/// Maximum number of pixels of a block that is larger than four times its raster.
+const MAX_BLOCK_PIXELS: u64 = 1 << 22;
 
 /// No-data value of rasters that state none (spec input-formats §4.3).
 const DEFAULT_NO_DATA: f64 = -1e10;
@@ -39,6 +44,8 @@ pub struct RasterNeed {
     pub triangles: u64,
     /// Memory of the triangles in the scene, if no pixel is without data.
     pub bytes: u64,
+    /// Memory of the blocks that are decoded at a time.
+    pub decoding_bytes: u64,
 }
 
 /// The sizes of the rasters of a scene, from their headers. Damaged rasters are omitted; the loader reports them.
@@ -56,6 +63,7 @@ pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
             rows: raster.rows,
             triangles: raster.triangles() as u64,
             bytes: memory_of(raster.pixels(), raster.triangles(), 0),
+            decoding_bytes: raster.decoding_bytes(),
         })
     };
     files.filter_map(need).collect()
@@ -67,6 +75,8 @@ struct Raster {
     rows: usize,
     /// Columns and rows of a strip or tile.
     block: (usize, usize),
+    /// Bytes of a pixel with all bands.
+    pixel_bytes: u64,
     /// Size of each block in the file, bytes; 0 for a sparse block.
     block_bytes: Vec<u64>,
     georeference: Georeference,
@@ -92,7 +102,8 @@ pub(super) fn load(
     if raster.triangles().max(raster.pixels()) > MAX_ELEMENTS {
         return refuse(scene, part, source, "it has more pixels than can be numbered");
     }
-    scene.check_memory(memory_of(raster.pixels(), raster.triangles(), 0), source.path())?;
+    let needed = memory_of(raster.pixels(), raster.triangles(), 0).saturating_add(raster.decoding_bytes());
+    scene.check_memory(needed, source.path())?;
     let start = scene.end();
     if let Err(problem) = append_vertices(scene, source, &raster) {
         scene.geometry.vertices.truncate(start.vertices.start);
@@ -118,6 +129,13 @@ impl Raster {
         self.columns.saturating_mul(self.rows)
     }
 
+    /// Memory, bytes, of the blocks that are decoded at a time: their samples and their heights.
+    fn decoding_bytes(&self) -> u64 {
+        let block = (self.block.0.saturating_mul(self.block.1)) as u64;
+        let at_a_time = (BLOCKS_PER_THREAD * rayon::current_num_threads()).min(self.block_bytes.len()) as u64;
+        block.saturating_mul(self.pixel_bytes + size_of::<f64>() as u64).saturating_mul(at_a_time)
+    }
+
     fn triangles(&self) -> usize {
         (self.columns - 1).saturating_mul(self.rows - 1).saturating_mul(2)
     }
@@ -136,16 +154,23 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
     let bits =
         decoder.find_tag_unsigned_vec::<u64>(Tag::BitsPerSample).map_err(readable)?.unwrap_or_default();
     let per_pixel = bits.iter().sum::<u64>().max(1).div_ceil(8);
-    let bytes = u64::from(width).saturating_mul(u64::from(height)).saturating_mul(per_pixel);
+    let pixels = u64::from(width).saturating_mul(u64::from(height));
+    let bytes = pixels.saturating_mul(per_pixel);
     let held = source.bytes().len() as u64;
     if bytes > held.saturating_mul(MAX_COMPRESSION_RATIO) {
         let (stated, held) = (format_bytes(bytes), format_bytes(held));
         return Err(format!("its {width} x {height} pixels ({stated}) cannot be in a file of {held}"));
     }
+    let (block_width, block_height) = decoder.chunk_dimensions();
+    let block_pixels = u64::from(block_width).saturating_mul(u64::from(block_height));
+    if block_pixels > MAX_BLOCK_PIXELS.max(pixels.saturating_mul(4)) {
+        return Err(format!(
+            "its strips or tiles of {block_width} x {block_height} pixels are larger than itself"
+        ));
+    }
     let bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
     limits.decoding_buffer_size = limits.decoding_buffer_size.max(bytes);
     limits.intermediate_buffer_size = limits.intermediate_buffer_size.max(bytes);
-    let (block_width, block_height) = decoder.chunk_dimensions();
     let block = ((block_width as usize).min(columns), (block_height as usize).min(rows));
     if block.0 == 0 || block.1 == 0 {
         return Err("its strips or tiles have no pixels".to_owned());
@@ -161,13 +186,18 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
     }
     let (whole, rest) = (block.0.saturating_mul(block.1), rows % block.1);
     let last = if rest > 0 && tag == Tag::StripByteCounts { block.0.saturating_mul(rest) } else { whole };
-    let plain = decoder.find_tag_unsigned::<u16>(Tag::Compression).map_err(readable)?.unwrap_or(1) == 1;
+    let compression = decoder.find_tag_unsigned::<u16>(Tag::Compression).map_err(readable)?.unwrap_or(1);
+    let ratio = match compression {
+        1 => 1,
+        8 | 32_946 => MAX_DEFLATE_RATIO,
+        _ => MAX_COMPRESSION_RATIO,
+    };
     // Each band can have its own blocks, so a block holds at least one band.
     let least = |pixels: usize| (pixels as u64).saturating_mul(bits.first().copied().unwrap_or(1)) / 8;
     let is_short = |(i, &bytes): (usize, &u64)| {
-        bytes > 0 && bytes < least(if (i + 1) % blocks == 0 { last } else { whole })
+        bytes > 0 && bytes.saturating_mul(ratio) < least(if (i + 1) % blocks == 0 { last } else { whole })
     };
-    if let Some(i) = block_bytes.iter().enumerate().position(is_short).filter(|_| plain) {
+    if let Some(i) = block_bytes.iter().enumerate().position(is_short) {
         return Err(format!("its block {i} of {} bytes is shorter than its pixels", block_bytes[i]));
     }
     let georeference = georeference::read(&mut decoder, source.path())?.unwrap_or_else(|| {
@@ -190,7 +220,7 @@ fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, Strin
         None
     });
     let no_data = no_data.unwrap_or(DEFAULT_NO_DATA);
-    Ok(Raster { columns, rows, block, block_bytes, georeference, no_data, limits })
+    Ok(Raster { columns, rows, block, pixel_bytes: per_pixel, block_bytes, georeference, no_data, limits })
 }
 
 fn readable(e: TiffError) -> String {

@@ -110,10 +110,12 @@ fn read_pieces(scene: &mut SceneBuilder, source: &Source, reading: Reading) -> R
     for wave in cut_into_pieces(bytes, PIECE_BYTES).chunks(PIECES_PER_THREAD * rayon::current_num_threads()) {
         let read: Vec<Slice> =
             wave.par_iter().map(|piece| slice::read(&bytes[piece.clone()], reading)).collect();
+        let count = |of: fn(&Slice) -> usize| read.iter().map(of).sum();
+        scene.reserve(count(|s| s.vertices.len()), count(|s| s.triangles.len()), 0, source)?;
         for (slice, piece) in read.into_iter().zip(wave) {
             append(scene, &mut mesh, &mut problems, slice, piece.clone());
         }
-        scene.check_memory(0, source.path())?;
+        source.release(wave[0].start..wave[wave.len() - 1].end);
     }
     Ok((mesh, problems))
 }

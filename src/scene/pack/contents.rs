@@ -125,8 +125,45 @@ fn read_scene(
         tree = tree.unpack_instances(&instances, file, r)?;
         scene.instances = Some(InstanceSet { instances, materials, parts });
     }
+    if !are_numbers_valid(&scene) {
+        return Err("its parts name something that is not there".to_owned());
+    }
     scene.packed_tree = Some(Arc::new(PackedTree { builder, tree }));
     Ok(scene)
+}
+
+/// Whether the numbers in everything but the large arrays are those of existing things.
+fn are_numbers_valid(scene: &Scene) -> bool {
+    let (parts, materials, g) = (scene.parts.len(), scene.materials.len(), &scene.geometry);
+    let is_within = |range: &Range<usize>, len: usize| range.start <= range.end && range.end <= len;
+    let is_surface = |s: &Surface| (s.part as usize) < parts && (s.material as usize) < materials;
+    let is_moving = |m: &MovingPart| {
+        (m.part as usize) < parts
+            && is_within(&m.vertices, g.vertices.len())
+            && is_within(&m.triangles, g.triangles.len())
+            && is_within(&m.cubes, g.cubes.len())
+            && m.motions.iter().all(|s| s.next.is_none_or(|next| next < m.motions.len()))
+    };
+    let are_instances = |set: &InstanceSet| {
+        let models = &set.instances.models;
+        set.parts.iter().all(|&part| (part as usize) < parts)
+            && set.instances.all.iter().all(|i| (i.model as usize) < models.len())
+            && set.materials.iter().zip(models).all(|(of, m)| of.len() == m.geometry.triangles.len())
+    };
+    scene.surfaces.iter().all(is_surface)
+        && scene.moving_parts.iter().all(is_moving)
+        && scene.instances.as_ref().is_none_or(are_instances)
+}
+
+/// Whether the numbers in the large arrays are those of existing things. Reads all of them.
+pub(super) fn are_arrays_valid(scene: &Scene) -> bool {
+    let materials = scene.materials.len();
+    let geometries = scene.instances.iter().flat_map(|set| &set.instances.models).map(|m| &m.geometry);
+    let of_instances = scene.instances.iter().flat_map(|set| &set.materials).flatten();
+    std::iter::once(&scene.geometry).chain(geometries).all(Geometry::is_sound)
+        && scene.surface_ids.iter().all(|id| (id as usize) < scene.surfaces.len())
+        && of_instances.copied().all(|m| (m as usize) < materials)
+        && scene.packed_tree.as_ref().is_none_or(|packed| packed.tree.is_sound(&scene.geometry))
 }
 
 fn read_part(r: &mut ByteReader) -> Read<Part> {

@@ -1,6 +1,6 @@
 //! Opens packed scenes.
 
-use super::contents::Contents;
+use super::contents::{Contents, are_arrays_valid};
 use super::origin::{Conditions, Origin};
 use crate::error::Result;
 use crate::scene::builder::{LoadOptions, format_bytes};
@@ -22,10 +22,9 @@ impl Pack {
     /// damaged, or is older than the files that it was made from.
     pub fn open(path: &Path) -> Result<Pack> {
         let file = ArrayFile::open(path)?;
-        let section = |name: &str| file.checked(name).map_err(|reason| file.refuse(&reason));
-        let origin = Origin::read(&section("origin")?).map_err(|reason| file.refuse(&reason))?;
+        let origin = Origin::read(&file.checked("origin")?).map_err(|reason| file.refuse(&reason))?;
         origin.check_files(path).map_err(|reason| file.refuse(&reason))?;
-        let contents = Contents::read(&section("scene")?).map_err(|reason| file.refuse(&reason))?;
+        let contents = Contents::read(&file.checked("scene")?).map_err(|reason| file.refuse(&reason))?;
         Ok(Pack { file, origin, contents })
     }
 
@@ -53,7 +52,7 @@ impl Pack {
             .map_err(|reason| self.file.refuse(&reason))
     }
 
-    /// Reads the complete file and checks all checksums and all vertex indices.
+    /// Reads the complete file and checks all checksums and all numbers that name something.
     ///
     /// # Errors
     /// [`crate::Error::Input`] with a description of the damage.
@@ -62,10 +61,8 @@ impl Pack {
         for epoch in 0..self.epochs() {
             let scene = self.contents.scene(&self.file, epoch, self.origin.builder);
             let scene = scene.map_err(|reason| self.file.refuse(&reason))?;
-            let models = scene.instances.iter().flat_map(|p| &p.instances.models);
-            let sound = scene.geometry.is_sound() && models.into_iter().all(|m| m.geometry.is_sound());
-            if !sound {
-                return Err(self.file.refuse("a triangle names a vertex that is not there"));
+            if !are_arrays_valid(&scene) {
+                return Err(self.file.refuse("a number in its arrays names something that is not there"));
             }
         }
         Ok(())

@@ -5,6 +5,7 @@ use crate::points::PointRow;
 use crate::scene::plane::{Moments, least_direction};
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of independent sets of cells. Constant, so that results do not depend on the number of threads.
 pub(super) const SHARDS: usize = 16;
@@ -139,18 +140,57 @@ impl Sums {
     }
 }
 
+/// Bytes of a cell in its table.
+const CELL_BYTES: usize = size_of::<(Cell, Sums)>() + 1;
+
+/// The memory that the tables of all sets can have together.
+pub(super) struct Budget {
+    limit: usize,
+    taken: AtomicUsize,
+}
+
+impl Budget {
+    pub fn new(limit: usize) -> Budget {
+        Budget { limit, taken: AtomicUsize::new(0) }
+    }
+
+    /// Counts bytes as taken, also those beyond the limit; `false` if they are.
+    fn take(&self, bytes: usize) -> bool {
+        self.taken.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes) <= self.limit
+    }
+
+    fn give_back(&self, bytes: usize) {
+        self.taken.fetch_sub(bytes, Ordering::Relaxed);
+    }
+
+    /// Bytes that were taken, including those of a refused request.
+    pub fn taken(&self) -> usize {
+        self.taken.load(Ordering::Relaxed)
+    }
+}
+
 /// One set of occupied cells.
 #[derive(Default)]
 pub(super) struct Cells(HashMap<Cell, Sums, BuildHasherDefault<CellHasher>>);
 
 impl Cells {
-    pub fn add(&mut self, grid: &Grid, point: &PointRow, rule: NormalRule) {
+    /// Adds a point to its cell; `false` if the budget does not allow a larger table.
+    pub fn add(&mut self, grid: &Grid, point: &PointRow, rule: NormalRule, budget: &Budget) -> bool {
         let cell = grid.cell_of(point.position);
+        if self.0.len() == self.0.capacity() && !self.0.contains_key(&cell) {
+            let before = self.0.capacity();
+            // The table is copied into one of twice its size.
+            if !budget.take(CELL_BYTES * (2 * before).max(4)) || self.0.try_reserve(1).is_err() {
+                return false;
+            }
+            budget.give_back(CELL_BYTES * before);
+        }
         self.0.entry(cell).or_insert(Sums::NOTHING).add(grid.centre(cell), point, rule);
+        true
     }
 
-    pub fn memory(&self) -> usize {
-        self.0.capacity() * (size_of::<(Cell, Sums)>() + 1)
+    pub fn len(&self) -> usize {
+        self.0.len()
     }
 
     /// The cells in arbitrary order.

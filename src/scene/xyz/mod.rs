@@ -7,16 +7,16 @@ mod cells;
 mod tests;
 mod text;
 
-use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder};
+use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder, memory_of};
 use super::text::{Problems, Source, cut_into_pieces, shown};
 use super::voxel::Voxel;
 use crate::diag::Diagnostics;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geom::{Aabb, DVec3, unit};
 use crate::points::{self, LasReader, PlyReader, PointReader, PointRow, Selection};
 use crate::survey::XyzLoader;
 use crate::tree::Cube;
-use cells::{Cells, Grid, NormalRule, SHARDS};
+use cells::{Budget, Cells, Grid, NormalRule, SHARDS};
 use rayon::prelude::*;
 use std::ops::Range;
 use text::RowFormat;
@@ -60,7 +60,8 @@ pub(super) fn load(
         scene.diagnostics.error(part.place.cloned(), message);
         return Ok(());
     };
-    let mut sorter = Sorter { grid: &grid, settings: &settings, shards: Default::default() };
+    let budget = Budget::new(scene.free_memory().try_into().unwrap_or(usize::MAX));
+    let mut sorter = Sorter { grid: &grid, settings: &settings, shards: Default::default(), budget };
     match &cloud {
         Cloud::Text { pieces } => sorter.sort_text(scene, source, pieces)?,
         binary => {
@@ -77,6 +78,8 @@ pub(super) fn load(
         }
     }
     let shards = sorter.shards;
+    let cells: usize = shards.iter().map(Cells::len).sum();
+    scene.check_memory(memory_of(0, 0, cells).max((cells * size_of::<Filled>()) as u64), source.path())?;
     append_cubes(scene, part, &settings, &grid, shards, materials)
 }
 
@@ -166,6 +169,7 @@ impl Cloud {
             if !take(&batches) {
                 break;
             }
+            source.release(0..source.bytes().len());
         }
         Ok(())
     }
@@ -216,6 +220,7 @@ fn extent_of_text(
             let bytes = &source.bytes()[piece.clone()];
             let lines =
                 format.read(bytes, piece.start == 0, &mut problems, |p| extent = extent.with(p.position));
+            source.release(piece.clone());
             (extent, problems, lines)
         })
         .collect();
@@ -240,6 +245,7 @@ struct Sorter<'a> {
     grid: &'a Grid,
     settings: &'a Settings,
     shards: [Cells; SHARDS],
+    budget: Budget,
 }
 
 impl Sorter<'_> {
@@ -257,6 +263,7 @@ impl Sorter<'_> {
                 })
                 .collect();
             self.add(scene, source, &read)?;
+            source.release(wave[0].start..wave[wave.len() - 1].end);
         }
         Ok(())
     }
@@ -286,11 +293,15 @@ impl Sorter<'_> {
         sorted: &[[Vec<PointRow>; SHARDS]],
     ) -> Result<()> {
         let (grid, rule) = (self.grid, self.settings.rule);
-        self.shards.par_iter_mut().enumerate().for_each(|(shard, cells)| {
-            sorted.iter().flat_map(|batch| &batch[shard]).for_each(|p| cells.add(grid, p, rule));
+        let budget = &self.budget;
+        let has_room = self.shards.par_iter_mut().enumerate().all(|(shard, cells)| {
+            sorted.iter().flat_map(|batch| &batch[shard]).all(|p| cells.add(grid, p, rule, budget))
         });
-        let held: usize = self.shards.iter().map(Cells::memory).sum();
-        scene.check_memory(held as u64, source.path())
+        if has_room {
+            return Ok(());
+        }
+        scene.check_memory(budget.taken() as u64, source.path())?;
+        Err(Error::io("load", source.path(), std::io::ErrorKind::OutOfMemory.into()))
     }
 }
 
