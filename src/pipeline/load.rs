@@ -65,7 +65,7 @@ pub(super) fn check_raster_memory(settings: &Settings, notify: &dyn Fn(Notice)) 
     let mut all = 0u64;
     for need in scene::raster_needs(&settings.survey.scene) {
         let tree = Tree::estimate_build_memory(need.triangles, settings.tree.builder);
-        all = all.saturating_add(need.bytes).saturating_add(need.decoding_bytes.max(tree));
+        all = all.saturating_add(need.bytes).saturating_add(tree);
         if need.bytes.saturating_add(tree) >= MIN_REPORTED_BYTES {
             notify(Notice::Note(format!(
                 "{}: {} x {} pixels become {} triangles, which need {}B, and about {}B more for the tree over them",

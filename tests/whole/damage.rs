@@ -109,10 +109,7 @@ fn heights_beyond_all_limits_end_a_preview() {
 fn sizes_in_headers_of_point_files_are_compared_with_the_file() {
     let dir = folder();
     let survey = fixture("room/survey.xml");
-    succeed(
-        dir.path(),
-        &["run", survey.to_str().unwrap(), "-q", "-o", "a.las", "-o", "a.laz", "--legs", "0"],
-    );
+    succeed(dir.path(), &["run", survey.to_str().unwrap(), "-q", "-o", "a.las", "-o", "a.laz"]);
     for name in ["a.las", "a.laz"] {
         let whole = std::fs::read(dir.path().join(name)).unwrap();
         for (what, length) in [("of 2^60 bytes", 1u64 << 60), ("of 6 GB", 6_000_000_000)] {

@@ -42,10 +42,8 @@ pub struct RasterNeed {
     pub rows: usize,
     /// Number of triangles if no pixel is without data.
     pub triangles: u64,
-    /// Memory of the triangles in the scene, if no pixel is without data.
+    /// Memory of the triangles in the scene, or of decoding if that is more, if no pixel is without data.
     pub bytes: u64,
-    /// Memory of the blocks that are decoded at a time.
-    pub decoding_bytes: u64,
 }
 
 /// The sizes of the rasters of a scene, from their headers. Damaged rasters are omitted; the loader reports them.
@@ -62,8 +60,7 @@ pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
             columns: raster.columns,
             rows: raster.rows,
             triangles: raster.triangles() as u64,
-            bytes: memory_of(raster.pixels(), raster.triangles(), 0),
-            decoding_bytes: raster.decoding_bytes(),
+            bytes: raster.memory(),
         })
     };
     files.filter_map(need).collect()
@@ -102,8 +99,7 @@ pub(super) fn load(
     if raster.triangles().max(raster.pixels()) > MAX_ELEMENTS {
         return refuse(scene, part, source, "it has more pixels than can be numbered");
     }
-    let needed = memory_of(raster.pixels(), raster.triangles(), 0).saturating_add(raster.decoding_bytes());
-    scene.check_memory(needed, source.path())?;
+    scene.check_memory(raster.memory(), source.path())?;
     let start = scene.end();
     if let Err(problem) = append_vertices(scene, source, &raster) {
         scene.geometry.vertices.truncate(start.vertices.start);
@@ -129,11 +125,15 @@ impl Raster {
         self.columns.saturating_mul(self.rows)
     }
 
-    /// Memory, bytes, of the blocks that are decoded at a time: their samples and their heights.
-    fn decoding_bytes(&self) -> u64 {
-        let block = (self.block.0.saturating_mul(self.block.1)) as u64;
+    /// Memory, bytes: of vertices and triangles, or of vertices and the blocks that are decoded at a time, with their
+    /// samples and their heights.
+    fn memory(&self) -> u64 {
+        let block = self.block.0.saturating_mul(self.block.1) as u64;
         let at_a_time = (BLOCKS_PER_THREAD * rayon::current_num_threads()).min(self.block_bytes.len()) as u64;
-        block.saturating_mul(self.pixel_bytes + size_of::<f64>() as u64).saturating_mul(at_a_time)
+        let decoding =
+            block.saturating_mul(self.pixel_bytes + size_of::<f64>() as u64).saturating_mul(at_a_time);
+        let vertices = memory_of(self.pixels(), 0, 0);
+        memory_of(self.pixels(), self.triangles(), 0).max(vertices.saturating_add(decoding))
     }
 
     fn triangles(&self) -> usize {

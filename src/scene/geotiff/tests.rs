@@ -256,10 +256,20 @@ fn damaged_files_are_errors_of_their_part() {
         .with(256, Values::Long(vec![60_000]))
         .with(257, Values::Long(vec![60_000]));
     let flat = TiffFile::new(3, &HEIGHTS).with(33550, Values::Double(vec![0.0, 1.0, 0.0]));
+    let vast_tiles = TiffFile::new(3, &HEIGHTS)
+        .without(278)
+        .with(322, Values::Long(vec![1 << 20]))
+        .with(323, Values::Long(vec![16]));
     let jpeg = TiffFile::new(3, &HEIGHTS).with(259, Values::Short(vec![7]));
-    for bytes in
-        [Vec::new(), b"no tiff".to_vec(), good[..30].to_vec(), too_large.bytes(), flat.bytes(), jpeg.bytes()]
-    {
+    for bytes in [
+        Vec::new(),
+        b"no tiff".to_vec(),
+        good[..30].to_vec(),
+        too_large.bytes(),
+        flat.bytes(),
+        jpeg.bytes(),
+        vast_tiles.bytes(),
+    ] {
         let report = fixture(bytes).error();
         assert!(report.contains("dem.tif") && report.contains("scene.xml:10"), "{report}");
     }
