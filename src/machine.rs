@@ -1,6 +1,7 @@
 //! Threads, started in a way that reports a failure instead of panicking, and the memory of the machine.
 
 use crate::error::{Error, Result};
+use crate::files::fault;
 use std::error::Error as _;
 use std::io;
 use std::sync::OnceLock;
@@ -12,7 +13,8 @@ pub fn spawn_scoped<'scope, T: Send + 'scope>(
     name: &str,
     work: impl FnOnce() -> T + Send + 'scope,
 ) -> Result<ScopedJoinHandle<'scope, T>> {
-    Builder::new().spawn_scoped(scope, work).map_err(|e| Error::io("start", name, e))
+    let started = fault::point().and_then(|()| Builder::new().spawn_scoped(scope, work));
+    started.map_err(|e| Error::io("start", name, e))
 }
 
 /// Memory that this process can have, bytes: the least of the machine's memory, the limit of its control group, and the
@@ -49,10 +51,10 @@ pub fn start_pool() -> Result<()> {
 
 /// Runs `work` in a thread pool of its own. 0 threads means one per core.
 pub fn with_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
+    let failed = |e| Error::io("start", "the threads that load the scene", e);
+    fault::point().map_err(failed)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool =
-        pool.map_err(|e| Error::io("start", "the threads that load the scene", io::Error::other(e)))?;
-    Ok(pool.install(work))
+    Ok(pool.map_err(|e| failed(io::Error::other(e)))?.install(work))
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ use super::text::Source;
 use super::{geotiff, instances, obj, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
+use crate::files::fault;
 use crate::machine;
 use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, Transform, UpAxis, VoxelMode};
 use rayon::prelude::*;
@@ -239,7 +240,7 @@ fn choose(scene: &mut SceneBuilder, part: &PartSource, choice: &MaterialChoice) 
 
 /// Opens a file of a part; `None` after an error in its name.
 fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
-    match Source::open(file) {
+    match fault::point().and_then(|()| Source::open(file)) {
         Ok(source) => {
             scene.sources.push(file.to_path_buf());
             Ok(Some(source))

@@ -15,7 +15,7 @@ use super::array::Store;
 use super::bytes::{ByteReader, ByteWriter, UnexpectedEnd};
 use super::mapped::{CHECKED_BYTES, Cause, Checksums, FileBytes};
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched};
+use crate::files::{FileWriter, Patched, fault};
 use bytemuck::{AnyBitPattern, NoUninit};
 use rayon::prelude::*;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -152,7 +152,8 @@ impl ArrayFile {
     /// # Errors
     /// [`Error::Input`] with the reason why the file cannot be used; [`Error::Io`] when it cannot be read.
     pub fn open(path: &Path) -> Result<ArrayFile> {
-        let bytes = FileBytes::open(path).map_err(|e| Error::io("read", path, e))?;
+        let bytes = fault::point().and_then(|()| FileBytes::open(path));
+        let bytes = bytes.map_err(|e| Error::io("read", path, e))?;
         if bytes.len() < HEADER_BYTES {
             return Err(refuse(path, "it is too short to be a packed scene"));
         }
