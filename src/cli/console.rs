@@ -2,6 +2,7 @@
 
 use crate::diag::{Diagnostics, Notice, Severity};
 use crate::error::{Error, Result};
+use crate::files::write_stderr;
 use std::fmt::Display;
 use std::fs::{File, OpenOptions};
 use std::io::{IsTerminal, Write, stderr};
@@ -135,7 +136,7 @@ impl Console {
     fn raw(&self, text: &str) {
         // A closed stderr or a full disk of the log must not end the run.
         if self.stderr {
-            let _ = stderr().lock().write_all(text.as_bytes());
+            write_stderr(text);
         }
         if let Some(mut file) = self.file.as_deref() {
             let _ = file.write_all(text.as_bytes());

@@ -28,4 +28,4 @@ mod writer;
 pub use paths::{free_name, identity, is_special, is_stdout, with_suffix};
 pub use stream::limit_waiting;
 pub use temporary::{NewFolder, remove_litter, remove_temporary};
-pub use writer::{FileWriter, Patched, write_stdout};
+pub use writer::{FileWriter, Patched, write_stderr, write_stdout};

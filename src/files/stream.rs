@@ -97,6 +97,10 @@ mod unix {
     pub fn stdout_file() -> io::Result<File> {
         io::stdout().as_fd().try_clone_to_owned().map(File::from)
     }
+
+    pub fn stderr_file() -> io::Result<File> {
+        io::stderr().as_fd().try_clone_to_owned().map(File::from)
+    }
 }
 
 #[cfg(not(unix))]
@@ -123,12 +127,18 @@ mod other {
         use std::os::windows::io::AsHandle;
         io::stdout().as_handle().try_clone_to_owned().map(File::from)
     }
+
+    #[cfg(windows)]
+    pub fn stderr_file() -> io::Result<File> {
+        use std::os::windows::io::AsHandle;
+        io::stderr().as_handle().try_clone_to_owned().map(File::from)
+    }
 }
 
 #[cfg(not(unix))]
-pub(super) use other::stdout_file;
+pub(super) use other::{stderr_file, stdout_file};
 #[cfg(unix)]
-pub(super) use unix::stdout_file;
+pub(super) use unix::{stderr_file, stdout_file};
 
 impl Stream {
     /// Whether bytes at the beginning can be replaced later. The name alone does not decide (`/dev/stdout`, `<(…)`),
@@ -136,6 +146,18 @@ impl Stream {
     /// byte of the stream.
     pub fn is_seekable(&mut self) -> bool {
         matches!(self.file.stream_position(), Ok(0)) && !self.appends()
+    }
+
+    pub fn write_all(&mut self, mut bytes: &[u8]) -> io::Result<()> {
+        while !bytes.is_empty() {
+            match self.write(bytes) {
+                Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+                Ok(n) => bytes = &bytes[n..],
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+                Err(e) => return Err(e),
+            }
+        }
+        Ok(())
     }
 
     pub fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {

@@ -2,7 +2,7 @@
 
 use super::fault;
 use super::paths::{is_special, is_stdout, resolve, with_suffix};
-use super::stream::{Stream, stdout_file};
+use super::stream::{Stream, stderr_file, stdout_file};
 use super::temporary::{TemporaryFile, synchronise, synchronise_folder};
 use crate::error::{Error, Result};
 use std::fs::{File, OpenOptions};
@@ -160,7 +160,9 @@ impl FileWriter {
         loop {
             match file.read(&mut block).map_err(scratch_failed)? {
                 0 => return Ok(()),
-                n => write_all(stream, &block[..n]).map_err(|e| Error::io("write", &self.name, e))?,
+                n => fault::point()
+                    .and_then(|()| stream.write_all(&block[..n]))
+                    .map_err(|e| Error::io("write", &self.name, e))?,
             }
         }
     }
@@ -220,19 +222,6 @@ fn scratch_failed(e: io::Error) -> Error {
     Error::io("write a temporary file in the folder that TMPDIR names,", std::env::temp_dir(), e)
 }
 
-fn write_all(stream: &mut Stream, mut bytes: &[u8]) -> io::Result<()> {
-    while !bytes.is_empty() {
-        fault::point()?;
-        match stream.write(bytes) {
-            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
-            Ok(n) => bytes = &bytes[n..],
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-            Err(e) => return Err(e),
-        }
-    }
-    Ok(())
-}
-
 impl Write for FileWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         fault::point()?;
@@ -269,4 +258,13 @@ impl Read for FileWriter {
 /// [`Error::ClosedPipe`] if the reader has closed it; [`Error::Io`].
 pub fn write_stdout(text: &str) -> Result<()> {
     FileWriter::stdout(Patched::Never)?.append(text.as_bytes())
+}
+
+/// Writes a message to standard error. A message that nobody can read is lost.
+pub fn write_stderr(text: &str) {
+    // Messages of several threads follow each other.
+    let _lock = io::stderr().lock();
+    if let Ok(file) = stderr_file() {
+        let _ = Stream::new(file).write_all(text.as_bytes());
+    }
 }

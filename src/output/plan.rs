@@ -209,7 +209,7 @@ fn check_files(layout: &OutputLayout, request: &OutputRequest, inputs: &Inputs, 
 
 /// Reports problems of the separate files of waveform packets.
 fn check_packets(layout: &OutputLayout, force: bool, inputs: &Inputs, problems: &mut Diagnostics) {
-    let mut taken: BTreeSet<OutputLocation> = BTreeSet::new();
+    let mut taken = BTreeSet::new();
     for file in &layout.files {
         if !matches!(file.content, Content::Points(format) if format.is_las()) {
             continue;
@@ -224,15 +224,22 @@ fn check_packets(layout: &OutputLayout, force: bool, inputs: &Inputs, problems: 
             OutputLocation::Fixed(Destination::Path(path)) => {
                 let path = packets_path(path);
                 check_path(&path, &layout.directories, force, inputs, problems);
-                OutputLocation::Fixed(Destination::Path(identity(&path)))
+                OutputLocation::Fixed(Destination::Path(path))
             }
             OutputLocation::Run { run, name } => {
                 let path = packets_path(Path::new(name));
                 OutputLocation::Run { run: *run, name: path.to_string_lossy().into_owned() }
             }
         };
-        if let Some(twice) = taken.replace(location) {
-            problems.error(None, format!("the waveform packets of two outputs would be written to {twice}"));
+        let own = match &location {
+            OutputLocation::Fixed(Destination::Path(path)) => {
+                OutputLocation::Fixed(Destination::Path(identity(path)))
+            }
+            other => other.clone(),
+        };
+        if !taken.insert(own) {
+            problems
+                .error(None, format!("the waveform packets of two outputs would be written to {location}"));
         }
     }
 }

@@ -83,7 +83,9 @@ fn at_every_operation(args: &[&str], old: &[(&str, &[u8])]) {
     succeed(reference.path(), args);
     let complete = contents(reference.path());
     for number in 1..MAX_OPERATIONS {
-        for fault in [number.to_string(), format!("{number}+")] {
+        // A machine that goes on failing differs only in what is removed afterwards, so every fourth number does.
+        let lasting = (number % 4 == 1).then(|| format!("{number}+"));
+        for fault in std::iter::once(number.to_string()).chain(lasting) {
             let dir = prepared();
             let out = faulty(dir.path(), args, &fault);
             let (said, what) = (text(&out.stderr), format!("vlscan {} with fault {fault}", args.join(" ")));

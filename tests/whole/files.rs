@@ -254,6 +254,21 @@ fn one_signal_ends_a_run_whose_reader_stands_still() {
 
 #[cfg(unix)]
 #[test]
+fn messages_to_a_reader_that_stands_still_do_not_keep_the_run() {
+    let dir = folder();
+    let (_still, pipe) = std::io::pipe().unwrap();
+    let child = vlscan(dir.path())
+        .args(["run", &room(), "-o", "-", "--format", "xyz"])
+        .stdout(pipe.try_clone().unwrap())
+        .stderr(pipe)
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_secs(4));
+    assert_eq!(end(child, "-TERM").status.code(), Some(130));
+}
+
+#[cfg(unix)]
+#[test]
 fn one_signal_ends_a_run_that_reads_its_survey_or_waits_for_a_reader() {
     let dir = folder();
     for name in ["survey.xml", "pipe"] {

@@ -12,6 +12,8 @@ mod dependencies;
 mod determinism;
 mod endurance;
 mod examples;
+mod faults;
+mod files;
 mod fixtures;
 mod formats;
 mod fuzz;
