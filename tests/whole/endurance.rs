@@ -77,7 +77,7 @@ fn fly(dir: &Path, run: u32) {
     }
     let outputs = OutputRequest { sinks, ..Default::default() };
     let outcome = session.run(outputs, Control::new(&progress, &stop));
-    assert_eq!(outcome.is_err(), run % 5 == 4, "run {run}: {outcome:?}");
+    assert_eq!(outcome.is_err(), run % 5 == 4 || run % 7 == 6, "run {run}: {outcome:?}");
     for file in files(dir) {
         std::fs::remove_file(dir.join(file)).unwrap();
     }
