@@ -153,7 +153,7 @@ fn encode(plan: &Arc<OutputPlan>, batches: &[Batch]) -> Result<f64> {
 fn plan(survey: &Survey, scene: &Scene, format: PointFormat) -> Result<Arc<OutputPlan>> {
     let nowhere = Target::File(PathBuf::from("/dev/null"));
     let request = OutputRequest { sinks: vec![(nowhere, format)], ..OutputRequest::default() };
-    Ok(Arc::new(OutputPlan::new(request, &OutputContext { survey, scene })?))
+    Ok(Arc::new(OutputPlan::new(request, &OutputContext::new(survey, scene))?))
 }
 
 fn measure(path: &Path, passes: usize) -> Result<()> {

@@ -33,7 +33,8 @@
 //! | `flight` | the clock: legs, steps, pulses; replayed from a snapshot | platform, scanner |
 //! | `pulse` | subrays, energy, waveform, detection: a pulse becomes returns | flight, scene, tree |
 //! | `schedule` | four ways to distribute chunks to workers; records and replays | nothing of LiDAR |
-//! | `output` | writers, one file per format | pulse, flight, scene, survey |
+//! | `parts` | shares of a run that other processes compute: their files, their borders in the flight | pulse, flight |
+//! | `output` | writers, one file per format | parts, pulse, scene, survey |
 //! | `streams` | pulses and poses between commands, as rows of text or of Arrow streams | flight, platform, schedule |
 //! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms | points, geom |
 //! | `options` | the options of a run, for the command line and pipeline files alike | output, pulse, schedule, survey, tree |
@@ -66,6 +67,7 @@ mod input;
 mod machine;
 mod options;
 mod output;
+mod parts;
 mod pipeline;
 mod platform;
 mod points;
@@ -86,7 +88,7 @@ pub use cli::main;
 pub use diag::{Diagnostics, Notice};
 pub use error::{Error, Result};
 pub use output::{OutputRequest, PointFormat, Target};
-pub use pipeline::{Control, LegRule, Progress, Report, Session, Settings};
+pub use pipeline::{Control, LegRule, Progress, Report, Resumption, Session, Settings};
 pub use schedule::{Policy, Recorder, Schedule, Stop};
 pub use streams::PulseReader;
 pub use survey::{Formula, ReadOptions, parse_seed, read_survey};

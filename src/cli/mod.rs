@@ -8,6 +8,7 @@
 //! | `helios` | command lines of HELIOS++ |
 //! | `run` | `vlscan run`; conversion of arguments and files to a session's settings |
 //! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
+//! | `parts` | `vlscan run --part`, `vlscan plan-parts`, `vlscan merge` |
 //! | `bench` | `vlscan bench` |
 //! | `scene`, `info`, `pack` | `vlscan scene make`, `info` and `pack` |
 //! | `preview`, `unzip`, `catalogue` | the subcommands of these names |
@@ -24,6 +25,7 @@ mod info;
 mod interrupt;
 mod manual;
 mod pack;
+mod parts;
 mod preview;
 mod run;
 mod scene;
@@ -98,6 +100,8 @@ fn status(outcome: Result<(), Error>, console: &Console) -> u8 {
 fn dispatch(command: &Command, console: &Console) -> Result<()> {
     match command {
         Command::Run(args) => run::run(args, console),
+        Command::PlanParts(args) => parts::plan(args, console),
+        Command::Merge(args) => parts::merge(args, console),
         Command::Bench(args) => bench::run(args, console),
         Command::Trajectory(args) => stages::trajectory(args, console),
         Command::Pulses(args) => stages::pulses(args, console),

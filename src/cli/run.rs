@@ -5,16 +5,21 @@ pub mod job;
 use super::args::RunArgs;
 use super::watch::watched;
 use super::{Console, Verbosity, interrupt};
+use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched};
 use crate::output::FileKind;
-use crate::pipeline::{Control, Progress, Report, Session};
+use crate::pipeline::{Control, Progress, Report, Resumption, Session};
 use crate::quantity::{amount, duration};
 use crate::schedule::Recorder;
 pub use job::Job;
+use std::path::Path;
 use std::time::Instant;
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
+    if let Some(part) = args.parts.part {
+        return super::parts::run_part(args, part, console);
+    }
     let started = Instant::now();
     let (job, warnings) = Job::resolve(&args.file, &args.options)?;
     console.warnings(&warnings);
@@ -22,19 +27,57 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let force = output.force;
     output.inputs.push(args.file.clone());
     output.companions.extend(schedule_log.clone());
-    let mut session = Session::open(settings, console.observer())?;
+    let resumption = args.parts.resume.map(|pulses| Resumption::beside(&output, pulses.0)).transpose()?;
+    let mut session = match resumption {
+        Some(_) => Session::open_without_tree(settings, console.observer())?,
+        None => Session::open(settings, console.observer())?,
+    };
     let recorder = schedule_log.is_some().then(Recorder::new);
     let progress = Progress::default();
     let control = Control { recorder: recorder.as_ref(), ..Control::new(&progress, &interrupt::STOP) };
     let legs = session.survey().legs.len();
-    let report = watched(console, progress_lines, legs, &progress, || session.run(output, control))?;
-    if let (Some(path), Some(recorder), false) = (&schedule_log, recorder, report.interrupted) {
+    let report = watched(console, progress_lines, legs, &progress, || match &resumption {
+        Some(how) => session.run_resumable(output, how, control),
+        None => session.run(output, control),
+    })?;
+    write_schedule_log(schedule_log.as_deref(), recorder, force, &report)?;
+    if resumption.is_some() {
+        warn_of_few_points(console, &report);
+    }
+    show_report(console, &report, started)
+}
+
+/// Writes what the schedule did, unless the run was interrupted.
+pub fn write_schedule_log(
+    path: Option<&Path>,
+    recorder: Option<Recorder>,
+    force: bool,
+    report: &Report,
+) -> Result<()> {
+    if let (Some(path), Some(recorder), false) = (path, recorder, report.interrupted) {
         let text = serde_json::to_string(&recorder.finish()).map_err(|e| Error::Internal(e.to_string()))?;
         let mut log = FileWriter::create(path, force, Patched::Never)?;
         log.append((text + "\n").as_bytes())?;
         log.finish()?;
     }
-    show_report(console, &report, started)
+    Ok(())
+}
+
+/// Points per pulse below which merged parts are reported.
+const MIN_YIELD: f64 = 0.01;
+
+/// Warns of merged parts that hit almost nothing; parts by themselves are not checked, since each sees a piece of the
+/// flight only.
+pub fn warn_of_few_points(console: &Console, report: &Report) {
+    let (pulses, points) = (report.pulses as f64, report.summary.points as f64);
+    if !report.interrupted && pulses > 0.0 && points < MIN_YIELD * pulses && !report.summary.files.is_empty()
+    {
+        let mut found = Diagnostics::default();
+        found
+            .warn(None, format!("{} pulses gave only {} points", amount(pulses), amount(points)))
+            .help("a run without parts names the likely cause");
+        console.warnings(&found);
+    }
 }
 
 /// Prints the summary of a run that began at `started`.
@@ -45,7 +88,8 @@ pub fn show_report(console: &Console, report: &Report, started: Instant) -> Resu
     let Report { summary, pulses, seconds, interrupted } = report;
     for file in &summary.files {
         let name = file.path.as_ref().map_or_else(|| "stdout".into(), |p| p.display().to_string());
-        let unit = if file.kind == FileKind::Points { "points" } else { "records" };
+        let has_points = matches!(file.kind, FileKind::Points | FileKind::Part);
+        let unit = if has_points { "points" } else { "records" };
         console.say(format!("{name}  {} {unit}, {} bytes", file.records, file.bytes));
         if file.left_out > 0 {
             console

@@ -1,9 +1,10 @@
 //! Detects legs without a maximum duration that do not get closer to their end.
 
 use crate::platform::{PlatformPlan, PlatformState};
+use serde::{Deserialize, Serialize};
 
 /// Tracks whether the platform gets closer to a waypoint.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct ProgressGuard {
     /// The step clock's tick of the next check.
     pub next_check: u64,

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::platform::{LegEntry, PlatformState, Pose, Readiness};
 use crate::scanner::{DevicePlan, DeviceState};
 use crate::survey::Kinematics;
+use serde::{Deserialize, Serialize};
 
 /// What a step did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +25,7 @@ pub enum Step {
 }
 
 /// Clocks, platform and devices of a flight. Cheap to clone; steps from clones are the same bit for bit.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FlightState {
     leg: usize,
     ended: bool,

@@ -1,9 +1,10 @@
 //! Axis-aligned boxes.
 
 use super::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box in metres. Empty when `min` exceeds `max` on any axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
     pub min: DVec3,
     pub max: DVec3,

@@ -2,13 +2,14 @@
 
 use super::{DVec3, unit};
 use libm::{acos, asin, atan2, sincos};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// A right-handed rotation of vectors, stored as the quaternion `w + u`.
 ///
 /// Products are not re-normalised: simulated motion composes rotations in a fixed order, and their last digits are
 /// part of the result (spec kinematics §0.2).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rotation {
     /// Scalar part, cos(θ/2).
     pub w: f64,

@@ -1,10 +1,10 @@
 //! What is written: the outputs of a pipeline file, and the request that follows from all options.
 
 use super::groups::{Options, OutputOptions};
+use super::values::Crs;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::output::{LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat};
-use crate::survey::{PlatformKind, Survey};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -45,8 +45,8 @@ impl Options {
     /// What is written. `creation` is the day for the headers of files.
     ///
     /// # Errors
-    /// Names of files that tell no format.
-    pub fn output_request(&self, survey: &Survey, creation: (u16, u16)) -> Result<OutputRequest> {
+    /// Names of files that tell no format; a coordinate reference system that cannot be read.
+    pub fn output_request(&self, creation: (u16, u16)) -> Result<OutputRequest> {
         let output = &self.output;
         let sinks = self.sinks()?;
         let trajectory = match &self.trajectory_out {
@@ -71,7 +71,6 @@ impl Options {
             misses: output.misses,
             labels: output.labels,
             true_positions: output.true_positions,
-            live: matches!(survey.platform.kind, PlatformKind::Stream(_)),
             las: LasSettings {
                 version: if output.las10 { LasVersion::V10 } else { LasVersion::V14 },
                 scale: output.las_scale,
@@ -80,7 +79,7 @@ impl Options {
                 ..LasSettings::default()
             },
             force: output.force,
-            crs_wkt: survey.crs_wkt.clone(),
+            crs_wkt: output.crs.as_ref().map(Crs::wkt).transpose()?,
             creation,
             ..OutputRequest::default()
         })

@@ -113,6 +113,31 @@ fn split_unit(text: &str) -> (&str, &str) {
     (&text[..digits], text[digits..].trim())
 }
 
+/// A part of a run: `K/N`, part K of N, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PartNumber {
+    /// K.
+    pub number: u32,
+    /// N.
+    pub of: u32,
+}
+
+/// Maximum number of parts.
+const MAX_PARTS: u32 = 1_000_000;
+
+impl FromStr for PartNumber {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<PartNumber, String> {
+        let numbers =
+            text.split_once('/').and_then(|(k, n)| Some((k.trim().parse().ok()?, n.trim().parse().ok()?)));
+        match numbers {
+            Some((number, of)) if number < of && of <= MAX_PARTS => Ok(PartNumber { number, of }),
+            _ => Err(format!("expected K/N with K from 0 to N-1, such as 3/256, found {text:?}")),
+        }
+    }
+}
+
 /// Pulses per chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChunkSize(pub u32);
@@ -347,6 +372,11 @@ mod tests {
         check::<Vector>(&[("1,2", None), ("1,2,x", None), ("1,2,3,4", None), ("1,,2,3", None)]);
         check(&[("0", Some(NotNegative(0.0))), ("-1", None), ("nan", None), ("inf", None)]);
         check(&[("0.5", Some(Positive(0.5))), ("0", None)]);
+        check(&[
+            ("3/256", Some(PartNumber { number: 3, of: 256 })),
+            ("0/1", Some(PartNumber { number: 0, of: 1 })),
+        ]);
+        check::<PartNumber>(&[("256/256", None), ("1", None), ("-1/2", None), ("0/0", None), ("/", None)]);
         check(&[("1", Some(ChunkSize(1))), ("0", None), ("-32", None), ("16777217", None)]);
         check(&[
             ("0.25", Some(Latency(Duration::from_millis(250)))),

@@ -9,6 +9,7 @@ use super::ply::{PlyCodec, PlyGroups};
 use super::request::{PointFormat, TrajectoryFormat};
 use super::{table, text};
 use crate::geom::DVec3;
+use crate::parts;
 use crate::pulse::Batch;
 use crate::pulse::Echo;
 use std::borrow::Cow;
@@ -76,6 +77,7 @@ impl OutputPlan {
                 Route::Trajectory(format, slot) => pieces.push(self.trajectory(*format, *slot, batch)),
                 Route::Waveforms(slot) => pieces.push(self.waveforms(*slot, batch)),
                 Route::Pulses(slot) => pieces.push(self.pulses(*slot, batch)),
+                Route::Part(slot) => pieces.push(part(*slot, batch)),
             }
         }
         Encoded { leg: batch.leg, pieces }
@@ -198,6 +200,14 @@ fn with_misses(batch: &Batch) -> Cow<'_, [Echo]> {
         }
     }
     Cow::Owned(all)
+}
+
+/// Returns the batch as a block of a part.
+fn part(slot: u32, batch: &Batch) -> Piece {
+    let mut piece = Piece::new(slot, batch.echoes.len() * 168 + 1024);
+    parts::encode(batch, &mut piece.bytes);
+    piece.tally.records = batch.echoes.len() as u64;
+    piece
 }
 
 /// Returns a piece of records without coordinates.

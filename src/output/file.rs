@@ -17,6 +17,7 @@ use super::table;
 use super::text::TRAJECTORY_HEADER;
 use crate::error::{Error, Result};
 use crate::files::Patched;
+use crate::parts::PartTable;
 use ::laz::LazVlr;
 use std::path::{Path, PathBuf};
 
@@ -66,6 +67,8 @@ enum Encoder {
     Arrow(Box<ArrowStream>),
     /// Rows are collected into row groups, which a footer lists.
     Parquet(Box<ParquetStream>),
+    /// Blocks are written unchanged, and a table lists them.
+    Part(PartTable),
 }
 
 impl Head {
@@ -129,7 +132,9 @@ impl OutputFile {
             Content::Points(format) if format.counts() => Patched::Always,
             _ => Patched::Never,
         };
-        let mut out = OutputStream::open(destination, plan.force, patched)?;
+        // Processes that compute the same part write the same bytes.
+        let replace = plan.force || content == Content::Part;
+        let mut out = OutputStream::open(destination, replace, patched)?;
         let head = Head::new(content, plan, &out)?;
         let mut bytes = head.bytes(plan, &Tally::EMPTY, None, &Octree::EMPTY, COMPLETE);
         match head {
@@ -143,6 +148,7 @@ impl OutputFile {
             }
             Content::Points(PointFormat::Csv) => bytes = table::header(&plan.columns, b','),
             Content::Trajectory(TrajectoryFormat::Csv) => bytes = TRAJECTORY_HEADER.to_vec(),
+            Content::Part => bytes = plan.part_head.clone(),
             _ => {}
         }
         out.append(&bytes)?;
@@ -159,6 +165,7 @@ impl OutputFile {
             (Content::Points(PointFormat::Parquet), _) => {
                 Encoder::Parquet(Box::new(ParquetStream::new(&plan.columns, plan.schema.clone())?))
             }
+            (Content::Part, _) => Encoder::Part(PartTable::new(out.len())),
             _ => Encoder::Plain,
         };
         let path = match destination {
@@ -188,6 +195,10 @@ impl OutputFile {
             Encoder::Copc(copc) => copc.append(bytes)?,
             Encoder::Arrow(arrow) => arrow.append(bytes, |bytes| self.out.append(bytes))?,
             Encoder::Parquet(parquet) => parquet.append(bytes, |bytes| self.out.append(bytes))?,
+            Encoder::Part(table) => {
+                table.add(bytes);
+                self.out.append(bytes)?;
+            }
         }
         self.head.check_count(plan, self.tally.records)
     }
@@ -220,13 +231,16 @@ impl OutputFile {
     }
 
     /// Writes the trailer, patches the header and completes the file. A `partial` file says so in its metadata, if
-    /// its format has any, and in its name: it never has the name of a complete one.
+    /// its format has any, and in its name: it never has the name of a complete one. A part of a run is complete or absent.
     pub fn finish(
         mut self,
         plan: &OutputPlan,
         offload: &dyn Offload,
         partial: bool,
     ) -> Result<Vec<FileSummary>> {
+        if partial && matches!(self.encoder, Encoder::Part(_)) {
+            return Ok(Vec::new());
+        }
         let state = if partial { PARTIAL } else { COMPLETE };
         let has_packet_file = self.packets.as_ref().is_some_and(|packets| packets.path.is_some());
         let exists = |path: &Path| path.symlink_metadata().is_ok();
@@ -241,6 +255,7 @@ impl OutputFile {
             Encoder::Copc(copc) => octree = copc.finish(&plan.las, &self.tally, &mut self.out, offload)?,
             Encoder::Arrow(arrow) => arrow.finish(partial, |bytes| self.out.append(bytes))?,
             Encoder::Parquet(parquet) => parquet.finish(partial, |bytes| self.out.append(bytes))?,
+            Encoder::Part(table) => self.out.append(&table.finish())?,
         }
         let packets_at = plan.las.packets_inside().then_some(self.out.len());
         let packet_file = match self.packets {

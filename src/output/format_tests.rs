@@ -180,7 +180,7 @@ fn a_point_of_the_specification_in_the_layout_of_the_reference() {
         LasSettings { intensity: IntensityMapping::Helios, extra: ExtraDimensions::Helios, ..request.las };
     request.crs_wkt = None;
     let survey = survey(1, &[None]);
-    let plan = Arc::new(OutputPlan::new(request, &OutputContext { survey: &survey, scene: &scene }).unwrap());
+    let plan = Arc::new(OutputPlan::new(request, &OutputContext::new(&survey, &scene)).unwrap());
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
     writer.append(plan.encode(&Batch { echoes: vec![echo], ..Batch::default() })).unwrap();
     writer.finish().unwrap();
@@ -231,7 +231,7 @@ fn las_1_0_reads_back() {
 #[test]
 fn a_coordinate_system_without_code_is_a_warning_in_las_1_0() {
     let survey = survey(1, &[None]);
-    let context = OutputContext { survey: &survey, scene: &scene() };
+    let context = OutputContext::new(&survey, &scene());
     let dir = tempfile::tempdir().unwrap();
     let mut request = request(&dir.path().join("a.las"), PointFormat::Las);
     request.crs_wkt = Some("LOCAL_CS[\"mine\"]".to_owned());
@@ -306,8 +306,7 @@ fn laz_has_the_same_bytes_for_all_batches_and_helpers() {
     let run = |size: usize, offload: Arc<dyn Offload>| {
         let path = dir.path().join("a.laz");
         let request = OutputRequest { force: true, ..request(&path, PointFormat::Laz) };
-        let plan =
-            Arc::new(OutputPlan::new(request, &OutputContext { survey: &survey, scene: &scene() }).unwrap());
+        let plan = Arc::new(OutputPlan::new(request, &OutputContext::new(&survey, &scene())).unwrap());
         let mut writer = plan.open(offload).unwrap();
         for first in (0..total).step_by(size) {
             writer.append(plan.encode(&batch(0, first, size.min(total - first)))).unwrap();

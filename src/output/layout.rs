@@ -1,10 +1,10 @@
 //! The files of a run, and the assignment of legs and devices to them (spec outputs §1).
 
+use super::context::{OutputContext, OutputLeg};
 use super::request::{OutputRequest, PointFormat, Target, TrajectoryFormat};
 use super::stream::Destination;
 use super::summary::FileKind;
 use crate::files::{is_stdout, with_suffix};
-use crate::survey::{Leg, Survey};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
@@ -15,6 +15,8 @@ pub(super) enum Content {
     Trajectory(TrajectoryFormat),
     Waveforms,
     Pulses,
+    /// Batches of a part of a run.
+    Part,
 }
 
 impl Content {
@@ -24,6 +26,7 @@ impl Content {
             Content::Trajectory(_) => FileKind::Trajectory,
             Content::Waveforms => FileKind::Waveforms,
             Content::Pulses => FileKind::Pulses,
+            Content::Part => FileKind::Part,
         }
     }
 }
@@ -92,13 +95,14 @@ pub(super) enum Route {
     Trajectory(TrajectoryFormat, u32),
     Waveforms(u32),
     Pulses(u32),
+    Part(u32),
 }
 
 impl Route {
     pub fn slots(&self) -> &[u32] {
         match self {
             Route::Points(_, slots) => slots.as_slice(),
-            Route::Trajectory(_, slot) | Route::Waveforms(slot) | Route::Pulses(slot) => {
+            Route::Trajectory(_, slot) | Route::Waveforms(slot) | Route::Pulses(slot) | Route::Part(slot) => {
                 std::slice::from_ref(slot)
             }
         }
@@ -137,23 +141,27 @@ enum Base {
 
 impl OutputLayout {
     /// Computes the layout of all requested outputs.
-    pub fn new(request: &OutputRequest, survey: &Survey) -> OutputLayout {
+    pub fn new(request: &OutputRequest, context: &OutputContext) -> OutputLayout {
         let mut layout = OutputLayout {
-            routes: vec![Vec::new(); survey.legs.len()],
+            routes: vec![Vec::new(); context.legs.len()],
             zip: request.zip,
             ..OutputLayout::default()
         };
-        let devices: Vec<String> = survey.scanner.devices.iter().map(|d| file_name(&d.id)).collect();
+        if let Some(part) = &request.part {
+            layout.product(0, &Base::Single(part.path.clone()), Content::Part, false, context);
+            return layout;
+        }
+        let devices: Vec<String> = context.devices.iter().map(|d| file_name(&d.id)).collect();
         let split = if request.split_by_channel && devices.len() > 1 { &devices[..] } else { &[] };
         let mut beside = None;
         for (sink, (target, format)) in request.sinks.iter().enumerate() {
             let runs = layout.runs.len();
-            let base = layout.base(target, survey);
-            layout.points(sink, &base, *format, survey, split);
+            let base = layout.base(target, context);
+            layout.points(sink, &base, *format, context, split);
             // Sinks with the same run directory share its trajectories.
             if layout.runs.len() > runs {
                 let trajectory = Content::Trajectory(TrajectoryFormat::Helios);
-                layout.product(sink, &base, trajectory, true, survey);
+                layout.product(sink, &base, trajectory, true, context);
             }
             if beside.is_none() && !matches!(base, Base::Stdout) {
                 beside = Some((sink, base));
@@ -161,20 +169,20 @@ impl OutputLayout {
         }
         if let Some((sink, base)) = &beside {
             if request.waveforms {
-                layout.product(*sink, base, Content::Waveforms, true, survey);
+                layout.product(*sink, base, Content::Waveforms, true, context);
             }
             if request.pulses {
-                layout.product(*sink, base, Content::Pulses, true, survey);
+                layout.product(*sink, base, Content::Pulses, true, context);
             }
         }
         if let Some((target, format)) = &request.trajectory {
-            let base = layout.base(target, survey);
-            layout.product(request.sinks.len(), &base, Content::Trajectory(*format), false, survey);
+            let base = layout.base(target, context);
+            layout.product(request.sinks.len(), &base, Content::Trajectory(*format), false, context);
         }
         layout
     }
 
-    fn base(&mut self, target: &Target, survey: &Survey) -> Base {
+    fn base(&mut self, target: &Target, context: &OutputContext) -> Base {
         match target {
             Target::Stdout => Base::Stdout,
             Target::File(path) if is_stdout(path) => Base::Stdout,
@@ -184,7 +192,7 @@ impl OutputLayout {
                 Base::Folder(path.clone())
             }
             Target::Helios(path) => {
-                let run = RunPlan { parent: path.join(survey_name(survey)) };
+                let run = RunPlan { parent: path.join(file_name(&context.survey)) };
                 let known = self.runs.iter().position(|r| *r == run);
                 Base::Run(known.unwrap_or_else(|| {
                     self.runs.push(run);
@@ -194,9 +202,16 @@ impl OutputLayout {
         }
     }
 
-    fn points(&mut self, sink: usize, base: &Base, format: PointFormat, survey: &Survey, split: &[String]) {
+    fn points(
+        &mut self,
+        sink: usize,
+        base: &Base,
+        format: PointFormat,
+        context: &OutputContext,
+        split: &[String],
+    ) {
         let content = Content::Points(format);
-        for (index, leg) in base.legs(survey) {
+        for (index, leg) in base.legs(context) {
             let mut slot = |device: &str| {
                 let location = match base {
                     Base::Single(path) => at_path(with_suffix(path, device, None)),
@@ -214,14 +229,14 @@ impl OutputLayout {
 
     /// Adds a product other than points; `beside` derives its name from the point file. The names are those of
     /// HELIOS++.
-    fn product(&mut self, sink: usize, base: &Base, content: Content, beside: bool, survey: &Survey) {
+    fn product(&mut self, sink: usize, base: &Base, content: Content, beside: bool, context: &OutputContext) {
         let (suffix, extension) = match content {
             Content::Waveforms => ("fullwave", if self.zip { "bin" } else { "txt" }),
             Content::Pulses => ("pulse", if self.zip { "bin" } else { "txt" }),
             Content::Trajectory(TrajectoryFormat::Csv) => ("trajectory", "csv"),
             _ => ("trajectory", "txt"),
         };
-        for (index, leg) in base.legs(survey) {
+        for (index, leg) in base.legs(context) {
             let location = match base {
                 Base::Single(path) if beside => {
                     at_path(with_suffix(path, &format!("_{suffix}"), Some(extension)))
@@ -234,6 +249,7 @@ impl OutputLayout {
                 Content::Trajectory(format) => Route::Trajectory(format, slot),
                 Content::Waveforms => Route::Waveforms(slot),
                 Content::Pulses => Route::Pulses(slot),
+                Content::Part => Route::Part(slot),
             });
         }
     }
@@ -252,7 +268,7 @@ impl OutputLayout {
         let zipped = match content {
             Content::Points(format) => format == PointFormat::Bin,
             Content::Waveforms | Content::Pulses => self.zip,
-            Content::Trajectory(_) => false,
+            Content::Trajectory(_) | Content::Part => false,
         };
         self.files.push(FilePlan { location: location.clone(), content, zipped, last_leg: leg, sink });
         self.slots.insert(location, slot);
@@ -262,9 +278,9 @@ impl OutputLayout {
 
 impl Base {
     /// Returns the legs that have files. A single file takes all legs, so that it exists even if no leg is active.
-    fn legs<'s>(&self, survey: &'s Survey) -> impl Iterator<Item = (usize, &'s Leg)> + use<'s> {
+    fn legs<'c>(&self, context: &'c OutputContext) -> impl Iterator<Item = (usize, &'c OutputLeg)> + use<'c> {
         let all = matches!(self, Base::Stdout | Base::Single(_));
-        survey.legs.iter().enumerate().filter(move |(_, leg)| all || leg.scanner.active)
+        context.legs.iter().enumerate().filter(move |(_, leg)| all || leg.active)
     }
 
     fn inside(&self, name: String) -> OutputLocation {
@@ -282,19 +298,11 @@ fn at_path(path: PathBuf) -> OutputLocation {
 }
 
 /// Returns the file name prefix of a leg: `leg007` or `stripABC`.
-fn prefix(leg: &Leg) -> String {
+fn prefix(leg: &OutputLeg) -> String {
     match &leg.strip {
         Some(strip) => format!("strip{:0>3}", file_name(strip)),
         None => format!("leg{:03}", leg.number),
     }
-}
-
-/// Returns the directory name of a survey's runs.
-fn survey_name(survey: &Survey) -> String {
-    if survey.name.is_empty() {
-        return file_name(&survey.path.file_name().unwrap_or_default().to_string_lossy());
-    }
-    file_name(&survey.name)
 }
 
 /// Escapes separators in a name from the input, for use in a file name.

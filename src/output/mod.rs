@@ -10,7 +10,8 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `request`, `layout`, `plan` | the request, the files that follow from it, checks and formats |
+//! | `request`, `context` | the request; the facts about survey and scene that outputs depend on |
+//! | `layout`, `plan` | the files that follow from both, checks and formats |
 //! | `codec`, `objects` | definitions shared by the formats of point records; ids of scene parts as integers |
 //! | `text`, `number`, `las`, `ply` | records of text, LAS and PLY |
 //! | `columns`, `column_codec`, `table`, `arrow` | columns: definition and values, as text, as Arrow and Parquet |
@@ -29,6 +30,7 @@ mod blocks;
 mod codec;
 mod column_codec;
 mod columns;
+mod context;
 mod copc;
 mod crs;
 mod encode;
@@ -56,11 +58,12 @@ mod writer;
 
 pub use archive::{expand, unzip};
 pub use columns::Column;
+pub use context::OutputContext;
 pub use encode::Encoded;
 pub use offload::{NoOffload, Offload};
-pub use plan::{OutputContext, OutputPlan};
+pub use plan::OutputPlan;
 pub use request::{
-    LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat, Target, TrajectoryFormat,
+    LasSettings, LasVersion, OutputRequest, PacketPlace, PartOutput, PointFormat, Target, TrajectoryFormat,
 };
 pub use summary::{FileKind, FileSummary, Summary};
 pub use writer::Writer;

@@ -3,6 +3,7 @@
 use super::arrow::{About, schema};
 use super::codec::LegFacts;
 use super::columns::Column;
+use super::context::OutputContext;
 use super::crs::epsg;
 use super::las::LasFormat;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
@@ -15,22 +16,11 @@ use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::files::{NewFolder, identity, is_special, remove_litter};
 use crate::geom::DVec3;
-use crate::scene::Scene;
-use crate::survey::{PlatformKind, Survey};
 use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-
-/// The inputs that the outputs depend on.
-#[derive(Clone, Copy, Debug)]
-pub struct OutputContext<'a> {
-    /// Names, legs, strips and devices.
-    pub survey: &'a Survey,
-    /// Shift, bounds and part ids.
-    pub scene: &'a Scene,
-}
 
 /// All outputs of a run: files, contents and formats. Immutable and shared by the workers.
 #[derive(Debug)]
@@ -58,6 +48,8 @@ pub struct OutputPlan {
     warnings: Diagnostics,
     pub(super) force: bool,
     pub(super) run_stamp: Option<String>,
+    /// The bytes before the first block of a part.
+    pub(super) part_head: Vec<u8>,
     pub(super) epochs: u32,
     /// Partial files that a failed run left.
     pub(super) rescued: Mutex<Vec<FileSummary>>,
@@ -71,15 +63,14 @@ impl OutputPlan {
     /// [`Error::Input`].
     pub fn new(request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
         let mut problems = Diagnostics::default();
-        let layout = OutputLayout::new(&request, context.survey);
-        check_requests(&request, context.survey.scanner.devices.len(), &mut problems);
-        let inputs = Inputs::of(&request, context);
+        let layout = OutputLayout::new(&request, context);
+        check_requests(&request, context.devices.len(), &mut problems);
+        let inputs = Inputs::of(&request);
         check_files(&layout, &request, &inputs, &mut problems);
         let mut las_problems = Diagnostics::default();
-        let OutputContext { survey, scene } = *context;
-        let objects = ObjectIds::new(&scene.parts);
-        let crs = request.crs_wkt.as_deref().or(survey.crs_wkt.as_deref());
-        let las = LasFormat::new(&request, scene, &survey.scanner, crs, &objects, &mut las_problems);
+        let objects = ObjectIds::new(&context.parts);
+        let crs = request.crs_wkt.as_deref().or(context.crs.as_deref());
+        let las = LasFormat::new(&request, context, crs, &objects, &mut las_problems);
         if request.sinks.iter().any(|(_, format)| format.is_las()) {
             problems.extend(las_problems);
             if las.packet_place() == Some(PacketPlace::Beside) {
@@ -88,13 +79,13 @@ impl OutputPlan {
         }
         let warnings = problems.finish(false)?;
         let columns = request.columns.clone().unwrap_or_else(|| Column::default_columns(request.misses));
-        let about = About { scanner: &survey.scanner.name, crs, objects: &objects };
+        let about = About { scanner: &context.scanner, crs, objects: &objects };
         let schema = schema(&columns, &about);
         Ok(OutputPlan {
             layout,
-            legs: survey.legs.iter().map(|leg| LegFacts::new(leg.number)).collect(),
-            shift: scene.shift,
-            part_names: scene.parts.iter().map(|part| text::label(&part.id)).collect(),
+            legs: context.legs.iter().map(|leg| LegFacts::new(leg.number)).collect(),
+            shift: context.shift,
+            part_names: context.parts.iter().map(|part| text::label(part)).collect(),
             objects,
             las,
             columns,
@@ -107,6 +98,7 @@ impl OutputPlan {
             warnings,
             force: request.force,
             run_stamp: request.run_stamp,
+            part_head: request.part.map(|part| part.head).unwrap_or_default(),
             epochs: request.epochs.max(1),
             rescued: Mutex::default(),
         })
@@ -161,18 +153,10 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
 struct Inputs(BTreeSet<PathBuf>);
 
 impl Inputs {
-    fn of(request: &OutputRequest, context: &OutputContext) -> Inputs {
-        let OutputContext { survey, scene } = *context;
-        let own = [&survey.path, &survey.scene.path];
-        let all = own.into_iter().chain(&request.inputs).chain(&scene.sources);
-        let poses: Vec<&PathBuf> = match &survey.platform.kind {
-            PlatformKind::Interpolated(recorded) => recorded.files.iter().map(|file| &file.path).collect(),
-            PlatformKind::Stream(stream) => vec![&stream.path],
-            _ => Vec::new(),
-        };
+    fn of(request: &OutputRequest) -> Inputs {
         // Without --force no file is replaced.
-        let all = all.chain(poses).filter(|_| request.force);
-        Inputs(all.map(|path| identity(path)).collect())
+        let inputs = request.inputs.iter().filter(|_| request.force);
+        Inputs(inputs.map(|path| identity(path)).collect())
     }
 
     fn contain(&self, path: &Path) -> bool {
@@ -195,8 +179,8 @@ fn check_files(layout: &OutputLayout, request: &OutputRequest, inputs: &Inputs, 
         problems.error(None, format!("{} is a file, expected a directory", folder.display()));
     }
     let mut taken = BTreeSet::new();
-    let planned = layout.files.iter().filter_map(|FilePlan { location, .. }| match location {
-        OutputLocation::Fixed(Destination::Path(path)) => Some(path),
+    let planned = layout.files.iter().filter_map(|FilePlan { location, content, .. }| match location {
+        OutputLocation::Fixed(Destination::Path(path)) if *content != Content::Part => Some(path),
         _ => None,
     });
     for path in planned.chain(&request.companions) {

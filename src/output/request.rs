@@ -127,6 +127,15 @@ pub enum Target {
     Helios(PathBuf),
 }
 
+/// The file of a part of a run, see [`crate::parts`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartOutput {
+    /// The file; it is replaced if it exists.
+    pub path: PathBuf,
+    /// The bytes before its first block.
+    pub head: Vec<u8>,
+}
+
 /// Specification of all outputs of a run.
 #[derive(Clone, Debug)]
 pub struct OutputRequest {
@@ -161,7 +170,7 @@ pub struct OutputRequest {
     pub las: LasSettings,
     /// Whether to replace existing files and to write binary data to a terminal.
     pub force: bool,
-    /// Files that the run reads besides those of survey and scene; no output may replace them.
+    /// Files that the run reads; no output may replace them.
     pub inputs: Vec<PathBuf>,
     /// Files that the caller writes besides the outputs, which are checked with them.
     pub companions: Vec<PathBuf>,
@@ -171,6 +180,8 @@ pub struct OutputRequest {
     pub creation: (u16, u16),
     /// Name of run directories; `None` for the local time of their creation.
     pub run_stamp: Option<String>,
+    /// A part of a run, which is then the only output.
+    pub part: Option<PartOutput>,
     /// Number of epochs (spec input-formats §3.8); see [`Writer::next_epoch`](super::Writer::next_epoch).
     pub epochs: u32,
 }
@@ -196,6 +207,7 @@ impl Default for OutputRequest {
             crs_wkt: None,
             creation: (0, 0),
             run_stamp: None,
+            part: None,
             epochs: 1,
         }
     }

@@ -32,6 +32,8 @@ pub enum FileKind {
     Pulses,
     /// Waveform packets that LAS points refer to.
     Packets,
+    /// A part of a run; its records are echoes.
+    Part,
 }
 
 /// One completed file.

@@ -130,7 +130,7 @@ pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
 
 pub(super) fn write(request: OutputRequest, survey: &Survey, batches: &[Batch]) -> Result<Summary> {
     let scene = scene();
-    let plan = Arc::new(OutputPlan::new(request, &OutputContext { survey, scene: &scene })?);
+    let plan = Arc::new(OutputPlan::new(request, &OutputContext::new(survey, &scene))?);
     let mut writer = plan.open(Arc::new(NoOffload))?;
     for batch in batches {
         writer.append(plan.encode(batch))?;

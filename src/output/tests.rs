@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 fn plan(request: OutputRequest, survey: &crate::survey::Survey) -> Arc<OutputPlan> {
-    Arc::new(OutputPlan::new(request, &OutputContext { survey, scene: &scene() }).unwrap())
+    Arc::new(OutputPlan::new(request, &OutputContext::new(survey, &scene())).unwrap())
 }
 
 fn points(target: Target) -> OutputRequest {
@@ -270,7 +270,7 @@ fn files_are_not_overwritten_without_force() {
     let mut request = points(Target::File(dir.path().join("a.xyz")));
     request.sinks.push((Target::File(dir.path().join("b.xyz")), PointFormat::Xyz));
     request.sinks.push((Target::File(dir.path().join("missing/c.xyz")), PointFormat::Xyz));
-    let context = OutputContext { survey: &survey, scene: &scene() };
+    let context = OutputContext::new(&survey, &scene());
     let Err(Error::Input(problems)) = OutputPlan::new(request.clone(), &context) else { panic!("accepted") };
     assert_eq!(problems.items().len(), 3, "{}", problems.render(false));
     request.sinks.pop();
@@ -297,7 +297,7 @@ fn what_appears_during_the_run_is_not_overwritten() {
 #[test]
 fn requests_that_cannot_be_met() {
     let survey = survey(2, &[None]);
-    let context = OutputContext { survey: &survey, scene: &scene() };
+    let context = OutputContext::new(&survey, &scene());
     let refused = |request: OutputRequest, part: &str| {
         let Err(Error::Input(problems)) = OutputPlan::new(request, &context) else {
             panic!("accepted: {part}")

@@ -185,6 +185,11 @@ impl Writer {
     /// [`OutputPlan::rescued`] lists, unless an output could not be written: then the incomplete files are removed.
     pub fn abort(self) {}
 
+    /// Ends a run whose outputs can be made again, and removes the incomplete files.
+    pub fn discard(mut self) {
+        self.failed = true;
+    }
+
     /// Remembers whether an output could not be written.
     fn note_failure(&mut self, outcome: Result<()>) -> Result<()> {
         self.failed |= matches!(&outcome, Err(e) if !matches!(e, Error::ClosedPipe));
@@ -260,7 +265,7 @@ impl Writer {
                 }
                 done => done?,
             };
-            if matches!(file.content, Content::Points(_)) && file.sink == 0 {
+            if matches!(file.content, Content::Points(_) | Content::Part) && file.sink == 0 {
                 self.summary.points += done.iter().map(|file| file.records).sum::<u64>();
             }
             self.summary.files.extend(done);

@@ -1,6 +1,6 @@
 //! Chunks: descriptors of consecutive pulses, without the pulses themselves.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
 use crate::platform::{PollResult, PoseReader};
 use crate::scene::{MotionPlan, MotionState};
@@ -92,20 +92,27 @@ impl FlightSink for Count {
 
 /// Steps from `state`, the beginning of a flight, to its end and passes every chunk that is not empty to `feed`. A
 /// chunk ends when it reaches the size set by the schedule, at the end of its leg, or when the next pose takes longer
-/// than the stream's maximum latency. Returns early when `stop` is requested.
+/// than the stream's maximum latency. Returns early when `stop` is requested, and after the step that emits pulse number
+/// `limit`, counted from 1.
 pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     plan: &FlightPlan,
     motion: Option<&MotionPlan>,
     state: &mut FlightState,
     mut poses: Option<PoseReader>,
+    limit: u64,
     stop: &Stop,
     feed: &mut Feed<'_, Chunk, R, W>,
 ) -> Result<()> {
-    let mut moving = motion.map(MotionState::start);
+    let mut moving = motion.map(|motion| MotionState::after_steps(motion, state.steps()));
+    let mut left = limit;
+    if left == 0 {
+        return Ok(());
+    }
     let mut chunk = Chunk::begin(plan, state, moving.as_ref());
     loop {
         let size = feed.size();
-        let mut count = Count { pulses: chunk.pulses, poses: chunk.poses };
+        let before = chunk.pulses;
+        let mut count = Count { pulses: before, poses: chunk.poses };
         let mut first = None;
         let step = loop {
             let step = state.step(plan, &mut count)?;
@@ -126,13 +133,15 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
             if let (Some(state), Some(plan)) = (&mut moving, motion) {
                 state.step(plan, |_, _| ());
             }
-            if count.pulses >= size || chunk.steps >= MAX_STEPS {
+            let is_last = u64::from(count.pulses - before) >= left;
+            if count.pulses >= size || chunk.steps >= MAX_STEPS || is_last {
                 break step;
             }
         };
+        left = left.saturating_sub(u64::from(count.pulses - before));
         (chunk.pulses, chunk.poses) = (count.pulses, count.poses);
         chunk.done = done(plan, state);
-        let is_full = step == Step::Advanced && chunk.pulses >= size;
+        let is_full = step == Step::Advanced && chunk.pulses >= size && left > 0;
         let rest = if is_full {
             feed.offer(chunk)?
         } else if chunk.has_content() {
@@ -143,6 +152,10 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
         };
         match step {
             Step::Ended => {
+                feed.end_leg()?;
+                return Ok(());
+            }
+            _ if left == 0 => {
                 feed.end_leg()?;
                 return Ok(());
             }
@@ -162,6 +175,49 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
             None => Chunk::begin(plan, state, moving.as_ref()),
         };
     }
+}
+
+/// Counts pulses and passes over them.
+#[derive(Default)]
+struct Total(u64);
+
+impl FlightSink for Total {
+    fn pulse(&mut self, _: impl FnOnce() -> Pulse) {
+        self.0 += 1;
+    }
+
+    fn pose(&mut self, _: impl FnOnce() -> PoseSample) {}
+}
+
+/// Steps up to and including the step that emits pulse number `pulses`, counted from 1, or to the end of the flight.
+/// Returns the number of pulses emitted.
+///
+/// # Errors
+/// [`Error::Interrupted`] when a stop is requested; the errors of the flight.
+pub fn skip(
+    plan: &FlightPlan,
+    state: &mut FlightState,
+    poses: &mut Option<PoseReader>,
+    pulses: u64,
+    stop: &Stop,
+) -> Result<u64> {
+    let mut total = Total::default();
+    let mut steps = 0u32;
+    while total.0 < pulses {
+        match state.step(plan, &mut total)? {
+            Step::Advanced | Step::LegChanged => {}
+            Step::NeedsPoses => wait_for_poses(plan, poses, state, stop)?,
+            Step::Ended => break,
+        }
+        steps += 1;
+        if steps >= MAX_STEPS {
+            steps = 0;
+            if stop.is_requested() {
+                return Err(Error::Interrupted);
+            }
+        }
+    }
+    Ok(total.0)
 }
 
 /// Waits for poses up to `timeout` and appends them to both ends of a chunk. Returns `false` if none arrived; the end

@@ -1,7 +1,7 @@
 //! The last stage: appends the encoded results of the workers to the outputs, in pulse order.
 
-use super::pass::Pass;
-use super::plausibility::CheckTime;
+use super::plausibility::{CheckTime, YieldCheck};
+use super::progress::Progress;
 use super::worker::{Measured, Pieces};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
@@ -9,8 +9,20 @@ use crate::output::{Summary, Writer};
 use crate::schedule::Collect;
 use crate::store::check_loss;
 
+/// What happens at the end of a pass.
+#[derive(Clone, Copy)]
+pub(super) struct PassEnd<'a> {
+    /// Check for too few points, run before the outputs get their names.
+    pub check: Option<&'a YieldCheck<'a>>,
+    /// Whether no epoch follows.
+    pub is_last: bool,
+    /// Whether the outputs are worth keeping when the run fails.
+    pub keeps_partial: bool,
+}
+
 pub(super) struct Collector<'a> {
-    pass: &'a Pass<'a>,
+    progress: &'a Progress,
+    end: PassEnd<'a>,
     writer: Box<Writer>,
     leg: u32,
     is_checked_early: bool,
@@ -30,12 +42,12 @@ pub enum Ended {
 }
 
 impl<'a> Collector<'a> {
-    pub fn new(pass: &'a Pass<'a>, writer: Box<Writer>) -> Collector<'a> {
-        Collector { pass, writer, leg: 0, is_checked_early: false }
+    pub fn new(progress: &'a Progress, end: PassEnd<'a>, writer: Box<Writer>) -> Collector<'a> {
+        Collector { progress, end, writer, leg: 0, is_checked_early: false }
     }
 
     fn check(&self, time: CheckTime) -> Result<()> {
-        self.pass.check.as_ref().map_or(Ok(()), |check| check.run(self.pass.control.progress, time))
+        self.end.check.map_or(Ok(()), |check| check.run(self.progress, time))
     }
 
     fn append(&mut self, m: Measured, more_waiting: bool) -> Result<()> {
@@ -55,7 +67,7 @@ impl<'a> Collector<'a> {
             // No further result is ready, so readers of a live stream receive everything so far.
             self.writer.flush()?;
         }
-        let progress = self.pass.control.progress;
+        let progress = self.progress;
         progress.add(m.pulses, m.echoes, m.leg, m.done);
         progress.add_aim(&m.aim);
         if !self.is_checked_early && progress.snapshot().pulses >= PULSES_BEFORE_CHECK {
@@ -77,7 +89,7 @@ impl Collect<Pieces> for Collector<'_> {
 
     fn finish(mut self) -> Result<Ended> {
         check_loss()?;
-        if self.pass.is_last {
+        if self.end.is_last {
             self.check(CheckTime::End)?;
             return self.writer.finish().map(Ended::Complete);
         }
@@ -90,6 +102,6 @@ impl Collect<Pieces> for Collector<'_> {
     }
 
     fn abort(self) {
-        self.writer.abort();
+        if self.end.keeps_partial { self.writer.abort() } else { self.writer.discard() }
     }
 }

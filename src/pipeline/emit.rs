@@ -94,7 +94,7 @@ pub fn emit<W: Write + Send>(
         };
         let collector = Append { out, progress };
         let fly = |feed: &mut schedule::Feed<'_, _, _, _>| {
-            produce(flight, None, &mut state, poses.take(), stop, feed)
+            produce(flight, None, &mut state, poses.take(), u64::MAX, stop, feed)
         };
         out = schedule::run(schedule, &jobs, stop, control.recorder, make_worker, fly, collector)?;
     }

@@ -1,25 +1,27 @@
 //! The stages of a pass over one epoch: a producer, the workers, the collector.
 
 use super::chunk;
-use super::collector::{Collector, Ended};
+use super::collector::{Collector, Ended, PassEnd};
 use super::pass::{Control, Pass};
 use super::stream::{PulseSource, StreamWorker, Tracing};
 use super::worker::{FlightWorker, Pieces};
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightState};
-use crate::output::{Offload, Writer};
+use crate::output::{Offload, OutputPlan, Writer};
 use crate::platform::PoseReader;
-use crate::schedule::{self, Feed, Job, JobQueue, Tasks};
+use crate::schedule::{self, Feed, Job, JobQueue, Schedule, Tasks};
 use std::sync::Arc;
 
 /// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in chunk
-/// order. `state` is the state before the first step of the epoch; `writer` holds the outputs of the previous epoch.
-/// On failure what was measured is kept as partial outputs.
+/// order. `state` is the state before the first step; `writer` holds the outputs of the previous epoch. The pass ends with
+/// the epoch, or after the step that emits pulse number `limit`, counted from 1. On failure what was
+/// measured is kept as partial outputs.
 pub fn fly(
     pass: &Pass<'_>,
     flight: &FlightPlan,
     state: &mut FlightState,
     poses: Option<PoseReader>,
+    limit: u64,
     writer: Option<Box<Writer>>,
 ) -> Result<Ended> {
     pass.simulate(
@@ -28,7 +30,7 @@ pub fn fly(
             let mut worker = FlightWorker::new(pass, flight);
             move |chunk| worker.measure(chunk)
         },
-        |feed| chunk::produce(flight, pass.motion, state, poses, pass.control.stop, feed),
+        |feed| chunk::produce(flight, pass.motion, state, poses, limit, pass.control.stop, feed),
     )
 }
 
@@ -68,19 +70,37 @@ impl Pass<'_> {
         C: Tasks + Send,
         W: FnMut(C) -> Result<Pieces>,
     {
-        let jobs = Arc::new(JobQueue::new(2 * self.schedule.threads));
-        let writer = match writer {
-            None => Box::new(self.output.open(jobs.clone())?),
-            Some(mut writer) => {
-                writer.offload_to(jobs.clone());
-                writer
-            }
-        };
-        let Control { stop, recorder, .. } = self.control;
-        stop.heed();
-        let collector = Collector::new(self, writer);
-        schedule::run(self.schedule, &jobs, stop, recorder, make_worker, produce, collector)
+        let end = PassEnd { check: self.check.as_ref(), is_last: self.is_last, keeps_partial: true };
+        run_stages(self.schedule, self.control, &self.output, writer, end, make_worker, produce)
     }
+}
+
+/// Runs producer, workers and collector over one epoch; `writer` holds the outputs of the previous epoch.
+pub(super) fn run_stages<C, W>(
+    schedule: Schedule,
+    control: Control<'_>,
+    output: &Arc<OutputPlan>,
+    writer: Option<Box<Writer>>,
+    end: PassEnd<'_>,
+    make_worker: impl Fn() -> W + Sync,
+    produce: impl FnOnce(&mut Feed<'_, C, Pieces, W>) -> Result<()>,
+) -> Result<Ended>
+where
+    C: Tasks + Send,
+    W: FnMut(C) -> Result<Pieces>,
+{
+    let jobs = Arc::new(JobQueue::new(2 * schedule.threads));
+    let writer = match writer {
+        None => Box::new(output.open(jobs.clone())?),
+        Some(mut writer) => {
+            writer.offload_to(jobs.clone());
+            writer
+        }
+    };
+    let Control { stop, recorder, .. } = control;
+    stop.heed();
+    let collector = Collector::new(control.progress, end, writer);
+    schedule::run(schedule, &jobs, stop, recorder, make_worker, produce, collector)
 }
 
 /// Compression runs on the workers.

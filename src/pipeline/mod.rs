@@ -17,6 +17,7 @@
 //! | `chunk` | the producer of a flight: steps become chunks |
 //! | `stream` | the producer and worker of a stream of pulses |
 //! | `worker`, `moving` | the computing stage, and the moving parts of the scene |
+//! | `part`, `merge`, `resume` | shares of a run as files, their merging to outputs, runs that go on where they were ended |
 //! | `collector` | the last stage: encoded results to the outputs, in order |
 //! | `emit` | the flight alone, written as poses or pulses |
 //! | `plausibility`, `aim` | detection of inputs that are valid but hardly intended |
@@ -28,10 +29,13 @@ mod collector;
 mod emit;
 mod fly;
 mod load;
+mod merge;
 mod moving;
+mod part;
 mod pass;
 mod plausibility;
 mod progress;
+mod resume;
 mod session;
 mod settings;
 mod stream;
@@ -40,9 +44,12 @@ mod worker;
 pub use collector::Ended;
 pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
+pub use merge::{merge, output_context};
+pub use part::Part;
 pub use pass::{Control, Pass};
 pub use plausibility::target;
 pub use progress::{Progress, Snapshot};
+pub use resume::Resumption;
 pub use session::{Report, Session};
 pub use settings::{DEFAULT_CHUNK_SIZE, DEFAULT_LATENCY, DEFAULT_WAREHOUSE_FACTOR, Settings};
 pub use stream::LegRule;

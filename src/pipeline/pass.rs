@@ -40,6 +40,8 @@ pub struct Pass<'a> {
     pub target: AimTarget,
     /// Check for too few points, run before the outputs get their names.
     pub check: Option<YieldCheck<'a>>,
+    /// Epoch of the scene, from 0.
+    pub epoch: u32,
     /// Whether no epoch follows.
     pub is_last: bool,
 }

@@ -21,7 +21,8 @@ use crate::store::{catch_loss, check_loss};
 use crate::streams::PulseReader;
 use crate::survey::{PlatformKind, Survey};
 use crate::tree::{BuildOptions, Tree};
-use std::path::Path;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -72,6 +73,16 @@ pub struct Report {
     pub interrupted: bool,
 }
 
+/// The epochs of a run, and how each is measured.
+pub(super) struct Epochs {
+    pub range: RangeInclusive<u32>,
+    pub options: PhysicsOptions,
+    /// Whether the flight is streamed, see [`YieldCheck`].
+    pub is_live: bool,
+    /// Whether too few points are reported.
+    pub is_checked: bool,
+}
+
 impl Session {
     /// Loads the scene of the first epoch and builds the tree over it. `observer` receives all notices of the
     /// session.
@@ -79,11 +90,22 @@ impl Session {
     /// # Errors
     /// [`Error::Input`] for scenes that are invalid or exceed the memory limit; [`Error::Io`].
     pub fn open(settings: Settings, observer: impl Fn(Notice) + Send + Sync + 'static) -> Result<Session> {
+        let mut session = Session::open_without_tree(settings, observer)?;
+        session.tree = Some(catch_loss(|| session.build_tree(&session.settings.tree))?);
+        Ok(session)
+    }
+
+    /// As [`Session::open`]; the tree is built when it is needed first.
+    ///
+    /// # Errors
+    /// As for [`Session::open`].
+    pub fn open_without_tree(
+        settings: Settings,
+        observer: impl Fn(Notice) + Send + Sync + 'static,
+    ) -> Result<Session> {
         catch_loss(|| {
             check_raster_memory(&settings, &observer)?;
-            let mut session = Session::open_scene(settings, observer)?;
-            session.tree = Some(session.build_tree(&session.settings.tree)?);
-            Ok(session)
+            Session::open_scene(settings, observer)
         })
     }
 
@@ -128,6 +150,21 @@ impl Session {
     /// Number of epochs: the survey is flown once for every state of the scene's swapped parts.
     pub fn epochs(&self) -> u32 {
         self.epochs
+    }
+
+    /// Passes a notice to the observer.
+    pub(super) fn notify(&self, notice: Notice) {
+        (self.observer)(notice);
+    }
+
+    /// Records everything that the outputs need.
+    pub(super) fn record_for(&mut self, outputs: &OutputRequest) {
+        self.settings.physics = self.settings.physics_for(outputs);
+    }
+
+    /// Frees the tree, which is built again when it is needed.
+    pub(super) fn drop_tree(&mut self) {
+        self.tree = None;
     }
 
     /// Builds a tree over the current scene.
@@ -176,11 +213,12 @@ impl Session {
         }
         let is_live = poses.is_some();
         let mut state = FlightState::start(&flight);
-        self.run_epochs(outputs, control, is_live, &is_reported, |_, pass, epoch, writer| {
+        let (output, epochs) = self.plan_outputs(outputs, is_live)?;
+        self.run_epochs(output, epochs, control, &is_reported, |_, pass, epoch, writer| {
             if epoch > 0 {
                 state.repeat(&flight);
             }
-            fly(pass, &flight, &mut state, poses.take(), writer)
+            fly(pass, &flight, &mut state, poses.take(), u64::MAX, writer)
         })
     }
 
@@ -206,9 +244,11 @@ impl Session {
         control: Control<'_>,
     ) -> Result<Report> {
         let mut source = PulseSource::new(pulses);
-        let options = self.settings.physics_for(&outputs);
+        self.enter_epoch(0, control.stop)?;
+        let (output, epochs) = self.plan_outputs(outputs, false)?;
+        let options = epochs.options;
         let is_reported = AtomicBool::new(false);
-        self.run_epochs(outputs, control, false, &is_reported, |session, pass, epoch, writer| {
+        self.run_epochs(output, epochs, control, &is_reported, |session, pass, epoch, writer| {
             let tracing = Tracing { survey: session.survey(), options, shift: session.scene.shift, legs };
             trace(pass, &tracing, &mut source, epoch, writer)
         })
@@ -233,35 +273,51 @@ impl Session {
         })
     }
 
-    /// Runs all epochs; outputs continue from one to the next. `is_reported` records whether the cause of too few
-    /// points has been reported.
-    fn run_epochs(
+    /// Plans the outputs of all epochs over the scene of the first. `is_live` tells whether the flight is streamed.
+    fn plan_outputs(&self, outputs: OutputRequest, is_live: bool) -> Result<(Arc<OutputPlan>, Epochs)> {
+        let options = self.settings.physics_for(&outputs);
+        let context = OutputContext::new(&self.settings.survey, &self.scene);
+        let inputs = self.inputs().chain(outputs.inputs.iter().cloned()).collect();
+        let output = OutputPlan::new(OutputRequest { epochs: self.epochs, inputs, ..outputs }, &context)?;
+        self.notify(Notice::Warnings(output.warnings().clone().finish(self.settings.strict)?));
+        Ok((Arc::new(output), Epochs { range: 0..=self.epochs - 1, options, is_live, is_checked: true }))
+    }
+
+    /// The files of survey and scene.
+    pub(super) fn inputs(&self) -> impl Iterator<Item = PathBuf> {
+        let Survey { path, scene, platform, .. } = &self.settings.survey;
+        let poses: Vec<&PathBuf> = match &platform.kind {
+            PlatformKind::Interpolated(recorded) => recorded.files.iter().map(|file| &file.path).collect(),
+            PlatformKind::Stream(stream) => vec![&stream.path],
+            _ => Vec::new(),
+        };
+        [path, &scene.path].into_iter().chain(&self.scene.sources).chain(poses).cloned()
+    }
+
+    /// Runs epochs; outputs continue from one to the next. `is_reported` records whether the cause of too few points has
+    /// been reported.
+    pub(super) fn run_epochs(
         &mut self,
-        outputs: OutputRequest,
+        output: Arc<OutputPlan>,
+        epochs: Epochs,
         control: Control<'_>,
-        is_live: bool,
         is_reported: &AtomicBool,
         pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
-        self.enter_epoch(0, control.stop)?;
-        let options = self.settings.physics_for(&outputs);
-        let context = OutputContext { survey: &self.settings.survey, scene: &self.scene };
-        let output = Arc::new(OutputPlan::new(OutputRequest { epochs: self.epochs, ..outputs }, &context)?);
-        (self.observer)(Notice::Warnings(output.warnings().clone().finish(self.settings.strict)?));
-        let ended = self.pass_epochs(&output, options, control, is_live, is_reported, pass_over);
+        let ended = self.pass_epochs(&output, epochs, control, is_reported, pass_over);
         ended.map_err(|e| self.with_rescued(e, &output.rescued()))
     }
 
     fn pass_epochs(
         &mut self,
         output: &Arc<OutputPlan>,
-        options: PhysicsOptions,
+        epochs: Epochs,
         control: Control<'_>,
-        is_live: bool,
         is_reported: &AtomicBool,
         mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
-        let (mut epoch, mut seconds, mut writer) = (0, 0.0, None);
+        let Epochs { range, options, is_live, is_checked } = epochs;
+        let (mut epoch, mut seconds, mut writer) = (*range.start(), 0.0, None);
         let (summary, interrupted) = loop {
             self.enter_epoch(epoch, control.stop)?;
             let Session { settings, observer, scene, motion, .. } = &*self;
@@ -275,7 +331,7 @@ impl Session {
                 schedule: settings.schedule,
                 control,
                 target: plausibility::target(&settings.survey, scene),
-                check: Some(YieldCheck {
+                check: is_checked.then_some(YieldCheck {
                     settings,
                     scene,
                     tree,
@@ -283,7 +339,8 @@ impl Session {
                     is_reported,
                     observer: &**observer,
                 }),
-                is_last: epoch + 1 == self.epochs,
+                epoch,
+                is_last: epoch == *range.end(),
             };
             let started = Instant::now();
             let ended = pass_over(self, &pass, epoch, writer.take()).and_then(|ended| match ended {
@@ -308,7 +365,7 @@ impl Session {
 
     /// Loads the scene of an epoch and builds its tree, unless they are loaded. Only one scene is in memory at a
     /// time.
-    fn enter_epoch(&mut self, epoch: u32, stop: &Stop) -> Result<()> {
+    pub(super) fn enter_epoch(&mut self, epoch: u32, stop: &Stop) -> Result<()> {
         if epoch != self.epoch {
             self.tree = None;
             self.scene = Scene::default();
@@ -322,12 +379,12 @@ impl Session {
         if stop.is_requested() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
-    fn tree(&self) -> Result<&Tree> {
+    pub(super) fn tree(&self) -> Result<&Tree> {
         self.tree.as_ref().ok_or_else(|| Error::Internal("there is no tree over the scene".to_owned()))
     }
 
     /// Opens the live trajectory that the platform follows, if there is one.
-    fn open_poses(&self) -> Result<Option<PoseReader>> {
+    pub(super) fn open_poses(&self) -> Result<Option<PoseReader>> {
         let PlatformKind::Stream(stream) = &self.settings.survey.platform.kind else { return Ok(None) };
         if self.epochs > 1 {
             return Err(Error::input(format!(

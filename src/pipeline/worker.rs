@@ -74,7 +74,7 @@ impl<'a> Worker<'a> {
             simulator: PulseSimulator::new(pass.physics),
             moving: pass.motion.map(|plan| MovingParts::new(plan, pass.trees)),
             pulses: Vec::new(),
-            batch: Batch::default(),
+            batch: Batch { epoch: pass.epoch, ..Batch::default() },
         }
     }
 
@@ -88,6 +88,7 @@ impl<'a> Worker<'a> {
             }
             None => simulator.simulate(instrument_leg, pulses, batch)?,
         }
+        batch.emitted = pulses.len() as u32;
         Ok(Measured {
             encoded: pass.output.encode(batch),
             pulses: pulses.len() as u64,

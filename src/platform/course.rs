@@ -3,6 +3,7 @@
 use crate::geom::{DVec3, Rotation, unit};
 use crate::survey::RotationSpec;
 use libm::{acos, asin, atan2};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 /// How a leg is entered (spec kinematics §1.4).
@@ -43,7 +44,7 @@ pub struct Span {
     pub end: f64,
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Course {
     /// m, scene frame.
     pub position: DVec3,

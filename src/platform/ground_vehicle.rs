@@ -4,6 +4,7 @@ use super::course::{Course, LegCourse, LegEntry, align, facing, horizontal, hori
 use super::physics::accelerated;
 use crate::geom::{DVec3, Rotation};
 use crate::survey::Kinematics;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// Engine force when driving forwards, and backwards.
@@ -21,14 +22,14 @@ const REVERSE_LOCK: f64 = 0.25;
 const PULL_OUT: f64 = 1.0;
 const PULL_OUT_TOLERANCE: f64 = 0.5;
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 enum Manoeuvre {
     Drive,
     PullOutTo(DVec3),
     BackUp,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GroundVehicle {
     pub(super) course: Course,
     pub(super) attitude: Rotation,

@@ -4,9 +4,10 @@ use super::course::{Span, fraction};
 use super::table::{PoseValues, TrajectoryTable};
 use crate::geom::{DVec3, Rotation};
 use crate::survey::RotationSpec;
+use serde::{Deserialize, Serialize};
 
 /// Position in a table of poses. Values advance by addition and are set to those of each row that is passed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct InterpolatedState {
     /// Seconds after the first row.
     time: f64,

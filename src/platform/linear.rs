@@ -3,8 +3,9 @@
 use super::course::{Course, LegCourse, LegEntry, align, facing};
 use crate::geom::{DVec3, Rotation, unit};
 use crate::survey::Kinematics;
+use serde::{Deserialize, Serialize};
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LinearPath {
     pub(super) course: Course,
     pub(super) attitude: Rotation,

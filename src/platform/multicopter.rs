@@ -7,6 +7,7 @@ use super::physics::accelerated;
 use crate::geom::{DVec3, Rotation, unit};
 use crate::survey::{Kinematics, Multicopter};
 use libm::{acos, cos, log, sin};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 const GRAVITY: f64 = 9.81;
@@ -32,7 +33,7 @@ pub struct MulticopterPlan {
 }
 
 /// A flying multicopter. Angles are rad, distances m.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct MulticopterState {
     pub(super) course: Course,
     /// The pointing attitude when the mount was last refreshed: one step late.

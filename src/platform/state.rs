@@ -8,9 +8,10 @@ use super::multicopter::MulticopterState;
 use super::plan::{Motion, PlatformPlan};
 use super::stream::{Readiness, StreamState};
 use crate::geom::{DVec3, Rotation};
+use serde::{Deserialize, Serialize};
 
 /// State of a platform; small and cheap to clone.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum PlatformState {
     /// The position of the leg.
     Static(DVec3),
@@ -23,6 +24,7 @@ pub enum PlatformState {
     /// Along a table of poses.
     Interpolated(InterpolatedState),
     /// Along a stream of poses.
+    #[serde(skip)]
     Stream(StreamState),
 }
 

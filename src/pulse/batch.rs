@@ -8,6 +8,10 @@ use crate::flight::PoseSample;
 pub struct Batch {
     /// Index of the leg among the survey's legs.
     pub leg: u32,
+    /// Epoch of the scene, from 0; kept by [`Batch::clear`].
+    pub epoch: u32,
+    /// Number of pulses emitted.
+    pub emitted: u32,
     /// Leg number in records, if it differs from the survey leg's number: for streamed pulses.
     pub leg_number: Option<u32>,
     /// Echoes, pulse by pulse, by return number within a pulse.
@@ -28,6 +32,7 @@ impl Batch {
     /// Empties the batch for the next chunk; memory is kept.
     pub fn clear(&mut self, leg: u32) {
         self.leg = leg;
+        self.emitted = 0;
         self.leg_number = None;
         self.echoes.clear();
         self.truths.clear();

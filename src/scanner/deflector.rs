@@ -5,10 +5,11 @@ use super::plan::DevicePlan;
 use super::polygon::Polygon;
 use crate::geom::{DVec3, Rotation};
 use crate::survey::{Deflector, ScannerSettings};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// Angle of a deflector and its motion per step of the current leg. Angles are rad.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum DeflectorState {
     /// Polygon mirror.
     Polygon(Polygon),

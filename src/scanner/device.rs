@@ -5,8 +5,9 @@ use super::head::HeadState;
 use super::plan::DevicePlan;
 use crate::geom::Rotation;
 use crate::survey::ScannerSettings;
+use serde::{Deserialize, Serialize};
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct DeviceState {
     pub head: HeadState,
     pub deflector: DeflectorState,

@@ -3,10 +3,11 @@
 use super::plan::DevicePlan;
 use crate::geom::Rotation;
 use crate::survey::ScannerSettings;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 /// Angle and motion of the head.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct HeadState {
     /// Accumulated exact angle, rad.
     angle: f64,

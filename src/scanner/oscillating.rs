@@ -1,9 +1,10 @@
 //! Oscillating mirrors (spec kinematics §4.3).
 
 use crate::geom::degrees;
+use serde::{Deserialize, Serialize};
 
 /// An oscillating mirror. Angles are rad.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Oscillating {
     pub angle: f64,
     /// Pulses since the start of the period; in the corrected motion, of the leg.

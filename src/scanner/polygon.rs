@@ -2,9 +2,10 @@
 
 use super::plan::DevicePlan;
 use crate::survey::ScannerSettings;
+use serde::{Deserialize, Serialize};
 
 /// A polygon mirror. Angles are rad.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Polygon {
     /// The angle with its error.
     pub angle: f64,

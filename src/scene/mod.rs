@@ -25,10 +25,12 @@
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
 //! | `pack` | packed scenes |
+//! | `fingerprint` | checksums of scenes |
 //! | `inventory` | counts the contents of a scene |
 
 mod builder;
 mod epoch;
+mod fingerprint;
 #[cfg(test)]
 mod fixture;
 mod geotiff;
@@ -60,6 +62,7 @@ mod xyz;
 
 pub use builder::{LoadOptions, Sharing};
 pub use epoch::{SceneFrame, count_epochs};
+pub use fingerprint::fingerprint;
 pub use geotiff::raster_needs;
 pub use instance_set::InstanceSet;
 pub use inventory::Inventory;

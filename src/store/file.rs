@@ -14,6 +14,7 @@
 use super::array::Store;
 use super::bytes::{ByteReader, ByteWriter, UnexpectedEnd};
 use super::mapped::{CHECKED_BYTES, Cause, Checksums, FileBytes};
+use super::sum::Checksum;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched, fault};
 use bytemuck::{AnyBitPattern, NoUninit};
@@ -192,6 +193,14 @@ impl ArrayFile {
         let bytes = self.table.iter().find(|e| e.name == name).map_or(0..0, |e| e.bytes.clone());
         let blocks = bytes.start as usize / CHECKED_BYTES..(bytes.end as usize).div_ceil(CHECKED_BYTES);
         self.verify_blocks(blocks).map(|()| values)
+    }
+
+    /// Checksum of the contents, from the checksums within the file.
+    pub fn fingerprint(&self) -> u64 {
+        let mut sum = Checksum::default();
+        self.table.iter().for_each(|e| sum.debug(&(&e.name, e.element, &e.bytes)));
+        sum.array(&self.sums.sums);
+        sum.finish()
     }
 
     /// Reads the complete file and compares all checksums.

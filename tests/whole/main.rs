@@ -24,6 +24,7 @@ mod interruption;
 mod manual;
 mod navigation;
 mod noise;
+mod parts;
 mod pipes;
 mod plausibility;
 mod preview;

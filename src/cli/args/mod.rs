@@ -17,7 +17,8 @@ mod tools;
 
 pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, SceneKind};
 pub use simulate::{
-    EmitArgs, EmitFormat, InstrumentArgs, PulsesArgs, RunArgs, SurveyArgs, TraceArgs, TrajectoryArgs,
+    EmitArgs, EmitFormat, InstrumentArgs, MergeArgs, PlanPartsArgs, PulsesArgs, RunArgs, SurveyArgs,
+    TraceArgs, TrajectoryArgs,
 };
 pub use tools::{BenchArgs, CatalogueArgs, Colour, CompletionsArgs, ManArgs, PreviewArgs, UnzipArgs};
 
@@ -81,6 +82,17 @@ impl Cli {
 pub enum Command {
     /// Fly a HELIOS++ survey (.xml) or a pipeline (.toml) and write its point cloud.
     Run(Box<RunArgs>),
+    /// Find where the parts of a run begin, once for all of them.
+    ///
+    /// The command line is that of vlscan run --part without --part; the folder -o gets the file flight.vlplan, which serves
+    /// any number of parts. Without it the first part that is computed writes that file.
+    PlanParts(Box<PlanPartsArgs>),
+    /// Turn the parts of a run into its outputs.
+    ///
+    /// The outputs are those of one vlscan run with the same output options, byte for byte: every format, one file per leg,
+    /// HELIOS++'s layout, waveforms and pulses if the parts hold them, trajectories. Neither survey nor scene are needed. Parts
+    /// of another version, survey, scene, seed or options are refused, and missing ones are named as an array job takes them.
+    Merge(Box<MergeArgs>),
     /// Compare trees, schedules, chunk sizes and numbers of threads on a survey.
     Bench(Box<BenchArgs>),
     /// Fly a survey or pipeline and write the platform's poses to stdout.

@@ -1,8 +1,8 @@
 //! The command line of `vlscan run` and of its stages: `vlscan trajectory`, `vlscan pulses`, `vlscan trace`.
 
 use crate::options::{
-    EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, Options, OriginOptions,
-    OutputOptions, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions, TreeOptions,
+    Count, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, Options, OriginOptions,
+    OutputOptions, PartNumber, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions, TreeOptions,
 };
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -51,6 +51,57 @@ pub struct RunArgs {
     /// All options.
     #[command(flatten)]
     pub options: Options,
+    /// Parts.
+    #[command(flatten)]
+    pub parts: PartArgs,
+}
+
+/// Parts of a run.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Parts")]
+pub struct PartArgs {
+    /// Compute part K of N, with K from 0 to N-1, and write it into the folder -o instead of points; vlscan merge turns all
+    /// parts into the outputs of one run. --waveforms, --pulses, --misses, --subrays and --columns say what parts hold beside
+    /// echoes and poses. With --resume a part that exists is left as it is.
+    #[arg(long, value_name = "K/N")]
+    pub part: Option<PartNumber>,
+    /// Go on where the same command was ended, even by kill -9 or a power cut: parts of so many pulses are kept in OUT.parts
+    /// until the outputs are complete. [default: 1M pulses]
+    #[arg(long, value_name = "PULSES", num_args = 0..=1, require_equals = true, default_missing_value = "1M")]
+    pub resume: Option<Count<1>>,
+}
+
+/// `vlscan plan-parts`.
+#[derive(Debug, Args)]
+pub struct PlanPartsArgs {
+    /// The survey (.xml) or pipeline (.toml).
+    pub file: PathBuf,
+    /// All options of vlscan run; -o is the folder of the parts.
+    #[command(flatten)]
+    pub options: Options,
+}
+
+/// `vlscan merge`.
+#[derive(Debug, Args)]
+pub struct MergeArgs {
+    /// The folder of the parts.
+    pub folder: PathBuf,
+    /// Points and what is written beside them.
+    #[command(flatten)]
+    pub output: OutputOptions,
+    /// Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as --trajectory reads
+    /// it).
+    #[arg(long, value_name = "PATH", help_heading = "Output")]
+    pub trajectory_out: Option<PathBuf>,
+    /// Read all parts, compare their checksums, and write nothing.
+    #[arg(long, conflicts_with_all = ["out", "output", "trajectory_out"])]
+    pub check: bool,
+    /// Threads that encode; 0 or nothing = all. The bytes are the same for any number.
+    #[arg(short = 'j', long, value_name = "N", help_heading = "Speed")]
+    pub threads: Option<usize>,
+    /// Show the progress as plain lines when stderr is no terminal.
+    #[arg(long, help_heading = "Messages")]
+    pub progress: bool,
 }
 
 /// How poses and pulses are written.

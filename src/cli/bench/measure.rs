@@ -189,7 +189,7 @@ impl Bench {
     ) -> Result<Option<Flown>> {
         let (progress, recorder) = (Progress::default(), Recorder::new());
         let (survey, scene) = (self.session.survey(), self.session.scene());
-        let output = OutputPlan::new(self.request(format)?, &OutputContext { survey, scene })?;
+        let output = OutputPlan::new(self.request(format)?, &OutputContext::new(survey, scene))?;
         let pass = Pass {
             physics,
             motion: self.session.motion(),
@@ -199,11 +199,12 @@ impl Bench {
             control: Control { progress: &progress, stop, recorder: Some(&recorder) },
             target: target(survey, scene),
             check: None,
+            epoch: 0,
             is_last: true,
         };
         let started = Instant::now();
         let mut state = FlightState::start(&self.flight);
-        if let Ended::Interrupted(_) = fly(&pass, &self.flight, &mut state, None, None)? {
+        if let Ended::Interrupted(_) = fly(&pass, &self.flight, &mut state, None, u64::MAX, None)? {
             return Ok(None);
         }
         let seconds = started.elapsed().as_secs_f64();

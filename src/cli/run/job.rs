@@ -52,7 +52,11 @@ impl Job {
         let kinematics = physics.corrections.kinematics();
         let gps_start = options.origin.gps_start.clone().unwrap_or_default();
         let (gps_start_ns, day) = gps_start.resolve(kinematics.leap_seconds)?;
-        let output = options.output_request(&survey, day)?;
+        let output = OutputRequest {
+            live: matches!(survey.platform.kind, PlatformKind::Stream(_)),
+            crs_wkt: survey.crs_wkt.clone(),
+            ..options.output_request(day)?
+        };
         let settings = Settings {
             strict: options.input.strict,
             load: LoadOptions {
@@ -108,6 +112,11 @@ pub fn policy(kind: PolicyKind, size: u32, factor: usize, idle_threshold_ms: Opt
         PolicyKind::Static => Policy::Static { size },
         PolicyKind::Single => Policy::Single,
     }
+}
+
+/// Returns the schedule that the options ask for.
+pub fn schedule_of(options: &Options) -> Schedule {
+    schedule(options, threads(options.schedule.threads, all_threads()))
 }
 
 fn schedule(options: &Options, threads: usize) -> Schedule {

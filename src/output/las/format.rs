@@ -4,12 +4,11 @@ use super::packets::WavePackets;
 use super::vlr::{self, Groups};
 use crate::diag::Diagnostics;
 use crate::geom::{Aabb, DVec3};
+use crate::output::context::OutputContext;
 use crate::output::objects::ObjectIds;
 use crate::output::request::{
     ExtraDimensions, IntensityMapping, LasVersion, OutputRequest, PacketPlace, PointFormat,
 };
-use crate::scene::Scene;
-use crate::survey::Scanner;
 
 #[derive(Debug)]
 pub(in crate::output) struct LasFormat {
@@ -39,14 +38,14 @@ impl LasFormat {
     /// Chooses scale and offset and prepares the variable length records.
     pub fn new(
         request: &OutputRequest,
-        scene: &Scene,
-        scanner: &Scanner,
+        context: &OutputContext,
         crs: Option<&str>,
         objects: &ObjectIds,
         problems: &mut Diagnostics,
     ) -> LasFormat {
         let settings = &request.las;
-        let offset = DVec3::from(scene.shift.to_array().map(|c| if c.is_finite() { c.round() } else { 0.0 }));
+        let offset =
+            DVec3::from(context.shift.to_array().map(|c| if c.is_finite() { c.round() } else { 0.0 }));
         if let IntensityMapping::Linear { full_scale } = settings.intensity
             && !(full_scale > 0.0 && full_scale.is_finite())
         {
@@ -70,7 +69,7 @@ impl LasFormat {
                 problems.error(None, "LAS 1.0 has no waveform packets").help("write LAS 1.4");
                 return None;
             }
-            WavePackets::new(place, scanner, problems)
+            WavePackets::new(place, &context.devices, problems)
         });
         if request.sinks.iter().any(|(_, format)| *format == PointFormat::Copc) {
             if settings.version == LasVersion::V10 {
@@ -83,8 +82,8 @@ impl LasFormat {
         vlrs.extend(packets.iter().flat_map(WavePackets::descriptors));
         vlrs.push(vlr::remarks(settings));
         vlrs.extend(vlr::object_names(&objects.names));
-        let scale = choose_scale(settings.scale, &scene.bounds, problems);
-        let shift = scene.shift - offset;
+        let scale = choose_scale(settings.scale, &context.bounds, problems);
+        let shift = context.shift - offset;
         if settings.at_most.is_some() && settings.packets == Some(PacketPlace::Inside) {
             problems
                 .error(None, "waveform packets after the points need a header that is completed at the end")
@@ -94,7 +93,7 @@ impl LasFormat {
             version: settings.version,
             scale,
             at_most: settings.at_most,
-            reach: reach(&scene.bounds, shift, scale),
+            reach: reach(&context.bounds, shift, scale),
             offset,
             shift,
             intensity: settings.intensity,
@@ -102,7 +101,7 @@ impl LasFormat {
             creation: request.creation,
             groups,
             packets,
-            system: scanner.name.clone(),
+            system: context.scanner.clone(),
             vlrs,
         }
     }

@@ -8,9 +8,9 @@
 
 use super::vlr::{fixed_text, record};
 use crate::diag::Diagnostics;
+use crate::output::context::OutputDevice;
 use crate::output::request::PacketPlace;
 use crate::pulse::{Echo, WaveformRecord};
-use crate::survey::Scanner;
 
 /// Number of gains: 2^(−44), 2^(−40), … 2^12.
 const GAINS: usize = 15;
@@ -51,11 +51,14 @@ pub(super) struct Packet {
 impl WavePackets {
     /// Computes the grid of descriptors. Returns `None`, with an error in `problems`, when the scanner has too many
     /// bin widths.
-    pub fn new(place: PacketPlace, scanner: &Scanner, problems: &mut Diagnostics) -> Option<WavePackets> {
+    pub fn new(
+        place: PacketPlace,
+        devices: &[OutputDevice],
+        problems: &mut Diagnostics,
+    ) -> Option<WavePackets> {
         let mut bins: Vec<f64> = Vec::new();
         let mut by_device = Vec::new();
-        for device in &scanner.devices {
-            let bin = device.waveform.bin;
+        for &OutputDevice { bin, .. } in devices {
             by_device.push(bins.iter().position(|b| *b == bin).unwrap_or(bins.len()));
             if !bins.contains(&bin) {
                 bins.push(bin);
@@ -168,10 +171,16 @@ pub(in crate::output) fn packets_header(length: u64) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::testing::{batch, survey};
+    use crate::output::testing::batch;
+
+    /// Returns devices of these bin widths, ns.
+    fn devices(bins: impl IntoIterator<Item = f64>) -> Vec<OutputDevice> {
+        bins.into_iter().map(|bin| OutputDevice { id: String::new(), bin }).collect()
+    }
 
     fn packets() -> WavePackets {
-        WavePackets::new(PacketPlace::Inside, &survey(2, &[]).scanner, &mut Diagnostics::default()).unwrap()
+        let devices = devices([0.25, 0.25]);
+        WavePackets::new(PacketPlace::Inside, &devices, &mut Diagnostics::default()).unwrap()
     }
 
     /// Returns the amplitudes of a packet as a reader computes them.
@@ -217,14 +226,11 @@ mod tests {
 
     #[test]
     fn a_scanner_with_too_many_widths_of_bins_is_refused() {
-        let mut scanner = survey(9, &[]).scanner;
-        for (device, i) in scanner.devices.iter_mut().zip(1u8..) {
-            device.waveform.bin = f64::from(i) * 0.1;
-        }
+        let mut devices = devices((1..=9).map(|i| f64::from(i) * 0.1));
         let mut problems = Diagnostics::default();
-        assert!(WavePackets::new(PacketPlace::Inside, &scanner, &mut problems).is_none());
+        assert!(WavePackets::new(PacketPlace::Inside, &devices, &mut problems).is_none());
         assert_eq!(problems.items().len(), 1);
-        scanner.devices.truncate(8);
-        assert!(WavePackets::new(PacketPlace::Inside, &scanner, &mut problems).is_some());
+        devices.truncate(8);
+        assert!(WavePackets::new(PacketPlace::Inside, &devices, &mut problems).is_some());
     }
 }

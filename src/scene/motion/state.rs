@@ -54,6 +54,13 @@ impl MotionState {
         MotionState { update: StepCounter::default(), parts: plan.parts.iter().map(part).collect() }
     }
 
+    /// The state after `steps` steps.
+    pub fn after_steps(plan: &MotionPlan, steps: u64) -> MotionState {
+        let mut state = MotionState::start(plan);
+        (0..steps).for_each(|_| state.step(plan, |_, _| ()));
+        state
+    }
+
     /// Ends a simulation step, after its pulses. Calls `on_refresh` for every part whose pose for rays changes now,
     /// with its index and the transform from its initial pose.
     pub fn step(&mut self, plan: &MotionPlan, mut on_refresh: impl FnMut(usize, &Affine)) {

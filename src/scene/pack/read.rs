@@ -52,6 +52,11 @@ impl Pack {
             .map_err(|reason| self.file.refuse(&reason))
     }
 
+    /// Checksum of the contents.
+    pub fn fingerprint(&self) -> u64 {
+        self.file.fingerprint()
+    }
+
     /// Reads the complete file and checks all checksums and all numbers that name something.
     ///
     /// # Errors

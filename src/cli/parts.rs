@@ -1,0 +1,116 @@
+//! `vlscan run --part`, `vlscan plan-parts` and `vlscan merge`: a run that is divided among processes.
+
+use super::args::{MergeArgs, PlanPartsArgs, RunArgs};
+use super::run::{Job, job, show_report, warn_of_few_points};
+use super::watch::watched;
+use super::{Console, interrupt};
+use crate::diag::Diagnostics;
+use crate::error::{Error, Result};
+use crate::options::{Options, PartNumber};
+use crate::parts::{PartSet, part_path};
+use crate::pipeline::{Control, Part, Progress, Session, merge as merge_parts, output_context};
+use crate::quantity::amount;
+use crate::schedule::Recorder;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Runs `vlscan run --part K/N`.
+pub fn run_part(args: &RunArgs, PartNumber { number, of }: PartNumber, console: &Console) -> Result<()> {
+    let started = Instant::now();
+    let (folder, options) = folder_of_parts(&args.options)?;
+    let path = part_path(&folder, number, of);
+    let (force, resumes) = (options.output.force, args.parts.resume.is_some());
+    if path.exists() && !force && !resumes {
+        let mut problems = Diagnostics::default();
+        problems
+            .error(None, format!("{} exists already", path.display()))
+            .help("replace it with --force, or leave it as it is with --resume");
+        return Err(Error::Input(Box::new(problems)));
+    }
+    let (job, warnings) = Job::resolve(&args.file, &options)?;
+    console.warnings(&warnings);
+    let Job { settings, output, schedule_log, progress_lines } = job;
+    let mut session = Session::open_without_tree(settings, console.observer())?;
+    let legs = session.survey().legs.len();
+    let mut parts = session.parts(&folder, output.creation, force, &interrupt::STOP)?;
+    let part = Part { number, of };
+    if resumes && !force && parts.existing(part)?.is_some() {
+        console.say(format!("{} exists and is complete", path.display()));
+        return Ok(());
+    }
+    let recorder = schedule_log.is_some().then(Recorder::new);
+    let progress = Progress::default();
+    let control = Control { recorder: recorder.as_ref(), ..Control::new(&progress, &interrupt::STOP) };
+    let report = watched(console, progress_lines, legs, &progress, || parts.run(part, control))?;
+    super::run::write_schedule_log(schedule_log.as_deref(), recorder, force, &report)?;
+    show_report(console, &report, started)
+}
+
+/// Runs `vlscan plan-parts`.
+pub fn plan(args: &PlanPartsArgs, console: &Console) -> Result<()> {
+    let (folder, options) = folder_of_parts(&args.options)?;
+    let (job, warnings) = Job::resolve(&args.file, &options)?;
+    console.warnings(&warnings);
+    let Job { settings, output, .. } = job;
+    let mut session = Session::open_without_tree(settings, console.observer())?;
+    let parts = session.parts(&folder, output.creation, options.output.force, &interrupt::STOP)?;
+    console.say(format!(
+        "{}  {} pulses, for any number of parts",
+        crate::parts::Borders::path(&folder).display(),
+        amount(parts.pulses() as f64)
+    ));
+    Ok(())
+}
+
+/// Runs `vlscan merge`.
+pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
+    let started = Instant::now();
+    if args.output.subrays {
+        return Err(Error::input("--subrays says what parts hold: give it to vlscan run --part"));
+    }
+    let parts = PartSet::open(&args.folder)?;
+    if args.check {
+        parts.verify(&interrupt::STOP)?;
+        if interrupt::STOP.is_requested() {
+            return Err(Error::Interrupted);
+        }
+        console.say(format!(
+            "{}  {} parts, {} pulses, {} echoes: complete",
+            args.folder.display(),
+            parts.head.of,
+            amount(parts.head.total as f64),
+            amount(parts.echoes as f64)
+        ));
+        return Ok(());
+    }
+    let mut options = Options {
+        output: args.output.clone(),
+        trajectory_out: args.trajectory_out.clone(),
+        ..Options::default()
+    };
+    options.schedule.threads = args.threads;
+    let outputs = options.output_request(parts.head.creation)?;
+    let progress = Progress::default();
+    let control = Control::new(&progress, &interrupt::STOP);
+    let legs = output_context(&parts)?.legs.len();
+    let schedule = job::schedule_of(&options);
+    let report =
+        watched(console, args.progress, legs, &progress, || merge_parts(&parts, outputs, schedule, control))?;
+    warn_of_few_points(console, &report);
+    show_report(console, &report, started)
+}
+
+/// The folder that -o names, and the options without it.
+fn folder_of_parts(options: &Options) -> Result<(PathBuf, Options)> {
+    let mut options = options.clone();
+    let named = std::mem::take(&mut options.output.out);
+    let refuse = |message: &str| Err(Error::input(message));
+    match named.as_slice() {
+        [folder] if folder.as_os_str() == "-" => refuse("parts are files: name a folder with -o"),
+        [folder] if folder.exists() && !folder.is_dir() => {
+            Err(Error::input(format!("{} is a file, expected a folder for the parts", folder.display())))
+        }
+        [folder] => Ok((folder.clone(), options)),
+        _ => refuse("expected one folder for the parts: -o DIR; formats are chosen by vlscan merge"),
+    }
+}

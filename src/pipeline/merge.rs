@@ -1,0 +1,198 @@
+//! Merging of parts: the stages of a run whose producer reads the blocks of parts, and whose workers encode their batches
+//! for the outputs. Neither survey nor scene are needed.
+
+use super::aim::Aim;
+use super::collector::{Ended, PassEnd};
+use super::fly::run_stages;
+use super::pass::Control;
+use super::session::Report;
+use super::worker::{Measured, Pieces};
+use crate::diag::Diagnostics;
+use crate::error::{Error, Result};
+use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary};
+use crate::parts::{PartFile, PartSet};
+use crate::pulse::Batch;
+use crate::schedule::{Feed, Outcome, Schedule, Stop, Tasks};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Instant;
+
+/// A block of an open part.
+struct BlockTask {
+    part: Arc<PartFile>,
+    block: usize,
+    pulses: u32,
+    leg: u32,
+    /// Fraction of the blocks of all parts that are done after this one, 0–1.
+    done: f64,
+}
+
+impl Tasks for BlockTask {
+    fn tasks(&self) -> u32 {
+        self.pulses
+    }
+}
+
+/// Position in the blocks of all parts.
+struct Blocks<'a> {
+    parts: &'a PartSet,
+    /// The part that is being read, and its next block.
+    current: Option<(Arc<PartFile>, usize)>,
+    next_part: u32,
+    pulses: u64,
+}
+
+impl Blocks<'_> {
+    /// The next block if it is of `epoch`.
+    fn take(&mut self, epoch: u32) -> Result<Option<BlockTask>> {
+        loop {
+            if let Some((part, block)) = &mut self.current
+                && let Some(head) = part.block(*block)
+            {
+                if head.epoch != epoch {
+                    return Ok(None);
+                }
+                self.pulses += u64::from(head.pulses);
+                let done = self.pulses as f64 / (self.parts.head.total as f64).max(1.0);
+                let task =
+                    BlockTask { part: part.clone(), block: *block, pulses: head.pulses, leg: head.leg, done };
+                *block += 1;
+                return Ok(Some(task));
+            }
+            if self.next_part >= self.parts.head.of {
+                return Ok(None);
+            }
+            self.current = Some((Arc::new(self.parts.part(self.next_part)?), 0));
+            self.next_part += 1;
+        }
+    }
+
+    fn produce<R: Outcome, W: FnMut(BlockTask) -> Result<R>>(
+        &mut self,
+        epoch: u32,
+        stop: &Stop,
+        feed: &mut Feed<'_, BlockTask, R, W>,
+    ) -> Result<()> {
+        while !stop.is_requested() {
+            match self.take(epoch)? {
+                // A block is as large as a chunk of the run that wrote it, so it is complete for every schedule.
+                Some(block) => feed.put(block)?,
+                None => break,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The facts about survey and scene that outputs depend on.
+///
+/// # Errors
+/// [`Error::Input`] when they cannot be read.
+pub fn output_context(parts: &PartSet) -> Result<OutputContext> {
+    let context = postcard::from_bytes(&parts.head.context);
+    context.map_err(|e| Error::input(format!("the parts do not say what outputs need to know: {e}")))
+}
+
+/// Writes the outputs of the run that the parts are parts of.
+///
+/// # Errors
+/// [`Error::Input`] for outputs that need what the parts do not hold, and for damaged parts, all of which are named;
+/// [`Error::Io`], [`Error::ClosedPipe`].
+pub fn merge(
+    parts: &PartSet,
+    outputs: OutputRequest,
+    schedule: Schedule,
+    control: Control<'_>,
+) -> Result<Report> {
+    let context = output_context(parts)?;
+    check_records(parts, &outputs)?;
+    let epochs = parts.head.epochs.max(1);
+    let request = OutputRequest { epochs, creation: parts.head.creation, ..outputs };
+    let output = Arc::new(OutputPlan::new(request, &context)?);
+    let is_damaged = AtomicBool::new(false);
+    let started = Instant::now();
+    let merged = merge_epochs(parts, &output, epochs, schedule, control, &is_damaged);
+    if merged.is_err() && is_damaged.load(Relaxed) {
+        parts.verify(control.stop)?;
+    }
+    let (summary, interrupted) = merged?;
+    let pulses = control.progress.snapshot().pulses;
+    Ok(Report { summary, pulses, seconds: started.elapsed().as_secs_f64(), interrupted })
+}
+
+fn merge_epochs(
+    parts: &PartSet,
+    output: &Arc<OutputPlan>,
+    epochs: u32,
+    schedule: Schedule,
+    control: Control<'_>,
+    is_damaged: &AtomicBool,
+) -> Result<(Summary, bool)> {
+    let mut blocks = Blocks { parts, current: None, next_part: 0, pulses: 0 };
+    let mut writer = None;
+    for epoch in 0..epochs {
+        let end = PassEnd { check: None, is_last: epoch + 1 == epochs, keeps_partial: false };
+        let ended = run_stages(
+            schedule,
+            control,
+            output,
+            writer.take(),
+            end,
+            || {
+                let (mut batch, mut buffer) = (Batch::default(), Vec::new());
+                move |task: BlockTask| encode(output, &task, &mut batch, &mut buffer, is_damaged)
+            },
+            |feed| blocks.produce(epoch, control.stop, feed),
+        )?;
+        match ended {
+            Ended::Complete(summary) => return Ok((summary, false)),
+            Ended::Interrupted(writer) => {
+                writer.discard();
+                return Ok((Summary::default(), true));
+            }
+            Ended::NextEpoch(open) => writer = Some(open),
+        }
+    }
+    Err(Error::Internal("parts without a last epoch".to_owned()))
+}
+
+fn encode(
+    output: &OutputPlan,
+    task: &BlockTask,
+    batch: &mut Batch,
+    buffer: &mut Vec<u8>,
+    is_damaged: &AtomicBool,
+) -> Result<Pieces> {
+    task.part.read(task.block, batch, buffer).map_err(|reason| {
+        is_damaged.store(true, Relaxed);
+        Error::input(format!("{} {reason}", task.part.path().display()))
+    })?;
+    Ok(vec![Ok(Measured {
+        encoded: output.encode(batch),
+        pulses: u64::from(task.pulses),
+        echoes: batch.echoes.len() as u64,
+        leg: task.leg,
+        done: task.done,
+        aim: Aim::NONE,
+    })])
+}
+
+/// Refuses outputs that need records which the parts do not hold.
+fn check_records(parts: &PartSet, outputs: &OutputRequest) -> Result<()> {
+    let records = parts.head.records;
+    let truth = outputs.columns.iter().flatten().find(|column| column.is_truth());
+    let mut problems = Diagnostics::default();
+    let needs = [
+        (outputs.waveforms && !records.waveforms, "waveforms", "--waveforms"),
+        (outputs.las.packets.is_some() && !records.waveforms, "waveforms", "--waveforms"),
+        (outputs.pulses && !records.pulses, "pulses", "--pulses"),
+        (outputs.misses && !records.pulses, "pulses without echoes", "--misses"),
+        (truth.is_some() && !records.truth, "true causes of echoes", "--columns"),
+    ];
+    for (_, what, option) in needs.into_iter().filter(|(is_missing, ..)| *is_missing) {
+        problems
+            .error(None, format!("the parts hold no {what}"))
+            .help(format!("compute the parts with {option}"));
+    }
+    problems.finish(false).map(drop)
+}

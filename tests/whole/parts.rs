@@ -1,0 +1,413 @@
+//! Parts of a run, merged, give the bytes of the run; runs that were killed go on where they were.
+
+use crate::common::{files, fixture, folder, run, succeed, text, vlscan};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::Duration;
+
+/// Outputs in every format, as options of `run` and of `merge`.
+const EVERY_FORMAT: &[&str] = &[
+    "-o",
+    "all.xyz",
+    "-o",
+    "all.las",
+    "-o",
+    "all.laz",
+    "-o",
+    "all.copc.laz",
+    "-o",
+    "all.bin",
+    "-o",
+    "all.ply",
+    "-o",
+    "all.csv",
+    "-o",
+    "all.arrow",
+    "-o",
+    "all.parquet",
+    "-o",
+    "legs",
+    "--trajectory-out",
+    "way.csv",
+];
+
+/// All files below a folder. Run directories are named after the time: `2026-11-22_23-05-01` becomes `TIME0`, the next one
+/// `TIME1`.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let is_time = |name: &str| name.len() >= 19 && name.as_bytes()[10] == b'_' && name.starts_with("20");
+    let mut times: Vec<String> = Vec::new();
+    let mut plain = |path: &Path| -> PathBuf {
+        let name = |part: &std::ffi::OsStr| {
+            let name = part.to_str().unwrap().to_owned();
+            if !is_time(&name) {
+                return name;
+            }
+            let number = times.iter().position(|time| *time == name).unwrap_or_else(|| {
+                times.push(name.clone());
+                times.len() - 1
+            });
+            format!("TIME{number}")
+        };
+        path.iter().map(name).collect()
+    };
+    files(folder).iter().map(|f| (plain(f), fs::read(folder.join(f)).unwrap())).collect()
+}
+
+fn arguments<'a>(lists: &[&[&'a str]]) -> Vec<&'a str> {
+    lists.concat()
+}
+
+/// The outputs of one run.
+fn of_run(survey: &str, options: &[&str], outputs: &[&str]) -> BTreeMap<PathBuf, Vec<u8>> {
+    let dir = folder();
+    succeed(dir.path(), &arguments(&[&["run", survey, "-q"], options, outputs]));
+    contents(dir.path())
+}
+
+/// Computes parts of a run into the folder `parts` of `dir`; each with options of its own, which must not show.
+fn compute(dir: &Path, survey: &str, options: &[&str], numbers: impl IntoIterator<Item = u32>, of: u32) {
+    let ways: [&[&str]; 4] = [
+        &["-j", "1"],
+        &["-j", "2", "--chunk-size", "7"],
+        &["-j", "3", "--schedule", "dynamic", "--tree", "fsah"],
+        &["-j", "2", "--chunk-size", "5000", "--tree-jobs", "1"],
+    ];
+    for number in numbers {
+        let part = format!("{number}/{of}");
+        let way = ways[number as usize % ways.len()];
+        succeed(dir, &arguments(&[&["run", survey, "-q", "-o", "parts", "--part", &part], options, way]));
+    }
+}
+
+fn merged(dir: &Path, outputs: &[&str]) -> BTreeMap<PathBuf, Vec<u8>> {
+    let out = dir.join("out");
+    fs::create_dir(&out).unwrap();
+    succeed(&out, &arguments(&[&["merge", "../parts", "-q"], outputs]));
+    let found = contents(&out);
+    fs::remove_dir_all(&out).unwrap();
+    found
+}
+
+#[track_caller]
+fn assert_same(found: &BTreeMap<PathBuf, Vec<u8>>, expected: &BTreeMap<PathBuf, Vec<u8>>, what: &str) {
+    let names = |of: &BTreeMap<PathBuf, Vec<u8>>| of.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(found), names(expected), "{what}");
+    for (name, bytes) in expected {
+        assert!(found[name] == *bytes, "{what}: {} differs", name.display());
+    }
+}
+
+fn survey(name: &str) -> String {
+    fixture(name).to_str().unwrap().to_owned()
+}
+
+#[test]
+fn parts_of_any_number_give_the_bytes_of_one_run() {
+    let recorded = ["--seed", "11", "--waveforms", "--waveform-noise", "--pulses"];
+    for name in ["forest/survey.xml", "room/survey.xml", "moving/survey.xml", "street/survey.xml"] {
+        let survey = survey(name);
+        let outputs = arguments(&[EVERY_FORMAT, &["--waveforms", "--pulses"]]);
+        let expected = of_run(&survey, &recorded, EVERY_FORMAT);
+        assert!(
+            expected.len() > 12 && expected.values().all(|bytes| !bytes.is_empty()),
+            "{:?}",
+            expected.keys()
+        );
+        for of in [1, 2, 7] {
+            let dir = folder();
+            compute(dir.path(), &survey, &recorded, (0..of).rev(), of);
+            assert_same(&merged(dir.path(), &outputs), &expected, &format!("{name} in {of} parts"));
+        }
+    }
+}
+
+#[test]
+fn sixty_four_parts_give_the_bytes_of_one_run() {
+    let survey = survey("forest/survey.xml");
+    let options = ["--seed", "3", "--physics", "refined", "--misses"];
+    let outputs = arguments(&[EVERY_FORMAT, &["--misses", "--labels"]]);
+    let expected = of_run(&survey, &options, &arguments(&[EVERY_FORMAT, &["--labels"]]));
+    let dir = folder();
+    compute(dir.path(), &survey, &options, 0..64, 64);
+    assert_same(&merged(dir.path(), &outputs), &expected, "64 parts");
+}
+
+#[test]
+#[ignore = "a thousand processes"]
+fn a_thousand_parts_give_the_bytes_of_one_run() {
+    for name in ["forest/survey.xml", "moving/survey.xml"] {
+        let (survey, options) = (survey(name), ["--seed", "3", "--pulses"]);
+        let expected = of_run(&survey, &options, EVERY_FORMAT);
+        let dir = folder();
+        compute(dir.path(), &survey, &options, 0..1000, 1000);
+        assert_same(&merged(dir.path(), &arguments(&[EVERY_FORMAT, &["--pulses"]])), &expected, name);
+    }
+}
+
+#[test]
+fn more_parts_than_pulses_are_mostly_empty() {
+    let dir = folder();
+    let survey = little(dir.path(), 12);
+    let outputs = ["-o", "a.xyz", "-o", "a.laz"];
+    let expected = of_run(&survey, &[], &outputs);
+    compute(dir.path(), &survey, &[], 0..20, 20);
+    assert_same(&merged(dir.path(), &outputs), &expected, "20 parts");
+}
+
+/// A scene with a survey of about so many pulses, and its path.
+fn little(dir: &Path, pulses: u32) -> String {
+    let pulses = pulses.to_string();
+    succeed(dir, &["scene", "make", "terrain", "-n", "500", "--pulses", &pulses, "-o", "little", "-q"]);
+    dir.join("little/survey.xml").to_str().unwrap().to_owned()
+}
+
+#[test]
+fn layouts_channels_packets_and_columns_come_from_parts() {
+    let survey = survey("moving/survey.xml");
+    let spinning = self::survey("street/spinning.xml");
+    let columns = "X,Y,Z,GpsTime,SurfaceX,NormalZ,FootprintFraction";
+    for (survey, recorded, outputs) in [
+        (&survey, &["--waveforms"][..], &["--output", "out", "--zip-output"][..]),
+        (&survey, &[], &["--output", "out", "--las-output"]),
+        (&spinning, &["--wave-packets", "inside"], &["-o", "a.laz", "--split-by-channel"]),
+        (&spinning, &["--wave-packets", "beside"], &["-o", "a.las", "-o", "b.laz", "--las-scale", "0.001"]),
+        (&spinning, &["--columns", columns], &["-o", "a.parquet", "-o", "a.xyz"]),
+        (&spinning, &["--navigation-error", "position_m=0.1"], &["-o", "a.las", "--true-positions"]),
+    ] {
+        let expected = of_run(survey, recorded, outputs);
+        let dir = folder();
+        compute(dir.path(), survey, recorded, 0..5, 5);
+        // What is recorded is an output, too, but for the flight's own errors.
+        let of_merge: &[&str] = if recorded.first() == Some(&"--navigation-error") { &[] } else { recorded };
+        let found = merged(dir.path(), &arguments(&[outputs, of_merge]));
+        assert_same(&found, &expected, &format!("{recorded:?} {outputs:?}"));
+    }
+}
+
+#[test]
+fn subrays_come_from_parts() {
+    let survey = survey("room/survey.xml");
+    let (recorded, outputs) = (["--subrays"], ["-o", "a.csv", "--columns", "X,Y,Z,Subray,SurfaceX"]);
+    let expected = of_run(&survey, &arguments(&[&recorded, &outputs[2..]]), &outputs[..2]);
+    let dir = folder();
+    compute(dir.path(), &survey, &arguments(&[&recorded, &outputs[2..]]), 0..3, 3);
+    assert_same(&merged(dir.path(), &outputs), &expected, "subrays");
+    let refused = run(dir.path(), &["merge", "parts", "-o", "b.xyz", "--subrays"]);
+    assert_eq!(refused.status.code(), Some(2));
+}
+
+#[test]
+fn pipelines_voxels_and_recorded_flights_have_parts() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for name in ["pipelines/voxels.toml", "pipelines/airborne.toml"] {
+        let survey = root.join(name).to_str().unwrap().to_owned();
+        let outputs = ["-o", "a.laz", "-o", "a.csv"];
+        let expected = of_run(&survey, &[], &outputs);
+        let dir = folder();
+        compute(dir.path(), &survey, &[], 0..4, 4);
+        assert_same(&merged(dir.path(), &outputs), &expected, name);
+    }
+}
+
+#[test]
+fn poses_from_a_pipe_are_refused() {
+    let dir = folder();
+    let survey = survey("forest/survey.xml");
+    let out = run(dir.path(), &["run", &survey, "--trajectory", "-", "--part", "0/2", "-o", "parts"]);
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("pass only once"), "{}", text(&out.stderr));
+    let out = run(dir.path(), &["run", &survey, "--trajectory", "-", "--resume", "-o", "a.laz"]);
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("pass only once"), "{}", text(&out.stderr));
+}
+
+#[test]
+fn merged_points_go_to_stdout() {
+    let (dir, survey) = (folder(), survey("room/survey.xml"));
+    let expected = succeed(dir.path(), &["run", &survey, "-q", "-o", "-", "--format", "laz"]).stdout;
+    compute(dir.path(), &survey, &[], 0..3, 3);
+    let found = succeed(dir.path(), &["merge", "parts", "-q", "-o", "-", "--format", "laz"]).stdout;
+    assert!(!expected.is_empty() && found == expected);
+    for threads in ["1", "5"] {
+        let found =
+            succeed(dir.path(), &["merge", "parts", "-q", "-o", "-", "--format", "laz", "-j", threads])
+                .stdout;
+        assert!(found == expected, "{threads} threads");
+    }
+}
+
+#[test]
+fn borders_found_before_give_the_same_parts() {
+    let survey = survey("forest/survey.xml");
+    let (planned, unplanned) = (folder(), folder());
+    succeed(planned.path(), &["plan-parts", &survey, "-q", "-o", "parts", "--waveforms", "--seed", "4"]);
+    assert!(planned.path().join("parts/flight.vlplan").is_file());
+    for dir in [&planned, &unplanned] {
+        compute(dir.path(), &survey, &["--seed", "4"], 0..3, 3);
+    }
+    assert_same(&contents(planned.path()), &contents(unplanned.path()), "parts");
+    // Borders of another flight are refused, and damaged ones, too.
+    let other = ["run", &survey, "-q", "-o", "parts", "--part", "1/4", "--seed", "5"];
+    let out = run(planned.path(), &other);
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("seed (4, 5)"), "{}", text(&out.stderr));
+    let plan = planned.path().join("parts/flight.vlplan");
+    let mut bytes = fs::read(&plan).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&plan, bytes).unwrap();
+    let part = ["run", &survey, "-q", "-o", "parts", "--part", "1/4", "--seed", "4"];
+    let out = run(planned.path(), &part);
+    assert!(text(&out.stderr).contains("damaged") && out.status.code() == Some(2), "{}", text(&out.stderr));
+    succeed(planned.path(), &arguments(&[&part, &["--force"]]));
+}
+
+#[test]
+fn parts_of_other_runs_are_refused_and_what_is_missing_is_named() {
+    let (dir, survey) = (folder(), survey("room/survey.xml"));
+    let refused = |args: &[&str], words: &[&str]| {
+        let out = run(dir.path(), args);
+        assert_eq!(out.status.code(), Some(2), "{args:?}: {}", text(&out.stderr));
+        let message = text(&out.stderr);
+        assert!(words.iter().all(|word| message.contains(word)), "{args:?}: {message}");
+    };
+    let merge = ["merge", "parts", "-o", "a.laz"];
+    refused(&merge, &["parts"]);
+    compute(dir.path(), &survey, &["--seed", "1"], [0, 1, 4, 6], 8);
+    refused(&merge, &["4 of 8 parts are missing", "--array=2-3,5,7"]);
+    compute(dir.path(), &survey, &["--seed", "1"], [2, 3, 5, 7], 8);
+    refused(
+        &["run", &survey, "-o", "parts", "--part", "3/8", "--seed", "1"],
+        &["exists already", "--force", "--resume"],
+    );
+    let resumed = ["run", &survey, "-o", "parts", "--part", "3/8", "--seed", "1", "--resume"];
+    assert!(text(&succeed(dir.path(), &resumed).stderr).contains("is complete"));
+    refused(&["merge", "parts", "-o", "a.laz", "--waveforms"], &["hold no waveforms", "--waveforms"]);
+    refused(&["run", &survey, "-o", "parts", "--part", "8/8"], &["0 to N-1"]);
+    refused(&["run", &survey, "--part", "1/8"], &["-o DIR"]);
+    succeed(dir.path(), &["merge", "parts", "--check"]);
+    // Physics of another kind in two parts.
+    let other = ["--seed", "1", "--physics", "refined", "--force"];
+    fs::remove_file(dir.path().join("parts/flight.vlplan")).unwrap();
+    compute(dir.path(), &survey, &other, [3, 4], 8);
+    refused(&merge, &["parts 3-4 in parts are of another run", "kinematics"]);
+    fs::remove_file(dir.path().join("parts/flight.vlplan")).unwrap();
+    compute(dir.path(), &survey, &["--seed", "1", "--force"], [3, 4], 8);
+    // Damage within a block is found while merging; all damaged parts are named, and no output remains.
+    for number in [2, 5] {
+        let path = dir.path().join(format!("parts/part-{number:06}-of-000008.vlpart"));
+        let mut bytes = fs::read(&path).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        fs::write(&path, bytes).unwrap();
+    }
+    refused(&merge, &["part-000002-of-000008.vlpart", "part-000005-of-000008.vlpart", "--array=2,5"]);
+    refused(&["merge", "parts", "--check"], &["--array=2,5"]);
+    assert!(!dir.path().join("a.laz").exists());
+    for number in [2, 5] {
+        fs::remove_file(dir.path().join(format!("parts/part-{number:06}-of-000008.vlpart"))).unwrap();
+    }
+    compute(dir.path(), &survey, &["--seed", "1"], [2, 5], 8);
+    succeed(dir.path(), &merge);
+    let expected = of_run(&survey, &["--seed", "1"], &["-o", "a.laz"]);
+    assert!(fs::read(dir.path().join("a.laz")).unwrap() == expected[Path::new("a.laz")]);
+}
+
+#[test]
+fn a_run_in_parts_at_once_gives_the_same_bytes_and_leaves_nothing() {
+    let survey = survey("moving/survey.xml");
+    let expected = of_run(&survey, &["--pulses"], EVERY_FORMAT);
+    let found = of_run(&survey, &["--pulses", "--resume=3000"], EVERY_FORMAT);
+    assert_same(&found, &expected, "--resume");
+    // What was ended while it removed its parts is complete.
+    let dir = folder();
+    fs::create_dir(dir.path().join("a.laz.parts.done")).unwrap();
+    fs::write(dir.path().join("a.laz"), "complete").unwrap();
+    let out = succeed(dir.path(), &["run", &survey, "-o", "a.laz", "--resume"]);
+    assert!(text(&out.stderr).contains("has completed the outputs"), "{}", text(&out.stderr));
+    assert_eq!(files(dir.path()), [Path::new("a.laz")]);
+    let out = run(dir.path(), &["run", &survey, "-o", "-", "--format", "xyz", "--resume"]);
+    assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+}
+
+/// Kills runs of a survey after growing times until one is complete; returns how many were killed.
+fn kill_until_complete(dir: &Path, command: &[&str], first: Duration, step: Duration) -> usize {
+    let mut after = first;
+    for killed in 0.. {
+        let mut child = vlscan(dir).args(command).stderr(Stdio::piped()).spawn().unwrap();
+        let deadline = std::time::Instant::now() + after;
+        let status = loop {
+            match child.try_wait().unwrap() {
+                Some(status) => break Some(status),
+                None if std::time::Instant::now() > deadline => break None,
+                None => std::thread::sleep(Duration::from_millis(2)),
+            }
+        };
+        if let Some(status) = status {
+            let mut message = String::new();
+            std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut message).unwrap();
+            assert!(status.success(), "after {killed} kills: {message}");
+            return killed;
+        }
+        // SIGKILL.
+        child.kill().unwrap();
+        child.wait().unwrap();
+        after += step;
+    }
+    unreachable!()
+}
+
+#[test]
+fn killed_runs_go_on_where_they_were() {
+    let survey = survey("forest/survey.xml");
+    let outputs = ["-o", "a.laz", "-o", "legs", "--format", "las"];
+    let expected = of_run(&survey, &["--seed", "2"], &outputs);
+    let dir = folder();
+    let command = arguments(&[&["run", &survey, "-q", "--seed", "2", "--resume=4000", "-j", "2"], &outputs]);
+    let killed =
+        kill_until_complete(dir.path(), &command, Duration::from_millis(30), Duration::from_millis(40));
+    assert!(killed >= 2, "the run was killed {killed} times only");
+    assert_same(&contents(dir.path()), &expected, "killed");
+}
+
+#[test]
+#[ignore = "kills a hundred runs"]
+fn a_hundred_killed_runs_go_on_where_they_were() {
+    let survey = survey("forest/survey.xml");
+    let outputs = ["-o", "a.laz", "-o", "a.copc.laz"];
+    let expected = of_run(&survey, &[], &outputs);
+    let command = arguments(&[&["run", &survey, "-q", "--resume=2000"], &outputs]);
+    let mut killed = 0;
+    for round in 0.. {
+        if killed >= 100 {
+            break;
+        }
+        let dir = folder();
+        let first = Duration::from_millis(20 + 7 * round);
+        killed += kill_until_complete(dir.path(), &command, first, Duration::from_millis(11));
+        assert_same(&contents(dir.path()), &expected, "killed");
+    }
+}
+
+#[test]
+fn a_resumed_run_of_other_options_is_refused_unless_it_may_replace() {
+    let dir = folder();
+    let survey = survey("forest/survey.xml");
+    let command = |seed: &'static str| ["run", &survey, "-q", "-o", "a.laz", "--resume=4000", "--seed", seed];
+    let mut child = vlscan(dir.path()).args(command("2")).spawn().unwrap();
+    while fs::read_dir(dir.path().join("a.laz.parts")).map_or(0, Iterator::count) < 4 {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let refused = run(dir.path(), &command("2"));
+    assert_eq!(refused.status.code(), Some(2), "another run is at work: {}", text(&refused.stderr));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let refused = run(dir.path(), &command("3"));
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("seed (2, 3)"), "{}", text(&refused.stderr));
+    succeed(dir.path(), &arguments(&[&command("3"), &["--force"]]));
+    let expected = of_run(&survey, &["--seed", "3"], &["-o", "a.laz"]);
+    assert_same(&contents(dir.path()), &expected, "another seed");
+}
