@@ -1,10 +1,10 @@
 //! Parts of a run, merged, give the bytes of the run; runs that were killed go on where they were.
 
-use crate::common::{files, fixture, folder, run, succeed, text, vlscan};
+use crate::common::{files, fixture, folder, missing, run, succeed, text, vlscan};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 /// Outputs in every format, as options of `run` and of `merge`.
@@ -410,4 +410,62 @@ fn a_resumed_run_of_other_options_is_refused_unless_it_may_replace() {
     succeed(dir.path(), &arguments(&[&command("3"), &["--force"]]));
     let expected = of_run(&survey, &["--seed", "3"], &["-o", "a.laz"]);
     assert_same(&contents(dir.path()), &expected, "another seed");
+}
+
+/// Runs a script of `pipelines/cluster/` in `folder`, with the program and `programs` on the search path.
+fn script(folder: &Path, programs: &Path, command: &str) {
+    let program = Path::new(env!("CARGO_BIN_EXE_vlscan")).parent().unwrap();
+    let path = std::env::var("PATH").unwrap_or_default();
+    let done = Command::new("bash")
+        .args(["-c", &format!("{}/pipelines/cluster/{command}", env!("CARGO_MANIFEST_DIR"))])
+        .env("PATH", format!("{}:{}:{path}", programs.display(), program.display()))
+        .env("VLSCAN_THREADS", "1")
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{command}: {}{}", text(&done.stdout), text(&done.stderr));
+}
+
+#[test]
+fn gnu_parallel_computes_parts() {
+    if Command::new("parallel").arg("--version").output().is_err() {
+        return missing("parallel", "apt install parallel");
+    }
+    let (dir, survey) = (folder(), survey("forest/survey.xml"));
+    let expected = of_run(&survey, &[], &["-o", "a.laz"]);
+    script(dir.path(), dir.path(), &format!("parallel.sh {survey} a.laz 5"));
+    assert!(fs::read(dir.path().join("a.laz")).unwrap() == expected[Path::new("a.laz")]);
+}
+
+/// An `sbatch` that runs what it is given at once, element by element.
+const SBATCH: &str = r#"#!/bin/bash
+set -eu
+array=
+while [[ $1 == --* ]]; do
+  [[ $1 == --array=* ]] && array=${1#--array=}
+  shift
+done
+export SLURM_CPUS_PER_TASK=2
+if [ -z "$array" ]; then
+  bash "$@" >&2
+else
+  export SLURM_ARRAY_TASK_COUNT=$((${array#*-} - ${array%-*} + 1))
+  for SLURM_ARRAY_TASK_ID in $(seq "${array%-*}" "${array#*-}"); do
+    export SLURM_ARRAY_TASK_ID
+    bash "$@" >&2
+  done
+fi
+echo 17
+"#;
+
+#[test]
+fn the_scripts_for_slurm_compute_parts_and_merge_them() {
+    let (dir, programs, survey) = (folder(), folder(), survey("forest/survey.xml"));
+    let sbatch = programs.path().join("sbatch");
+    fs::write(&sbatch, SBATCH).unwrap();
+    fs::set_permissions(&sbatch, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let expected = of_run(&survey, &["--seed", "5"], &["-o", "a.laz"]);
+    script(dir.path(), programs.path(), &format!("submit.sh {survey} a.laz 3 --seed 5"));
+    assert!(fs::read(dir.path().join("a.laz")).unwrap() == expected[Path::new("a.laz")]);
+    assert!(dir.path().join("logs").is_dir());
 }
