@@ -2,6 +2,7 @@
 //! it: the state at a border is a few steps after the nearest one that is stored.
 
 use super::fingerprint::Fingerprint;
+use super::private::PrivateFolder;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched};
 use crate::flight::FlightState;
@@ -125,12 +126,15 @@ impl Borders {
     pub fn save(&self, folder: &Path) -> Result<PathBuf> {
         let path = Borders::path(folder);
         let body = postcard::to_stdvec(self).map_err(|e| Error::Internal(format!("borders: {e}")))?;
-        let mut file = FileWriter::create(&path, true, Patched::Never)?;
+        let private = PrivateFolder::new(folder)?;
+        let name = path.file_name().unwrap_or_default();
+        let mut file = FileWriter::create(&private.path(name), true, Patched::Never)?;
         let mut bytes = MAGIC.to_vec();
         bytes.extend(xxh3_64(&body).to_le_bytes());
         bytes.extend(body);
         file.append(&bytes)?;
-        file.finish()
+        file.finish()?;
+        private.publish(name)
     }
 }
 

@@ -14,6 +14,7 @@
 //! | `borders` | states of the flight from which parts begin |
 //! | `column`, `block` | batches as bytes, column by column |
 //! | `file` | the file of a part |
+//! | `private` | unfinished files of a process in a folder that others share |
 //! | `folder` | the parts in a folder: missing, damaged, of other runs |
 
 mod block;
@@ -22,9 +23,11 @@ mod column;
 mod file;
 mod fingerprint;
 mod folder;
+mod private;
 
 pub use block::encode;
 pub use borders::{Border, Borders, BordersBuilder};
 pub use file::{PartFile, PartHead, PartTable, Records};
 pub use fingerprint::Fingerprint;
 pub use folder::{PartSet, part_path};
+pub use private::PrivateFolder;

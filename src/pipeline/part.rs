@@ -10,7 +10,9 @@ use crate::diag::{Diagnostics, Notice};
 use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightState};
 use crate::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, PartOutput};
-use crate::parts::{Border, Borders, BordersBuilder, Fingerprint, PartFile, PartHead, Records, part_path};
+use crate::parts::{
+    Border, Borders, BordersBuilder, Fingerprint, PartFile, PartHead, PrivateFolder, Records, part_path,
+};
 use crate::platform::PoseReader;
 use crate::scene;
 use crate::schedule::Stop;
@@ -101,7 +103,7 @@ impl Session {
     ) -> Result<Borders> {
         let started = std::time::Instant::now();
         let mut poses = self.open_poses()?;
-        let mut builder = BordersBuilder::new(fingerprint.clone(), !flight.is_stream());
+        let mut builder = BordersBuilder::new(fingerprint.of_flight(), !flight.is_stream());
         let mut state = FlightState::start(flight);
         let mut pulses = 0;
         for epoch in 0..self.epochs() {
@@ -174,6 +176,17 @@ impl PartRunner<'_> {
     /// As for [`Session::run`]. The file is complete or absent.
     pub fn run(&mut self, part: Part, control: Control<'_>) -> Result<Report> {
         let path = self.path(part);
+        let name = path.file_name().unwrap_or_default();
+        let private = PrivateFolder::new(&self.folder)?;
+        let mut report = self.compute(part, private.path(name), control)?;
+        if !report.interrupted {
+            private.publish(name)?;
+            report.summary.files.iter_mut().for_each(|file| file.path = Some(path.clone()));
+        }
+        Ok(report)
+    }
+
+    fn compute(&mut self, part: Part, path: PathBuf, control: Control<'_>) -> Result<Report> {
         let head = self.head_of(part).bytes().map_err(|e| Error::Internal(format!("head of a part: {e}")))?;
         let request = OutputRequest {
             part: Some(PartOutput { path, head }),

@@ -169,7 +169,8 @@ fn remove_files(folder: &Path) -> Result<()> {
     for entry in fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
         if path.file_name().is_some_and(|name| name != "lock") {
-            fs::remove_file(&path).map_err(|e| Error::io("remove", &path, e))?;
+            let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            removed.map_err(|e| Error::io("remove", &path, e))?;
         }
     }
     Ok(())
