@@ -9,6 +9,7 @@ use crate::diag::Notice;
 use crate::error::{Error, Result};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary, Target};
 use crate::parts::PartSet;
+use crate::store::catch_loss;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -63,6 +64,10 @@ impl Session {
         how: &Resumption,
         control: Control<'_>,
     ) -> Result<Report> {
+        catch_loss(|| self.resume(outputs, how, control))
+    }
+
+    fn resume(&mut self, outputs: OutputRequest, how: &Resumption, control: Control<'_>) -> Result<Report> {
         let folder = how.folder.as_path();
         let done = how.done_folder();
         if done.exists() {
