@@ -98,8 +98,10 @@ impl<'a> Fields<'a> {
         Ok(DVec3::new(self.f64(at)?, self.f64(at + 8)?, self.f64(at + 16)?))
     }
 
-    /// The data of a variable length record, or of an extended one (LAS 1.4).
+    /// The data of the first variable length record, or extended one (LAS 1.4), of a user and a number. All records are
+    /// read: each must end within the file.
     fn variable_record(self, user: &str, id: u16) -> Result<Option<&'a [u8]>, String> {
+        let mut found = None;
         let (header_size, count) = (self.u16(94)?, self.u32(100)?);
         let normal = (usize::from(header_size), u64::from(count), 54);
         let has_extended = self.bytes::<1>(25)? >= [4] && header_size >= 375;
@@ -119,13 +121,13 @@ impl<'a> Fields<'a> {
                 let end = end.filter(|end| *end <= self.0.len()).ok_or("the file ends within its header")?;
                 let user_id = self.bytes::<16>(at + 2)?;
                 let name = user_id.split(|b| *b == 0).next().unwrap_or_default();
-                if name == user.as_bytes() && self.u16(at + 18)? == id {
-                    return Ok(self.0.get(start..end));
+                if found.is_none() && name == user.as_bytes() && self.u16(at + 18)? == id {
+                    found = self.0.get(start..end);
                 }
                 at = end;
             }
         }
-        Ok(None)
+        Ok(found)
     }
 }
 
