@@ -73,6 +73,7 @@ pub fn emit<W: Write + Send>(
 ) -> Result<W> {
     let Emission { flight, epochs, mut poses, schedule, .. } = emission;
     let Control { progress, stop, .. } = control;
+    stop.begin_run();
     stop.heed();
     let flight = &flight;
     let mut state = FlightState::start(flight);

@@ -194,6 +194,7 @@ impl Session {
     /// [`Error::Input`] for flights or outputs that are impossible, [`Error::Io`], [`Error::ClosedPipe`], and
     /// [`Error::Interrupted`] when a stop is requested before the first pulse or between two epochs.
     pub fn run(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
+        control.stop.begin_run();
         catch_loss(|| self.fly(outputs, control))
     }
 
@@ -233,6 +234,7 @@ impl Session {
         outputs: OutputRequest,
         control: Control<'_>,
     ) -> Result<Report> {
+        control.stop.begin_run();
         catch_loss(|| self.trace_stream(pulses, legs, outputs, control))
     }
 

@@ -44,7 +44,7 @@ impl Stop {
     }
 
     /// Forgets the failure of an earlier run.
-    pub(super) fn begin_run(&self) {
+    pub(crate) fn begin_run(&self) {
         self.failed.store(false, Ordering::Relaxed);
     }
 

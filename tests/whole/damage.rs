@@ -73,14 +73,19 @@ fn a_packed_scene_that_is_truncated_during_a_run_ends_it_with_a_message() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
+    let mut output = child.stdout.take().unwrap();
+    let (arrived, first_points) = std::sync::mpsc::channel();
+    let reader = std::thread::spawn(move || {
+        output.read_exact(&mut [0; 64]).unwrap();
+        arrived.send(()).unwrap();
+        output.read_to_end(&mut Vec::new())
+    });
     let mut input = child.stdin.take().unwrap();
     input.write_all(&pulses[..half]).unwrap();
     input.flush().unwrap();
     // The first points are there: the scene is open.
-    let mut output = child.stdout.take().unwrap();
-    output.read_exact(&mut [0; 64]).unwrap();
+    first_points.recv().unwrap();
     std::fs::File::options().write(true).open(dir.path().join("room.vlscene")).unwrap().set_len(0).unwrap();
-    let reader = std::thread::spawn(move || output.read_to_end(&mut Vec::new()));
     // The program may end before it has read everything.
     let _ = input.write_all(&pulses[half..]);
     drop(input);
