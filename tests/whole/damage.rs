@@ -38,7 +38,7 @@ fn a_changed_byte_of_a_small_packed_scene_is_told() {
     let dir = folder();
     crate::scenes::everything(dir.path());
     for (options, step) in
-        [(&["--tree", "bvh"][..], 911), (&["--tree", "fsah"], 1013), (&["--instances", "always"], 1103)]
+        [(&["--tree", "bvh"][..], 4001), (&["--tree", "fsah"], 4003), (&["--instances", "always"], 4007)]
     {
         assert_flips_are_told(dir.path(), "survey.xml", options, step);
     }
