@@ -99,8 +99,9 @@ fn at_every_operation(args: &[&str], old: &[(&str, &[u8])]) {
             let errors = said.lines().filter(|line| line.starts_with("error")).count();
             assert!(errors == 1 && said.contains(&message) && said.lines().count() < 20, "{what}: {said}");
             assert!(!said.contains("panicked"), "{what}: {said}");
-            // Only the names of the folder may be uncertain.
-            let is_named = said.contains("synchronise the folder");
+            // A file that is complete stays, though its name may be uncertain or it cannot be opened again.
+            let is_named =
+                ["synchronise the folder", "cannot read a.vlscene"].iter().any(|s| said.contains(s));
             for (name, bytes) in contents(dir.path()) {
                 let is_old = old.iter().any(|(old, content)| Path::new(old) == name && *content == bytes);
                 let is_complete = complete.get(&name).is_some_and(|complete| *complete == bytes);
@@ -127,6 +128,7 @@ fn survey_with(options: &[&str]) {
 }
 
 #[test]
+#[ignore = "takes long; see docs/reliability.md"]
 fn text_formats() {
     ["a.xyz", "a.csv", "a.bin"].iter().for_each(|name| survey_with(&["-o", name]));
 }
@@ -137,6 +139,7 @@ fn las_formats() {
 }
 
 #[test]
+#[ignore = "takes long; see docs/reliability.md"]
 fn other_formats() {
     ["a.ply", "a.arrow", "a.parquet"].iter().for_each(|name| survey_with(&["-o", name]));
 }
@@ -156,6 +159,7 @@ fn products_beside_the_points() {
 }
 
 #[test]
+#[ignore = "takes long; see docs/reliability.md"]
 fn a_spooled_stream() {
     survey_with(&["-o", "-", "--format", "las"]);
     survey_with(&["-o", "-", "--format", "copc"]);
@@ -198,6 +202,7 @@ fn previews_texts_and_manual_pages() {
 }
 
 #[test]
+#[ignore = "takes long; see docs/reliability.md"]
 fn traced_pulses() {
     let inputs = Inputs::new();
     let (survey, pulses) = (inputs.survey(), inputs.path("pulses.csv"));
