@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
     /// The run cannot continue.
     Error,
@@ -46,6 +46,20 @@ pub struct Place {
 
 /// Maximum length of an excerpt, bytes; longer lines (files without line breaks) are cut around the mark.
 const MAX_EXCERPT: usize = 400;
+/// Byte of a line up to which columns count characters; columns behind it count bytes, so that many places in a long
+/// line take little time.
+const MAX_COUNTED_CHARACTERS: usize = 1 << 16;
+/// Maximum length and number of lines of a message or hint; longer ones, which quote long values, are cut.
+const MAX_MESSAGE_BYTES: usize = 600;
+const MAX_MESSAGE_LINES: usize = 6;
+/// Maximum number of lines of a report.
+const MAX_REPORT_LINES: usize = 20;
+/// Maximum number of lines of a report that are reserved for problems with a line each.
+const MAX_RESERVED_LINES: usize = 10;
+/// Maximum number of different problems that are stored; further ones are counted.
+const MAX_PROBLEMS: usize = 1000;
+/// The message that stands for the problems that are not stored.
+const FURTHER_PROBLEMS: &str = "there are more problems than can be listed";
 
 impl Place {
     /// The place of byte range `at` of `text`. A range over several lines is cut at the end of its first line.
@@ -67,7 +81,10 @@ impl Place {
         let text = text.trim_end_matches(['\n', '\r']);
         let start = text.floor_char_boundary(marked.start);
         let end = text.ceil_char_boundary(marked.end.max(start));
-        let column = text[..start].chars().count() + 1;
+        let column = match start <= MAX_COUNTED_CHARACTERS {
+            true => text[..start].chars().count() + 1,
+            false => start + 1,
+        };
         let (from, to) = match text.len() <= MAX_EXCERPT {
             true => (0, text.len()),
             false => {
@@ -123,8 +140,18 @@ impl Diagnostics {
     }
 
     fn push(&mut self, severity: Severity, place: Option<Place>, message: String) -> &mut Diagnostic {
-        let key = (severity, place.as_ref().map(|p| p.path.clone()), message.clone());
+        let message = shortened(message);
+        let mut key = (severity, place.as_ref().map(|p| p.path.clone()), message);
         let next = self.items.len();
+        if next >= MAX_PROBLEMS && !self.index.contains_key(&key) {
+            key = (severity, None, FURTHER_PROBLEMS.to_owned());
+            if let Some(&at) = self.index.get(&key) {
+                self.items[at].repeats += 1;
+                return &mut self.items[at];
+            }
+        }
+        let message = key.2.clone();
+        let place = place.filter(|_| key.1.is_some());
         let at = *self.index.entry(key).or_insert(next);
         if at == next {
             self.items.push(Diagnostic {
@@ -191,17 +218,61 @@ impl Diagnostics {
         line
     }
 
-    /// The complete report with file, line, column and the underlined text of each problem.
+    /// The report of at most [`MAX_REPORT_LINES`] lines, errors first: file, line, column and the underlined text of the
+    /// first problems, one line for each of the following ones, and the number of those that have no line.
     pub fn render(&self, coloured: bool) -> String {
-        self.items.iter().map(|d| d.render(coloured)).collect::<Vec<_>>().join("\n")
+        self.render_where(coloured, |_| true)
+    }
+
+    /// [`Diagnostics::render`] of the warnings alone.
+    pub fn render_warnings(&self, coloured: bool) -> String {
+        self.render_where(coloured, |severity| severity == Severity::Warning)
+    }
+
+    fn render_where(&self, coloured: bool, is_shown: impl Fn(Severity) -> bool) -> String {
+        let mut shown: Vec<&Diagnostic> = self.items.iter().filter(|d| is_shown(d.severity)).collect();
+        shown.sort_by_key(|d| d.severity);
+        let (mut text, mut lines) = (String::new(), 0);
+        for (i, problem) in shown.iter().enumerate() {
+            let left = shown.len() - i - 1;
+            let blank = if i > 0 { "\n" } else { "" };
+            let complete = format!("{blank}{}", problem.render(coloured));
+            let needed = complete.lines().count() + left.min(MAX_RESERVED_LINES);
+            let added = if i == 0 || lines + needed <= MAX_REPORT_LINES { complete } else { problem.line() };
+            if lines + 1 == MAX_REPORT_LINES && left > 0 {
+                text.push_str(&format!("... and {} more problems\n", left + 1));
+                break;
+            }
+            lines += added.lines().count();
+            text.push_str(&added);
+        }
+        text
     }
 }
 
 impl Diagnostic {
     /// Adds a hint how to solve the problem.
     pub fn help(&mut self, text: impl Into<String>) -> &mut Diagnostic {
-        self.help = Some(text.into());
+        if self.message != FURTHER_PROBLEMS {
+            self.help = Some(shortened(text.into()));
+        }
         self
+    }
+
+    /// The problem with its hint in one line that ends with a line break.
+    fn line(&self) -> String {
+        let severity = match self.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+            Severity::Note => "note",
+        };
+        let place = self.place.as_ref().map(|p| match p.line {
+            0 => format!("{}: ", p.path.display()),
+            line => format!("{}:{line}:{}: ", p.path.display(), p.column),
+        });
+        let help = self.help.as_ref().map(|help| format!("; {help}")).unwrap_or_default();
+        let text = format!("{}{}{help}", place.unwrap_or_default(), self.message).replace('\n', " ");
+        format!("{severity}: {text}\n")
     }
 
     /// The known lines of the problem: the line of its place and those of further occurrences.
@@ -267,6 +338,19 @@ impl Diagnostic {
         text.push('\n');
         text
     }
+}
+
+/// `text` with at most [`MAX_MESSAGE_BYTES`] bytes and [`MAX_MESSAGE_LINES`] lines: what is between its beginning and its
+/// end is replaced by an ellipsis.
+fn shortened(text: String) -> String {
+    let head = text.match_indices('\n').nth(MAX_MESSAGE_LINES - 1).map_or(text.len(), |(end, _)| end);
+    if head == text.len() && text.len() <= MAX_MESSAGE_BYTES {
+        return text;
+    }
+    let head = text.floor_char_boundary(head.min(MAX_MESSAGE_BYTES * 2 / 3));
+    let tail = text.ceil_char_boundary(text.len().saturating_sub(MAX_MESSAGE_BYTES / 3).max(head));
+    let tail = text[tail..].rsplit('\n').next().unwrap_or_default();
+    format!("{} … {tail}", &text[..head])
 }
 
 /// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted, missing,
@@ -342,6 +426,44 @@ mod tests {
         let mut d = Diagnostics::default();
         d.error(Some(p), "wrong");
         assert!(d.render(false).contains("s.xml:1:5001"), "{}", d.render(false));
+    }
+
+    #[test]
+    fn reports_have_at_most_twenty_lines_and_name_errors_first() {
+        let mut d = Diagnostics::default();
+        let text = "<a f='1'/>\n".repeat(50);
+        for i in 0..50 {
+            let place = Place::in_text(Path::new("s.xml"), &text, i * 11 + 3..i * 11 + 4);
+            d.warn(Some(place), format!("unknown attribute `f{i}`")).help("leave it out");
+        }
+        d.error(None, "the last problem is an error");
+        let report = d.render(false);
+        assert_eq!(report.lines().count(), MAX_REPORT_LINES, "{report}");
+        assert!(report.starts_with("error: the last problem is an error"), "{report}");
+        assert!(report.contains("`f0`") && report.contains("help: leave it out"), "{report}");
+        assert!(report.contains("\nwarning: s.xml:4:4: unknown attribute `f3`; leave it out\n"), "{report}");
+        let listed = report.matches("unknown attribute").count();
+        assert!(report.ends_with(&format!("... and {} more problems\n", 50 - listed)), "{report}");
+        assert!(!d.render_warnings(false).contains("error"));
+    }
+
+    #[test]
+    fn long_messages_are_cut_and_many_problems_are_counted() {
+        let mut d = Diagnostics::default();
+        d.error(None, format!("found `{}`, expected a number", "é".repeat(10_000_000)));
+        d.error(None, format!("lines: {} end", "one\n".repeat(100)));
+        for d in d.items() {
+            assert!(
+                d.message.len() <= MAX_MESSAGE_BYTES + 8 && d.message.lines().count() <= MAX_MESSAGE_LINES
+            );
+        }
+        assert!(d.items()[0].message.ends_with("`, expected a number"));
+        for i in 0..MAX_PROBLEMS * 3 {
+            d.warn(None, format!("problem {i}")).help("help");
+        }
+        let last = d.items().last().unwrap();
+        assert_eq!((d.items().len(), last.repeats), (MAX_PROBLEMS + 1, MAX_PROBLEMS * 2 + 1));
+        assert_eq!((last.message.as_str(), &last.help), (FURTHER_PROBLEMS, &None));
     }
 
     #[test]

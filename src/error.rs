@@ -38,10 +38,14 @@ pub enum Error {
 }
 
 impl Error {
-    /// An I/O error of the operation `action` on `path`. A broken pipe becomes [`Error::ClosedPipe`].
+    /// An I/O error of the operation `action` on `path`. A broken pipe becomes [`Error::ClosedPipe`]; a file that is too
+    /// large to be read is invalid input.
     pub fn io(action: &'static str, path: impl AsRef<Path>, source: std::io::Error) -> Error {
         if source.kind() == std::io::ErrorKind::BrokenPipe {
             return Error::ClosedPipe;
+        }
+        if source.kind() == std::io::ErrorKind::FileTooLarge && action == "read" {
+            return Error::input(format!("cannot read {}: {source}", path.as_ref().display()));
         }
         Error::Io { action, path: path.as_ref().to_path_buf(), source }
     }

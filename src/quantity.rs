@@ -1,4 +1,48 @@
-//! Formats quantities for people: counts with unit prefixes, durations, lengths.
+//! Quantities: bounds of numbers that are read, and counts with unit prefixes, durations and lengths as text.
+//!
+//! Numbers within the bounds neither overflow nor lose all digits in what is computed from them, so that points are
+//! numbers.
+
+/// Bounds of a number that is read, both included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    pub low: f64,
+    pub high: f64,
+    /// The expected number, in words.
+    pub expected: &'static str,
+}
+
+impl Bounds {
+    const fn new(low: f64, high: f64, expected: &'static str) -> Bounds {
+        Bounds { low, high, expected }
+    }
+
+    /// Whether `value` is within the bounds; NaN is not.
+    #[inline]
+    pub fn contains(&self, value: f64) -> bool {
+        self.low <= value && value <= self.high
+    }
+}
+
+/// Any finite number.
+pub const ANY: Bounds = Bounds::new(f64::MIN, f64::MAX, "a number");
+pub const NUMBER: Bounds = Bounds::new(-1e12, 1e12, "a finite number from -1e12 to 1e12");
+pub const POSITIVE: Bounds = Bounds::new(1e-15, 1e15, "a number above 0, from 1e-15 to 1e15");
+pub const NOT_NEGATIVE: Bounds = Bounds::new(0.0, 1e15, "a number of at least 0, at most 1e15");
+/// Full beam divergence, rad.
+pub const DIVERGENCE: Bounds = Bounds::new(1e-9, 1.5, "a number above 0, from 1e-9 to 1.5 rad");
+/// Full beam divergence of a pulse in a stream, rad.
+pub const STREAMED_DIVERGENCE: Bounds = Bounds::new(0.0, 1.5, "a number of at least 0, at most 1.5 rad");
+/// Maximum range of a scanner, m; any large number means none.
+pub const MAX_RANGE: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0");
+pub const FRACTION: Bounds = Bounds::new(1e-15, 1.0, "a fraction above 0, at most 1");
+/// Coordinates and differences of them, m.
+pub const COORDINATE: Bounds = Bounds::new(-1e9, 1e9, "metres from -1e9 to 1e9");
+/// Times in any scale, s and ns.
+pub const TIME: Bounds = Bounds::new(-1e11, 1e11, "seconds from -1e11 to 1e11");
+pub const TIME_NS: Bounds = Bounds::new(-1e20, 1e20, "seconds from -1e11 to 1e11");
+/// Maximum duration of a leg or a trajectory, s: 31 days.
+pub const MAX_DURATION: f64 = 31.0 * 86_400.0;
 
 /// Formats a number with a unit prefix and three digits: 1.23 M.
 pub fn amount(n: f64) -> String {

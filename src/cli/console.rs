@@ -1,6 +1,6 @@
 //! Messages to the user on stderr.
 
-use crate::diag::{Diagnostics, Notice, Severity};
+use crate::diag::{Diagnostics, Notice};
 use crate::error::{Error, Result};
 use crate::files::write_stderr;
 use std::fmt::Display;
@@ -108,9 +108,7 @@ impl Console {
     /// Shows all warnings, each with its place.
     pub fn warnings(&self, found: &Diagnostics) {
         if self.shows(Verbosity::Normal) {
-            for d in found.items().iter().filter(|d| d.severity == Severity::Warning) {
-                self.raw(&d.render(self.coloured));
-            }
+            self.raw(&found.render_warnings(self.coloured));
         }
     }
 

@@ -3,7 +3,8 @@
 use super::noise::leg_offset;
 use crate::diag::{Diagnostics, Place};
 use crate::geom::DVec3;
-use crate::platform::{LegCourse, Span, TrajectoryTable};
+use crate::platform::{LegCourse, MAX_FLOWN_GAP, Span, TrajectoryTable};
+use crate::quantity::MAX_DURATION;
 use crate::survey::{Interpolated, Leg, LegTrajectory, ScannerSettings, Survey};
 
 #[derive(Clone, Debug)]
@@ -144,6 +145,23 @@ pub(super) fn check_spans(
         if !(span.start.is_finite() && span.end.is_finite()) {
             let message = format!("leg {}: from {start} s to {end} s is no stretch of time", leg.number);
             problems.error(leg.place.clone(), message);
+        } else if span.end - span.start > MAX_DURATION {
+            let message = format!(
+                "leg {}: {start:?} s to {end:?} s is more than {MAX_DURATION} s, expected at most 31 days",
+                leg.number
+            );
+            problems.error(leg.place.clone(), message);
+        } else if let Some((from, gap)) =
+            table.longest_gap(span.start, span.end).filter(|(_, gap)| *gap > MAX_FLOWN_GAP)
+        {
+            let message = format!(
+                "leg {}: no pose for {gap:?} s after {:?} s, at most {MAX_FLOWN_GAP} s are flown",
+                leg.number,
+                world(from)
+            );
+            problems
+                .error(leg.place.clone(), message)
+                .help("tStart and tEnd choose a stretch without the gap");
         } else if span.end <= span.start {
             let message = format!("leg {}: ends at {end} s, not after its start at {start} s", leg.number);
             problems.warn(leg.place.clone(), message);

@@ -1,6 +1,7 @@
 //! Output of a step of the flight: pulses and trajectory samples.
 
 use crate::geom::{DVec3, Rotation};
+use crate::quantity;
 
 /// One emitted pulse (spec pulse-physics §0.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +28,15 @@ pub struct Pulse {
     pub scan_angle: f64,
     /// Error that is added to every range of this pulse, m.
     pub range_error: f64,
+}
+
+impl Pulse {
+    /// Whether attitude and range error are numbers; formulas can give others.
+    pub(super) fn is_sound(&self) -> bool {
+        self.attitude.w.is_finite()
+            && self.attitude.u.is_finite()
+            && quantity::NUMBER.contains(self.range_error)
+    }
 }
 
 /// A sample of the platform's trajectory (spec kinematics §9).

@@ -4,15 +4,12 @@ use super::leg::PlannedLeg;
 use crate::diag::Diagnostics;
 use crate::geom::degrees;
 use crate::platform::{Motion, PlatformPlan};
+use crate::quantity::{COORDINATE, MAX_DURATION};
 use crate::scanner::{DevicePlan, firing_window};
 use crate::survey::{Deflector, Leg, PlatformKind, Survey};
 
-/// Limit of steps of a leg: a year at 30 MHz.
-const MAX_STEPS: f64 = 1e15;
 /// Limit of steps of a warm-up: a quarter of an hour at 1 MHz.
 const MAX_WARMUP_STEPS: f64 = 1e9;
-/// Limit of coordinates on Earth, m.
-const MAX_COORDINATE: f64 = 1e9;
 
 /// Checks the numbers on which planning relies; `false` if the survey cannot be planned.
 pub(super) fn check_numbers(survey: &Survey, problems: &mut Diagnostics) -> bool {
@@ -72,7 +69,7 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
         problems.error(leg.place.clone(), message);
     }
     let p = leg.platform.position;
-    if !p.is_finite() || p.abs().max_element() > MAX_COORDINATE {
+    if !p.to_array().iter().all(|&coordinate| COORDINATE.contains(coordinate)) {
         let message = format!("leg {n}: no place on earth: x {} y {} z {}", p.x, p.y, p.z);
         problems.error(leg.place.clone(), message);
     }
@@ -93,6 +90,13 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
     for (name, value) in numbers.into_iter().filter(|(_, v)| !v.is_finite()) {
         problems
             .error(leg.place.clone(), format!("leg {n}: the {name} is {value}, expected a finite number"));
+    }
+    if s.max_duration.is_some_and(|duration| duration > MAX_DURATION) {
+        let message = format!(
+            "leg {n}: a greatest duration of {:?} s, expected at most {MAX_DURATION} s (31 days)",
+            s.max_duration.unwrap_or_default()
+        );
+        problems.error(leg.place.clone(), message);
     }
     if s.warmup * f64::from(s.pulse_freq) > MAX_WARMUP_STEPS {
         let message = format!("leg {n}: a warm-up of {} s at {} Hz takes too long", s.warmup, s.pulse_freq);
@@ -147,7 +151,7 @@ fn why_head_never_stops(leg: &PlannedLeg, device: &DevicePlan) -> Option<(String
     }
     let step = rate.abs() / f64::from(s.pulse_freq);
     let max_angle = s.head_start.abs().max(s.head_stop.abs());
-    if left / step < MAX_STEPS && step > max_angle * f64::EPSILON {
+    if left / rate.abs() <= MAX_DURATION && step > max_angle * f64::EPSILON {
         return None;
     }
     let reason = format!(
@@ -168,6 +172,11 @@ fn why_never_arrives(index: usize, platform: &PlatformPlan) -> Option<(String, &
     let courses = &platform.legs;
     let here = &courses[index];
     let next = courses.get(index + 1);
+    let way = next.map_or(0.0, |next| (next.position - here.position).length());
+    if here.speed > 0.0 && way / here.speed > MAX_DURATION {
+        let reason = format!("{way:.0} m at {:?} m/s take more than {MAX_DURATION} s (31 days)", here.speed);
+        return Some((reason, "set movePerSec_m higher"));
+    }
     if matches!(platform.motion, Motion::Linear) {
         // The last leg's target is reached when it starts; a single leg flies to the centre of the scene.
         let moves = next.is_some_and(|n| n.position != here.position) || courses.len() == 1;

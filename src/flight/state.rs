@@ -139,7 +139,7 @@ impl FlightState {
     /// Takes one step and passes its pulses and trajectory sample to `sink`.
     ///
     /// # Errors
-    /// [`Error::Input`] for a leg that does not end.
+    /// [`Error::Input`] for a leg that does not end, and for a formula of an error that has no value.
     #[inline]
     pub fn step(&mut self, plan: &FlightPlan, sink: &mut impl FlightSink) -> Result<Step> {
         if self.ended {
@@ -173,7 +173,7 @@ impl FlightState {
         {
             self.guard.record(distance);
         }
-        self.step_devices(plan, leg, sink);
+        self.step_devices(plan, leg, sink)?;
         if leg.settings.active && leg.sample_interval_ns != 0.0 {
             self.sample(plan, leg, sink);
         }
@@ -182,7 +182,12 @@ impl FlightState {
     }
 
     #[inline]
-    fn step_devices(&mut self, plan: &FlightPlan, leg: &PlannedLeg, sink: &mut impl FlightSink) {
+    fn step_devices(
+        &mut self,
+        plan: &FlightPlan,
+        leg: &PlannedLeg,
+        sink: &mut impl FlightSink,
+    ) -> Result<()> {
         let since_start = self.since_start();
         let FlightState { platform, devices, time_ns, .. } = self;
         for (index, (device, state)) in plan.devices.iter().zip(devices).enumerate() {
@@ -194,12 +199,24 @@ impl FlightState {
                 continue;
             }
             state.deflector.step(device);
+            if device.errors.deflection.is_some() && !state.has_deflection() {
+                return Err(state.formula_error(device));
+            }
             if !state.deflector.is_firing() {
                 continue;
             }
             state.pulses += 1;
-            sink.pulse(|| plan.pulse(platform, index, state, *time_ns, since_start));
+            let mut is_sound = true;
+            sink.pulse(|| {
+                let pulse = plan.pulse(platform, index, state, *time_ns, since_start);
+                is_sound = !device.errors.any() || pulse.is_sound();
+                pulse
+            });
+            if !is_sound {
+                return Err(state.formula_error(device));
+            }
         }
+        Ok(())
     }
 
     #[inline]

@@ -109,6 +109,29 @@ impl Read for LazyPipe {
     }
 }
 
+/// Maximum number of bytes that are read at once from anything but a regular file.
+const MAX_DEVICE_BYTES: u64 = 1 << 28;
+
+/// Reads a complete file of at most `max_bytes`.
+///
+/// # Errors
+/// The error of the operating system; [`ErrorKind::FileTooLarge`] for more bytes.
+pub fn read_file(path: &Path, max_bytes: u64) -> std::io::Result<Vec<u8>> {
+    let file = std::fs::File::open(path)?;
+    let about = file.metadata()?;
+    let max_bytes = if about.is_file() { max_bytes } else { max_bytes.min(MAX_DEVICE_BYTES) };
+    let mut bytes = Vec::new();
+    if about.len() <= max_bytes {
+        bytes.reserve_exact(usize::try_from(about.len()).unwrap_or(0));
+        file.take(max_bytes + 1).read_to_end(&mut bytes)?;
+        if bytes.len() as u64 <= max_bytes {
+            return Ok(bytes);
+        }
+    }
+    let message = format!("it has more than {max_bytes} bytes, the most that is read");
+    Err(std::io::Error::new(ErrorKind::FileTooLarge, message))
+}
+
 /// Whether the path means standard input: `-`, `STDIN`, `/dev/stdin`.
 pub fn is_stdin(path: &Path) -> bool {
     ["-", "STDIN", "/dev/stdin"].iter().any(|name| path.as_os_str() == *name)
@@ -128,6 +151,17 @@ mod tests {
             read.extend(bytes);
         }
         assert!(read == text && matches!(input.next(None), ReadEvent::End));
+    }
+
+    #[test]
+    fn files_are_read_up_to_a_limit() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("f");
+        std::fs::write(&path, [7; 100]).unwrap();
+        assert_eq!(read_file(&path, 100).unwrap(), [7; 100]);
+        assert_eq!(read_file(&path, 99).unwrap_err().kind(), ErrorKind::FileTooLarge);
+        #[cfg(unix)]
+        assert_eq!(read_file(Path::new("/dev/zero"), 99).unwrap_err().kind(), ErrorKind::FileTooLarge);
     }
 
     #[test]

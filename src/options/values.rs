@@ -4,7 +4,9 @@
 use crate::error::Error;
 use crate::flight::{calendar_day, gps_start};
 use crate::geom::UtmZone;
+use crate::input::read_file;
 use crate::output::Column;
+use crate::quantity;
 use crate::survey::{NavigationErrors, parse_seed};
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
@@ -153,9 +155,9 @@ impl FromStr for ChunkSize {
     }
 }
 
-/// Defines a number with a condition.
+/// Defines a number within bounds.
 macro_rules! number {
-    ($(#[$doc:meta])* $name:ident, $expected:literal, $holds:expr) => {
+    ($(#[$doc:meta])* $name:ident, $bounds:expr) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct $name(pub f64);
@@ -164,10 +166,9 @@ macro_rules! number {
             type Err = String;
 
             fn from_str(text: &str) -> Result<$name, String> {
-                let holds: fn(f64) -> bool = $holds;
                 match text.trim().parse::<f64>() {
-                    Ok(value) if value.is_finite() && holds(value) => Ok($name(value)),
-                    _ => Err(format!(concat!("expected ", $expected, ", found {}"), text)),
+                    Ok(value) if $bounds.contains(value) => Ok($name(value)),
+                    _ => Err(format!("expected {}, found {text}", $bounds.expected)),
                 }
             }
         }
@@ -176,15 +177,19 @@ macro_rules! number {
 
 number! {
     /// A finite number.
-    Finite, "a finite number", |_| true
+    Finite, quantity::NUMBER
 }
 number! {
     /// A finite number above 0.
-    Positive, "a number above 0", |v| v > 0.0
+    Positive, quantity::POSITIVE
+}
+number! {
+    /// A beam divergence, rad.
+    Divergence, quantity::STREAMED_DIVERGENCE
 }
 number! {
     /// A finite number of at least 0.
-    NotNegative, "a number of at least 0", |v| v >= 0.0
+    NotNegative, quantity::NOT_NEGATIVE
 }
 
 /// Three finite numbers: `0,-0.5,1.2`.
@@ -197,7 +202,7 @@ impl FromStr for Vector {
     fn from_str(text: &str) -> Result<Vector, String> {
         let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
         match numbers.map(<[f64; 3]>::try_from) {
-            Some(Ok(three)) if three.iter().all(|v| v.is_finite()) => Ok(Vector(three)),
+            Some(Ok(three)) if three.iter().all(|v| quantity::NUMBER.contains(*v)) => Ok(Vector(three)),
             _ => Err(format!("expected three finite numbers such as 0,-0.5,1.2, found {text:?}")),
         }
     }
@@ -269,6 +274,9 @@ impl FromStr for Latency {
     }
 }
 
+/// Maximum size of a file of well-known text, bytes.
+const MAX_WKT_BYTES: u64 = 1 << 20;
+
 /// A coordinate reference system.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Crs {
@@ -288,7 +296,8 @@ impl Crs {
             Crs::Wkt(text) => return Ok(text.clone()),
             Crs::File(path) => path,
         };
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io("read", path, e))?;
+        let bytes = read_file(path, MAX_WKT_BYTES).map_err(|e| Error::io("read", path, e))?;
+        let text = String::from_utf8_lossy(&bytes);
         if is_wkt(&text) {
             return Ok(text.trim().to_owned());
         }

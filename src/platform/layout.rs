@@ -181,8 +181,10 @@ impl PoseLayout {
                 None if numbered => return Err(format!("`{column}` has no number as the others have")),
                 None => (column.as_str(), i + 1),
             };
-            if number == 0 {
-                return Err(format!("`{column}`: expected a name and a number from 1, such as time=1"));
+            if !(1..=MAX_COLUMNS).contains(&number) {
+                let expected =
+                    format!("expected a name and a number from 1 to {MAX_COLUMNS}, such as time=1");
+                return Err(format!("`{column}`: {expected}"));
             }
             match PoseColumn::parse(name)? {
                 Some(heading) => headings.add(number - 1, heading)?,
@@ -256,6 +258,9 @@ impl PoseLayout {
     }
 }
 
+/// Maximum number of columns.
+const MAX_COLUMNS: usize = 1000;
+
 /// Directives about columns in the comments of a HELIOS++ trajectory file.
 #[derive(Debug, Default)]
 pub(super) struct Directives {
@@ -273,9 +278,10 @@ impl Directives {
             self.layout = Some(layout.map_err(|e| e.message)?);
         } else if let Some(column) = comment.strip_prefix("#TIME_COLUMN:") {
             let column = column.trim();
-            let number = column.parse();
-            self.time_column =
-                Some(number.map_err(|_| format!("expected the number of a column, found `{column}`"))?);
+            let number = column.parse().ok().filter(|number| *number < MAX_COLUMNS);
+            self.time_column = Some(number.ok_or_else(|| {
+                format!("expected the number of a column below {MAX_COLUMNS}, found `{column}`")
+            })?);
         } else {
             return Ok(false);
         }

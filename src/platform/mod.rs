@@ -32,7 +32,7 @@ mod trajectory_file;
 
 pub use course::{LegCourse, LegEntry, Span};
 pub use plan::{Motion, PlatformPlan};
-pub use poses::{PollResult, Pose, PoseEvent, PoseReader};
+pub use poses::{MAX_FLOWN_GAP, PollResult, Pose, PoseEvent, PoseReader};
 pub use state::PlatformState;
 pub use stream::{Readiness, StreamPlan};
 pub use table::TrajectoryTable;

@@ -102,6 +102,12 @@ impl TrajectoryTable {
         self.rows.last().map_or(0.0, |r| r.time)
     }
 
+    /// The longest interval between two rows that overlaps `span` (s after the first row), and its start.
+    pub fn longest_gap(&self, start: f64, end: f64) -> Option<(f64, f64)> {
+        let pairs = self.rows.windows(2).filter(|pair| pair[0].time < end && pair[1].time > start);
+        pairs.map(|pair| (pair[0].time, pair[1].time - pair[0].time)).max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
     /// The position at `time` seconds after the first row; beyond the ends it is extrapolated.
     pub fn position_at(&self, time: f64) -> DVec3 {
         let after = self.rows.partition_point(|r| r.time <= time);

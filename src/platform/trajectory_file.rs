@@ -6,13 +6,18 @@ use super::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is
 use super::poses::decoder::read_binary;
 use super::poses::fix::{Fix, FixPlace, Pose, RecordError};
 use super::poses::georeference::Georeference;
+use super::poses::text::MAX_LINE_BYTES;
 use super::table::{PoseValues, TrajectoryTable, filter_slopes, unwrap_angles};
 use crate::columns::Separator;
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
+use crate::input;
+use crate::quantity;
 use crate::survey::{Interpolated, TrajectoryFile};
 use std::path::Path;
 
+/// Maximum size of a file, bytes.
+const MAX_FILE_BYTES: u64 = 1 << 33;
 /// Maximum number of wrong rows that are listed; further ones are only counted.
 const MAX_LISTED_ROWS: usize = 20;
 
@@ -29,10 +34,14 @@ pub fn read_trajectories(
     let mut usable = true;
     let mut georeference = Georeference::of_grid(settings.grid);
     for (i, file) in settings.files.iter().enumerate() {
-        let bytes = std::fs::read(&file.path).map_err(|e| Error::io("read", &file.path, e))?;
+        let bytes =
+            input::read_file(&file.path, MAX_FILE_BYTES).map_err(|e| Error::io("read", &file.path, e))?;
         let threshold = if i == 0 { file.slope_filter } else { 0.0 };
         match read_file(file, &bytes, settings, &mut georeference, threshold, problems) {
-            Some(rows) => table.extend(rows),
+            Some(rows) => {
+                usable &= check_rows(&file.path, &rows, problems);
+                table.extend(rows);
+            }
             None => usable = false,
         }
     }
@@ -75,6 +84,22 @@ fn read_file(
             None
         }
     }
+}
+
+/// Checks times and positions.
+fn check_rows(path: &Path, rows: &[(f64, PoseValues)], problems: &mut Diagnostics) -> bool {
+    let is_sound = |(time, [_, _, _, position @ ..]): &&(f64, PoseValues)| {
+        quantity::TIME.contains(*time) && position.iter().all(|p| quantity::COORDINATE.contains(*p))
+    };
+    let Some((time, [_, _, _, x, y, z])) = rows.iter().find(|row| !is_sound(row)) else { return true };
+    let message = format!(
+        "{}: a pose at time {time:?}, x {x:?}, y {y:?}, z {z:?}, expected {} and {}",
+        path.display(),
+        quantity::TIME.expected,
+        quantity::COORDINATE.expected
+    );
+    problems.error(None, message);
+    false
 }
 
 fn check_count(path: &Path, poses: usize, problems: &mut Diagnostics) -> Option<()> {
@@ -134,6 +159,11 @@ fn read_rows(
     let (mut rows, mut wrong) = (Vec::new(), 0);
     for (number, line) in text.lines().enumerate() {
         let place = |at| Some(Place::in_line(&file.path, number + 1, line, at));
+        if line.len() > MAX_LINE_BYTES {
+            let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pose");
+            problems.error(place(0..0), message);
+            return None;
+        }
         let content = line.trim_start();
         if content.is_empty() {
             continue;

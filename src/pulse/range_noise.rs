@@ -26,7 +26,7 @@ pub(super) fn apply_noise(
         for (i, echo) in echoes.iter_mut().enumerate() {
             let mut noise = accuracy[i] * drawn[i];
             if let Some(factor) = &instruments.instrument(leg, echo.device)?.distance_error {
-                noise *= factor.eval(echo.range);
+                noise *= factor.number("distance measurement error", echo.range)?;
             }
             if accuracy[i] != 0.0 {
                 echo.range += noise;

@@ -2,6 +2,7 @@
 
 use super::batch::Batch;
 use super::detection::{Detection, pulse_record, traced_axis};
+use super::echo::Echo;
 use super::instrument::InstrumentTable;
 use super::physics::Physics;
 use super::range_noise;
@@ -9,18 +10,20 @@ use super::ray_batch::RayBatch;
 use super::subray::Subrays;
 use super::traced::{GainBuffer, TracedPulse};
 use super::view::SceneView;
-use crate::Result;
 use crate::flight::Pulse;
 use crate::rng;
 use crate::scene::{DynamicObject, DynamicScene, ObjectUpdate};
 use crate::tree::TraceScratch;
 use crate::tree::simd::{Level, Simd, dispatch};
+use crate::{Error, Result};
 use std::ops::Range;
 
 /// Maximum number of pulses traced together, over all devices.
 const MAX_BATCH_PULSES: usize = 128;
 /// Maximum number of rays traced together, unless one pulse has more.
 const MAX_BATCH_RAYS: usize = 1 << 16;
+/// Maximum coordinate of a point in the scene frame, m: that of a scene, and as much again from its centre.
+const MAX_POSITION: f64 = 1e13;
 /// Number of pulses whose ranges and gains are computed in one go, so that the latency of square roots overlaps.
 const GAIN_BATCH: usize = 8;
 
@@ -260,8 +263,33 @@ impl<'p> PulseSimulator<'p> {
                 range_noise::apply_noise(echoes, &physics.range_noise, &self.instruments, leg)?;
             }
         }
-        Ok(())
+        check_positions(&batch.echoes[first_echo..])
     }
+}
+
+/// Refuses points that are no places: whatever was not foreseen where numbers are read must not become a point.
+#[inline(always)]
+fn check_positions(echoes: &[Echo]) -> Result<()> {
+    let is_place = |echo: &Echo| {
+        let [x, y, z] = echo.position.to_array().map(|coordinate| coordinate.abs() <= MAX_POSITION);
+        x & y & z
+    };
+    if echoes.iter().fold(true, |all, echo| all & is_place(echo)) {
+        return Ok(());
+    }
+    Err(no_place(echoes.iter().find(|echo| !is_place(echo))))
+}
+
+#[cold]
+fn no_place(echo: Option<&Echo>) -> Error {
+    let Some(Echo { position: p, range, pulse_number, device, .. }) = echo else {
+        return Error::Internal("a point is no place".to_owned());
+    };
+    Error::input(format!(
+        "pulse {pulse_number} of device {device} gives a point that is no place: x {:?} y {:?} z {:?} at the range \
+         {range:?} m; settings of the scanner or coordinates of the scene are out of proportion",
+        p.x, p.y, p.z
+    ))
 }
 
 #[inline(always)]

@@ -3,6 +3,7 @@
 use super::deflector::DeflectorState;
 use super::head::HeadState;
 use super::plan::DevicePlan;
+use crate::error::Error;
 use crate::geom::Rotation;
 use crate::survey::ScannerSettings;
 use serde::{Deserialize, Serialize};
@@ -39,6 +40,24 @@ impl DeviceState {
     pub fn step_head(&mut self, plan: &DevicePlan) {
         // The head's error depends on the deflection of the step before.
         self.head.step(plan, self.deflector.exact_angle());
+    }
+
+    /// Whether the formula of the deflection error had a value; [`DeviceState::formula_error`] names it otherwise.
+    #[inline]
+    pub fn has_deflection(&self) -> bool {
+        !matches!(&self.deflector, DeflectorState::Polygon(mirror) if !mirror.angle.is_finite())
+    }
+
+    /// The error of the first formula of an error that has no value at the current angles.
+    #[cold]
+    pub fn formula_error(&self, plan: &DevicePlan) -> Error {
+        let at = self.deflector.exact_angle();
+        let errors = &plan.errors;
+        let deflection = errors.deflection.as_ref().map(|formula| formula.number("deflection error", at));
+        let head = self.head.error(plan);
+        let range = errors.range.as_ref().map(|formula| formula.number("range error", at));
+        let found = [deflection, Some(head), range].into_iter().flatten().find_map(Result::err);
+        found.unwrap_or_else(|| Error::Internal("a pulse without a direction".to_owned()))
     }
 
     /// The emitter's attitude in the platform's mount frame: head, then emitter.

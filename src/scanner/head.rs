@@ -1,6 +1,7 @@
 //! The rotating head (spec kinematics §5).
 
 use super::plan::DevicePlan;
+use crate::error::Result;
 use crate::geom::Rotation;
 use crate::survey::ScannerSettings;
 use serde::{Deserialize, Serialize};
@@ -70,6 +71,16 @@ impl HeadState {
                 self.angle + error.eval(avoid_multiples_of_pi(at, *distance))
             }
             _ => self.angle,
+        }
+    }
+
+    /// The head's error, rad, or the error of a formula without a value.
+    pub fn error(&self, plan: &DevicePlan) -> Result<f64> {
+        match (&plan.errors.head, self.error_at) {
+            (Some((error, distance)), Some(at)) => {
+                error.number("head error", avoid_multiples_of_pi(at, *distance))
+            }
+            _ => Ok(0.0),
         }
     }
 

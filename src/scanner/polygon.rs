@@ -61,6 +61,10 @@ impl Polygon {
             return;
         };
         self.angle = self.exact + error.eval(self.exact);
+        if !self.angle.is_finite() {
+            // Both angles stay as they are for the message.
+            return;
+        }
         if self.exact >= max {
             self.exact = -max;
         }

@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 /// Maximum number of problems of one file that are reported one by one.
 pub(super) const MAX_SHOWN_PROBLEMS: usize = 20;
 
+/// Maximum length of a line, bytes.
+const MAX_LINE_BYTES: usize = 1 << 20;
+
 /// Maximum length of the excerpt of a line in a message, bytes.
 const MAX_SHOWN_BYTES: usize = 160;
 
@@ -67,6 +70,11 @@ impl Source {
             diagnostics.error(Some(self.place(1, 0..0)), format!("expected {what}, found an empty file"));
             return false;
         }
+        // Long lines first: they show without a look at the complete file.
+        let start = &bytes[..bytes.len().min(MAX_LINE_BYTES)];
+        if memchr(0, start).is_none() && !self.has_short_lines(what, diagnostics) {
+            return false;
+        }
         let in_piece = |start: usize| {
             let piece = start..(start + RELEASED_BYTES).min(bytes.len());
             let found = memchr(0, &bytes[piece.clone()]).map(|at| start + at);
@@ -82,6 +90,22 @@ impl Source {
         };
         diagnostics.error(Some(self.place(line, at..at + 1)), format!("expected {what}, found {found}"));
         false
+    }
+
+    /// Whether no line is too long; otherwise reports an error at the first one.
+    fn has_short_lines(&self, what: &str, diagnostics: &mut Diagnostics) -> bool {
+        let bytes = self.bytes();
+        let mut start = 0;
+        while bytes.len() - start > MAX_LINE_BYTES {
+            let Some(end) = memrchr(b'\n', &bytes[start..start + MAX_LINE_BYTES + 1]) else {
+                let line = memchr::memchr_iter(b'\n', &bytes[..start]).count() + 1;
+                let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected {what}");
+                diagnostics.error(Some(self.place(line, start..start)), message);
+                return false;
+            };
+            start += end + 1;
+        }
+        true
     }
 
     /// The last line if it lacks a line end: its number, start and text.
@@ -364,6 +388,20 @@ mod tests {
             let lines: usize = pieces.iter().map(|p| Lines::new(&text[p.clone()], true).count()).sum();
             assert_eq!(lines, 3, "pieces of {length}");
         }
+    }
+
+    #[test]
+    fn lines_have_a_greatest_length() {
+        let refused = |text: Vec<u8>| {
+            let mut d = Diagnostics::default();
+            let is_text = Source::of("l.obj", &text).is_text("vertices", &mut d);
+            assert_eq!(is_text, d.is_empty());
+            d.items().first().map(|d| (d.place.as_ref().map_or(0, |p| p.line), d.message.clone()))
+        };
+        let longest = [vec![b'x'; MAX_LINE_BYTES], b"\n".to_vec()].concat();
+        assert_eq!(refused(longest.repeat(3)), None);
+        let (line, message) = refused([&longest[..], b"v 1 2 3\ny", &longest].concat()).unwrap();
+        assert_eq!((line, message.as_str()), (3, "a line of more than 1048576 bytes, expected vertices"));
     }
 
     #[test]

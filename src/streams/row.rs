@@ -1,9 +1,10 @@
 //! A pulse as a row of numbers and back, bit for bit.
 
-use super::columns::{COLUMNS, ENTRIES, PulseColumn};
+use super::columns::{COLUMNS, ColumnEntry, ENTRIES, PulseColumn};
 use crate::columns::Dimension;
 use crate::flight::Pulse;
 use crate::geom::{DVec3, Rotation, unit};
+use crate::quantity::{self, Bounds};
 
 /// A pulse with its metadata in a stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -191,11 +192,23 @@ fn check_numbers(values: &Values, present: ColumnSet) -> Result<(), RowFault> {
             let message = format!("{} is {value}, expected a whole number of at least 0", entry.name);
             return Err((entry.column, message));
         }
-        if matches!(entry.column, PulseColumn::Divergence | PulseColumn::StartDivergence) && value < 0.0 {
-            return Err((entry.column, format!("{} is {value}, expected at least 0", entry.name)));
+        let bounds = bounds(entry);
+        if !bounds.contains(value) {
+            return Err((entry.column, format!("{} is {value:?}, expected {}", entry.name, bounds.expected)));
         }
     }
     Ok(())
+}
+
+/// Bounds of the numbers of a column, in ns, m and rad.
+fn bounds(entry: &ColumnEntry) -> Bounds {
+    match (entry.column, entry.dimension) {
+        (PulseColumn::Divergence | PulseColumn::StartDivergence, _) => quantity::STREAMED_DIVERGENCE,
+        (_, Dimension::Time) => quantity::TIME_NS,
+        (_, Dimension::Length) => quantity::COORDINATE,
+        (_, Dimension::Angle) => quantity::NUMBER,
+        (_, Dimension::Ratio | Dimension::Count) => quantity::ANY,
+    }
 }
 
 fn check_unit_length(rotation: Rotation, first: PulseColumn) -> Result<Rotation, RowFault> {
@@ -317,6 +330,11 @@ mod tests {
         refuse(PulseColumn::Time, f64::NAN, "time is NaN");
         refuse(PulseColumn::DirectionX, 7.0, "disagree");
         refuse(PulseColumn::AttitudeW, 2.0, "length is");
-        refuse(PulseColumn::Divergence, -1.0, "expected at least 0");
+        refuse(PulseColumn::Divergence, -1.0, "expected a number of at least 0");
+        refuse(PulseColumn::StartDivergence, 1e300, "at most 1.5 rad");
+        refuse(PulseColumn::X, 1e10, "x is 10000000000.0, expected metres");
+        refuse(PulseColumn::RangeError, -1e300, "is -1e300, expected metres");
+        refuse(PulseColumn::ScanAngle, 1e300, "to 1e12");
+        refuse(PulseColumn::Time, 1e21, "expected seconds");
     }
 }

@@ -77,10 +77,8 @@ impl LineReader {
                 return Ok(Some(taken));
             }
         }
-        if self.pending.len() > MAX_LINE_BYTES && !self.pending.contains(&b'\n') {
-            let start = String::from_utf8_lossy(&self.pending[..40]).into_owned();
-            let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pulse");
-            return Err(line_error(&self.path, self.line + 1, &start, 0..0, message, ""));
+        if memchr::memchr(b'\n', &self.pending).is_none() {
+            check_length(&self.pending, &self.path, self.line + 1)?;
         }
         Ok(None)
     }
@@ -109,24 +107,38 @@ impl LineReader {
 
     /// Reads the columns from the first line that is not a comment.
     fn read_header(&mut self, ended: bool) -> Result<()> {
-        while let Some(end) = self.line_length(0, ended) {
-            if is_row(&self.pending[..end]) {
-                let line = String::from_utf8_lossy(&self.pending[..end]).into_owned();
+        let mut at = 0;
+        while self.format.is_none()
+            && let Some(length) = self.line_length(at, ended)
+        {
+            let line = &self.pending[at..at + length];
+            let mut is_taken = true;
+            if is_row(line) {
+                check_length(line, &self.path, self.line + 1)?;
+                let line = String::from_utf8_lossy(line);
                 let line = line.trim_start_matches('\u{feff}').trim_end();
                 let (format, is_header) = TextFormat::of(&self.path, self.line + 1, line)?;
                 self.format = Some(Arc::new(format));
-                if !is_header {
-                    return Ok(());
-                }
+                is_taken = is_header;
             }
-            self.line += 1;
-            self.pending.drain(..end);
-            if self.format.is_some() {
-                return Ok(());
+            if is_taken {
+                self.line += 1;
+                at += length;
             }
         }
+        self.pending.drain(..at);
         Ok(())
     }
+}
+
+/// Refuses a line that is too long; it may be incomplete.
+fn check_length(line: &[u8], path: &Path, number: usize) -> Result<()> {
+    if line.len() <= MAX_LINE_BYTES {
+        return Ok(());
+    }
+    let start = String::from_utf8_lossy(&line[..40]);
+    let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pulse");
+    Err(line_error(path, number, &start, 0..0, message, ""))
 }
 
 /// Whether a line contains more than blanks or a comment.
@@ -254,6 +266,7 @@ impl TextRows {
     ) -> Result<()> {
         let lines = (self.line..).zip(self.text.split(|b| *b == b'\n')).filter(|(_, line)| is_row(line));
         for (order, (number, line)) in (before..).zip(lines) {
+            check_length(line, &self.format.schema.path, number)?;
             let line = String::from_utf8_lossy(line);
             self.format.push_pulse((line.trim_end(), number), shift, order, into, &check)?;
         }

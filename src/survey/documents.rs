@@ -4,9 +4,10 @@ use super::assets::Found;
 use super::context::Context;
 use super::fields::Fields;
 use super::xml::{Document, Element};
+use super::xml_limits::MAX_DOCUMENT_BYTES;
 use crate::diag::{Place, nearest};
 use crate::error::Error;
-use std::io::Read;
+use crate::input::read_file;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -14,10 +15,9 @@ use std::rc::Rc;
 const MIN_MEMORY_PER_BYTE: u64 = 8;
 
 impl Context {
-    /// The bytes of a description; an error if its contents would need more memory than the limit.
-    pub fn read(&self, path: &Path) -> std::io::Result<Vec<u8>> {
-        let mut file = std::fs::File::open(path)?;
-        let about = file.metadata()?;
+    /// The bytes of a description of at most `max_bytes`; an error if its contents would need more memory than the limit.
+    pub fn read(&self, path: &Path, max_bytes: u64) -> std::io::Result<Vec<u8>> {
+        let about = std::fs::metadata(path)?;
         let need = if about.is_file() { about.len().saturating_mul(MIN_MEMORY_PER_BYTE) } else { 0 };
         match self.max_memory {
             Some(limit) if need > limit => {
@@ -27,10 +27,7 @@ impl Context {
                 );
                 Err(std::io::Error::new(std::io::ErrorKind::OutOfMemory, message))
             }
-            _ => {
-                let mut bytes = Vec::new();
-                file.read_to_end(&mut bytes).map(|_| bytes)
-            }
+            _ => read_file(path, max_bytes),
         }
     }
 
@@ -45,7 +42,7 @@ impl Context {
         }
         let document = match found {
             Found::BuiltIn(file) => self.parse(&path, file.text.as_bytes()),
-            Found::File(path) => match self.read(path) {
+            Found::File(path) => match self.read(path, MAX_DOCUMENT_BYTES) {
                 Ok(bytes) => self.parse(path, &bytes),
                 Err(e) => {
                     let failure = match e.kind() {

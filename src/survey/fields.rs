@@ -8,6 +8,7 @@ use super::xml::Element;
 use super::{Formula, Mount};
 use crate::diag::nearest;
 use crate::geom::{DVec3, Rotation, degrees, radians};
+use crate::quantity::{self, Bounds};
 use std::fmt::Display;
 
 /// The attributes of an element while they are read.
@@ -60,13 +61,18 @@ impl<'c> Fields<'c> {
         self.element.value(name).is_some()
     }
 
-    /// Strict finite number.
+    /// Strict number within the bounds of all numbers.
     pub fn number(&mut self, name: &'static str, default: f64) -> f64 {
+        self.within(name, default, &quantity::NUMBER)
+    }
+
+    /// Strict number within `bounds`.
+    pub fn within(&mut self, name: &'static str, default: f64, bounds: &Bounds) -> f64 {
         let Some(text) = self.text(name) else { return default };
         match text.parse::<f64>() {
-            Ok(value) if value.is_finite() => value,
+            Ok(value) if bounds.contains(value) => value,
             Ok(_) => {
-                self.refuse(name, "a finite number");
+                self.refuse(name, bounds.expected);
                 default
             }
             Err(_) => self.replaced(name, "a number", default),
@@ -77,10 +83,10 @@ impl<'c> Fields<'c> {
     pub fn optional_number(&mut self, name: &'static str) -> Option<f64> {
         let text = self.text(name)?;
         match text.parse::<f64>() {
-            Ok(value) if value.is_finite() => Some(value),
+            Ok(value) if quantity::NUMBER.contains(value) => Some(value),
             Ok(value) if value.is_nan() => None,
             Ok(_) => {
-                self.refuse(name, "a finite number");
+                self.refuse(name, quantity::NUMBER.expected);
                 None
             }
             Err(_) => {
@@ -92,23 +98,21 @@ impl<'c> Fields<'c> {
 
     /// Strict number above 0.
     pub fn positive(&mut self, name: &'static str, default: f64) -> f64 {
-        let value = self.number(name, default);
-        self.check(name, value > 0.0, "a number above 0", value, default)
+        self.within(name, default, &quantity::POSITIVE)
     }
 
     /// Strict number of at least 0.
     pub fn not_negative(&mut self, name: &'static str, default: f64) -> f64 {
-        let value = self.number(name, default);
-        self.check(name, value >= 0.0, "a number of at least 0", value, default)
+        self.within(name, default, &quantity::NOT_NEGATIVE)
     }
 
     /// Strict number of degrees as radians; the default is in radians.
     pub fn angle(&mut self, name: &'static str, default: f64) -> f64 {
         let Some(text) = self.text(name) else { return default };
         match text.parse::<f64>() {
-            Ok(value) if value.is_finite() => radians(value),
+            Ok(value) if quantity::NUMBER.contains(value) => radians(value),
             Ok(_) => {
-                self.refuse(name, "a finite number");
+                self.refuse(name, quantity::NUMBER.expected);
                 default
             }
             Err(_) => {
@@ -170,10 +174,10 @@ impl<'c> Fields<'c> {
     pub fn lenient_number(&mut self, name: &'static str, default: f64) -> f64 {
         let Some(text) = self.text(name) else { return default };
         if let Ok(value) = text.trim().parse::<f64>() {
-            if value.is_finite() {
+            if quantity::NUMBER.contains(value) {
                 return value;
             }
-            self.refuse(name, "a finite number");
+            self.refuse(name, quantity::NUMBER.expected);
             return default;
         }
         match numeric_beginning(text) {
@@ -252,14 +256,6 @@ impl<'c> Fields<'c> {
         self.context.error(self.element.value_place(name), message);
     }
 
-    fn check(&self, name: &str, holds: bool, expected: &str, value: f64, default: f64) -> f64 {
-        if holds || !self.has(name) {
-            return value;
-        }
-        self.refuse(name, expected);
-        default
-    }
-
     fn replaced<T: Display>(&self, name: &str, expected: &str, used: T) -> T {
         self.warn_replaced(name, expected, &format!("{used} is used"));
         used
@@ -280,19 +276,16 @@ pub(super) fn meant(word: &str, known: &[&'static str]) -> String {
 /// Parses three finite numbers separated by semicolons.
 pub(super) fn parse_vector(text: &str) -> Option<DVec3> {
     let mut parts =
-        text.split(';').map(|p| p.trim().parse::<f64>().ok().filter(|v| v.abs() <= MAX_COMPONENT));
+        text.split(';').map(|p| p.trim().parse::<f64>().ok().filter(|v| quantity::NUMBER.contains(*v)));
     let vector = DVec3::new(parts.next()??, parts.next()??, parts.next()??);
     parts.next().is_none().then_some(vector)
 }
-
-/// Maximum component of a vector; beyond it double precision does not resolve millimetres.
-pub(super) const MAX_COMPONENT: f64 = 1e12;
 
 /// The longest prefix that is a finite number.
 fn numeric_beginning(text: &str) -> Option<f64> {
     let text = text.trim_start();
     let end = text.bytes().take_while(|b| b.is_ascii_digit() || b"+-.eE".contains(b)).count().min(40);
-    (1..=end).rev().find_map(|n| text[..n].parse::<f64>().ok().filter(|v| v.is_finite()))
+    (1..=end).rev().find_map(|n| text[..n].parse::<f64>().ok().filter(|v| quantity::NUMBER.contains(*v)))
 }
 
 /// Offset and rotations of an element with `x`, `y`, `z`, `rotations` and `<rot>` children (spec input-formats §1.4,
@@ -316,7 +309,7 @@ fn read_rotation(context: &Context, rot: &Element) -> Option<Rotation> {
     let mut fields = Fields::new(context, rot);
     let (axis, angle) = (fields.required("axis"), fields.required("angle_deg"));
     let angle = angle.and_then(|text| {
-        let angle = text.trim().parse::<f64>().ok().filter(|a| a.is_finite());
+        let angle = text.trim().parse::<f64>().ok().filter(|a| quantity::NUMBER.contains(*a));
         if angle.is_none() {
             fields.refuse("angle_deg", "a number of degrees");
         }

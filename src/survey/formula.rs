@@ -1,5 +1,7 @@
 //! Formulas in scanner and survey files.
 
+use crate::error::Error;
+use crate::quantity;
 use std::f64::consts::{E, PI};
 use std::ops::Range;
 
@@ -17,6 +19,8 @@ use std::ops::Range;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Formula {
+    /// The formula as written.
+    text: String,
     /// The formula in postfix order; evaluation needs at most [`MAX_STACK`] stack entries.
     steps: Vec<Step>,
 }
@@ -80,9 +84,24 @@ impl Formula {
         parser.advance()?;
         parser.sum()?;
         match parser.token {
-            Token::End => Ok(Formula { steps: parser.steps }),
+            Token::End => Ok(Formula { text: text.to_owned(), steps: parser.steps }),
             _ => Err(parser.unexpected("an operator or the end of the formula")),
         }
+    }
+
+    /// The value at `t`, which must be within the bounds of all numbers.
+    ///
+    /// # Errors
+    /// [`Error::Input`] that names the formula of `what`, the value and the argument.
+    pub(crate) fn number(&self, what: &str, t: f64) -> Result<f64, Error> {
+        let value = self.eval(t);
+        if quantity::NUMBER.contains(value) {
+            return Ok(value);
+        }
+        let expected = quantity::NUMBER.expected;
+        let message =
+            format!("the formula of the {what}, `{}`, is {value:?} at {t:?}, expected {expected}", self.text);
+        Err(Error::input(message))
     }
 
     /// The value at `t`. Arguments outside a function's domain yield NaN or infinity.
@@ -401,6 +420,21 @@ mod tests {
         assert_eq!(complaint("t$2").0, 1..2);
         assert_eq!(complaint("").0, 0..0);
         assert!(complaint("atan2(t)").1.contains("`,`"));
+    }
+
+    #[test]
+    fn values_that_are_no_numbers_are_told_with_formula_and_argument() {
+        let check = |text: &str, t: f64| {
+            Formula::parse(text).unwrap().number("range error", t).map_err(|e| e.to_string())
+        };
+        assert_eq!(check("1/THETA", 0.5), Ok(2.0));
+        let message = check("1/THETA", 0.0).unwrap_err();
+        assert!(
+            message.starts_with("the formula of the range error, `1/THETA`, is inf at 0.0, expected"),
+            "{message}"
+        );
+        assert!(check("sqrt(t)", -1.0).unwrap_err().contains("is NaN at -1.0"));
+        assert!(check("exp(t)", 100.0).unwrap_err().contains("e43 at 100.0"));
     }
 
     #[test]

@@ -16,10 +16,10 @@
 //! filters after the table transform all instances together.
 
 use super::context::Context;
-use super::fields::MAX_COMPONENT;
 use super::{Loader, Transform, UpAxis};
 use crate::diag::Place;
 use crate::geom::{DVec3, Rotation, radians};
+use crate::quantity;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ pub(super) struct Base {
 
 /// Reads a table. Problems are recorded in `context`.
 pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<Vec<Row>> {
-    let bytes = match context.read(path) {
+    let bytes = match context.read(path, MAX_TABLE_BYTES) {
         Ok(bytes) => bytes,
         Err(e) => {
             context.error_help(None, format!("cannot read {}: {e}", path.display()), "");
@@ -63,7 +63,8 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
         if content.is_empty() || content.starts_with('#') {
             continue;
         }
-        let fields: Vec<&str> = content.split(',').map(str::trim).collect();
+        // One field more than a line can have shows that there are too many.
+        let fields: Vec<&str> = content.splitn(MAX_FIELDS + 1, ',').map(str::trim).collect();
         let before = std::mem::replace(&mut columns, fields.len());
         let is_heading = std::mem::take(&mut may_be_heading) && fields[0].eq_ignore_ascii_case("file");
         if is_heading {
@@ -100,18 +101,23 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
     Some(rows)
 }
 
+/// Maximum size of a table, bytes.
+const MAX_TABLE_BYTES: u64 = 1 << 30;
+
 const HELP: &str = "a line is file,x,y,z,yaw,scale";
+const MAX_FIELDS: usize = 6;
 
 fn read_numbers(context: &Context, fields: &[&str], place: &dyn Fn(&str) -> Place) -> Option<Transform> {
-    if !(4..=6).contains(&fields.len()) {
-        let message = format!("expected four to six fields, found {}", fields.len());
+    if !(4..=MAX_FIELDS).contains(&fields.len()) {
+        let found = if fields.len() > MAX_FIELDS { "more".to_owned() } else { fields.len().to_string() };
+        let message = format!("expected four to six fields, found {found}");
         context.error_help(place(fields[0]), message, HELP);
         return None;
     }
     let mut numbers = [0.0, 0.0, 0.0, 0.0, 1.0];
     let mut sound = true;
     for (number, field) in numbers.iter_mut().zip(&fields[1..]) {
-        match field.parse::<f64>().ok().filter(|n| n.abs() <= MAX_COMPONENT) {
+        match field.parse::<f64>().ok().filter(|n| quantity::NUMBER.contains(*n)) {
             Some(n) => *number = n,
             None => {
                 context.error_help(place(field), format!("expected a number, found \"{field}\""), HELP);

@@ -4,7 +4,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `model` | the plain values that every reader produces |
-//! | `text`, `xml` | bytes to text; XML as owned elements with their places in the file |
+//! | `text`, `xml`, `xml_limits` | bytes to text; XML as owned elements with their places in the file; how large it may be |
 //! | `shipped`, `assets`, `catalogue` | the built-in files; the search path; the built-in scanners and platforms |
 //! | `context`, `fields`, `documents` | the problems of one run of a reader; typed attributes of an element; documents and references |
 //! | `read` | the entry points: a survey, a scene, a scanner |
@@ -50,6 +50,7 @@ mod tests;
 mod text;
 mod trajectories;
 mod xml;
+mod xml_limits;
 
 pub use catalogue::catalogue;
 pub use context::ReadOptions;

@@ -1,11 +1,12 @@
 //! Moving parts (spec input-formats §3.7).
 
 use super::context::Context;
-use super::fields::{Fields, MAX_COMPONENT};
+use super::fields::Fields;
 use super::xml::Element;
 use super::{Motion, MotionKind, MotionSequence, MotionTiming};
 use crate::diag::nearest;
 use crate::geom::{DVec3, radians, unit};
+use crate::quantity;
 use std::collections::HashMap;
 
 /// Reads the `<dmotion>` children of a part; empty for a part at rest.
@@ -111,7 +112,7 @@ fn axis_and_angle(fields: &mut Fields) -> (Option<DVec3>, Option<f64>) {
 /// A number without which the motion would be wrong: an unreadable value is an error.
 fn required_number(fields: &mut Fields, name: &'static str) -> Option<f64> {
     let text = fields.required(name)?;
-    let number = text.trim().parse::<f64>().ok().filter(|v| v.abs() <= MAX_COMPONENT);
+    let number = text.trim().parse::<f64>().ok().filter(|v| quantity::NUMBER.contains(*v));
     if number.is_none() {
         fields.refuse(name, "a number");
     }

@@ -5,6 +5,7 @@ use super::fields::{Fields, meant, parse_vector, read_rotations};
 use super::xml::Element;
 use crate::diag::nearest;
 use crate::geom::{DVec3, Rotation};
+use crate::quantity::NUMBER as NUMBER_BOUNDS;
 use std::collections::HashSet;
 
 /// The parameters of a filter while they are read. A declared type other than the expected one causes a warning; the
@@ -92,7 +93,7 @@ impl<'c> Params<'c> {
     }
 
     pub fn number(&mut self, key: &'static str) -> Option<f64> {
-        self.parsed(key, NUMBER, "a number", |t| t.parse::<f64>().ok().filter(|v| v.is_finite()))
+        self.parsed(key, NUMBER, "a number", |t| t.parse::<f64>().ok().filter(|v| NUMBER_BOUNDS.contains(*v)))
     }
 
     /// An integer. Decimals such as 2.0 are accepted.

@@ -8,6 +8,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 const MAX_SAMPLES: usize = 1 << 16;
+/// Maximum size of a file, bytes.
+const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Minimum number of samples for which a width is defined.
 const MIN_SAMPLES: usize = 3;
 
@@ -20,7 +22,7 @@ pub(super) fn read_pulse_file(
     place: Place,
 ) -> Option<Arc<PulseSamples>> {
     let path = context.file(name, folder, place.clone())?;
-    let bytes = match context.read(&path) {
+    let bytes = match context.read(&path, MAX_FILE_BYTES) {
         Ok(bytes) => bytes,
         Err(e) => {
             context.error(place, format!("cannot read {}: {e}", path.display()));

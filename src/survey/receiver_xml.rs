@@ -8,6 +8,7 @@ use super::{
     AmplifierNoise, Beam, BeamProfile, Detector, Ranging, Receiver, ReferenceTarget, ShotNoise,
     pulse_length_of_width,
 };
+use crate::quantity::DIVERGENCE;
 
 /// `base` with the element's pulse energy, width, profile and aperture applied. The pulse length has been read
 /// before.
@@ -29,7 +30,7 @@ pub(super) fn read_emission(fields: &mut Fields, base: Beam) -> Beam {
         Some(_) => fields.refuse("beamProfile", "gaussian or top_hat"),
     }
     if fields.has("beamDivergenceY_rad") {
-        beam.divergence_y = Some(fields.positive("beamDivergenceY_rad", beam.divergence));
+        beam.divergence_y = Some(fields.within("beamDivergenceY_rad", beam.divergence, &DIVERGENCE));
     }
     beam.aperture = fields.not_negative("exitAperture_m", beam.aperture);
     // Marks the names as known where the attributes are missing.

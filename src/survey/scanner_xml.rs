@@ -9,6 +9,7 @@ use super::{
     Beam, BeamProfile, Detector, Device, Head, MechanicalErrors, Mount, Receiver, Scanner, WaveformSettings,
 };
 use crate::geom::{DVec3, radians};
+use crate::quantity;
 
 pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scanner> {
     let mut fields = Fields::new(context, element);
@@ -79,6 +80,9 @@ pub(super) const WAVEFORM: WaveformSettings =
 /// Maximum number of rings of subrays; such a pulse has about 3 million subrays.
 pub(super) const MAX_QUALITY: u32 = 1000;
 
+/// Wavelengths, nm.
+pub(super) const WAVELENGTHS: std::ops::RangeInclusive<u32> = 1..=1_000_000;
+
 pub(super) const DETECTOR: Detector = Detector {
     accuracy: 0.0,
     range_min: 0.0,
@@ -118,9 +122,9 @@ fn read_pulse_freqs(fields: &mut Fields) -> Option<Vec<u32>> {
 
 fn read_beam(fields: &mut Fields) -> Beam {
     let base = DEVICE_BEAM;
-    let wavelength = f64::from(fields.whole_within("wavelength_nm", base.wavelength as u32, 1..=u32::MAX));
+    let wavelength = f64::from(fields.whole_within("wavelength_nm", base.wavelength as u32, WAVELENGTHS));
     let beam = Beam {
-        divergence: fields.positive("beamDivergence_rad", base.divergence),
+        divergence: fields.within("beamDivergence_rad", base.divergence, &quantity::DIVERGENCE),
         pulse_length: fields.positive("pulseLength_ns", base.pulse_length),
         wavelength,
         atmosphere_wavelength: wavelength,
@@ -155,7 +159,7 @@ pub(super) fn read_ranges(fields: &mut Fields, base: &Detector) -> Detector {
             fields.ignore(&["rangeMax_m"]);
             f64::MAX
         }
-        false => fields.positive("rangeMax_m", base.range_max),
+        false => fields.within("rangeMax_m", base.range_max, &quantity::MAX_RANGE),
     };
     if range_max < range_min {
         let name = if fields.has("rangeMax_m") { "rangeMax_m" } else { "rangeMin_m" };
@@ -262,9 +266,9 @@ fn read_channel(
     };
     let mut deflector = start.with(&mut fields);
     deflector.read_incident_beam(context, element);
-    let wavelength = fields.whole_within("wavelength_nm", base.beam.wavelength as u32, 1..=u32::MAX);
+    let wavelength = fields.whole_within("wavelength_nm", base.beam.wavelength as u32, WAVELENGTHS);
     let beam = Beam {
-        divergence: fields.positive("beamDivergence_rad", base.beam.divergence),
+        divergence: fields.within("beamDivergence_rad", base.beam.divergence, &quantity::DIVERGENCE),
         pulse_length: fields.positive("pulseLength_ns", base.beam.pulse_length),
         wavelength: f64::from(wavelength),
         ..base.beam

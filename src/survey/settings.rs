@@ -6,6 +6,7 @@ use super::fields::Fields;
 use super::xml::Element;
 use super::{LegTrajectory, PlatformSettings, ScannerSettings};
 use crate::geom::DVec3;
+use crate::quantity;
 
 /// Scanner settings as written, before merging. Angles are radians; vertical angles that are NaN are not set.
 #[derive(Clone, Debug)]
@@ -73,7 +74,8 @@ impl ScannerLayer {
         };
         let vertical_min = angle_or_nan("verticalAngleMin_deg", base.vertical_min);
         let vertical_max = angle_or_nan("verticalAngleMax_deg", base.vertical_max);
-        let beam_divergence = fields.positive("beamDivergence_rad", base.beam_divergence);
+        let beam_divergence =
+            fields.within("beamDivergence_rad", base.beam_divergence, &quantity::DIVERGENCE);
         let layer = ScannerLayer {
             active: fields.flag("active", base.active),
             pulse_freq: fields.whole("pulseFreq_hz", base.pulse_freq),
@@ -201,7 +203,7 @@ fn read_duration(context: &Context, fields: &mut Fields, base: f64) -> f64 {
     }
     let Some(child) = fields.element.child("maxDuration_s") else { return base };
     match child.content().trim().parse::<f64>() {
-        Ok(value) if value.is_finite() => value,
+        Ok(value) if quantity::NUMBER.contains(value) => value,
         _ => {
             let found = child.content().trim();
             let message = format!("expected a number in <maxDuration_s>, found `{found}`; {base} is used");

@@ -1,6 +1,7 @@
 //! XML documents as owned elements with their places in the file.
 
 use super::text::{decode, line_of_bytes};
+use super::xml_limits::{MAX_NODES, check_limits};
 use crate::diag::{Diagnostics, Place};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -57,9 +58,21 @@ impl Document {
                 guess
             }
         };
-        let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+        if let Err((at, message)) = check_limits(&text) {
+            problems.error(Some(Place::in_text(path, &text, at)), message);
+            return None;
+        }
+        let options =
+            roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
         let tree = match roxmltree::Document::parse_with_options(&text, options) {
             Ok(tree) => tree,
+            Err(roxmltree::Error::NodesLimitReached) => {
+                let message = format!("the document has more than {MAX_NODES} elements, texts and comments");
+                problems
+                    .error(Some(Place::in_line(path, 0, "", 0..0)), message)
+                    .help("a table of instances (.csv) holds more parts than a document");
+                return None;
+            }
             Err(e) => {
                 let at = match e {
                     // These errors have no position.

@@ -4,6 +4,7 @@
 mod common;
 
 mod bench;
+mod campaign;
 mod catalogue;
 mod citations;
 mod conformance;
@@ -21,6 +22,7 @@ mod helios_options;
 mod hostile;
 mod instruments;
 mod interruption;
+mod limits;
 mod manual;
 mod navigation;
 mod noise;

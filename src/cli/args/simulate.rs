@@ -1,7 +1,7 @@
 //! The command line of `vlscan run` and of its stages: `vlscan trajectory`, `vlscan pulses`, `vlscan trace`.
 
 use crate::options::{
-    Count, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, Options, OriginOptions,
+    Count, Divergence, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, Options, OriginOptions,
     OutputOptions, PartNumber, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions, TreeOptions,
 };
 use clap::{Args, ValueEnum};
@@ -215,7 +215,7 @@ impl TraceArgs {
 pub struct InstrumentArgs {
     /// Divergence of the beam in rad, whatever the stream says. [default: the stream's, else the scanner's]
     #[arg(long, value_name = "RAD")]
-    pub divergence: Option<NotNegative>,
+    pub divergence: Option<Divergence>,
     /// Length of the outgoing pulse in ns.
     #[arg(long, value_name = "NS")]
     pub pulse_length: Option<NotNegative>,

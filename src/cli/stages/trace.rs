@@ -87,7 +87,7 @@ impl Setting {
 fn change_instrument(survey: &mut Survey, args: &InstrumentArgs) {
     let set = |target: &mut f64, value: Option<NotNegative>| *target = value.map_or(*target, |value| value.0);
     for device in &mut survey.scanner.devices {
-        set(&mut device.beam.divergence, args.divergence);
+        device.beam.divergence = args.divergence.map_or(device.beam.divergence, |divergence| divergence.0);
         set(&mut device.beam.pulse_length, args.pulse_length);
         set(&mut device.detector.accuracy, args.accuracy);
         set(&mut device.detector.range_min, args.range_min);

@@ -2,6 +2,7 @@
 
 use super::fix::{Fix, FixPlace, Pose, RecordError};
 use crate::geom::{DVec3, Rotation, UtmZone};
+use crate::quantity::COORDINATE;
 use crate::survey::{Grid, PoseStream};
 
 #[derive(Debug)]
@@ -52,6 +53,13 @@ impl Georeference {
         }
         if let Some(boresight) = self.boresight {
             attitude = attitude.after(boresight);
+        }
+        if !position.to_array().iter().all(|&coordinate| COORDINATE.contains(coordinate)) {
+            let message = format!(
+                "the position x {:?} y {:?} z {:?}, expected {}",
+                position.x, position.y, position.z, COORDINATE.expected
+            );
+            return Err(RecordError::new(message));
         }
         Ok(Pose { time: fix.time, position, attitude })
     }

@@ -19,7 +19,8 @@ mod reader;
 mod sequence;
 #[cfg(test)]
 mod tests;
-mod text;
+pub(super) mod text;
 
 pub use fix::Pose;
 pub use reader::{PollResult, PoseEvent, PoseReader};
+pub use sequence::MAX_FLOWN_GAP;

@@ -2,12 +2,15 @@
 
 use super::fix::{Fix, Pose, RecordError};
 use crate::geom::DVec3;
+use crate::quantity::{self, MAX_DURATION};
 
 /// Minimum length of a gap, s.
 const MIN_GAP: f64 = 1.0;
 /// Minimum length of a gap as a multiple of the interval before it.
 const MIN_GAP_INTERVALS: f64 = 10.0;
 const MAX_WARNINGS: usize = 20;
+/// Maximum interval between two poses in which the platform is flown straight, s.
+pub const MAX_FLOWN_GAP: f64 = 3600.0;
 /// Distance after which headings are compared with the course, m.
 const COMPARED_DISTANCE: f64 = 20.0;
 /// Minimum cosine of the angle between heading and course that causes no note: 60°.
@@ -18,6 +21,8 @@ const MIN_COURSE_COSINE: f64 = 0.5;
 pub struct SequenceChecks {
     max_gap: f64,
     last: Option<Fix>,
+    /// Time of the first fix, s.
+    first_time: f64,
     /// The last interval, s.
     interval: f64,
     warnings: usize,
@@ -37,6 +42,7 @@ impl SequenceChecks {
         SequenceChecks {
             max_gap,
             last: None,
+            first_time: 0.0,
             interval: 0.0,
             warnings: 0,
             start: None,
@@ -47,9 +53,16 @@ impl SequenceChecks {
     /// Compares a fix with the one before.
     ///
     /// # Errors
-    /// Its time is not later.
+    /// Its time is not later, or so much later that the flight would hardly end.
     pub fn check(&mut self, fix: &Fix) -> Result<Checked, RecordError> {
-        let Some(last) = self.last.replace(*fix) else { return Ok(Checked::default()) };
+        if !quantity::TIME.contains(fix.time) {
+            let message = format!("time {:?}, expected {}", fix.time, quantity::TIME.expected);
+            return Err(RecordError::new(message));
+        }
+        let Some(last) = self.last.replace(*fix) else {
+            self.first_time = fix.time;
+            return Ok(Checked::default());
+        };
         if *fix == last {
             let warning = self.limited(|| RecordError::new("the same pose again, passed over"));
             return Ok(Checked { is_repeated: true, warning });
@@ -59,7 +72,19 @@ impl SequenceChecks {
             let message = format!("time {} {what}; the pose before it has {}", fix.time, last.time);
             return Err(RecordError::new(message).help("the times of a trajectory must ascend"));
         }
+        if fix.time - self.first_time > MAX_DURATION {
+            let message = format!(
+                "time {:?} is more than {MAX_DURATION} s after that of the first pose, {:?}",
+                fix.time, self.first_time
+            );
+            return Err(RecordError::new(message).help("a trajectory covers at most 31 days"));
+        }
         let interval = fix.time - last.time;
+        if interval > MAX_FLOWN_GAP && interval <= self.max_gap {
+            let message =
+                format!("no pose for {interval} s before this one, at most {MAX_FLOWN_GAP} s are flown");
+            return Err(RecordError::new(message).help("--max-gap leaves longer gaps out"));
+        }
         let before = std::mem::replace(&mut self.interval, interval);
         let is_skipped = interval > self.max_gap;
         let is_gap =

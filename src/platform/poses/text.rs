@@ -11,7 +11,7 @@ use crate::survey::{AngleConvention, PoseFormat, PoseStream, RotationSpec};
 use std::borrow::Cow;
 use std::f64::consts::FRAC_PI_2;
 
-const MAX_LINE_BYTES: usize = 1 << 16;
+pub const MAX_LINE_BYTES: usize = 1 << 16;
 /// Decimals of the columns of HELIOS++'s trajectory files: x, y, z, t, roll, pitch, yaw.
 const HELIOS_DECIMALS: [usize; 7] = [4, 4, 4, 9, 4, 4, 4];
 
@@ -44,15 +44,17 @@ impl TextDecoder {
     }
 
     pub fn next<'t>(&mut self, bytes: &'t [u8], ended: bool) -> Decoded<'t> {
-        let (line, taken) = match memchr::memchr(b'\n', bytes) {
-            Some(end) => (&bytes[..end], end + 1),
-            None if bytes.len() > MAX_LINE_BYTES => {
-                let start = String::from_utf8_lossy(&bytes[..40]).into_owned();
-                let place = RecordPlace::Line { number: self.line + 1, text: Cow::Owned(start), time: 0..0 };
-                let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pose");
-                return Decoded::Invalid(place, RecordError { at: Some(0..0), ..RecordError::new(message) });
-            }
-            None if ended && !bytes.is_empty() => (bytes, bytes.len()),
+        let end = memchr::memchr(b'\n', bytes);
+        let line = &bytes[..end.unwrap_or(bytes.len())];
+        if line.len() > MAX_LINE_BYTES {
+            let start = String::from_utf8_lossy(&line[..40]).into_owned();
+            let place = RecordPlace::Line { number: self.line + 1, text: Cow::Owned(start), time: 0..0 };
+            let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pose");
+            return Decoded::Invalid(place, RecordError { at: Some(0..0), ..RecordError::new(message) });
+        }
+        let taken = match end {
+            Some(end) => end + 1,
+            None if ended && !line.is_empty() => line.len(),
             None => return Decoded::Incomplete,
         };
         self.line += 1;

@@ -1,6 +1,7 @@
 //! Errors of navigation: the difference between the pose that a platform reports and the one that it flew.
 
 use crate::geom::radians;
+use crate::quantity;
 
 /// Errors of position and attitude as the navigation system reports them, and of the scanner's calibration. The beam
 /// is traced from the true pose; points are georeferenced with the reported pose. All 0 means no error.
@@ -97,15 +98,15 @@ impl NavigationErrors {
             [a, b, c] => Ok([*a, *b, *c]),
             _ => Err(format!("{key}: expected one number or three, found {}", numbers.len())),
         }?;
-        if let Some(wrong) = numbers.iter().find(|v| !v.is_finite()) {
-            return Err(format!("{key}: expected finite numbers, found {wrong}"));
+        if let Some(wrong) = numbers.iter().find(|v| !quantity::NUMBER.contains(**v)) {
+            return Err(format!("{key}: expected finite numbers from -1e12 to 1e12, found {wrong:?}"));
         }
         let sigma = |v: [f64; 3]| match v.iter().find(|v| **v < 0.0) {
             Some(wrong) => Err(format!("{key}: expected a standard deviation of at least 0, found {wrong}")),
             None => Ok(v),
         };
         let seconds = || match numbers {
-            [s] if *s > 0.0 => Ok(*s),
+            [s] if quantity::POSITIVE.contains(*s) => Ok(*s),
             _ => Err(format!("{key}: expected one number of seconds above 0")),
         };
         match key {

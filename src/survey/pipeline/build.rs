@@ -14,6 +14,7 @@ use super::keys::{LegKeys, Movement, PlatformKeys, SettingsKeys, SurveyKeys};
 use super::source::{Source, near};
 use super::values::Values;
 use crate::geom::DVec3;
+use crate::quantity;
 use std::path::Path;
 use toml::Spanned;
 
@@ -133,7 +134,7 @@ fn change_detection(values: &Values, scanner: &mut Scanner, keys: &SurveyKeys) {
         }
         values.not_negative(&mut device.detector.accuracy, &detector.accuracy_m);
         values.not_negative(&mut device.detector.range_min, &detector.range_min_m);
-        values.positive(&mut device.detector.range_max, &detector.range_max_m);
+        values.set(&mut device.detector.range_max, &detector.range_max_m, &quantity::MAX_RANGE);
         if let Some(returns) = &detector.max_returns {
             device.detector.max_returns = *returns.get_ref();
         }

@@ -1,11 +1,12 @@
 //! The `[scanner]` table.
 
-use super::super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM, read_scanner};
+use super::super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM, WAVELENGTHS, read_scanner};
 use super::super::{Deflector, Device, Head, MechanicalErrors, Mount, Prism, Receiver, Scanner};
 use super::keys::{InstrumentKeys, Key, Optics};
 use super::receiver::{change_emission, change_receiver};
 use super::values::Values;
 use crate::geom::{DVec3, radians, unit};
+use crate::quantity;
 use toml::Spanned;
 
 /// The instrument of a `[scanner]` table, based on `inherited` (the scanner of a survey) or its catalogue entry.
@@ -119,7 +120,7 @@ fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     let detector = &mut device.detector;
     values.not_negative(&mut detector.accuracy, &keys.accuracy_m);
     values.not_negative(&mut detector.range_min, &keys.range_min_m);
-    values.positive(&mut detector.range_max, &keys.range_max_m);
+    values.set(&mut detector.range_max, &keys.range_max_m, &quantity::MAX_RANGE);
     values.not_negative(&mut detector.threshold, &keys.received_energy_min_w);
     if let Some(returns) = &keys.max_returns {
         detector.max_returns = *returns.get_ref();
@@ -129,7 +130,7 @@ fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
 
 fn change_beam(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     let beam = &mut device.beam;
-    values.positive(&mut beam.divergence, &keys.beam_divergence_rad);
+    values.set(&mut beam.divergence, &keys.beam_divergence_rad, &quantity::DIVERGENCE);
     values.positive(&mut beam.pulse_length, &keys.pulse_length_ns);
     values.positive(&mut beam.average_power, &keys.average_power_w);
     values.positive(&mut beam.quality, &keys.beam_quality);
@@ -137,8 +138,9 @@ fn change_beam(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     values.positive(&mut beam.receiver_diameter, &keys.receiver_diameter_m);
     values.positive(&mut beam.visibility, &keys.visibility_km);
     if let Some(wavelength) = &keys.wavelength_nm {
-        if *wavelength.get_ref() == 0 {
-            values.refuse(wavelength, "a whole number above 0");
+        if !WAVELENGTHS.contains(wavelength.get_ref()) {
+            let expected = format!("a whole number from {} to {}", WAVELENGTHS.start(), WAVELENGTHS.end());
+            values.refuse(wavelength, &expected);
         }
         beam.wavelength = f64::from(*wavelength.get_ref());
         beam.atmosphere_wavelength = beam.wavelength;
@@ -212,7 +214,11 @@ fn change_risley(
             index: p.index,
         };
         *prisms = key.get_ref().iter().map(read).filter(|p| p.angle != 0.0).collect();
-        if prisms.iter().any(|p| !(p.rotor_freq.is_finite() && p.angle.is_finite() && p.index > 0.0)) {
+        let is_prism = |p: &Prism| {
+            [p.rotor_freq, p.angle].iter().all(|v| quantity::NUMBER.contains(*v))
+                && quantity::POSITIVE.contains(p.index)
+        };
+        if !prisms.iter().all(is_prism) {
             values.refuse(key, "prisms with finite figures and an index above 0");
         }
     }

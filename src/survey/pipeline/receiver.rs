@@ -4,6 +4,7 @@ use super::super::pulse_file::read_pulse_file;
 use super::super::{AmplifierNoise, Device, Receiver, ReferenceTarget, ShotNoise, pulse_length_of_width};
 use super::keys::{InstrumentKeys, Key};
 use super::values::Values;
+use crate::quantity::{DIVERGENCE, FRACTION};
 use toml::Spanned;
 
 /// Applies pulse energy, width, shape, profile and aperture to the device, after pulse length and divergence.
@@ -20,8 +21,8 @@ pub(super) fn change_emission(values: &Values, device: &mut Device, keys: &Instr
     if let Some(energy) = positive(values, &keys.pulse_energy_uj) {
         beam.pulse_energy = Some(energy * 1e-6);
     }
-    if let Some(divergence) = positive(values, &keys.beam_divergence_y_rad) {
-        beam.divergence_y = Some(divergence);
+    if keys.beam_divergence_y_rad.is_some() {
+        values.set(beam.divergence_y.insert(beam.divergence), &keys.beam_divergence_y_rad, &DIVERGENCE);
     }
     values.not_negative(&mut beam.aperture, &keys.exit_aperture_m);
     beam.profile = keys.beam_profile.unwrap_or(beam.profile);
@@ -92,7 +93,7 @@ fn read_target(
     let mut target = ReferenceTarget { range: 1.0, reflectance: 1.0, pulse_freq: None };
     values.positive(&mut target.range, &Some(range.clone()));
     let fraction = Some(reflectance.clone());
-    values.set(&mut target.reflectance, &fraction, "a fraction above 0, at most 1", |v| v > 0.0 && v <= 1.0);
+    values.set(&mut target.reflectance, &fraction, &FRACTION);
     target.pulse_freq = positive(values, pulse_freq);
     target
 }

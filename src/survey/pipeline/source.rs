@@ -6,6 +6,7 @@ use super::super::text::{decode, line_of_bytes};
 use super::keys::SurveyKeys;
 use crate::diag::{Diagnostic, Diagnostics, Place, nearest};
 use crate::error::{Error, Result};
+use crate::input::read_file;
 use serde::Deserialize;
 use serde::de::Visitor;
 use std::collections::{BTreeMap, HashMap};
@@ -20,6 +21,8 @@ pub struct Source {
     text: String,
 }
 
+/// Maximum size of a file, bytes.
+const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Maximum number of reported problems of one file.
 const MAX_PROBLEMS: usize = 200;
 
@@ -29,7 +32,7 @@ impl Source {
     /// # Errors
     /// [`Error::Io`], or [`Error::Input`] for bytes that are not text.
     pub fn read(path: &Path) -> Result<Source> {
-        let bytes = std::fs::read(path).map_err(|e| Error::io("read", path, e))?;
+        let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::io("read", path, e))?;
         match decode(&bytes) {
             Ok(text) => Ok(Source { path: path.to_path_buf(), text }),
             Err(e) => {

@@ -6,6 +6,7 @@ use super::super::{Formula, Mount};
 use super::keys::{Key, PoseKeys};
 use super::source::{Source, near};
 use crate::geom::{DVec3, Rotation, radians};
+use crate::quantity::{self, Bounds};
 use toml::Spanned;
 
 /// Context for reading the values of one file.
@@ -15,27 +16,26 @@ pub(super) struct Values<'c> {
 }
 
 impl Values<'_> {
-    /// Sets `target` to the value of the key, if present; it must be a finite number for which `holds` returns true.
-    pub fn set(&self, target: &mut f64, key: &Key<f64>, expected: &str, holds: fn(f64) -> bool) {
+    /// Sets `target` to the value of the key, if present; it must be within `bounds`.
+    pub fn set(&self, target: &mut f64, key: &Key<f64>, bounds: &Bounds) {
         let Some(key) = key else { return };
-        let value = *key.get_ref();
-        if value.is_finite() && holds(value) {
-            *target = value;
+        if bounds.contains(*key.get_ref()) {
+            *target = *key.get_ref();
         } else {
-            self.refuse(key, expected);
+            self.refuse(key, bounds.expected);
         }
     }
 
     pub fn positive(&self, target: &mut f64, key: &Key<f64>) {
-        self.set(target, key, "a number above 0", |v| v > 0.0);
+        self.set(target, key, &quantity::POSITIVE);
     }
 
     pub fn not_negative(&self, target: &mut f64, key: &Key<f64>) {
-        self.set(target, key, "a number of at least 0", |v| v >= 0.0);
+        self.set(target, key, &quantity::NOT_NEGATIVE);
     }
 
     pub fn number(&self, target: &mut f64, key: &Key<f64>) {
-        self.set(target, key, "a finite number", |_| true);
+        self.set(target, key, &quantity::NUMBER);
     }
 
     /// Sets `target` (radians) to the value of the key (degrees), if present.
@@ -47,14 +47,14 @@ impl Values<'_> {
         }
     }
 
-    /// Three finite numbers.
+    /// Three numbers.
     pub fn vector(&self, key: &Key<[f64; 3]>) -> Option<DVec3> {
         let key = key.as_ref()?;
         let vector = DVec3::from(*key.get_ref());
-        if vector.is_finite() {
+        if key.get_ref().iter().all(|&component| quantity::NUMBER.contains(component)) {
             return Some(vector);
         }
-        self.refuse(key, "three finite numbers");
+        self.refuse(key, "three finite numbers from -1e12 to 1e12");
         None
     }
 
@@ -93,9 +93,9 @@ impl Values<'_> {
         for turn in &keys.rotate_deg {
             let axes = turn.get_ref();
             let rotation = match (axes.x, axes.y, axes.z) {
-                (Some(x), None, None) if x.is_finite() => Rotation::about_x(radians(x)),
-                (None, Some(y), None) if y.is_finite() => Rotation::about_y(radians(y)),
-                (None, None, Some(z)) if z.is_finite() => Rotation::about_z(radians(z)),
+                (Some(x), None, None) if quantity::NUMBER.contains(x) => Rotation::about_x(radians(x)),
+                (None, Some(y), None) if quantity::NUMBER.contains(y) => Rotation::about_y(radians(y)),
+                (None, None, Some(z)) if quantity::NUMBER.contains(z) => Rotation::about_z(radians(z)),
                 _ => {
                     self.refuse(turn, "one finite angle about one axis, such as { x = -90 }");
                     continue;

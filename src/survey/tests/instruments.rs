@@ -103,7 +103,7 @@ fn wrong_instruments() {
     );
     contains(&base("", "<rangeError/>"), &["<rangeError> needs the attribute `expr`"]);
     contains(&base("", "<channels/>"), &["<channels> needs at least one <channel>"]);
-    contains(&base("wavelength_nm='0'", ""), &["`wavelength_nm` must be a whole number of at least 1"]);
+    contains(&base("wavelength_nm='0'", ""), &["`wavelength_nm` must be a whole number from 1 to 1000000"]);
     contains(&base("beamDivergence_rad='-1'", ""), &["`beamDivergence_rad` must be a number above 0"]);
     contains(&base("rangeMin_m='5' rangeMax_m='4'", ""), &["rangeMin_m does not exceed rangeMax_m"]);
     contains(

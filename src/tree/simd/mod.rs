@@ -21,6 +21,7 @@ pub(crate) use prefetch::prefetch;
 
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Sub};
+use std::sync::OnceLock;
 
 /// The array of `$e` for `$i` in 0, 1, 2 (or as many as listed). `array::map` and `array::from_fn` are not always
 /// inlined, and a closure that is not inlined lacks the target features; this macro needs no closure.
@@ -83,8 +84,25 @@ impl Level {
         sets.into_iter().flatten()
     }
 
+    /// The fastest set, or the one that the environment variable `VLSCAN_SIMD` names: portable, avx2 or avx512. Sets
+    /// that the machine does not have are portable.
     pub fn best() -> Level {
-        Level::available().next_back().unwrap_or(Level::Portable(portable::Portable))
+        static BEST: OnceLock<Level> = OnceLock::new();
+        *BEST.get_or_init(|| {
+            let wanted = std::env::var("VLSCAN_SIMD").ok();
+            let is_wanted = |level: &Level| wanted.as_deref().is_none_or(|name| name == level.name());
+            Level::available().rfind(is_wanted).unwrap_or(Level::Portable(portable::Portable))
+        })
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            Level::Portable(_) => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(_) => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(_) => "avx512",
+        }
     }
 }
 
