@@ -56,7 +56,7 @@ const MAX_MESSAGE_LINES: usize = 6;
 const MAX_REPORT_LINES: usize = 20;
 /// Maximum number of lines of a report that are reserved for problems with a line each.
 const MAX_RESERVED_LINES: usize = 10;
-/// Maximum number of different problems that are stored; further ones are counted.
+/// Maximum number of different problems of a severity that are stored; further ones are counted.
 const MAX_PROBLEMS: usize = 1000;
 /// The message that stands for the problems that are not stored.
 const FURTHER_PROBLEMS: &str = "there are more problems than can be listed";
@@ -119,6 +119,8 @@ const MAX_LINES: usize = 5;
 #[derive(Clone, Debug, Default)]
 pub struct Diagnostics {
     items: Vec<Diagnostic>,
+    /// Numbers of items by severity.
+    stored: [usize; 3],
     /// Indices in `items` by severity, file and message.
     index: HashMap<(Severity, Option<PathBuf>, String), usize>,
 }
@@ -143,7 +145,8 @@ impl Diagnostics {
         let message = shortened(message);
         let mut key = (severity, place.as_ref().map(|p| p.path.clone()), message);
         let next = self.items.len();
-        if next >= MAX_PROBLEMS && !self.index.contains_key(&key) {
+        let stored = &mut self.stored[severity as usize];
+        if *stored >= MAX_PROBLEMS && !self.index.contains_key(&key) {
             key = (severity, None, FURTHER_PROBLEMS.to_owned());
             if let Some(&at) = self.index.get(&key) {
                 self.items[at].repeats += 1;
@@ -154,6 +157,7 @@ impl Diagnostics {
         let place = place.filter(|_| key.1.is_some());
         let at = *self.index.entry(key).or_insert(next);
         if at == next {
+            *stored += 1;
             self.items.push(Diagnostic {
                 severity,
                 message,
@@ -462,8 +466,10 @@ mod tests {
             d.warn(None, format!("problem {i}")).help("help");
         }
         let last = d.items().last().unwrap();
-        assert_eq!((d.items().len(), last.repeats), (MAX_PROBLEMS + 1, MAX_PROBLEMS * 2 + 1));
+        assert_eq!((d.items().len(), last.repeats), (2 + MAX_PROBLEMS + 1, MAX_PROBLEMS * 2 - 1));
         assert_eq!((last.message.as_str(), &last.help), (FURTHER_PROBLEMS, &None));
+        d.error(None, "an error after many warnings");
+        assert!(d.render(false).contains("an error after many warnings"));
     }
 
     #[test]

@@ -11,6 +11,9 @@ use crate::geom::{DVec3, Rotation, degrees, radians};
 use crate::quantity::{self, Bounds};
 use std::fmt::Display;
 
+/// Maximum number of unknown elements in an element that are reported.
+const MAX_UNKNOWN_CHILDREN: usize = 1000;
+
 /// The attributes of an element while they are read.
 pub(super) struct Fields<'c> {
     pub element: &'c Element,
@@ -36,7 +39,8 @@ impl<'c> Fields<'c> {
             let help = meant(name, &self.known);
             self.context.warn_help(self.element.name_place(name), message, help);
         }
-        for child in self.element.children().filter(|c| !children.contains(&c.name())) {
+        let unknown = self.element.children().filter(|c| !children.contains(&c.name()));
+        for child in unknown.take(MAX_UNKNOWN_CHILDREN) {
             let message = format!("unknown element <{}> in <{tag}> is ignored", child.name());
             self.context.warn_help(child.place(), message, meant(child.name(), children));
         }

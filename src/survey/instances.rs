@@ -59,6 +59,11 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
     let (mut may_be_heading, mut columns) = (true, 0);
     let end = text.as_ptr() as usize + text.len();
     for (number, line) in (1..).zip(text.lines()) {
+        if line.len() > MAX_LINE_BYTES {
+            let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected an instance");
+            context.error_help(Place::in_line(path, number, line, 0..0), message, HELP);
+            return None;
+        }
         let content = line.trim_start_matches('\u{feff}').trim();
         if content.is_empty() || content.starts_with('#') {
             continue;
@@ -102,7 +107,9 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
 }
 
 /// Maximum size of a table, bytes.
-const MAX_TABLE_BYTES: u64 = 1 << 30;
+const MAX_TABLE_BYTES: u64 = 1 << 29;
+/// Maximum length of a line, bytes.
+const MAX_LINE_BYTES: usize = 1 << 16;
 
 const HELP: &str = "a line is file,x,y,z,yaw,scale";
 const MAX_FIELDS: usize = 6;

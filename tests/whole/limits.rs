@@ -7,7 +7,7 @@ const MESH: &str = "v -9 -9 0\nv 9 -9 0\nv 0 9 0\nf 1 2 3\n";
 const SURVEY: &str = r##"<?xml version="1.0"?>
 <document>
 <scene id="s"><part><filter type="objloader"><param type="string" key="filepath" value="mesh.obj"/></filter></part></scene>
-<platform id="p" type="linearpath"/>
+<platform id="p" type="linearpath"><scannerMount><rot axis="x" angle_deg="-90"/></scannerMount></platform>
 <scanner id="b" name="b" optics="oscillating" beamDivergence_rad="0.0003" pulseFreqs_Hz="1000" pulseLength_ns="4"
  accuracy_m="0" scanAngleMax_deg="60" scanFreqMin_Hz="1" scanFreqMax_Hz="100" wavelength_nm="1064">
  <beamOrigin/><headRotateAxis z="1"/></scanner>
@@ -103,8 +103,12 @@ fn cases() -> BTreeMap<&'static str, Case> {
     let long = |length: usize| "9".repeat(length);
     let leg = "z=\"5\" movePerSec_m=\"10\"/><scannerSettings";
     let crs = [RUN, &["--crs", "c.wkt"]].concat();
+    let motion =
+        "</filter><dmotion id=\"m\" loop=\"0\"><motion type=\"translation\" vec=\"0;0;0.1\"/></dmotion>";
+    let mut far_step = case("pulses.csv", "time,x,y,z,dx,dy,dz,step\n0,0,0,5,0,0,-1,2e10\n", TRACE);
+    far_step.files.extend(changed("</filter>", motion).files);
     let from_table = [RUN, &["--scene", "t.csv"]].concat();
-    let formula = "<rangeError expr=\"1/THETA\"/><beamOrigin/>";
+    let formula = "<rangeError expr=\"1/(THETA-THETA)\"/><beamOrigin/>";
     BTreeMap::from([
         ("size of an XML document", sparse("survey.xml", (1 << 27) + 1, RUN)),
         ("elements, texts and comments of a document", document(&"<a/>".repeat(1 << 22))),
@@ -113,7 +117,9 @@ fn cases() -> BTreeMap<&'static str, Case> {
         ("text of an entity", entity((1 << 14) + 1, 1)),
         ("all texts of entities together", entity(1 << 14, 65)),
         ("size of a pipeline file", sparse("p.toml", (1 << 24) + 1, &["run", "p.toml", "-o", "out.xyz"])),
-        ("size of a table of instances", sparse("t.csv", (1 << 30) + 1, &from_table)),
+        ("size of a table of instances", sparse("t.csv", (1 << 29) + 1, &from_table)),
+        ("line of a table of instances", case("t.csv", long(70_000), &from_table)),
+        ("step of a pulse, where parts of the scene move", far_step),
         ("size of a pulse shape", pulse_file(Vec::new(), (1 << 24) + 1)),
         ("samples of a pulse shape", pulse_file(samples.into_bytes(), 0)),
         ("size of a coordinate reference system", sparse("c.wkt", (1 << 20) + 1, &crs)),
@@ -240,4 +246,42 @@ fn the_survey_of_the_limits_is_within_them() {
         let (status, messages) = outcome(&case);
         assert_eq!(status, Some(0), "{messages}");
     }
+}
+
+#[test]
+fn formulas_without_a_value_end_the_run() {
+    let scanner = SURVEY
+        .replacen(
+            "optics=\"oscillating\"",
+            "optics=\"rotating\" scanAngleEffectiveMax_deg=\"60\" headRotatePerSecMax_deg=\"90\"",
+            1,
+        )
+        .replacen(
+            "scanFreq_hz=\"10\"",
+            "scanFreq_hz=\"10\" headRotatePerSec_deg=\"90\" headRotateStop_deg=\"90\"",
+            1,
+        );
+    for (element, named) in [
+        ("<rangeError expr=\"1e300*1e300\"/>", "the range error, `1e300*1e300`, is inf at"),
+        ("<rangeError expr=\"0*ln(-1)\"/>", "the range error, `0*ln(-1)`, is NaN at"),
+        ("<deflectionError expr=\"sqrt(THETA)\"/>", "the deflection error, `sqrt(THETA)`, is NaN at -"),
+        ("<deflectionError expr=\"1/(THETA-THETA)\"/>", "the deflection error, `1/(THETA-THETA)`, is inf at"),
+        ("<headError expr=\"acos(2+THETA)\"/>", "the head error, `acos(2+THETA)`, is NaN at"),
+    ] {
+        let (status, messages) =
+            outcome(&run_of(scanner.replacen("<beamOrigin/>", &format!("{element}<beamOrigin/>"), 1)));
+        assert!(status == Some(2) && messages.contains(named), "{element}: status {status:?}, {messages}");
+    }
+    let noise = "<detectorSettings accuracy_m=\"0.01\" distanceMeasurementError=\"ln(0-t)\"/><leg>";
+    let (status, messages) = outcome(&changed("<leg>", noise));
+    let named = "the distance measurement error, `ln(0-t)`, is NaN at";
+    assert!(status == Some(2) && messages.contains(named), "status {status:?}, {messages}");
+}
+
+#[test]
+fn blank_lines_and_comments_before_pulses_are_skipped() {
+    let mut blank = "\n".repeat(1 << 20).into_bytes();
+    blank.extend(b"# pulses\n\ntime,x,y,z,dx,dy,dz\n\n0,0,0,5,0,0,-1\n0,0,0,5,0,0,none\n");
+    let (status, messages) = outcome(&case("pulses.csv", blank, TRACE));
+    assert!(status == Some(2) && messages.contains("pulses.csv:1048582:"), "status {status:?}, {messages}");
 }
