@@ -36,8 +36,8 @@ pub const STREAMED_DIVERGENCE: Bounds = Bounds::new(0.0, 1.5, "a number of at le
 /// Maximum range of a scanner, m; any large number means none.
 pub const MAX_RANGE: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0");
 pub const FRACTION: Bounds = Bounds::new(1e-15, 1.0, "a fraction above 0, at most 1");
-/// Coordinates and differences of them, m.
-pub const COORDINATE: Bounds = Bounds::new(-1e9, 1e9, "metres from -1e9 to 1e9");
+/// Coordinates and differences of them, m: also of places on Earth that were written in millimetres.
+pub const COORDINATE: Bounds = Bounds::new(-1e10, 1e10, "metres from -1e10 to 1e10");
 /// Times in any scale, s and ns.
 pub const TIME: Bounds = Bounds::new(-1e11, 1e11, "seconds from -1e11 to 1e11");
 pub const TIME_NS: Bounds = Bounds::new(-1e20, 1e20, "seconds from -1e11 to 1e11");

@@ -332,7 +332,7 @@ mod tests {
         refuse(PulseColumn::AttitudeW, 2.0, "length is");
         refuse(PulseColumn::Divergence, -1.0, "expected a number of at least 0");
         refuse(PulseColumn::StartDivergence, 1e300, "at most 1.5 rad");
-        refuse(PulseColumn::X, 1e10, "x is 10000000000.0, expected metres");
+        refuse(PulseColumn::X, 1e11, "x is 100000000000.0, expected metres");
         refuse(PulseColumn::RangeError, -1e300, "is -1e300, expected metres");
         refuse(PulseColumn::ScanAngle, 1e300, "to 1e12");
         refuse(PulseColumn::Time, 1e21, "expected seconds");

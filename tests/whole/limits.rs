@@ -9,7 +9,7 @@ const SURVEY: &str = r##"<?xml version="1.0"?>
 <scene id="s"><part><filter type="objloader"><param type="string" key="filepath" value="mesh.obj"/></filter></part></scene>
 <platform id="p" type="linearpath"><scannerMount><rot axis="x" angle_deg="-90"/></scannerMount></platform>
 <scanner id="b" name="b" optics="oscillating" beamDivergence_rad="0.0003" pulseFreqs_Hz="1000" pulseLength_ns="4"
- accuracy_m="0" scanAngleMax_deg="60" scanFreqMin_Hz="1" scanFreqMax_Hz="100" wavelength_nm="1064">
+ accuracy_m="0" rangeMin_m="0.1" scanAngleMax_deg="60" scanFreqMin_Hz="1" scanFreqMax_Hz="100" wavelength_nm="1064">
  <beamOrigin/><headRotateAxis z="1"/></scanner>
 <survey name="n" scene="#s" platform="#p" scanner="#b">
  <leg><platformSettings x="0" y="0" z="5" movePerSec_m="10"/><scannerSettings pulseFreq_hz="1000" scanAngle_deg="10" scanFreq_hz="10"/></leg>
@@ -142,10 +142,10 @@ fn cases() -> BTreeMap<&'static str, Case> {
             changed("<beamOrigin/>", &format!("<rangeError expr=\"{}\"/><beamOrigin/>", "(".repeat(51))),
         ),
         ("coordinate of a scene", with_scene("far.obj", MESH.replace("v 9", "v 2e12"))),
-        ("coordinate of a leg", changed("x=\"0\"", "x=\"2e9\"")),
-        ("coordinate of a pose", poses("0,2e9,0,5,0,0,0\n")),
-        ("coordinate of a pose of a survey's trajectory", recorded("0,0,0,0,0,0,5\n1,0,0,0,2e9,0,5\n", "")),
-        ("coordinate of a pulse", pulse("0", "2e9", "0.001")),
+        ("coordinate of a leg", changed("x=\"0\"", "x=\"2e10\"")),
+        ("coordinate of a pose", poses("0,2e10,0,5,0,0,0\n")),
+        ("coordinate of a pose of a survey's trajectory", recorded("0,0,0,0,0,0,5\n1,0,0,0,2e10,0,5\n", "")),
+        ("coordinate of a pulse", pulse("0", "2e10", "0.001")),
         ("time of a pose, in any scale", poses("2e11,0,0,5,0,0,0\n")),
         ("time of a pulse", pulse("2e11", "0", "0.001")),
         (
