@@ -20,13 +20,8 @@
 //! |---|---|---|
 //! | `error`, `diag` | errors; diagnostics with file, line and caret | |
 //! | `geom`, `rng` | rotations, boxes, map projection; counter-based random numbers | |
-<<<<<<< HEAD
-//! | `quantity`, `columns` | counts and sizes as text; headings and separators of columns | |
-//! | `files`, `damage`, `machine`, `input` | files named when complete; panics of decoders caught; threads and memory of the machine; byte streams and Arrow tables read while they arrive | |
-=======
 //! | `quantity`, `columns` | bounds of numbers, counts and sizes as text; headings and separators of columns | |
-//! | `files`, `damage`, `input` | files named when complete; panics of decoders caught; byte streams and Arrow tables read while they arrive | |
->>>>>>> 9027744 (limits: cases for each; pulse: primitives have their numbers of stored meshes, shared or not)
+//! | `files`, `damage`, `machine`, `input` | files named when complete; panics of decoders caught; threads and memory of the machine; byte streams and Arrow tables read while they arrive | |
 //! | `store` | arrays in memory or in a mapped file, and that file | geom |
 //! | `points` | reads point clouds: LAS and LAZ, PLY, columns of text | geom |
 //! | `survey` | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, input |

@@ -122,7 +122,8 @@ impl Source {
     pub fn place(&self, number: usize, at: Range<usize>) -> Place {
         let bytes = self.bytes();
         let start = memrchr(b'\n', &bytes[..at.start.min(bytes.len())]).map_or(0, |i| i + 1);
-        let end = memchr(b'\n', &bytes[start..]).map_or(bytes.len(), |n| start + n);
+        let last = bytes.len().min(at.end.max(at.start) + MAX_SHOWN_BYTES);
+        let end = memchr(b'\n', &bytes[start..last]).map_or(last, |n| start + n);
         let from = if at.start - start > MAX_SHOWN_BYTES { at.start - MAX_SHOWN_BYTES / 2 } else { start };
         let to = end.min(from + MAX_SHOWN_BYTES);
         let before = shown(&bytes[from..at.start.clamp(from, to)]);
