@@ -1,8 +1,9 @@
 //! The command line of `vlscan run` and of its stages: `vlscan trajectory`, `vlscan pulses`, `vlscan trace`.
 
 use crate::options::{
-    Count, Divergence, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, Options, OriginOptions,
-    OutputOptions, PartNumber, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions, TreeOptions,
+    Count, Divergence, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, Options,
+    OriginOptions, OutputOptions, PartNumber, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions,
+    TreeOptions,
 };
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
