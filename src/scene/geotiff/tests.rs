@@ -256,7 +256,7 @@ fn damaged_files_are_errors_of_their_part() {
         .with(256, Values::Long(vec![60_000]))
         .with(257, Values::Long(vec![60_000]));
     let flat = TiffFile::new(3, &HEIGHTS).with(33550, Values::Double(vec![0.0, 1.0, 0.0]));
-    let vast_tiles = TiffFile::new(3, &HEIGHTS)
+    let vast_tiles = TiffFile { tiled: true, ..TiffFile::new(3, &HEIGHTS) }
         .without(278)
         .with(322, Values::Long(vec![1 << 20]))
         .with(323, Values::Long(vec![16]));
