@@ -3,6 +3,7 @@
 use crate::common::{files, fixture, folder, text};
 use std::path::Path;
 use std::process::Command;
+use std::time::{Duration, Instant};
 use vlscan::{
     Control, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey,
 };
@@ -15,7 +16,7 @@ const VARIABLE: &str = "VLSCAN_ENDURANCE_RUNS";
 #[cfg(target_os = "linux")]
 fn many_runs_leave_nothing_behind() {
     let mut child = Command::new(std::env::current_exe().unwrap());
-    child.args(["--exact", "endurance::runs", "--ignored", "--nocapture"]).env(VARIABLE, "100");
+    child.args(["--exact", "endurance::runs", "--ignored", "--nocapture"]).env(VARIABLE, "50");
     let output = child.output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
 }
@@ -48,7 +49,13 @@ fn runs() {
             start = Some(held());
         }
     }
-    let (start, end) = (start.expect("more than 20 runs"), held());
+    let start: Held = start.expect("more than 20 runs");
+    // Threads that have been joined are listed until the system has removed them.
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while held().threads > start.threads && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let end = held();
     eprintln!("{runs} runs: {start:?} after 21 runs, {end:?} at the end");
     assert!(end.threads <= start.threads, "threads: {start:?}, {end:?}");
     assert_eq!(end.descriptors, start.descriptors);

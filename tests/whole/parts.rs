@@ -251,7 +251,8 @@ fn borders_found_before_give_the_same_parts() {
     succeed(planned.path(), &["plan-parts", &survey, "-q", "-o", "parts", "--waveforms", "--seed", "4"]);
     assert!(planned.path().join("parts/flight.vlplan").is_file());
     for dir in [&planned, &unplanned] {
-        compute(dir.path(), &survey, &["--seed", "4"], 0..3, 3);
+        // Two of the ways of `compute`: the sizes of dynamic chunks, which are the blocks of a part, depend on time.
+        compute(dir.path(), &survey, &["--seed", "4"], 0..2, 2);
     }
     assert_same(&contents(planned.path()), &contents(unplanned.path()), "parts");
     // Borders of another flight are refused, and damaged ones, too.
