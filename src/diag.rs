@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+/// How grave a problem is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
     /// The run cannot continue.
@@ -33,6 +34,7 @@ pub enum Notice {
 /// A place in a text file: one line with a range of it underlined.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
+    /// The file.
     pub path: PathBuf,
     /// Line number, from 1; 0 when only the file is known.
     pub line: usize,
@@ -97,8 +99,10 @@ impl Place {
     }
 }
 
+/// A problem of the input.
 #[derive(Clone, Debug)]
 pub struct Diagnostic {
+    /// How grave it is.
     pub severity: Severity,
     /// The problem and the expected input, in one sentence without a full stop.
     pub message: String,

@@ -20,6 +20,7 @@
 //! |---|---|---|
 //! | `error`, `diag` | errors; diagnostics with file, line and caret | |
 //! | `geom`, `rng` | rotations, boxes, map projection; counter-based random numbers | |
+//! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT | geom |
 //! | `quantity`, `columns` | bounds of numbers, counts and sizes as text; headings and separators of columns | |
 //! | `files`, `damage`, `machine`, `input` | files named when complete; panics of decoders caught; threads and memory of the machine; byte streams and Arrow tables read while they arrive | |
 //! | `store` | arrays in memory or in a mapped file, and that file | geom |
@@ -27,16 +28,18 @@
 //! | `survey` | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, input |
 //! | `tree` | primitives and rays: builders, traversal, watertight tests; nothing of LiDAR | geom, store |
 //! | `scene` | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree, points |
-//! | `generate` | procedural scenes with the surveys that scan them | geom, rng |
+//! | `generate` | procedural scenes with the surveys that scan them; stands from inventories | geom, rng, scene |
 //! | `platform` | position and attitude per step; recorded trajectories in every layout | survey, geom |
 //! | `scanner` | heads and deflectors per step | survey, geom |
 //! | `flight` | the clock: legs, steps, pulses; replayed from a snapshot | platform, scanner |
+//! | `plan` | survey planning: legs from an area, a plot or a line, by closed formulas | survey, geom |
 //! | `pulse` | subrays, energy, waveform, detection: a pulse becomes returns | flight, scene, tree |
 //! | `schedule` | four ways to distribute chunks to workers; records and replays | nothing of LiDAR |
 //! | `parts` | shares of a run that other processes compute: their files, their borders in the flight | pulse, flight |
 //! | `output` | writers, one file per format | parts, pulse, scene, survey |
 //! | `streams` | pulses and poses between commands, as rows of text or of Arrow streams | flight, platform, schedule |
 //! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms | points, geom |
+//! | `compare` | two point clouds of one place: density, heights, distances, voxels | preview, geom |
 //! | `options` | the options of a run, for the command line and pipeline files alike | output, pulse, schedule, survey, tree |
 //! | `pipeline` | the session that joins all of them | all above |
 //! | `cli` | the command line | all above |
@@ -56,6 +59,8 @@
 
 mod cli;
 mod columns;
+mod compare;
+mod crs;
 mod damage;
 mod diag;
 mod error;
@@ -69,6 +74,7 @@ mod options;
 mod output;
 mod parts;
 mod pipeline;
+mod plan;
 mod platform;
 mod points;
 mod preview;
@@ -87,25 +93,38 @@ mod tree;
 pub use cli::main;
 pub use diag::{Diagnostics, Notice};
 pub use error::{Error, Result};
-pub use output::{OutputRequest, PointFormat, Target};
-pub use pipeline::{Control, LegRule, Progress, Report, Resumption, Session, Settings};
+pub use options::{OptionName, Options};
+pub use output::{Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target};
+pub use pipeline::{
+    Control, Job, LegRule, LoadedScene, Progress, Report, Resumption, SceneFacts, Session, Settings,
+};
 pub use schedule::{Policy, Recorder, Schedule, Stop};
 pub use streams::PulseReader;
-pub use survey::{Formula, ReadOptions, parse_seed, read_survey};
+pub use survey::{Formula, MaterialDefinition, Mesh, ReadOptions, parse_seed, read_scene, read_survey};
 
-/// What the benchmarks and tests of this repository measure and compare, besides the library.
+/// What the benchmarks, the tests and the Python module of this repository use, besides the library.
 #[doc(hidden)]
 pub mod internals {
     pub use crate::cli::command_line;
-    pub use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
+    pub use crate::diag::{Diagnostic, Place, Severity};
+    pub use crate::flight::{
+        FlightOptions, FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Skipped, Step,
+    };
     pub use crate::generate::{Kind, SceneOptions, write_scene};
-    pub use crate::geom::{DVec3, Rotation, UtmZone};
+    pub use crate::geom::{Aabb, DVec3, Rotation, UtmZone};
+    pub use crate::input::arrow::encode_stream;
     pub use crate::options::{Options, read_survey as read_run};
     pub use crate::output::{NoOffload, OutputContext, OutputPlan};
-    pub use crate::preview::{read_packet, read_points};
+    pub use crate::platform::Pose;
+    pub use crate::preview::{
+        ColourBy, PageOptions, PreviewOptions, draw, points_of_table, read_packet, read_points, write_page,
+    };
     pub use crate::pulse::{Batch, Phase, Physics, PulseSimulator};
     pub use crate::rng::{Purpose, Stream};
-    pub use crate::scene::{LoadOptions, Scene, load};
-    pub use crate::survey::{Scanner, Survey, catalogue};
+    pub use crate::scene::{LoadOptions, Scene, load, pack};
+    pub use crate::survey::{
+        Loader, MaterialChange, MaterialChoice, MotionTiming, PartRecipe, Replaced, Scanner, SceneRecipe,
+        Survey, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, catalogue,
+    };
     pub use crate::tree::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
 }

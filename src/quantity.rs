@@ -59,6 +59,9 @@ pub fn duration(seconds: f64) -> String {
     if !seconds.is_finite() || seconds > 1e7 {
         return "?".to_owned();
     }
+    if seconds < 0.1 {
+        return format!("{:.1} ms", seconds * 1e3);
+    }
     if seconds < 9.995 {
         return format!("{seconds:.2} s");
     }
@@ -84,7 +87,10 @@ mod tests {
     fn quantities_are_short() {
         assert_eq!(amount(950.0), "950");
         assert_eq!(amount(1_234_567.0), "1.23 M");
-        assert_eq!([0.1234, 9.994, 9.996, 42.4].map(duration), ["0.12 s", "9.99 s", "10 s", "42 s"]);
+        assert_eq!(
+            [0.002_34, 0.1234, 9.994, 9.996, 42.4].map(duration),
+            ["2.3 ms", "0.12 s", "9.99 s", "10 s", "42 s"]
+        );
         assert_eq!(duration(3725.0), "1:02:05");
         assert_eq!([9.94, 123.4, 1234.0, 12_345.0].map(metres), ["9.9 m", "123 m", "1.2 km", "12 km"]);
     }

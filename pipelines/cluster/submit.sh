@@ -14,5 +14,5 @@ mkdir -p logs
 # Where the parts begin is found once, before they wait for nodes.
 vlscan plan-parts "$survey" -o "$out.parts" "$@"
 array=$(sbatch --parsable --array="0-$((of - 1))" "$here/part.sbatch" "$survey" "$out.parts" "$@")
-merge=$(sbatch --parsable --dependency="afterok:$array" "$here/merge.sbatch" "$out.parts" -o "$out")
+merge=$(sbatch --parsable --dependency="afterok:$array" --kill-on-invalid-dep=yes "$here/merge.sbatch" "$out.parts" -o "$out")
 echo "parts: job $array, merge: job $merge"

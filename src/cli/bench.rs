@@ -5,6 +5,7 @@ mod columns;
 mod forecast;
 mod matrix;
 mod measure;
+mod nodes;
 mod paper;
 mod picture;
 mod report;
@@ -14,6 +15,7 @@ use super::args::BenchArgs;
 use super::{Cli, Command, Console, RunArgs};
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched, is_special, write_stdout};
+use crate::schedule::{Schedule, Workload};
 use clap::Parser;
 use matrix::{Matrix, thread_counts};
 use report::Report;
@@ -34,15 +36,40 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     for (name, options) in &matrix.trees {
         let built = bench.build(options, &matrix)?;
         let cells = bench.cells(name, options, &built, &matrix, console)?;
-        if !simulated.is_empty() {
+        if !simulated.is_empty() || !args.simulate_nodes.is_empty() {
             console.detail(format!("task times: {name}"));
             let load = bench.workload(options, &built.tree, &matrix)?;
             report.forecasts.extend(forecast::simulate(name, &load, &matrix, &simulated, &cells));
+            if let Some(schedule) = matrix.parallel().filter(|_| !args.simulate_nodes.is_empty()) {
+                console.detail(format!("parts: {name}"));
+                let costs = bench.part_costs(options, &built, schedule.policy.size())?;
+                report.clusters.push(cluster(args, name, &load, costs, schedule));
+            }
         }
         report.cells.extend(cells);
     }
     report.compare();
     write_report(args, &report)
+}
+
+/// Simulates the nodes that `args` name, each of which flies by `schedule`.
+fn cluster(
+    args: &BenchArgs,
+    tree: &'static str,
+    load: &Workload,
+    costs: measure::PartCosts,
+    schedule: Schedule,
+) -> report::ClusterForecast {
+    let cluster = nodes::Cluster {
+        threads: args.node_threads.max(1),
+        pulses: args.simulate_pulses.map_or(costs.pulses, |pulses| pulses.0),
+        parts_per_node: args.node_parts.max(1),
+        node_bytes_per_s: args.node_disk.0 as f64,
+        all_bytes_per_s: args.file_system.0 as f64,
+    };
+    let counts: Vec<u32> = args.simulate_nodes.iter().map(|&nodes| nodes.max(1)).collect();
+    let nodes = nodes::simulate(load, &costs, schedule, cluster, &counts);
+    report::ClusterForecast { tree, cluster, costs, nodes }
 }
 
 fn write_report(args: &BenchArgs, report: &Report) -> Result<()> {

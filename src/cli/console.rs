@@ -62,7 +62,7 @@ impl Console {
         if to == LogTo::Stderr {
             return Ok(self);
         }
-        let name = jiff::Zoned::now().strftime("helios_%Y-%m-%d_%H-%M-%S.log").to_string();
+        let name = chrono::Local::now().format("helios_%Y-%m-%d_%H-%M-%S.log").to_string();
         let file = OpenOptions::new().append(true).create(true).open(&name);
         let file = file.map_err(|e| Error::io("write", Path::new(&name), e))?;
         Ok(Console { coloured: false, stderr: to == LogTo::Both, file: Some(Arc::new(file)), ..self })

@@ -65,7 +65,6 @@ const NAMES: &[(&str, &str, Takes)] = &[
     ("-v", "--verbose", NothingEachTime),
     ("-v2", "-vv", NothingEachTime),
     ("-vv", "-vv", NothingEachTime),
-    ("-h", "--help", Nothing),
     ("--help", "--help", Nothing),
 ];
 

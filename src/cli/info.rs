@@ -2,12 +2,14 @@
 
 use super::Console;
 use super::args::InfoArgs;
+use crate::crs;
 use crate::diag::{Diagnostics, Severity};
 use crate::error::{Error, Result};
 use crate::machine;
 use crate::options::{InputOptions, Options, holds_survey, read_survey};
+use crate::output::ObjectIds;
 use crate::quantity::amount;
-use crate::scene::{self, Inventory, LoadOptions, Material, Pack, Scene};
+use crate::scene::{self, Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
 use crate::survey::{self, ReadOptions, SceneRecipe};
 use crate::tree::{BuildOptions, Tree};
 use serde_json::json;
@@ -93,7 +95,7 @@ impl SceneName<'_> {
 }
 
 /// Returns the options under which a scene loads; for a packed scene those that it was packed with.
-fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -> Result<LoadOptions> {
+pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -> Result<LoadOptions> {
     let usual = LoadOptions { wavelength_nm: scanning.wavelength_nm, ..LoadOptions::default() };
     let within = LoadOptions { max_memory: machine::memory(), ..usual.clone() };
     let Some(path) = &recipe.packed else {
@@ -168,7 +170,8 @@ impl Facts<'_> {
         ] {
             line(name, format!("{lo:.3} to {hi:.3} m ({size:.3} m)"));
         }
-        line("coordinates", i.coordinates().to_owned());
+        let crs = self.scene.crs.as_deref().map(crs::name);
+        line("coordinates", crs.unwrap_or_else(|| i.coordinates().to_owned()));
         let (scene, tree) = (self.scene.memory(), self.tree.memory());
         let memory = |bytes: usize, seconds: f64| {
             format!(
@@ -218,8 +221,18 @@ impl Facts<'_> {
     fn json(&self) -> Result<String> {
         let i = &self.inventory;
         let point = |p: crate::geom::DVec3| [p.x, p.y, p.z];
-        let parts = self.scene.parts.iter().zip(&i.of_part);
-        let parts: Vec<_> = parts.map(|(p, n)| json!({ "id": p.id, "primitives": n })).collect();
+        let ids: Vec<String> = self.scene.parts.iter().map(|part| part.id.clone()).collect();
+        let (objects, facts) = (ObjectIds::new(&ids), PartFacts::of_scene(self.scene));
+        let part = |(index, (part, facts)): (u32, (&Part, &PartFacts))| {
+            let (b, is_empty) = (facts.bounds, facts.primitives == 0);
+            json!({
+                "id": part.id, "name": part.name, "object": objects.of_part(index), "primitives": facts.primitives,
+                "class": facts.class(self.scene), "materials": facts.material_names(self.scene),
+                "position_m": (!is_empty).then(|| [b.centre().x, b.centre().y, b.min.z]),
+                "height_m": (!is_empty).then(|| b.size().z),
+            })
+        };
+        let parts: Vec<_> = (0..).zip(self.scene.parts.iter().zip(&facts)).map(part).collect();
         let material = |(m, n): (&Material, &u64)| {
             json!({
                 "name": m.name, "reflectance": m.reflectance, "class": m.classification, "ground": m.is_ground,
@@ -239,6 +252,7 @@ impl Facts<'_> {
             "instanced_triangles": i.instanced_triangles,
             "bounds_m": { "min": point(i.bounds.min), "max": point(i.bounds.max) },
             "coordinates": i.coordinates(),
+            "crs": self.scene.crs,
             "memory_bytes": { "scene": scene, "tree": tree, "per_primitive": self.per_primitive(scene + tree) },
             "seconds": { "load": self.seconds[0], "tree": self.seconds[1] },
             "tree": { "leaves": s.leaves, "nodes": s.interior, "depth": s.max_depth },

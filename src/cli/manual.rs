@@ -69,8 +69,41 @@ fn with_examples(command: Command, path: &str) -> Command {
         let lines: String = page.examples.lines().map(|line| format!("  {line}\n")).collect();
         format!("Examples:\n{}\n\n", lines.replace("  \n", "\n").trim_end())
     });
+    let command = with_short_help(command);
     let corrections = takes_corrections(&command).then(corrections).unwrap_or_default();
     command.after_long_help(corrections + &examples.unwrap_or_default() + &exit_status())
+}
+
+/// The options that `-h` shows where a command has many; `--help` shows all.
+const USUAL: [&str; 13] = [
+    "out",
+    "format",
+    "force",
+    "crs",
+    "scene",
+    "strict",
+    "trajectory.path",
+    "seed",
+    "profile",
+    "threads",
+    "folder",
+    "scanner",
+    "check",
+];
+
+/// Maximum number of options that `-h` shows all of.
+const MAX_SHORT_OPTIONS: usize = 20;
+
+/// Leaves all but the usual options out of `-h` where there are many.
+fn with_short_help(command: Command) -> Command {
+    if command.get_arguments().count() <= MAX_SHORT_OPTIONS {
+        return command;
+    }
+    let name = command.get_name().to_owned();
+    let is_usual = |arg: &clap::Arg| arg.is_positional() || USUAL.contains(&arg.get_id().as_str());
+    command
+        .mut_args(|arg| if is_usual(&arg) { arg } else { arg.hide_short_help(true) })
+        .after_help(format!("All options, in groups, with examples: vlscan {name} --help"))
 }
 
 fn takes_corrections(command: &Command) -> bool {

@@ -9,27 +9,33 @@
 //! | `run` | `vlscan run`; conversion of arguments and files to a session's settings |
 //! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
 //! | `parts` | `vlscan run --part`, `vlscan plan-parts`, `vlscan merge` |
+//! | `plan` | `vlscan plan` |
 //! | `bench` | `vlscan bench` |
-//! | `scene`, `info`, `pack` | `vlscan scene make`, `info` and `pack` |
-//! | `preview`, `unzip`, `catalogue` | the subcommands of these names |
+//! | `scene`, `stand`, `info`, `pack` | `vlscan scene make`, `stand`, `info` and `pack` |
+//! | `ground` | the ground of a scene |
+//! | `preview`, `compare`, `unzip`, `catalogue` | the subcommands of these names |
 //! | `completions`, `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
 mod args;
 mod bench;
 mod catalogue;
+mod compare;
 mod completions;
 mod console;
+mod ground;
 mod helios;
 mod info;
 mod interrupt;
 mod manual;
 mod pack;
 mod parts;
+mod plan;
 mod preview;
 mod run;
 mod scene;
 mod stages;
+mod stand;
 mod unzip;
 mod watch;
 
@@ -107,8 +113,10 @@ fn dispatch(command: &Command, console: &Console) -> Result<()> {
         Command::Pulses(args) => stages::pulses(args, console),
         Command::Trace(args) => stages::trace(args, console),
         Command::Scene(args) => scene::run(args, console),
+        Command::Plan(args) => plan::run(args, console),
         Command::Catalogue(args) => catalogue::run(args, console),
         Command::Unzip(args) => unzip::run(args, console),
+        Command::Compare(args) => compare::run(args, console),
         Command::Preview(args) => preview::run(args, console),
         Command::Completions(args) => completions::run(args),
         Command::Man(args) => manual::run(args, console),

@@ -1,11 +1,11 @@
 //! `vlscan scene pack`: a scene compiled to one file.
 
 use super::args::PackArgs;
-use super::run::job::material_rules;
 use super::{Console, info};
 use crate::error::{Error, Result};
 use crate::files::is_special;
 use crate::machine;
+use crate::pipeline::material_rules;
 use crate::quantity::amount;
 use crate::scene::{self, LoadOptions};
 use crate::tree::BuildOptions;

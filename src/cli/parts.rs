@@ -1,14 +1,17 @@
 //! `vlscan run --part`, `vlscan plan-parts` and `vlscan merge`: a run that is divided among processes.
 
 use super::args::{MergeArgs, PlanPartsArgs, RunArgs};
-use super::run::{Job, job, show_report, warn_of_few_points};
+use super::run::{Job, show_report, warn_of_few_points};
 use super::watch::watched;
 use super::{Console, interrupt};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::options::{Options, PartNumber};
 use crate::parts::{PartSet, part_path};
-use crate::pipeline::{Control, Part, Progress, Session, merge as merge_parts, output_context};
+use crate::pipeline::{
+    Control, Part, Progress, Session, join_segments, merge as merge_parts, merge_segment, output_context,
+    schedule_of,
+};
 use crate::quantity::amount;
 use crate::schedule::Recorder;
 use std::path::PathBuf;
@@ -29,7 +32,13 @@ pub fn run_part(args: &RunArgs, PartNumber { number, of }: PartNumber, console: 
     }
     let (job, warnings) = Job::resolve(&args.file, &options)?;
     console.warnings(&warnings);
-    let Job { settings, output, schedule_log, progress_lines } = job;
+    let Job { settings, output, schedule_log, part_table, progress_lines } = job;
+    if part_table.is_some() {
+        return Err(Error::input(
+            "--parts counts the points of a whole run, and this is a part of one; vlscan scene info --json lists the parts \
+             of the scene",
+        ));
+    }
     let mut session = Session::open_without_tree(settings, console.observer())?;
     let legs = session.survey().legs.len();
     let mut parts = session.parts(&folder, output.creation, force, &interrupt::STOP)?;
@@ -93,10 +102,15 @@ pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
     let progress = Progress::default();
     let control = Control::new(&progress, &interrupt::STOP);
     let legs = output_context(&parts)?.legs.len();
-    let schedule = job::schedule_of(&options);
-    let report =
-        watched(console, args.progress, legs, &progress, || merge_parts(&parts, outputs, schedule, control))?;
-    warn_of_few_points(console, &report);
+    let schedule = schedule_of(&options);
+    let report = watched(console, args.progress, legs, &progress, || match args.part {
+        Some(PartNumber { number, of }) => merge_segment(&parts, &outputs, (number, of), schedule, control),
+        None if args.join => join_segments(&parts, &outputs, control),
+        None => merge_parts(&parts, outputs, schedule, control),
+    })?;
+    if args.part.is_none() {
+        warn_of_few_points(console, &report);
+    }
     show_report(console, &report, started)
 }
 

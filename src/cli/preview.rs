@@ -24,6 +24,9 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         Colour::Intensity => ColourBy::Intensity,
         Colour::Object => ColourBy::Object,
         Colour::Return => ColourBy::Return,
+        Colour::Leg => ColourBy::Leg,
+        Colour::Channel => ColourBy::Channel,
+        Colour::Time => ColourBy::Time,
     };
     let title = title(&args.points);
     let count = amount(points.total() as f64);

@@ -1,7 +1,5 @@
 //! `vlscan run`: flies and measures a survey.
 
-pub mod job;
-
 use super::args::RunArgs;
 use super::watch::watched;
 use super::{Console, Verbosity, interrupt};
@@ -9,10 +7,10 @@ use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched};
 use crate::output::FileKind;
-use crate::pipeline::{Control, Progress, Report, Resumption, Session};
+pub use crate::pipeline::Job;
+use crate::pipeline::{Control, PartTable, Progress, Report, Resumption, Session};
 use crate::quantity::{amount, duration};
 use crate::schedule::Recorder;
-pub use job::Job;
 use std::path::Path;
 use std::time::Instant;
 
@@ -23,10 +21,11 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let (job, warnings) = Job::resolve(&args.file, &args.options)?;
     console.warnings(&warnings);
-    let Job { settings, mut output, schedule_log, progress_lines } = job;
+    let Job { settings, mut output, schedule_log, part_table, progress_lines } = job;
     let force = output.force;
     output.inputs.push(args.file.clone());
-    output.companions.extend(schedule_log.clone());
+    output.companions.extend(schedule_log.iter().chain(&part_table).cloned());
+    output.counts_parts = part_table.is_some();
     let resumption = args.parts.resume.map(|pulses| Resumption::beside(&output, pulses.0)).transpose()?;
     let mut session = match resumption {
         Some(_) => Session::open_without_tree(settings, console.observer())?,
@@ -36,11 +35,16 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let progress = Progress::default();
     let control = Control { recorder: recorder.as_ref(), ..Control::new(&progress, &interrupt::STOP) };
     let legs = session.survey().legs.len();
+    let parts = part_table.is_some().then(|| PartTable::new(session.scene()));
     let report = watched(console, progress_lines, legs, &progress, || match &resumption {
         Some(how) => session.run_resumable(output, how, control),
         None => session.run(output, control),
     })?;
     write_schedule_log(schedule_log.as_deref(), recorder, force, &report)?;
+    let is_complete = !report.interrupted && !report.summary.files.is_empty();
+    if let (Some(path), Some(parts), true) = (&part_table, parts, is_complete) {
+        write_file(path, force, &parts.csv(&report.summary.points_of_part))?;
+    }
     if resumption.is_some() {
         warn_of_few_points(console, &report);
     }
@@ -56,11 +60,15 @@ pub fn write_schedule_log(
 ) -> Result<()> {
     if let (Some(path), Some(recorder), false) = (path, recorder, report.interrupted) {
         let text = serde_json::to_string(&recorder.finish()).map_err(|e| Error::Internal(e.to_string()))?;
-        let mut log = FileWriter::create(path, force, Patched::Never)?;
-        log.append((text + "\n").as_bytes())?;
-        log.finish()?;
+        write_file(path, force, &(text + "\n"))?;
     }
     Ok(())
+}
+
+fn write_file(path: &Path, force: bool, text: &str) -> Result<()> {
+    let mut file = FileWriter::create(path, force, Patched::Never)?;
+    file.append(text.as_bytes())?;
+    file.finish().map(drop)
 }
 
 /// Points per pulse below which merged parts are reported.

@@ -1,7 +1,7 @@
 //! `vlscan scene`: generated scenes, and information on scenes.
 
 use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
-use super::{Console, info, pack};
+use super::{Console, info, pack, stand};
 use crate::error::Result;
 use crate::generate::{Kind, SceneOptions, write_scene};
 use crate::quantity::amount;
@@ -9,6 +9,7 @@ use crate::quantity::amount;
 pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
     match &args.command {
         SceneCommand::Make(args) => make_scene(args, console),
+        SceneCommand::Stand(args) => stand::run(args, console),
         SceneCommand::Info(args) => info::run(args, console),
         SceneCommand::Pack(args) => pack::run(args, console),
     }

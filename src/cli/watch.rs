@@ -9,6 +9,9 @@ use std::time::{Duration, Instant};
 
 const BAR_PERIOD: Duration = Duration::from_millis(100);
 const LINE_PERIOD: Duration = Duration::from_secs(2);
+/// Time without a pulse after which the bar disappears until the next one.
+const IDLE_PERIOD: Duration = Duration::from_secs(1);
+const BAR: &str = "{spinner} [{bar:14}] {msg}";
 
 /// Runs `work` while another thread shows its progress. `legs` is the number of legs in the survey.
 pub fn watched<T>(
@@ -27,21 +30,18 @@ pub fn watched<T>(
         // A run whose progress cannot be shown for want of a thread goes on.
         let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             let start = Instant::now();
-            let bar = if terminal { Some(bar()) } else { None };
-            let period = if terminal { BAR_PERIOD } else { LINE_PERIOD };
-            while let Err(flume::RecvTimeoutError::Timeout) = is_done.recv_timeout(period) {
-                let text = line(&progress.snapshot(), legs, start.elapsed().as_secs_f64());
-                match &bar {
-                    Some(bar) => {
-                        let part = progress.snapshot().done;
-                        bar.set_position(if part.is_finite() { (part * 1000.0) as u64 } else { 0 });
-                        bar.set_message(text);
-                    }
-                    None => console.say(text),
-                }
+            if terminal {
+                draw_bar(progress, legs, start, &is_done);
+                return;
             }
-            if let Some(bar) = bar {
-                bar.finish_and_clear();
+            let mut shown = 0;
+            while is_running(&is_done, LINE_PERIOD) {
+                let now = progress.snapshot();
+                // A stream that is silent needs no lines.
+                if now.pulses != shown || now.done.is_finite() {
+                    console.say(line(&now, legs, start.elapsed().as_secs_f64()));
+                }
+                shown = now.pulses;
             }
         });
         let result = work();
@@ -50,33 +50,83 @@ pub fn watched<T>(
     })
 }
 
-fn bar() -> ProgressBar {
+fn is_running(is_done: &flume::Receiver<()>, period: Duration) -> bool {
+    matches!(is_done.recv_timeout(period), Err(flume::RecvTimeoutError::Timeout))
+}
+
+/// Draws a bar until the work is done, but none while nothing happens: before the first pulse, and while a stream is
+/// silent.
+fn draw_bar(progress: &Progress, legs: usize, start: Instant, is_done: &flume::Receiver<()>) {
+    let mut bar: Option<ProgressBar> = None;
+    let (mut shown, mut changed) = (0, Instant::now());
+    while is_running(is_done, BAR_PERIOD) {
+        let now = progress.snapshot();
+        if now.pulses != shown {
+            (shown, changed) = (now.pulses, Instant::now());
+        }
+        if shown == 0 || changed.elapsed() > IDLE_PERIOD {
+            bar.take().inspect(ProgressBar::finish_and_clear);
+            continue;
+        }
+        let bar = bar.get_or_insert_with(new_bar);
+        bar.set_position(if now.done.is_finite() { (now.done * 1000.0) as u64 } else { 0 });
+        bar.set_message(bar_text(&now, legs, start.elapsed().as_secs_f64()));
+    }
+    bar.inspect(ProgressBar::finish_and_clear);
+}
+
+fn new_bar() -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(1000), ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template("{spinner} [{bar:24}] {msg}") {
+    if let Ok(style) = ProgressStyle::with_template(BAR) {
         bar.set_style(style.progress_chars("=> "));
     }
     bar
 }
 
+/// Progress beside the bar, short enough for a line of 80 characters.
+fn bar_text(now: &Snapshot, legs: usize, seconds: f64) -> String {
+    let leg = if legs > 1 { format!("leg {}/{legs}  ", now.leg + 1) } else { String::new() };
+    let rate = amount(now.pulses as f64 / seconds.max(1e-3));
+    let text = format!("{leg}{} pulses ({rate}/s)", amount(now.pulses as f64));
+    match time_left(now, seconds) {
+        Some(left) => format!("{:5.1} %  {text}  {left} left", 100.0 * now.done),
+        None => text,
+    }
+}
+
+fn time_left(now: &Snapshot, seconds: f64) -> Option<String> {
+    let is_known = now.done.is_finite() && now.done > 0.0;
+    is_known.then(|| duration(seconds * (1.0 - now.done).max(0.0) / now.done))
+}
+
 fn line(now: &Snapshot, legs: usize, seconds: f64) -> String {
     let rate = now.pulses as f64 / seconds.max(1e-3);
-    let mut text = format!(
+    let text = format!(
         "leg {}/{legs}  {} pulses ({}/s)  {} echoes",
         now.leg + 1,
         amount(now.pulses as f64),
         amount(rate),
         amount(now.echoes as f64)
     );
-    if now.done.is_finite() && now.done > 0.0 {
-        let left = seconds * (1.0 - now.done).max(0.0) / now.done;
-        text = format!("{:5.1} %  {text}  {} left", 100.0 * now.done, duration(left));
+    match time_left(now, seconds) {
+        Some(left) => format!("{:5.1} %  {text}  {left} left", 100.0 * now.done),
+        None => text,
     }
-    text
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bar_fits_into_a_line_of_80_characters() {
+        // Spinner, blanks and brackets take four, the bar fourteen.
+        for legs in [1, 9999] {
+            let now = Snapshot { pulses: 123_456_789_012, echoes: 0, leg: 8887, done: 0.001 };
+            let text = bar_text(&now, legs, 999.0);
+            assert!(4 + 14 + text.chars().count() < 80, "{text}");
+        }
+    }
 
     #[test]
     fn a_stream_has_no_percentage() {

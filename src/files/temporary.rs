@@ -2,6 +2,7 @@
 
 use super::fault;
 use super::paths::folder_of;
+use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
@@ -196,6 +197,16 @@ pub(super) fn synchronise_folder(file: &Path) -> io::Result<()> {
         Ok(folder) => synchronise(&folder),
         Err(_) => Ok(()),
     }
+}
+
+/// Moves a complete file or folder, which is on the disk, within its file system, and writes its name to the disk. A file
+/// of the same name is replaced.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn publish(from: &Path, to: &Path) -> Result<()> {
+    fault::point().and_then(|()| fs::rename(from, to)).map_err(|e| Error::io("give its name to", to, e))?;
+    synchronise_folder(to).map_err(|e| Error::io("synchronise the folder of", to, e))
 }
 
 /// Folders that did not exist before. Dropping this value removes those that are empty, unless they are kept.

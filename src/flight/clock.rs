@@ -1,6 +1,6 @@
 //! GPS time (spec kinematics §1.2).
 
-use jiff::{Timestamp, civil::DateTime, tz::TimeZone};
+use chrono::{DateTime, Datelike, NaiveDateTime, Utc};
 
 pub(super) const WEEK_NS: f64 = 604_800e9;
 const WEEK_S: i64 = 604_800;
@@ -59,9 +59,9 @@ pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, String> {
 /// # Errors
 /// As [`gps_start`].
 pub fn calendar_day(text: &str) -> Result<(u16, u16), String> {
-    let date = Timestamp::from_second(posix_seconds(text)?).map(|t| t.to_zoned(TimeZone::UTC).date());
+    let date = DateTime::from_timestamp(posix_seconds(text)?, 0);
     Ok(match date {
-        Ok(date) if date.year() >= 1970 => (date.year() as u16, date.day_of_year() as u16),
+        Some(date) if (1970..=9999).contains(&date.year()) => (date.year() as u16, date.ordinal() as u16),
         _ => (0, 0),
     })
 }
@@ -69,7 +69,7 @@ pub fn calendar_day(text: &str) -> Result<(u16, u16), String> {
 fn posix_seconds(text: &str) -> Result<i64, String> {
     let text = text.trim();
     if text.is_empty() {
-        return Ok(Timestamp::now().as_second());
+        return Ok(Utc::now().timestamp());
     }
     if text.contains(':') {
         return utc_seconds(text)
@@ -85,13 +85,13 @@ fn posix_seconds(text: &str) -> Result<i64, String> {
 
 /// POSIX seconds of `YYYY-MM-DD hh:mm:ss` in UTC; a leap second, 23:59:60, has the number of the second after it.
 fn utc_seconds(text: &str) -> Option<i64> {
-    let bytes = text.as_bytes();
-    // jiff also parses other forms of ISO 8601, and reads second 60 as 59.
-    if bytes.len() != 19 || bytes[4] != b'-' || bytes[16] != b':' {
+    // The parser also takes numbers without leading zeros, and counts second 60 as a part of second 59.
+    if text.len() != 19 {
         return None;
     }
-    let time: DateTime = text.parse().ok()?;
-    Some(time.to_zoned(TimeZone::UTC).ok()?.timestamp().as_second() + i64::from(text.ends_with(":60")))
+    let format = if text.contains('T') { "%Y-%m-%dT%H:%M:%S" } else { "%Y-%m-%d %H:%M:%S" };
+    let time = NaiveDateTime::parse_from_str(text, format).ok()?;
+    Some(time.and_utc().timestamp() + i64::from(text.ends_with(":60")))
 }
 
 /// `now − then` in ns, both times of week, at most one week apart.

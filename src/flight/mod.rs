@@ -7,13 +7,14 @@
 //! | file | what it does |
 //! |---|---|
 //! | `plan`, `leg`, `settings` | the plan, its legs, checks of the survey |
-//! | `state` | steps: clocks, changes of legs, devices |
+//! | `state`, `advance` | steps: clocks, changes of legs, devices; many steps at once |
 //! | `clock` | GPS time |
 //! | `guard` | detects legs that never end |
 //! | `pulse`, `emission` | pulses and trajectory samples; how a pulse is composed |
 //! | `noise`, `navigation` | noise of the pose, errors of the reported pose |
 //! | `positions` | positions along a flight before it is flown |
 
+mod advance;
 mod clock;
 mod emission;
 mod guard;
@@ -30,6 +31,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 
+pub use advance::Skipped;
 pub use clock::{calendar_day, gps_start};
 pub use plan::{FlightOptions, FlightPlan};
 pub use pulse::{FlightSink, PoseSample, Pulse};

@@ -14,15 +14,20 @@ use crate::survey::{
     AngleConvention, Interpolated, Kinematics, Mount, NavigationErrors, PlatformKind, RotationSpec, Survey,
 };
 
+/// Choices beside the survey that a flight depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlightOptions {
+    /// Seed of all noise.
     pub seed: u64,
+    /// Whether position and attitude of the platform have the noise that the survey asks for.
     pub platform_noise: bool,
+    /// Whether the positions of legs have the noise that the survey asks for.
     pub leg_noise: bool,
     /// Start of the GPS clock, ns of the week, unless a trajectory determines it.
     pub gps_start_ns: f64,
     /// Differences of platform, clock and optics from the reference.
     pub kinematics: Kinematics,
+    /// Errors of the reported pose.
     pub navigation: NavigationErrors,
 }
 

@@ -24,33 +24,55 @@ pub enum Step {
     Ended,
 }
 
+/// The step clock at a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum StepClock {
+    /// Counts the ticks of the run, of `period` seconds.
+    OfRun { ticks: u64, period: f64 },
+    /// Counts the ticks of a leg from `base` seconds on.
+    OfLeg { base: f64, ticks: u64, frequency: f64 },
+}
+
+impl StepClock {
+    /// Time after `steps` more steps, s.
+    #[inline]
+    pub fn after(self, steps: u32) -> f64 {
+        match self {
+            StepClock::OfRun { ticks, period } => (ticks + u64::from(steps)) as f64 * period,
+            StepClock::OfLeg { base, ticks, frequency } => {
+                base + (ticks + u64::from(steps)) as f64 / frequency
+            }
+        }
+    }
+}
+
 /// Clocks, platform and devices of a flight. Cheap to clone; steps from clones are the same bit for bit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FlightState {
-    leg: usize,
-    ended: bool,
+    pub(super) leg: usize,
+    pub(super) ended: bool,
     /// Number of steps, including changes of legs.
-    ticks: u64,
+    pub(super) ticks: u64,
     /// The step clock at the start of the leg, s, where legs have their own periods.
-    clock_base: f64,
-    leg_ticks: u64,
+    pub(super) clock_base: f64,
+    pub(super) leg_ticks: u64,
     /// Time from the start of the run to the start of the leg, ns.
-    elapsed_base_ns: f64,
+    pub(super) elapsed_base_ns: f64,
     /// The GPS clock, ns of the week: a running sum, which rounds, in the reference, and a product with the exact
     /// clock.
-    time_ns: f64,
-    start_ns: f64,
+    pub(super) time_ns: f64,
+    pub(super) start_ns: f64,
     /// The GPS clock when the leg's maximum duration began.
-    timer_start_ns: f64,
+    pub(super) timer_start_ns: f64,
     /// Pulses of device 0 before the leg.
-    pulses_before: u64,
+    pub(super) pulses_before: u64,
     /// The timer starts with the leg's first pulse.
-    timer_is_pending: bool,
+    pub(super) timer_is_pending: bool,
     /// Time of the last trajectory sample; 0 = no sample in this leg.
-    last_sample_ns: f64,
-    platform: PlatformState,
-    devices: Vec<DeviceState>,
-    guard: ProgressGuard,
+    pub(super) last_sample_ns: f64,
+    pub(super) platform: PlatformState,
+    pub(super) devices: Vec<DeviceState>,
+    pub(super) guard: ProgressGuard,
 }
 
 impl FlightState {
@@ -92,16 +114,23 @@ impl FlightState {
         self.timer_is_pending &= plan.kinematics.legs_on_time;
     }
 
-    /// Step clock, s. Depending on the corrections, every leg has its own period, and the steps that leg changes take
+    /// The step clock. Depending on the corrections, every leg has its own period, and the steps that leg changes take
     /// in the reference do not count.
     #[inline]
-    fn clock(&self, plan: &FlightPlan) -> f64 {
+    pub(super) fn step_clock(&self, plan: &FlightPlan) -> StepClock {
         let Kinematics { leg_pulse_rate, legs_on_time, .. } = plan.kinematics;
         if leg_pulse_rate || legs_on_time {
-            self.clock_base + self.leg_ticks as f64 / plan.legs[self.leg].frequency
+            let (base, frequency) = (self.clock_base, plan.legs[self.leg].frequency);
+            StepClock::OfLeg { base, ticks: self.leg_ticks, frequency }
         } else {
-            self.ticks as f64 * plan.clock_step
+            StepClock::OfRun { ticks: self.ticks, period: plan.clock_step }
         }
+    }
+
+    /// The step clock's time, s.
+    #[inline]
+    fn clock(&self, plan: &FlightPlan) -> f64 {
+        self.step_clock(plan).after(0)
     }
 
     /// Seconds since the first step; navigation errors are functions of it. A flight takes less than half a week.
@@ -123,7 +152,7 @@ impl FlightState {
         (self.ticks, self.leg_ticks) = (self.ticks + 1, self.leg_ticks + 1);
         let leg = &plan.legs[self.leg];
         self.time_ns = if plan.kinematics.exact_clock {
-            plan.start_ns + (self.elapsed_base_ns + self.leg_ticks as f64 * 1e9 / leg.frequency)
+            self.exact_time_ns(plan)
         } else {
             self.time_ns + leg.increment_ns
         };
@@ -134,6 +163,13 @@ impl FlightState {
                 self.time_ns - WEEK_NS
             };
         }
+    }
+
+    /// The GPS clock as a product with the number of steps of the leg, ns; not reduced to a week.
+    #[inline]
+    pub(super) fn exact_time_ns(&self, plan: &FlightPlan) -> f64 {
+        let frequency = plan.legs[self.leg].frequency;
+        plan.start_ns + (self.elapsed_base_ns + self.leg_ticks as f64 * 1e9 / frequency)
     }
 
     /// Takes one step and passes its pulses and trajectory sample to `sink`.

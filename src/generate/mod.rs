@@ -9,6 +9,7 @@
 //! | `forest`, `tree`, `crowns` | forests: ground and undergrowth, trees, foliage as voxels |
 //! | `terrain`, `room` | hills with houses and boulders; a furnished room |
 //! | `survey` | the XML files |
+//! | `stand` | tree models placed by an inventory |
 //! | `solid`, `obj` | meshes of shapes; writes OBJ files |
 //! | `random` | random numbers and noise |
 
@@ -18,6 +19,7 @@ mod obj;
 mod random;
 mod room;
 mod solid;
+mod stand;
 mod survey;
 mod terrain;
 mod tree;
@@ -26,6 +28,8 @@ use crate::error::{Error, Result};
 use crate::geom::Aabb;
 use obj::{Mesh, SceneFolder};
 use std::path::{Path, PathBuf};
+
+pub use stand::{Development, Inventory, Models, StandOptions, write_stand};
 
 /// Kinds of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

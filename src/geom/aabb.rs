@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 /// An axis-aligned box in metres. Empty when `min` exceeds `max` on any axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
+    /// Lowest coordinates.
     pub min: DVec3,
+    /// Highest coordinates.
     pub max: DVec3,
 }
 
@@ -20,6 +22,7 @@ impl Aabb {
     /// The empty box, the neutral element of [`Aabb::union`].
     pub const EMPTY: Aabb = Aabb { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
+    /// The smallest box around points.
     pub fn around(points: impl IntoIterator<Item = DVec3>) -> Aabb {
         points.into_iter().fold(Aabb::EMPTY, Aabb::with)
     }
@@ -29,10 +32,12 @@ impl Aabb {
         Aabb { min: self.min.min(p), max: self.max.max(p) }
     }
 
+    /// The smallest box around both.
     pub fn union(self, other: Aabb) -> Aabb {
         Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
+    /// The middle of the box.
     pub fn centre(&self) -> DVec3 {
         (self.min + self.max) * 0.5
     }
@@ -42,10 +47,12 @@ impl Aabb {
         self.max - self.min
     }
 
+    /// Whether the box holds no point.
     pub fn is_empty(&self) -> bool {
         self.min.x > self.max.x || self.min.y > self.max.y || self.min.z > self.max.z
     }
 
+    /// The box moved by `offset`.
     pub fn translated(&self, offset: DVec3) -> Aabb {
         Aabb { min: self.min + offset, max: self.max + offset }
     }

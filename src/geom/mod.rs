@@ -1,16 +1,24 @@
 //! Geometry in double precision: rotations, boxes, angles, map projection.
 //!
 //! Transcendental functions are computed by [`libm`], so that results do not depend on the machine's C library.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `rotation`, `affine`, `aabb` | rotations, affine maps, boxes |
+//! | `sums` | sums of many equal terms |
+//! | `utm` | the map projection |
 
 mod aabb;
 mod affine;
 mod rotation;
+mod sums;
 mod utm;
 
 pub use aabb::Aabb;
 pub use affine::Affine;
 pub use glam::DVec3;
 pub use rotation::Rotation;
+pub use sums::{add_repeatedly, spacing, steps_in_binade};
 pub use utm::UtmZone;
 
 /// Speed of light, m/ns.

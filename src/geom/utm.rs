@@ -103,6 +103,11 @@ impl UtmZone {
         UtmZone::parse(&name[..end])
     }
 
+    /// EPSG code of the zone on WGS 84.
+    pub fn epsg(self) -> u32 {
+        u32::from(self.number) + if self.south { 32_700 } else { 32_600 }
+    }
+
     /// Longitude of the central meridian, rad.
     fn meridian(self) -> f64 {
         (f64::from(self.number) * 6.0 - 183.0) * (PI / 180.0)

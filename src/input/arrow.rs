@@ -18,6 +18,7 @@ use ::arrow_array::{Array, ArrowPrimitiveType, RecordBatch};
 use ::arrow_buffer::Buffer;
 use ::arrow_ipc::convert::try_fb_to_schema;
 use ::arrow_ipc::reader::read_record_batch;
+use ::arrow_ipc::writer::StreamEncoder;
 use ::arrow_ipc::{Endianness, MessageHeader, root_as_message};
 use ::arrow_schema::{DataType, SchemaRef};
 use std::collections::HashMap;
@@ -339,6 +340,30 @@ impl ArrowDecoder {
     fn refused(&self, message: String, help: &str) -> Error {
         table_error(&self.path, message, help)
     }
+}
+
+/// Maximum number of rows of a batch of [`encode_stream`].
+const STREAM_ROWS: usize = 1 << 16;
+
+/// The Arrow IPC stream of record batches of one schema.
+///
+/// # Errors
+/// [`Error::Input`] for batches that Arrow cannot encode.
+pub fn encode_stream(schema: &SchemaRef, batches: &[RecordBatch]) -> Result<Vec<u8>> {
+    let failed = |e: ::arrow_schema::ArrowError| Error::input(format!("Arrow: {e}"));
+    let mut encoder = StreamEncoder::try_new(schema).map_err(failed)?;
+    let mut bytes = Vec::new();
+    let mut push = |buffers: Vec<Buffer>| buffers.iter().for_each(|b| bytes.extend_from_slice(b.as_slice()));
+    // An empty batch writes the schema.
+    push(encoder.encode(&RecordBatch::new_empty(schema.clone())).map_err(failed)?);
+    for batch in batches {
+        for from in (0..batch.num_rows()).step_by(STREAM_ROWS) {
+            let rows = STREAM_ROWS.min(batch.num_rows() - from);
+            push(encoder.encode(&batch.slice(from, rows)).map_err(failed)?);
+        }
+    }
+    push(encoder.finish().map_err(failed)?);
+    Ok(bytes)
 }
 
 /// The numbers of an array, NaN for nulls; `None` if it contains other values.

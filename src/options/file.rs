@@ -8,7 +8,9 @@ use super::values::{Crs, NavigationError};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::input::is_stdin;
-use crate::survey::{self, Grid, NavigationErrors, PlatformKind, ReadOptions, Source, Survey, Tables};
+use crate::survey::{
+    self, Grid, NavigationErrors, PlatformKind, ReadOptions, SceneChoice, Source, Survey, Tables,
+};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -18,13 +20,30 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// All problems of all files at once; options of trajectories where there is none.
 pub fn read_survey(path: &Path, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
+    if is_pipeline(path) {
+        return read_source(&Source::read(path)?, typed);
+    }
     let chosen = typed.trajectory.clone();
-    let (mut survey, options, warnings) = if is_pipeline(path) {
-        read_pipeline(path, typed)?
-    } else {
-        let (survey, warnings) = survey::read_survey(path, &typed.read_options())?;
-        (survey, typed, warnings)
-    };
+    let (mut survey, warnings) = survey::read_survey(path, &typed.read_options())?;
+    check_trajectory_options(chosen, &mut survey)?;
+    Ok((survey, typed, warnings))
+}
+
+/// Reads a pipeline in memory; `name` is its name in messages, and its folder the one that names of files are relative to.
+///
+/// # Errors
+/// As for [`read_survey`].
+pub fn read_pipeline_text(
+    name: &Path,
+    text: String,
+    typed: Options,
+) -> Result<(Survey, Options, Diagnostics)> {
+    read_source(&Source::of_text(name, text), typed)
+}
+
+fn read_source(source: &Source, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
+    let chosen = typed.trajectory.clone();
+    let (mut survey, options, warnings) = read_pipeline(source, typed)?;
     check_trajectory_options(chosen, &mut survey)?;
     Ok((survey, options, warnings))
 }
@@ -46,8 +65,12 @@ impl Options {
         ReadOptions {
             assets: self.input.assets.clone(),
             strict: self.input.strict,
-            scene: self.input.scene.clone(),
+            scene: match &self.scene {
+                Some(recipe) => Some(SceneChoice::Given(recipe.clone())),
+                None => self.input.scene.clone().map(SceneChoice::Named),
+            },
             trajectory: self.trajectory.stream(),
+            is_traced: self.is_traced,
             max_memory: self.schedule.max_memory.map(|bytes| bytes.0),
         }
     }
@@ -60,8 +83,7 @@ struct Outputs {
     output: Vec<OutputKeys>,
 }
 
-fn read_pipeline(path: &Path, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
-    let source = Source::read(path)?;
+fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
     let mut tables = source.tables()?;
     let file = take_options(&mut tables);
     // The folders of the command line are searched first, then that of the file and those that it names.
@@ -99,7 +121,7 @@ fn read_pipeline(path: &Path, typed: Options) -> Result<(Survey, Options, Diagno
     }
     reading.trajectory = options.trajectory.stream();
     let (read, warnings) = survey::read_pipeline_survey(tables, &reading)?;
-    options.has_own_flight = read.has_own_flight;
+    options.has_own_flight = read.has_own_flight && !options.is_traced;
     Ok((read.survey, options, warnings))
 }
 

@@ -8,10 +8,12 @@ use crate::output::{PacketPlace, PointFormat};
 use crate::pulse::PhysicsProfile;
 use crate::scene::Sharing;
 use crate::schedule::PolicyKind;
+use crate::survey::SceneRecipe;
 use crate::tree::Builder;
 use clap::Args;
 use serde::{Deserialize, Deserializer};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 group! {
 /// All options of a run.
@@ -51,6 +53,16 @@ pub struct Options {
     /// it).
     #[arg(long, value_name = "PATH", help_heading = "Output")]
     pub trajectory_out: Option<PathBuf>,
+    /// Write a table of the scene's parts as CSV: number of the object in the points, id, name, class, materials, position,
+    /// height and number of points.
+    #[arg(long = "parts", value_name = "PATH", help_heading = "Output")]
+    pub part_table: Option<PathBuf>,
+    /// Whether pulses of a stream are traced instead of a flight.
+    #[arg(skip)]
+    pub is_traced: bool,
+    /// A scene in memory, which replaces that of the survey.
+    #[arg(skip)]
+    pub scene: Option<Arc<SceneRecipe>>,
     /// Outputs of a pipeline file, which those of the command line replace.
     #[arg(skip)]
     pub outputs: Vec<OutputKeys>,
@@ -66,8 +78,9 @@ group! {
 #[command(next_help_heading = "Output")]
 #[serde(default)]
 pub struct OutputOptions {
-    /// Where the points go: a file (format from its extension; all legs in one), a folder (one file per leg), or - for
-    /// stdout. May be given more than once.
+    /// Where the points go: a file, a folder (one file per leg), or - for stdout.
+    ///
+    /// The extension of a file tells its format; all legs and epochs go into one file. May be given more than once.
     #[arg(short = 'o', long = "out", value_name = "PATH")]
     #[serde(skip)]
     pub out: Vec<PathBuf>,
@@ -79,8 +92,10 @@ pub struct OutputOptions {
     #[arg(long, value_name = "DIR", conflicts_with = "out")]
     #[serde(skip)]
     pub output: Option<PathBuf>,
-    /// Replace files that exist, once their successors are complete: a run that is interrupted or fails leaves them, and what
-    /// it measured as NAME.partial.EXT beside them. Also write binary data to a terminal.
+    /// Replace files that exist, once their successors are complete.
+    ///
+    /// A run that is interrupted or fails leaves them, and what it measured as NAME.partial.EXT beside them. Also write binary
+    /// data to a terminal.
     #[arg(long)]
     pub force: bool,
     /// Write every digitised waveform, beside the first output that is a file or folder.
@@ -119,8 +134,10 @@ pub struct OutputOptions {
     /// One point file per device of a multi-channel scanner.
     #[arg(long)]
     pub split_by_channel: bool,
-    /// Coordinate reference system of the scene as WKT, or a file that holds it; goes into LAS and LAZ headers.
-    #[arg(long, value_name = "WKT|FILE")]
+    /// Coordinate reference system of the scene: EPSG:25832, WKT, or a file that holds either.
+    ///
+    /// It goes into LAS, LAZ, PLY, Arrow and Parquet. [default: that of the scene's GeoTIFF or .prj files, else the UTM zone of a projected flight]
+    #[arg(long, value_name = "EPSG:N|WKT|FILE")]
     pub crs: Option<Crs>,
     /// With --output: LAS 1.4 instead of text.
     #[arg(long)]

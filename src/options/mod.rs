@@ -9,6 +9,7 @@
 //! | `trajectory` | options of recorded trajectories |
 //! | `outputs` | the outputs of a pipeline file; from options to what is written |
 //! | `file` | reads surveys and pipeline files together with the options that they hold |
+//! | `words` | options from words, and their list, for programs |
 //! | `keys` | the documentation of every key of a pipeline file |
 
 #![allow(
@@ -23,8 +24,9 @@ pub mod outputs;
 mod over;
 mod trajectory;
 pub mod values;
+mod words;
 
-pub use file::{holds_survey, read_survey};
+pub use file::{holds_survey, read_pipeline_text, read_survey};
 pub use groups::{
     EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,
     ProfileOptions, ScheduleOptions, TreeOptions,
@@ -33,3 +35,4 @@ pub use keys::pipeline_keys;
 pub use over::Over;
 pub use trajectory::TrajectoryOptions;
 pub use values::{ChunkSize, Count, Divergence, NotNegative, PartNumber, Positive, Seed, Vector};
+pub use words::OptionName;

@@ -7,6 +7,7 @@ use crate::survey::{AngleConvention, AngleUnit, Grid, PoseFormat, PoseStream};
 use clap::Args;
 use serde::Deserialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 group! {
 /// A recorded trajectory instead of the survey's platform.
@@ -14,10 +15,16 @@ group! {
 #[command(next_help_heading = "Trajectory")]
 #[serde(default)]
 pub struct TrajectoryOptions {
-    /// Replace the platform by a recorded trajectory: text (time,x,y,z,roll,pitch,yaw), an Arrow stream with such columns,
-    /// SBET or TerraScan .trj; - or STDIN reads it from stdin as it arrives.
+    /// Replace the platform by a recorded trajectory, or by one that arrives on stdin (-).
+    ///
+    /// Text (time,x,y,z,roll,pitch,yaw), an Arrow stream with such columns, SBET or TerraScan .trj; - or STDIN reads it from
+    /// stdin as it arrives.
     #[arg(id = "trajectory.path", long = "trajectory", value_name = "PATH", help_heading = "Input")]
     pub path: Option<PathBuf>,
+    /// A trajectory in memory, instead of the contents of the file.
+    #[arg(skip)]
+    #[serde(skip)]
+    pub content: Option<Arc<[u8]>>,
     /// Layout of the trajectory. [default: found out from its content]
     #[arg(id = "trajectory.format", long = "trajectory-format", value_name = "FORMAT")]
     pub format: Option<PoseFormat>,
@@ -73,6 +80,7 @@ impl TrajectoryOptions {
         let default = PoseStream::at(self.path.clone()?);
         let degrees = self.angles.map(|unit| unit == AngleUnit::Deg).or(self.degrees);
         Some(PoseStream {
+            content: self.content.clone(),
             format: self.format,
             rotation: self.rotation,
             degrees: degrees.unwrap_or(default.degrees),

@@ -1,6 +1,7 @@
 //! Values with a syntax of their own. Each is parsed by [`FromStr`], on the command line as in a pipeline file, where a
 //! number may stand for its text.
 
+use crate::crs;
 use crate::error::Error;
 use crate::flight::{calendar_day, gps_start};
 use crate::geom::UtmZone;
@@ -58,7 +59,7 @@ impl FromStr for Seed {
     }
 }
 
-/// A whole number of at least `MIN` with an optional unit prefix: 250k, 1.5M, 4G.
+/// A whole number of at least `MIN` with an optional unit prefix: 250k, 1.5M, 4G, 1T.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Count<const MIN: u64 = 0>(pub u64);
 
@@ -72,6 +73,7 @@ impl<const MIN: u64> FromStr for Count<MIN> {
             "k" | "K" => Some(1e3),
             "m" | "M" => Some(1e6),
             "g" | "G" => Some(1e9),
+            "t" | "T" => Some(1e12),
             _ => None,
         };
         let n = factor.and_then(|factor| Some(digits.parse::<f64>().ok()? * factor));
@@ -280,6 +282,8 @@ const MAX_WKT_BYTES: u64 = 1 << 20;
 /// A coordinate reference system.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Crs {
+    /// An EPSG code.
+    Epsg(u32),
     /// Well-known text.
     Wkt(String),
     /// A file that holds it.
@@ -287,21 +291,30 @@ pub enum Crs {
 }
 
 impl Crs {
-    /// The well-known text, read from the file if need be.
+    /// The well-known text, read from the file or looked up if need be.
     ///
     /// # Errors
-    /// A file that cannot be read or holds something else.
+    /// An unknown code; a file that cannot be read or holds something else.
     pub fn wkt(&self) -> Result<String, Error> {
         let path = match self {
+            Crs::Epsg(code) => {
+                return crs::wkt_of_epsg(*code).map_err(|e| Error::input(format!("--crs: {e}")));
+            }
             Crs::Wkt(text) => return Ok(text.clone()),
             Crs::File(path) => path,
         };
         let bytes = read_file(path, MAX_WKT_BYTES).map_err(|e| Error::io("read", path, e))?;
         let text = String::from_utf8_lossy(&bytes);
-        if is_wkt(&text) {
+        if let Some(code) = crs::parse_epsg(&text) {
+            return Crs::Epsg(code).wkt();
+        }
+        if crs::is_wkt(&text) {
             return Ok(text.trim().to_owned());
         }
-        Err(Error::input(format!("{} holds no WKT such as PROJCRS[...]", path.display())))
+        Err(Error::input(format!(
+            "{} holds neither WKT such as PROJCRS[...] nor an EPSG code",
+            path.display()
+        )))
     }
 }
 
@@ -311,20 +324,29 @@ impl FromStr for Crs {
     fn from_str(text: &str) -> Result<Crs, String> {
         let path = Path::new(text.trim());
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-        if is_wkt(text) {
+        if let Some(code) = crs::parse_epsg(text) {
+            crs::wkt_of_epsg(code).map(|_| Crs::Epsg(code))
+        } else if crs::is_wkt(text) {
             Ok(Crs::Wkt(text.trim().to_owned()))
         } else if path.is_file() || matches!(extension, "wkt" | "prj") {
             Ok(Crs::File(path.to_path_buf()))
         } else {
             Err(format!(
-                "expected a coordinate reference system as WKT such as PROJCRS[...], or a file that holds it, found {text:?}"
+                "expected a coordinate reference system as EPSG:25832, as WKT such as PROJCRS[...], or a file that holds either, \
+                 found {text:?}{}",
+                hint(text)
             ))
         }
     }
 }
 
-fn is_wkt(text: &str) -> bool {
-    text.trim_start().starts_with(|c: char| c.is_ascii_alphabetic()) && text.contains('[')
+/// What to write instead of a form that is not read.
+fn hint(text: &str) -> String {
+    if text.contains('+') && !text.contains("+proj") {
+        return "; name a compound system by a code of its own (EPSG:5555) or as WKT".to_owned();
+    }
+    UtmZone::parse(text.trim().trim_start_matches("UTM").trim_start_matches("utm"))
+        .map_or_else(String::new, |zone| format!("; UTM zone {zone} on WGS 84 is EPSG:{}", zone.epsg()))
 }
 
 /// One error of navigation: a key of [`NavigationErrors::set`] and its numbers.
@@ -393,8 +415,18 @@ mod tests {
             ("3601", None),
             ("nan", None),
         ]);
-        check(&[("a.wkt", Some(Crs::File("a.wkt".into()))), ("EPSG:25832", None)]);
+        check(&[
+            ("a.wkt", Some(Crs::File("a.wkt".into()))),
+            ("EPSG:25832", Some(Crs::Epsg(25832))),
+            ("25833", Some(Crs::Epsg(25833))),
+        ]);
         check(&[(" PROJCS[\"x\"] ", Some(Crs::Wkt("PROJCS[\"x\"]".to_owned()))), ("[", None)]);
+        check::<Crs>(&[
+            ("EPSG:1", None),
+            ("EPSG:25832+7837", None),
+            ("32N", None),
+            ("+proj=utm +zone=32", None),
+        ]);
         let error = |key: &str, numbers: &[f64]| {
             Some(NavigationError { key: key.to_owned(), numbers: numbers.to_vec() })
         };

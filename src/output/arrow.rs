@@ -1,33 +1,26 @@
-//! Points as an Arrow IPC stream and as Parquet. Names and types of the columns follow [`Column`]; the metadata of
-//! each column holds its unit and meaning, the metadata of the table holds the coordinate reference system, the
-//! scanner and the names of objects.
-//!
-//! Rows are collected into batches of fixed size, so the bytes do not depend on how the rows arrived.
+//! Points as an Arrow IPC stream. Names and types of the columns follow [`Column`]; the metadata of each column holds its
+//! unit and meaning, the metadata of the table holds the coordinate reference system, the scanner and the names of
+//! objects.
 
-use super::columns::{Column, Kind, slices};
+use super::columns::{Column, Kind};
 use super::objects::ObjectIds;
+use super::rows::{BATCH_ROWS, Rows};
 use super::summary::PARTIAL;
 use crate::error::{Error, Result};
 use ::arrow_array::{ArrayRef, PrimitiveArray, RecordBatch, types::*};
-use ::arrow_buffer::{Buffer, MutableBuffer, ScalarBuffer};
+use ::arrow_buffer::{Buffer, ScalarBuffer};
 use ::arrow_ipc::convert::{IpcSchemaEncoder, metadata_to_fb};
 use ::arrow_ipc::writer::StreamEncoder;
 use ::arrow_ipc::{FieldNode, MessageBuilder, MessageHeader, MetadataVersion, RecordBatchBuilder};
 use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
-use ::parquet::arrow::ArrowWriter;
-use ::parquet::basic::Compression;
-use ::parquet::file::metadata::KeyValue;
-use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
 use std::collections::BTreeMap;
-use std::io::{self, Write};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
-/// Rows per batch of an Arrow stream: a few megabytes.
-pub(super) const BATCH_ROWS: usize = 16_384;
-/// Rows per row group of Parquet.
-const GROUP_ROWS: usize = 16 * BATCH_ROWS;
 /// Metadata key of the state of the run, with [`PARTIAL`] as value.
-const STATE: &str = "state";
+pub(super) const STATE: &str = "state";
+
+/// Metadata key of the coordinate reference system.
+pub(super) const CRS: &str = "crs";
 
 pub(super) struct About<'a> {
     pub scanner: &'a str,
@@ -51,7 +44,7 @@ pub(super) fn schema(columns: &[Column], about: &About) -> SchemaRef {
         ("gps_time".to_owned(), "seconds of the GPS week".to_owned()),
     ]);
     if let Some(wkt) = about.crs {
-        metadata.insert("crs".to_owned(), wkt.trim_end_matches('\0').to_owned());
+        metadata.insert(CRS.to_owned(), wkt.trim_end_matches('\0').to_owned());
     }
     if !about.objects.names.is_empty() {
         let names: BTreeMap<i32, &str> =
@@ -62,7 +55,8 @@ pub(super) fn schema(columns: &[Column], about: &About) -> SchemaRef {
     Arc::new(Schema::new_with_metadata(fields.collect::<Vec<_>>(), metadata))
 }
 
-fn data_type(kind: Kind) -> DataType {
+/// The Arrow type of a kind of values.
+pub(super) fn data_type(kind: Kind) -> DataType {
     match kind {
         Kind::U8 => DataType::UInt8,
         Kind::U16 => DataType::UInt16,
@@ -74,50 +68,12 @@ fn data_type(kind: Kind) -> DataType {
     }
 }
 
-struct Rows {
-    columns: Vec<Column>,
-    schema: SchemaRef,
-    values: Vec<MutableBuffer>,
-    rows: usize,
-}
-
-impl Rows {
-    fn new(columns: &[Column], schema: SchemaRef) -> Rows {
-        let values = columns.iter().map(|_| MutableBuffer::new(0)).collect();
-        Rows { columns: columns.to_vec(), schema, values, rows: 0 }
-    }
-
-    /// Appends a block written by [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) and passes every
-    /// complete batch to `full`.
-    fn append(&mut self, block: &[u8], full: impl FnMut(RecordBatch) -> Result<()>) -> Result<()> {
-        let width: usize = self.columns.iter().map(|c| c.kind().width()).sum();
-        let (rows, mut full) = (block.len() / width.max(1), full);
-        let mut from = 0;
-        while from < rows {
-            let now = (rows - from).min(BATCH_ROWS - self.rows);
-            for ((column, values), bytes) in
-                self.columns.iter().zip(&mut self.values).zip(slices(&self.columns, rows, block))
-            {
-                let width = column.kind().width();
-                values.extend_from_slice(&bytes[from * width..(from + now) * width]);
-            }
-            (from, self.rows) = (from + now, self.rows + now);
-            if self.rows == BATCH_ROWS {
-                full(self.batch()?)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Returns the collected rows as a batch, and clears them.
-    fn batch(&mut self) -> Result<RecordBatch> {
-        let rows = std::mem::take(&mut self.rows);
-        let columns = self.columns.iter().zip(&mut self.values).map(|(column, values)| {
-            array(column.kind(), std::mem::replace(values, MutableBuffer::new(0)).into(), rows)
-        });
-        RecordBatch::try_new(self.schema.clone(), columns.collect())
-            .map_err(|e| Error::Internal(format!("Arrow: {e}")))
-    }
+/// Returns the collected rows as a batch.
+fn batch(rows: &mut Rows, schema: &SchemaRef) -> Result<RecordBatch> {
+    let count = rows.len();
+    let columns = rows.take().map(|(column, values)| array(column.kind(), values.into(), count));
+    RecordBatch::try_new(schema.clone(), columns.collect())
+        .map_err(|e| Error::Internal(format!("Arrow: {e}")))
 }
 
 fn array(kind: Kind, values: Buffer, rows: usize) -> ArrayRef {
@@ -137,38 +93,39 @@ fn array(kind: Kind, values: Buffer, rows: usize) -> ArrayRef {
 
 pub(super) struct ArrowStream {
     rows: Rows,
+    schema: SchemaRef,
     encoder: StreamEncoder,
 }
 
 impl ArrowStream {
     pub fn new(columns: &[Column], schema: SchemaRef) -> Result<ArrowStream> {
         let encoder = StreamEncoder::try_new(&schema).map_err(|e| Error::Internal(format!("Arrow: {e}")))?;
-        Ok(ArrowStream { rows: Rows::new(columns, schema), encoder })
+        Ok(ArrowStream { rows: Rows::new(columns, BATCH_ROWS), schema, encoder })
     }
 
     /// Appends a block of columns and writes every complete batch.
     pub fn append(&mut self, block: &[u8], mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-        let ArrowStream { rows, encoder } = self;
-        rows.append(block, |batch| encode(encoder, &batch, &mut out))
+        let ArrowStream { rows, schema, encoder } = self;
+        rows.append(block, |rows| encode(encoder, &batch(rows, schema)?, &mut out))
     }
 
     /// Writes the rows of an incomplete batch.
     pub fn flush(&mut self, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-        if self.rows.rows == 0 {
+        if self.rows.len() == 0 {
             return Ok(());
         }
-        let batch = self.rows.batch()?;
+        let batch = batch(&mut self.rows, &self.schema)?;
         encode(&mut self.encoder, &batch, &mut out)
     }
 
     /// Writes the remaining rows and the end of the stream. A partial stream ends with [`partial_marker`].
     pub fn finish(mut self, partial: bool, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-        if self.rows.rows > 0 || partial {
-            let batch = self.rows.batch()?;
+        if self.rows.len() > 0 || partial {
+            let batch = batch(&mut self.rows, &self.schema)?;
             encode(&mut self.encoder, &batch, &mut out)?;
         }
         if partial {
-            out(&partial_marker(self.rows.columns.len()))?;
+            out(&partial_marker(self.schema.fields().len()))?;
         }
         let end = self.encoder.finish().map_err(|e| Error::Internal(format!("Arrow: {e}")))?;
         end.iter().try_for_each(|buffer| out(buffer.as_slice()))
@@ -215,71 +172,4 @@ fn partial_marker(columns: usize) -> Vec<u8> {
     out.extend_from_slice(message);
     out.resize(8 + padded, 0);
     out
-}
-
-pub(super) struct ParquetStream {
-    rows: Rows,
-    writer: ArrowWriter<SharedBuffer>,
-    buffer: SharedBuffer,
-}
-
-/// Bytes produced by the Parquet writer and not yet passed to the file.
-#[derive(Clone, Default)]
-struct SharedBuffer(Arc<Mutex<Vec<u8>>>);
-
-impl SharedBuffer {
-    fn take(&self) -> Vec<u8> {
-        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-}
-
-impl Write for SharedBuffer {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-impl ParquetStream {
-    pub fn new(columns: &[Column], schema: SchemaRef) -> Result<ParquetStream> {
-        let mut properties = WriterProperties::builder()
-            .set_compression(Compression::SNAPPY)
-            .set_created_by(concat!("vlscan ", env!("CARGO_PKG_VERSION")).to_owned())
-            .set_max_row_group_row_count(Some(GROUP_ROWS))
-            .set_statistics_enabled(EnabledStatistics::Chunk);
-        // Dictionary encoding pays only where values repeat.
-        for column in columns.iter().filter(|c| matches!(c.kind(), Kind::F32 | Kind::F64 | Kind::U64)) {
-            properties = properties.set_column_dictionary_enabled(column.name().into(), false);
-        }
-        let buffer = SharedBuffer::default();
-        let writer = ArrowWriter::try_new(buffer.clone(), schema.clone(), Some(properties.build()));
-        let writer = writer.map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
-        Ok(ParquetStream { rows: Rows::new(columns, schema), writer, buffer })
-    }
-
-    /// Appends a block of columns and writes every complete row group.
-    pub fn append(&mut self, block: &[u8], mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-        let ParquetStream { rows, writer, buffer } = self;
-        rows.append(block, |batch| {
-            writer.write(&batch).map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
-            out(&buffer.take())
-        })
-    }
-
-    /// Writes the remaining rows and the footer, whose metadata records whether the file is partial.
-    pub fn finish(mut self, partial: bool, mut out: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-        let last = self.rows.batch()?;
-        if last.num_rows() > 0 {
-            self.writer.write(&last).map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
-        }
-        if partial {
-            self.writer.append_key_value_metadata(KeyValue::new(STATE.to_owned(), PARTIAL.to_owned()));
-        }
-        self.writer.close().map_err(|e| Error::Internal(format!("Parquet: {e}")))?;
-        out(&self.buffer.take())
-    }
 }

@@ -26,8 +26,11 @@ const MAX_LEAF_POINTS: u64 = 50_000;
 /// Minimum number of points of a child node. Fewer points stay in the parent, because small chunks cost more than
 /// they save.
 const MIN_NODE_POINTS: u64 = 200;
-/// Deepest level. The edge of the root cube is a multiple of 2 to this power, so that all edges are integers.
+/// Deepest level.
 const MAX_LEVEL: u32 = 16;
+/// Cells of the grids of the deepest nodes along each edge of the root cube. Nodes and cells of every level are unions of
+/// them.
+const FINE_CELLS: u64 = GRID << MAX_LEVEL;
 /// Maximum bytes of a spill without a file.
 const MAX_MEMORY_BYTES: usize = 2 << 20;
 /// Bytes per write to the file of a spill.
@@ -127,30 +130,34 @@ impl CopcStream {
     }
 }
 
-/// The root cube, in units of the stored coordinates.
+/// The root cube, in units of the stored coordinates: from the lower corner of the box around the points, as wide as the
+/// box along its longest side, as readers take it from the header.
 #[derive(Clone, Copy)]
 struct Cube {
     min: [i64; 3],
+    /// At least 1.
     edge: u64,
 }
 
 impl Cube {
     fn around(tally: &Tally) -> Cube {
-        let unit = 1u64 << MAX_LEVEL;
         if tally.bounds.is_empty() {
-            return Cube { min: [0; 3], edge: unit };
+            return Cube { min: [0; 3], edge: 1 };
         }
         let min = tally.bounds.min.to_array().map(|c| c as i64);
-        let extent = (tally.bounds.max - tally.bounds.min).max_element() as u64 + 1;
-        Cube { min, edge: extent.next_multiple_of(unit) }
+        let span = (tally.bounds.max - tally.bounds.min).max_element() as u64;
+        Cube { min, edge: span.max(1) }
     }
 
-    /// Returns the coordinates of a point relative to the lower corner of the cube.
-    fn within(&self, record: &[u8]) -> [u64; 3] {
+    /// Returns the fine cell of a point along each axis, of [`FINE_CELLS`]. The upper faces of the cube belong to the last
+    /// cells.
+    fn fine_cell(&self, record: &[u8]) -> [u64; 3] {
         [0, 1, 2].map(|axis| {
             let mut coordinate = [0; 4];
             coordinate.copy_from_slice(&record[4 * axis..4 * axis + 4]);
-            (i64::from(i32::from_le_bytes(coordinate)) - self.min[axis]).clamp(0, self.edge as i64 - 1) as u64
+            let within = (i64::from(i32::from_le_bytes(coordinate)) - self.min[axis]).max(0) as u64;
+            // At most 2³³ · 2²³.
+            (within.min(self.edge) * FINE_CELLS / self.edge).min(FINE_CELLS - 1)
         })
     }
 }
@@ -217,20 +224,21 @@ impl Builder<'_> {
             }
             _ => {}
         }
-        let edge = self.cube.edge >> key.level;
+        // Bits of a fine cell below those of a node's cell.
+        let below = MAX_LEVEL - key.level;
         let mut taken = CellSet::new(GRID.pow(3));
         let mut kept = Vec::new();
         let mut children: [Spill; 8] = std::array::from_fn(|_| Spill::new(self.record));
         let (cube, record) = (self.cube, self.record);
         points.each_block(|block| {
             for point in block.chunks_exact(record) {
-                let within = cube.within(point).map(|c| c % edge);
-                let [x, y, z] = within.map(|c| c * GRID / edge);
+                let cell = cube.fine_cell(point).map(|c| (c >> below) % GRID);
+                let [x, y, z] = cell;
                 if taken.insert((z * GRID + y) * GRID + x) {
                     kept.extend_from_slice(point);
                     continue;
                 }
-                let octant: usize = (0..3).map(|axis| usize::from(within[axis] >= edge / 2) << axis).sum();
+                let octant: usize = (0..3).map(|axis| usize::from(cell[axis] >= GRID / 2) << axis).sum();
                 children[octant].append(point)?;
             }
             Ok(())
@@ -380,12 +388,9 @@ mod tests {
 
     #[test]
     fn keys_of_children_follow_the_octants() {
-        let cube = Cube { min: [-5, 0, 7], edge: 1 << MAX_LEVEL };
-        let half = 1i32 << (MAX_LEVEL - 1);
-        let record: Vec<u8> =
-            [half - 5, 3, half + 7].into_iter().flat_map(|c: i32| c.to_le_bytes()).collect();
-        let within = cube.within(&record);
-        assert_eq!(within, [half as u64, 3, half as u64]);
+        let cube = Cube { min: [-5, 0, 7], edge: 1000 };
+        let record: Vec<u8> = [495, 3, 1007].into_iter().flat_map(|c: i32| c.to_le_bytes()).collect();
+        assert_eq!(cube.fine_cell(&record), [FINE_CELLS / 2, 3 * FINE_CELLS / 1000, FINE_CELLS - 1]);
         let key = Key::ROOT.child(0b101);
         assert_eq!((key.level, key.at), (1, [1, 0, 1]));
     }

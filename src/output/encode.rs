@@ -4,6 +4,7 @@ use super::codec::{LegFacts, Piece, PointCodec, encode_points};
 use super::column_codec::ColumnCodec;
 use super::las::{LasCodec, encode_with_packets};
 use super::layout::{Route, Slots};
+use super::memory::{self, TableContent};
 use super::plan::OutputPlan;
 use super::ply::{PlyCodec, PlyGroups};
 use super::request::{PointFormat, TrajectoryFormat};
@@ -19,6 +20,8 @@ use std::borrow::Cow;
 pub struct Encoded {
     pub(super) leg: u32,
     pub(super) pieces: Vec<Piece>,
+    /// Numbers of points by part, if they are counted.
+    pub(super) points_of_part: Vec<(u32, u64)>,
 }
 
 impl Encoded {
@@ -40,6 +43,7 @@ impl Encoded {
             mine.bytes.extend_from_slice(&next.bytes);
             mine.tally.add(&next.tally);
         }
+        self.points_of_part.extend(next.points_of_part);
         None
     }
 
@@ -78,9 +82,16 @@ impl OutputPlan {
                 Route::Waveforms(slot) => pieces.push(self.waveforms(*slot, batch)),
                 Route::Pulses(slot) => pieces.push(self.pulses(*slot, batch)),
                 Route::Part(slot) => pieces.push(part(*slot, batch)),
+                Route::Table(TableContent::Points, slots) => {
+                    self.points(PointFormat::Arrow, slots, batch, &echoes, &mut pieces);
+                }
+                Route::Table(content, slots) => {
+                    pieces.extend(slots.as_slice().iter().map(|slot| self.table(*content, *slot, batch)));
+                }
             }
         }
-        Encoded { leg: batch.leg, pieces }
+        let points_of_part = if self.counts_parts { count_parts(&echoes) } else { Vec::new() };
+        Encoded { leg: batch.leg, pieces, points_of_part }
     }
 
     fn points(
@@ -170,6 +181,11 @@ impl OutputPlan {
         piece_of(slot, &batch.poses, 80, |out, pose| push(out, pose.position + self.shift, pose))
     }
 
+    fn table(&self, content: TableContent, slot: u32, batch: &Batch) -> Piece {
+        let (bytes, tally) = memory::encode(content, batch, self.shift);
+        Piece { bytes, tally, is_block: true, ..Piece::new(slot, 0) }
+    }
+
     fn waveforms(&self, slot: u32, batch: &Batch) -> Piece {
         piece_of(slot, &batch.waveforms, 512, |out, wave| {
             let samples = batch.samples.get(wave.first_sample..).unwrap_or_default();
@@ -183,6 +199,13 @@ impl OutputPlan {
             text::push_pulse(out, pulse.origin + self.shift, pulse)
         })
     }
+}
+
+/// Counts echoes by part.
+fn count_parts(echoes: &[Echo]) -> Vec<(u32, u64)> {
+    let mut parts: Vec<u32> = echoes.iter().map(|echo| echo.part).filter(|&part| part != u32::MAX).collect();
+    parts.sort_unstable();
+    parts.chunk_by(|a, b| a == b).map(|alike| (alike[0], alike.len() as u64)).collect()
 }
 
 /// Returns the echoes of a batch together with records of its pulses without echoes, in order of emission.

@@ -1,13 +1,14 @@
 //! One open output file of any format.
 
 use super::archive::ArchiveStream;
-use super::arrow::{ArrowStream, ParquetStream};
+use super::arrow::ArrowStream;
 use super::codec::Piece;
 use super::copc::{self, CopcStream, Octree};
 use super::las::{PACKETS_HEADER_BYTES, packets_header, place_packets};
 use super::layout::{Content, FilePlan};
 use super::laz::{self, LazStream};
 use super::offload::Offload;
+use super::parquet::ParquetStream;
 use super::plan::{OutputPlan, packets_path};
 use super::ply;
 use super::request::{PacketPlace, PointFormat, TrajectoryFormat};
@@ -101,9 +102,14 @@ impl Head {
             Head::Copc(laszip) => {
                 plan.las.octree_head(laszip, tally, &octree.info, octree.hierarchy_at, state)
             }
-            Head::Ply(format) => {
-                ply::head(*format, plan.epsg, &plan.objects, plan.ply_groups(), tally.records, state)
-            }
+            Head::Ply(format) => ply::head(
+                *format,
+                plan.crs_name.as_deref(),
+                &plan.objects,
+                plan.ply_groups(),
+                tally.records,
+                state,
+            ),
         }
     }
 
@@ -163,7 +169,7 @@ impl OutputFile {
                 Encoder::Arrow(Box::new(ArrowStream::new(&plan.columns, plan.schema.clone())?))
             }
             (Content::Points(PointFormat::Parquet), _) => {
-                Encoder::Parquet(Box::new(ParquetStream::new(&plan.columns, plan.schema.clone())?))
+                Encoder::Parquet(Box::new(ParquetStream::new(&plan.columns, &plan.schema)?))
             }
             (Content::Part, _) => Encoder::Part(PartTable::new(out.len())),
             _ => Encoder::Plain,

@@ -353,19 +353,22 @@ fn ply_reads_back() {
                 ("y", p.y),
                 ("z", p.z),
                 ("intensity", e.intensity),
-                ("echo_width", e.echo_width),
+                ("scalar_EchoWidth", e.echo_width),
             ];
             assert!(reals.iter().all(|(name, exact)| near(&v[*name], *exact)), "{v:?}");
-            let angles = [("scan_angle", e.scan_angle.to_degrees()), ("range", e.range)];
+            let angles = [("scalar_ScanAngle", e.scan_angle.to_degrees()), ("scalar_Range", e.range)];
             assert!(angles.iter().all(|(name, exact)| near(&v[*name], *exact)), "{v:?}");
-            assert!(near(&v["incidence_angle"], e.incidence_cosine.acos().to_degrees()));
-            assert_eq!(v["gps_time"], Property::Double(e.time_ns / 1e9));
-            assert_eq!(v["return_number"], Property::UChar(e.return_number as u8));
-            assert_eq!(v["number_of_returns"], Property::UChar(e.number_of_returns as u8));
-            assert_eq!(v["classification"], Property::Int(e.classification));
-            assert_eq!(v["object_id"], Property::Int([0, 1, 0][e.part as usize]));
-            assert_eq!((&v["device"], &v["leg"]), (&Property::UShort(e.device as u16), &Property::UShort(1)));
-            assert_eq!(v["pulse_number"], Property::UInt(e.pulse_number as u32));
+            assert!(near(&v["scalar_IncidenceAngle"], e.incidence_cosine.acos().to_degrees()));
+            assert_eq!(v["scalar_GpsTime"], Property::Double(e.time_ns / 1e9));
+            assert_eq!(v["scalar_ReturnNumber"], Property::UChar(e.return_number as u8));
+            assert_eq!(v["scalar_NumberOfReturns"], Property::UChar(e.number_of_returns as u8));
+            assert_eq!(v["scalar_Classification"], Property::Int(e.classification));
+            assert_eq!(v["scalar_ObjectId"], Property::Int([0, 1, 0][e.part as usize]));
+            assert_eq!(
+                (&v["scalar_Device"], &v["scalar_Leg"]),
+                (&Property::UShort(e.device as u16), &Property::UShort(1))
+            );
+            assert_eq!(v["scalar_PulseNumber"], Property::UInt(e.pulse_number as u32));
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The files of a run, and the assignment of legs and devices to them (spec outputs §1).
 
 use super::context::{OutputContext, OutputLeg};
+use super::memory::{TableContent, TableRequest};
 use super::request::{OutputRequest, PointFormat, Target, TrajectoryFormat};
 use super::stream::Destination;
 use super::summary::FileKind;
@@ -17,15 +18,17 @@ pub(super) enum Content {
     Pulses,
     /// Batches of a part of a run.
     Part,
+    /// A table in memory.
+    Table(TableContent),
 }
 
 impl Content {
     pub fn kind(self) -> FileKind {
         match self {
-            Content::Points(_) => FileKind::Points,
-            Content::Trajectory(_) => FileKind::Trajectory,
-            Content::Waveforms => FileKind::Waveforms,
-            Content::Pulses => FileKind::Pulses,
+            Content::Points(_) | Content::Table(TableContent::Points) => FileKind::Points,
+            Content::Trajectory(_) | Content::Table(TableContent::Trajectory) => FileKind::Trajectory,
+            Content::Waveforms | Content::Table(TableContent::Waveforms) => FileKind::Waveforms,
+            Content::Pulses | Content::Table(TableContent::Pulses) => FileKind::Pulses,
             Content::Part => FileKind::Part,
         }
     }
@@ -38,6 +41,8 @@ pub(super) enum OutputLocation {
     Fixed(Destination),
     /// A file in run directory `run` of [`OutputLayout::runs`].
     Run { run: usize, name: String },
+    /// The table of this number in memory.
+    Memory(usize),
 }
 
 impl fmt::Display for OutputLocation {
@@ -46,6 +51,7 @@ impl fmt::Display for OutputLocation {
             OutputLocation::Fixed(Destination::Stdout) => f.write_str("standard output"),
             OutputLocation::Fixed(Destination::Path(path)) => path.display().fmt(f),
             OutputLocation::Run { name, .. } => write!(f, "{name} of the run directory"),
+            OutputLocation::Memory(number) => write!(f, "table {number} in memory"),
         }
     }
 }
@@ -96,12 +102,13 @@ pub(super) enum Route {
     Waveforms(u32),
     Pulses(u32),
     Part(u32),
+    Table(TableContent, Slots),
 }
 
 impl Route {
     pub fn slots(&self) -> &[u32] {
         match self {
-            Route::Points(_, slots) => slots.as_slice(),
+            Route::Points(_, slots) | Route::Table(_, slots) => slots.as_slice(),
             Route::Trajectory(_, slot) | Route::Waveforms(slot) | Route::Pulses(slot) | Route::Part(slot) => {
                 std::slice::from_ref(slot)
             }
@@ -179,7 +186,20 @@ impl OutputLayout {
             let base = layout.base(target, context);
             layout.product(request.sinks.len(), &base, Content::Trajectory(*format), false, context);
         }
+        layout.tables(request);
         layout
+    }
+
+    /// Adds the tables in memory, to which all legs contribute.
+    fn tables(&mut self, request: &OutputRequest) {
+        for (number, TableRequest { content, .. }) in request.tables.iter().enumerate() {
+            // Without other outputs the points of the first table are counted in the summary.
+            let sink = if request.sinks.is_empty() { number } else { request.sinks.len() + 1 + number };
+            for leg in 0..self.routes.len() {
+                let slot = self.slot(sink, OutputLocation::Memory(number), Content::Table(*content), leg);
+                self.routes[leg].push(Route::Table(*content, Slots::One(slot)));
+            }
+        }
     }
 
     fn base(&mut self, target: &Target, context: &OutputContext) -> Base {
@@ -250,6 +270,7 @@ impl OutputLayout {
                 Content::Waveforms => Route::Waveforms(slot),
                 Content::Pulses => Route::Pulses(slot),
                 Content::Part => Route::Part(slot),
+                Content::Table(content) => Route::Table(content, Slots::One(slot)),
             });
         }
     }
@@ -268,7 +289,7 @@ impl OutputLayout {
         let zipped = match content {
             Content::Points(format) => format == PointFormat::Bin,
             Content::Waveforms | Content::Pulses => self.zip,
-            Content::Trajectory(_) | Content::Part => false,
+            Content::Trajectory(_) | Content::Part | Content::Table(_) => false,
         };
         self.files.push(FilePlan { location: location.clone(), content, zipped, last_leg: leg, sink });
         self.slots.insert(location, slot);

@@ -25,7 +25,7 @@ use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPoin
 use laz::{LazItemType, LazVlr, LazVlrBuilder};
 
 /// Points per chunk, as in LASzip.
-const CHUNK_POINTS: usize = 50_000;
+pub(super) const CHUNK_POINTS: usize = 50_000;
 
 /// Returns the LASzip record for chunks of fixed size.
 pub(super) fn laszip(format: &LasFormat) -> Result<LazVlr> {

@@ -14,38 +14,46 @@
 //! | `layout`, `plan` | the files that follow from both, checks and formats |
 //! | `codec`, `objects` | definitions shared by the formats of point records; ids of scene parts as integers |
 //! | `text`, `number`, `las`, `ply` | records of text, LAS and PLY |
-//! | `columns`, `column_codec`, `table`, `arrow` | columns: definition and values, as text, as Arrow and Parquet |
+//! | `columns`, `column_codec`, `table` | columns: definition and values, as text |
+//! | `rows`, `arrow`, `parquet` | columns in groups of rows, as Arrow and as Parquet |
+//! | `memory`, `batches` | tables in memory for the caller |
 //! | `encode` | encoding of batches as bytes for every file, in the worker threads |
 //! | `laz`, `archive`, `blocks` | compression of LAS and of text in blocks; expansion of text |
 //! | `copc` | compressed LAS as an octree |
-//! | `writer`, `file`, `stream` | writing of bytes to files and streams, in the writer thread |
-//! | `offload`, `summary`, `crs` | jobs for idle workers, summary of the outputs, EPSG codes |
+//! | `join` | LAS and LAZ files of consecutive points as one |
+//! | `writer`, `open`, `file`, `stream` | writing of bytes to files and streams, in the writer thread |
+//! | `offload`, `summary` | jobs for idle workers, summary of the outputs |
 //!
 //! Files are written through [`FileWriter`](crate::files::FileWriter). Formats with counts in their header are spooled to
 //! an unnamed file when the stream is not seekable.
 
 mod archive;
 mod arrow;
+mod batches;
 mod blocks;
 mod codec;
 mod column_codec;
 mod columns;
 mod context;
 mod copc;
-mod crs;
 mod encode;
 mod file;
 #[cfg(test)]
 mod format_tests;
+mod join;
 mod las;
 mod layout;
 mod laz;
+mod memory;
 mod number;
 mod objects;
 mod offload;
+mod open;
+mod parquet;
 mod plan;
 mod ply;
 mod request;
+mod rows;
 mod stream;
 mod summary;
 mod table;
@@ -60,6 +68,9 @@ pub use archive::{expand, unzip};
 pub use columns::Column;
 pub use context::OutputContext;
 pub use encode::Encoded;
+pub use join::{JOINED_POINTS, join};
+pub use memory::{TableContent, TableRequest, TableSink};
+pub use objects::ObjectIds;
 pub use offload::{NoOffload, Offload};
 pub use plan::OutputPlan;
 pub use request::{

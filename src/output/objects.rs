@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 /// The integer id of every part, and the names of parts whose id is not that integer (spec outputs trap 2).
 #[derive(Debug, Default)]
-pub(super) struct ObjectIds {
+pub struct ObjectIds {
     /// Integers by index of the part.
     ids: Vec<i32>,
     /// Integers and the ids that they replace, ascending; without ids that equal their integer.
-    pub names: Vec<(i32, String)>,
+    pub(super) names: Vec<(i32, String)>,
 }
 
 impl ObjectIds {

@@ -4,14 +4,15 @@ use super::arrow::{About, schema};
 use super::codec::LegFacts;
 use super::columns::Column;
 use super::context::OutputContext;
-use super::crs::epsg;
 use super::las::LasFormat;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
+use super::memory::{TableContent, TableRequest};
 use super::objects::ObjectIds;
 use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
 use super::stream::Destination;
 use super::summary::FileSummary;
 use super::text;
+use crate::crs;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::files::{NewFolder, identity, is_special, remove_litter};
@@ -40,16 +41,19 @@ pub struct OutputPlan {
     pub(super) schema: SchemaRef,
     /// Whether pulses without echoes are written.
     pub(super) misses: bool,
+    /// Whether points are counted by part.
+    pub(super) counts_parts: bool,
     /// Whether PLY has the labels part, primitive and true range.
     pub(super) labels: bool,
     pub(super) live: bool,
-    /// EPSG code of the coordinate reference system.
-    pub(super) epsg: Option<u16>,
+    /// Name of the coordinate reference system: its EPSG code, if it has one.
+    pub(super) crs_name: Option<String>,
     warnings: Diagnostics,
     pub(super) force: bool,
     pub(super) run_stamp: Option<String>,
     /// The bytes before the first block of a part.
     pub(super) part_head: Vec<u8>,
+    pub(super) tables: Vec<TableRequest>,
     pub(super) epochs: u32,
     /// Partial files that a failed run left.
     pub(super) rescued: Mutex<Vec<FileSummary>>,
@@ -69,8 +73,15 @@ impl OutputPlan {
         check_files(&layout, &request, &inputs, &mut problems);
         let mut las_problems = Diagnostics::default();
         let objects = ObjectIds::new(&context.parts);
-        let crs = request.crs_wkt.as_deref().or(context.crs.as_deref());
-        let las = LasFormat::new(&request, context, crs, &objects, &mut las_problems);
+        let wkt = request.crs_wkt.as_deref().or(context.crs.as_deref());
+        if let (Some(chosen), Some(named)) = (&request.crs_wkt, &context.crs)
+            && crs::differ(chosen, named)
+        {
+            let message =
+                format!("--crs says {}, what was measured is in {}", crs::name(chosen), crs::name(named));
+            problems.warn(None, message).help("leave out --crs: nothing is projected");
+        }
+        let las = LasFormat::new(&request, context, wkt, &objects, &mut las_problems);
         if request.sinks.iter().any(|(_, format)| format.is_las()) {
             problems.extend(las_problems);
             if las.packet_place() == Some(PacketPlace::Beside) {
@@ -79,7 +90,7 @@ impl OutputPlan {
         }
         let warnings = problems.finish(false)?;
         let columns = request.columns.clone().unwrap_or_else(|| Column::default_columns(request.misses));
-        let about = About { scanner: &context.scanner, crs, objects: &objects };
+        let about = About { scanner: &context.scanner, crs: wkt, objects: &objects };
         let schema = schema(&columns, &about);
         Ok(OutputPlan {
             layout,
@@ -92,13 +103,15 @@ impl OutputPlan {
             columns_chosen: request.columns.is_some(),
             schema,
             misses: request.misses,
+            counts_parts: request.counts_parts,
             labels: request.labels,
             live: request.live,
-            epsg: crs.and_then(epsg).map(|(_, code)| code),
+            crs_name: wkt.map(crs::short_name),
             warnings,
             force: request.force,
             run_stamp: request.run_stamp,
             part_head: request.part.map(|part| part.head).unwrap_or_default(),
+            tables: request.tables,
             epochs: request.epochs.max(1),
             rescued: Mutex::default(),
         })
@@ -130,7 +143,9 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
             "a run directory has its trajectories already; name a file or a directory for others",
         );
     }
-    if request.columns.is_some() && !request.sinks.iter().any(|(_, format)| format.has_columns()) {
+    let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
+    let has_columns = has_table || request.sinks.iter().any(|(_, format)| format.has_columns());
+    if request.columns.is_some() && !has_columns {
         problems
             .error(
                 None,
@@ -210,6 +225,8 @@ fn check_packets(layout: &OutputLayout, force: bool, inputs: &Inputs, problems: 
                 check_path(&path, &layout.directories, force, inputs, problems);
                 OutputLocation::Fixed(Destination::Path(path))
             }
+            // Tables hold no LAS.
+            OutputLocation::Memory(_) => continue,
             OutputLocation::Run { run, name } => {
                 let path = packets_path(Path::new(name));
                 OutputLocation::Run { run: *run, name: path.to_string_lossy().into_owned() }
@@ -257,7 +274,7 @@ fn check_path(path: &Path, made: &[PathBuf], force: bool, inputs: &Inputs, probl
 
 /// Returns the name of a run directory created now: local time, to the second.
 pub(super) fn stamp() -> String {
-    jiff::Zoned::now().strftime("%Y-%m-%d_%H-%M-%S").to_string()
+    chrono::Local::now().format("%Y-%m-%d_%H-%M-%S").to_string()
 }
 
 /// Creates `parent/stamp`, or the first of `parent/stamp_2` … `parent/stamp_99` that does not exist. Returns its path

@@ -7,30 +7,35 @@ use super::request::PointFormat;
 use crate::geom::{DVec3, degrees};
 use crate::pulse::Echo;
 
-/// Types and names of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees.
+/// Types and names of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees. CloudCompare keeps
+/// what its names call scalar; the rest of a name is that of the column in other formats.
 const PROPERTIES: [(&str, &str); 16] = [
     ("double", "x"),
     ("double", "y"),
     ("double", "z"),
     ("float", "intensity"),
-    ("float", "echo_width"),
-    ("uchar", "return_number"),
-    ("uchar", "number_of_returns"),
-    ("int", "classification"),
-    ("double", "gps_time"),
-    ("float", "scan_angle"),
-    ("float", "range"),
-    ("float", "incidence_angle"),
-    ("int", "object_id"),
-    ("ushort", "device"),
-    ("ushort", "leg"),
-    ("uint", "pulse_number"),
+    ("float", "scalar_EchoWidth"),
+    ("uchar", "scalar_ReturnNumber"),
+    ("uchar", "scalar_NumberOfReturns"),
+    ("int", "scalar_Classification"),
+    ("double", "scalar_GpsTime"),
+    ("float", "scalar_ScanAngle"),
+    ("float", "scalar_Range"),
+    ("float", "scalar_IncidenceAngle"),
+    ("int", "scalar_ObjectId"),
+    ("ushort", "scalar_Device"),
+    ("ushort", "scalar_Leg"),
+    ("uint", "scalar_PulseNumber"),
 ];
 
-const LABELS: [(&str, &str); 3] = [("uint", "part"), ("uint", "primitive"), ("float", "true_range")];
+const LABELS: [(&str, &str); 3] =
+    [("uint", "scalar_Part"), ("uint", "scalar_Primitive"), ("float", "scalar_TrueRange")];
 
-const DIRECTIONS: [(&str, &str); 3] =
-    [("float", "beam_direction_x"), ("float", "beam_direction_y"), ("float", "beam_direction_z")];
+const DIRECTIONS: [(&str, &str); 3] = [
+    ("float", "scalar_BeamDirectionX"),
+    ("float", "scalar_BeamDirectionY"),
+    ("float", "scalar_BeamDirectionZ"),
+];
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PlyGroups {
@@ -51,7 +56,7 @@ impl PlyGroups {
 /// Returns the header of a file with `count` vertices. A padded comment makes its length independent of the count.
 pub(super) fn head(
     format: PointFormat,
-    epsg: Option<u16>,
+    crs: Option<&str>,
     objects: &ObjectIds,
     groups: PlyGroups,
     count: u64,
@@ -59,13 +64,11 @@ pub(super) fn head(
 ) -> Vec<u8> {
     let encoding = if format == PointFormat::PlyAscii { "ascii" } else { "binary_little_endian" };
     let mut head = format!("ply\nformat {encoding} 1.0\ncomment vlscan {}\n", env!("CARGO_PKG_VERSION"));
-    if let Some(code) = epsg {
-        head.push_str(&format!("comment crs EPSG:{code}\n"));
+    if let Some(crs) = crs {
+        head.push_str(&format!("comment crs {}\n", comment(crs)));
     }
     for (number, name) in &objects.names {
-        // Some readers limit the length of a line.
-        let name: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect();
-        head.push_str(&format!("comment object {number} {name}\n"));
+        head.push_str(&format!("comment object {number} {}\n", comment(name)));
     }
     head.push_str(&format!("comment state {state:40}\n"));
     let count = count.to_string();
@@ -76,6 +79,11 @@ pub(super) fn head(
     }
     head.push_str("end_header\n");
     head.into_bytes()
+}
+
+/// Returns a text without line breaks, cut to 200 characters: some readers limit the length of a line.
+fn comment(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect()
 }
 
 /// Encoder of echoes as vertices; as text if `ASCII`, with four decimals, nine for times and directions.

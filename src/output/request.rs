@@ -1,6 +1,6 @@
 //! Specification of the outputs of a run.
 
-use super::Column;
+use super::{Column, TableRequest};
 use clap::ValueEnum;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -91,6 +91,13 @@ impl PointFormat {
         matches!(self, PointFormat::Las | PointFormat::Laz | PointFormat::Copc)
     }
 
+    /// Whether the format has a place for the coordinate reference system.
+    pub fn holds_crs(self) -> bool {
+        self.is_las()
+            || matches!(self, PointFormat::PlyBinary | PointFormat::PlyAscii)
+            || matches!(self, PointFormat::Arrow | PointFormat::Parquet)
+    }
+
     /// Whether the format is text that a terminal can show.
     pub fn is_text(self) -> bool {
         matches!(self, PointFormat::Xyz | PointFormat::PlyAscii | PointFormat::Csv)
@@ -174,6 +181,8 @@ pub struct OutputRequest {
     pub inputs: Vec<PathBuf>,
     /// Files that the caller writes besides the outputs, which are checked with them.
     pub companions: Vec<PathBuf>,
+    /// Whether points are counted by part of the scene, see [`Summary`](super::Summary).
+    pub counts_parts: bool,
     /// Coordinate reference system as WKT; the one of the survey if `None`.
     pub crs_wkt: Option<String>,
     /// Year and day of the year (from 1) for LAS headers.
@@ -182,6 +191,8 @@ pub struct OutputRequest {
     pub run_stamp: Option<String>,
     /// A part of a run, which is then the only output.
     pub part: Option<PartOutput>,
+    /// Tables in memory.
+    pub tables: Vec<TableRequest>,
     /// Number of epochs (spec input-formats §3.8); see [`Writer::next_epoch`](super::Writer::next_epoch).
     pub epochs: u32,
 }
@@ -204,10 +215,12 @@ impl Default for OutputRequest {
             force: false,
             inputs: Vec::new(),
             companions: Vec::new(),
+            counts_parts: false,
             crs_wkt: None,
             creation: (0, 0),
             run_stamp: None,
             part: None,
+            tables: Vec::new(),
             epochs: 1,
         }
     }

@@ -23,6 +23,8 @@ pub(super) struct OutputStream {
 
 /// Size of the write buffer.
 const BUFFER_BYTES: usize = 64 * 1024;
+/// Pieces of this size are written without being copied to the buffer.
+const DIRECT_BYTES: usize = 16 * 1024;
 
 impl OutputStream {
     pub fn open(place: &Destination, force: bool, patched: Patched) -> Result<OutputStream> {
@@ -72,7 +74,8 @@ impl OutputStream {
         if self.out.is_stream() || self.buffer.len() + bytes.len() > BUFFER_BYTES {
             self.flush()?;
         }
-        if self.out.is_stream() || bytes.len() >= BUFFER_BYTES {
+        if self.out.is_stream() || bytes.len() >= DIRECT_BYTES {
+            self.flush()?;
             return self.out.append(bytes);
         }
         self.buffer.extend_from_slice(bytes);

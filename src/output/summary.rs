@@ -17,6 +17,8 @@ pub struct Summary {
     pub directories: Vec<PathBuf>,
     /// Points in the first point cloud requested.
     pub points: u64,
+    /// Points by part of the scene, if they are counted; parts beyond the last one that was hit are missing.
+    pub points_of_part: Vec<u64>,
 }
 
 /// Kind of the records in a file.
@@ -39,7 +41,7 @@ pub enum FileKind {
 /// One completed file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileSummary {
-    /// Path; `None` for standard output.
+    /// Path; `None` for standard output and for tables in memory.
     pub path: Option<PathBuf>,
     /// Whether the run ended before the file was complete.
     pub partial: bool,

@@ -2,10 +2,10 @@
 
 use super::Offload;
 use super::encode::Encoded;
-use super::file::OutputFile;
 use super::layout::{Content, OutputLocation};
+use super::memory::TableContent;
+use super::open::OpenOutput;
 use super::plan::{OutputPlan, create_run_directory, stamp};
-use super::stream::Destination;
 use super::summary::Summary;
 use crate::error::{Error, Result};
 use crate::files::NewFolder;
@@ -18,7 +18,7 @@ pub struct Writer {
     plan: Arc<OutputPlan>,
     offload: Arc<dyn Offload>,
     /// Open files by slot; `None` when complete.
-    files: Vec<Option<OutputFile>>,
+    files: Vec<Option<OpenOutput>>,
     /// Slots in the order in which legs complete them, and the number of complete ones.
     closing: Vec<u32>,
     closed: usize,
@@ -93,6 +93,13 @@ impl Writer {
         }
         if encoded.leg > self.leg {
             self.enter(encoded.leg)?;
+        }
+        for (part, count) in encoded.points_of_part {
+            let (part, counts) = (part as usize, &mut self.summary.points_of_part);
+            if part < self.plan.part_names.len() {
+                counts.resize(counts.len().max(part + 1), 0);
+                counts[part] += count;
+            }
         }
         for piece in encoded.pieces {
             if self.closed_pipes.contains(&piece.slot) {
@@ -216,11 +223,7 @@ impl Writer {
     fn open_files(&mut self, wanted: impl Fn(&OutputLocation) -> bool) -> Result<()> {
         let plan = self.plan.clone();
         for (slot, file) in plan.layout.files.iter().enumerate().filter(|(_, f)| wanted(&f.location)) {
-            let place = match &file.location {
-                OutputLocation::Fixed(place) => place.clone(),
-                OutputLocation::Run { run, name } => Destination::Path(self.runs[*run].join(name)),
-            };
-            let mut open = OutputFile::open(&plan, &place, file)?;
+            let mut open = OpenOutput::open(&plan, file, &self.runs)?;
             open.close_handle()?;
             self.files[slot] = Some(open);
         }
@@ -265,7 +268,11 @@ impl Writer {
                 }
                 done => done?,
             };
-            if matches!(file.content, Content::Points(_) | Content::Part) && file.sink == 0 {
+            let is_points = matches!(
+                file.content,
+                Content::Points(_) | Content::Part | Content::Table(TableContent::Points)
+            );
+            if is_points && file.sink == 0 {
                 self.summary.points += done.iter().map(|file| file.records).sum::<u64>();
             }
             self.summary.files.extend(done);
@@ -280,7 +287,7 @@ impl Drop for Writer {
             return;
         }
         let plan = self.plan.clone();
-        for file in self.files.iter_mut().filter_map(Option::take).filter(OutputFile::has_records) {
+        for file in self.files.iter_mut().filter_map(Option::take).filter(OpenOutput::has_records) {
             // The run has failed already; a file that cannot be completed is removed.
             let Ok(done) = file.finish(&plan, &*self.offload, true) else { continue };
             if let Ok(mut rescued) = plan.rescued.lock() {

@@ -21,7 +21,7 @@ fn parse_name(name: &str) -> Option<(u32, u32)> {
 }
 
 /// Numbers as ranges: `3,17,40-44`, as array jobs take them.
-fn array_list(numbers: impl IntoIterator<Item = u32>) -> String {
+pub fn array_list(numbers: impl IntoIterator<Item = u32>) -> String {
     let mut ranges: Vec<(u32, u32)> = Vec::new();
     for number in numbers {
         match ranges.last_mut() {

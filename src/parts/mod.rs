@@ -29,5 +29,5 @@ pub use block::encode;
 pub use borders::{Border, Borders, BordersBuilder};
 pub use file::{PartFile, PartHead, PartTable, Records};
 pub use fingerprint::Fingerprint;
-pub use folder::{PartSet, part_path};
+pub use folder::{PartSet, array_list, part_path};
 pub use private::PrivateFolder;

@@ -1,15 +1,21 @@
 //! Folders of a single process within a folder that the processes of many machines share.
 
 use crate::error::{Error, Result};
-use std::fs::{self, File};
+use crate::files::{NewFolder, publish};
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::io;
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
+
+/// What precedes the number in the name of a private folder.
+const PREFIX: &str = "unfinished-";
 
 /// A folder for the unfinished files of this process. Processes on other machines leave it alone: unlike locks, names are
-/// shared on every file system. Dropping it removes it.
+/// shared on every file system. Dropping it removes it, and so does the end of the process that a signal causes.
 pub struct PrivateFolder {
-    folder: TempDir,
+    path: PathBuf,
     shared: PathBuf,
+    /// Declared after the paths: removes the folder when it is empty.
+    _folder: NewFolder,
 }
 
 impl PrivateFolder {
@@ -18,14 +24,22 @@ impl PrivateFolder {
     /// # Errors
     /// [`Error::Io`].
     pub fn new(shared: &Path) -> Result<PrivateFolder> {
-        let folder = tempfile::Builder::new().prefix("unfinished-").tempdir_in(shared);
-        let folder = folder.map_err(|e| Error::io("create a folder in", shared, e))?;
-        Ok(PrivateFolder { folder, shared: shared.to_path_buf() })
+        loop {
+            let number = RandomState::new().build_hasher().finish();
+            let path = shared.join(format!("{PREFIX}{number:016x}"));
+            match NewFolder::create(&path) {
+                Ok(folder) => {
+                    return Ok(PrivateFolder { path, shared: shared.to_path_buf(), _folder: folder });
+                }
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(e) => return Err(Error::io("create a folder in", shared, e)),
+            }
+        }
     }
 
     /// The path of a file of this process.
     pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
-        self.folder.path().join(name)
+        self.path.join(name)
     }
 
     /// Moves a complete file to the shared folder, where it replaces the file of its name, and returns its path.
@@ -34,18 +48,24 @@ impl PrivateFolder {
     /// [`Error::Io`].
     pub fn publish(self, name: impl AsRef<Path>) -> Result<PathBuf> {
         let path = self.shared.join(&name);
-        fs::rename(self.path(&name), &path).map_err(|e| Error::io("give its name to", &path, e))?;
-        if let Ok(folder) = File::open(&self.shared) {
-            // Some file systems refuse it; the file itself is on the disk.
-            let _ = folder.sync_all();
-        }
+        publish(&self.path(&name), &path)?;
         Ok(path)
+    }
+}
+
+impl Drop for PrivateFolder {
+    fn drop(&mut self) {
+        // A file that was complete, but could not be moved.
+        for entry in std::fs::read_dir(&self.path).into_iter().flatten().flatten() {
+            let _ = std::fs::remove_file(entry.path());
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn files_move_when_they_are_complete_and_vanish_otherwise() {

@@ -1,7 +1,7 @@
 //! Chunks: descriptors of consecutive pulses, without the pulses themselves.
 
 use crate::error::{Error, Result};
-use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
+use crate::flight::{FlightPlan, FlightState, Step};
 use crate::platform::{PollResult, PoseReader};
 use crate::scene::{MotionPlan, MotionState};
 use crate::schedule::{Feed, Outcome, Stop, Tasks};
@@ -57,36 +57,15 @@ impl Chunk {
     /// Splits off the first pulse, with the steps up to it, as a separate chunk.
     fn split_first(&mut self, plan: &FlightPlan, motion: Option<&MotionPlan>) -> Result<Chunk> {
         let mut first = Chunk { steps: 0, pulses: 0, poses: 0, ..self.clone() };
-        let mut count = Count::default();
-        while count.pulses == 0 && first.steps < self.steps {
-            self.start.step(plan, &mut count)?;
-            if let (Some(state), Some(plan)) = (&mut self.motion, motion) {
-                state.step(plan, |_, _| ());
-            }
-            first.steps += 1;
+        let skipped = self.start.skip(plan, 1, self.steps)?;
+        (first.steps, first.pulses, first.poses) = (skipped.steps, skipped.pulses, skipped.poses);
+        if let (Some(state), Some(plan)) = (&mut self.motion, motion) {
+            (0..first.steps).for_each(|_| state.step(plan, |_, _| ()));
         }
-        (first.pulses, first.poses) = (count.pulses, count.poses);
         self.steps -= first.steps;
         self.pulses -= first.pulses;
         self.poses -= first.poses;
         Ok(first)
-    }
-}
-
-/// Counts what a step would emit without computing it.
-#[derive(Default)]
-struct Count {
-    pulses: u32,
-    poses: u32,
-}
-
-impl FlightSink for Count {
-    fn pulse(&mut self, _: impl FnOnce() -> Pulse) {
-        self.pulses += 1;
-    }
-
-    fn pose(&mut self, _: impl FnOnce() -> PoseSample) {
-        self.poses += 1;
     }
 }
 
@@ -111,35 +90,29 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     let mut chunk = Chunk::begin(plan, state, moving.as_ref());
     loop {
         let size = feed.size();
-        let before = chunk.pulses;
-        let mut count = Count { pulses: before, poses: chunk.poses };
         let mut first = None;
         let step = loop {
-            let step = state.step(plan, &mut count)?;
-            if step != Step::Advanced {
-                let waiting = count.pulses > 0 || count.poses > 0;
-                if step == Step::NeedsPoses && waiting && !stop.is_requested() {
-                    feed.flush()?;
-                    let since = *first.get_or_insert_with(Instant::now);
-                    let latency = poses.as_ref().map_or(Duration::ZERO, PoseReader::max_latency);
-                    let timeout = latency.saturating_sub(since.elapsed());
-                    if feed_poses_within(timeout, plan, &mut poses, &mut [&mut *state, &mut chunk.start]) {
-                        continue;
-                    }
-                }
-                break step;
-            }
-            chunk.steps += 1;
+            let missing = u64::from(size.saturating_sub(chunk.pulses)).max(1).min(left);
+            let skipped =
+                state.skip(plan, missing.min(u64::from(u32::MAX)) as u32, MAX_STEPS - chunk.steps)?;
+            chunk.steps += skipped.steps;
+            chunk.pulses += skipped.pulses;
+            chunk.poses += skipped.poses;
+            left = left.saturating_sub(u64::from(skipped.pulses));
             if let (Some(state), Some(plan)) = (&mut moving, motion) {
-                state.step(plan, |_, _| ());
+                (0..skipped.steps).for_each(|_| state.step(plan, |_, _| ()));
             }
-            let is_last = u64::from(count.pulses - before) >= left;
-            if count.pulses >= size || chunk.steps >= MAX_STEPS || is_last {
-                break step;
+            if skipped.last == Step::NeedsPoses && chunk.has_content() && !stop.is_requested() {
+                feed.flush()?;
+                let since = *first.get_or_insert_with(Instant::now);
+                let latency = poses.as_ref().map_or(Duration::ZERO, PoseReader::max_latency);
+                let timeout = latency.saturating_sub(since.elapsed());
+                if feed_poses_within(timeout, plan, &mut poses, &mut [&mut *state, &mut chunk.start]) {
+                    continue;
+                }
             }
+            break skipped.last;
         };
-        left = left.saturating_sub(u64::from(count.pulses - before));
-        (chunk.pulses, chunk.poses) = (count.pulses, count.poses);
         chunk.done = done(plan, state);
         let is_full = step == Step::Advanced && chunk.pulses >= size && left > 0;
         let rest = if is_full {
@@ -177,18 +150,6 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     }
 }
 
-/// Counts pulses and passes over them.
-#[derive(Default)]
-struct Total(u64);
-
-impl FlightSink for Total {
-    fn pulse(&mut self, _: impl FnOnce() -> Pulse) {
-        self.0 += 1;
-    }
-
-    fn pose(&mut self, _: impl FnOnce() -> PoseSample) {}
-}
-
 /// Steps up to and including the step that emits pulse number `pulses`, counted from 1, or to the end of the flight.
 /// Returns the number of pulses emitted.
 ///
@@ -201,23 +162,21 @@ pub fn skip(
     pulses: u64,
     stop: &Stop,
 ) -> Result<u64> {
-    let mut total = Total::default();
-    let mut steps = 0u32;
-    while total.0 < pulses {
-        match state.step(plan, &mut total)? {
+    let mut total = 0;
+    while total < pulses {
+        let missing = (pulses - total).min(u64::from(u32::MAX)) as u32;
+        let skipped = state.skip(plan, missing, MAX_STEPS)?;
+        total += u64::from(skipped.pulses);
+        match skipped.last {
             Step::Advanced | Step::LegChanged => {}
             Step::NeedsPoses => wait_for_poses(plan, poses, state, stop)?,
             Step::Ended => break,
         }
-        steps += 1;
-        if steps >= MAX_STEPS {
-            steps = 0;
-            if stop.is_requested() {
-                return Err(Error::Interrupted);
-            }
+        if stop.is_requested() {
+            return Err(Error::Interrupted);
         }
     }
-    Ok(total.0)
+    Ok(total)
 }
 
 /// Waits for poses up to `timeout` and appends them to both ends of a chunk. Returns `false` if none arrived; the end

@@ -13,6 +13,7 @@ use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary};
 use crate::parts::{PartFile, PartSet};
 use crate::pulse::Batch;
 use crate::schedule::{Feed, Outcome, Schedule, Stop, Tasks};
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
@@ -23,6 +24,8 @@ struct BlockTask {
     block: usize,
     pulses: u32,
     leg: u32,
+    /// The echoes that are wanted, all or those from and to the end of the wanted ones.
+    echoes: Range<u32>,
     /// Fraction of the blocks of all parts that are done after this one, 0–1.
     done: f64,
 }
@@ -39,25 +42,41 @@ struct Blocks<'a> {
     /// The part that is being read, and its next block.
     current: Option<(Arc<PartFile>, usize)>,
     next_part: u32,
+    /// The echoes that are wanted.
+    wanted: Range<u64>,
+    /// Echoes and pulses before the next block.
+    echoes: u64,
     pulses: u64,
 }
 
 impl Blocks<'_> {
-    /// The next block if it is of `epoch`.
+    /// The next block with wanted echoes if it is of `epoch`.
     fn take(&mut self, epoch: u32) -> Result<Option<BlockTask>> {
         loop {
             if let Some((part, block)) = &mut self.current
                 && let Some(head) = part.block(*block)
             {
-                if head.epoch != epoch {
+                if head.epoch != epoch || self.echoes >= self.wanted.end {
                     return Ok(None);
                 }
-                self.pulses += u64::from(head.pulses);
-                let done = self.pulses as f64 / (self.parts.head.total as f64).max(1.0);
-                let task =
-                    BlockTask { part: part.clone(), block: *block, pulses: head.pulses, leg: head.leg, done };
+                let within = |at: u64| at.saturating_sub(self.echoes).min(u64::from(head.echoes)) as u32;
+                let echoes = within(self.wanted.start)..within(self.wanted.end);
+                let number = *block;
                 *block += 1;
-                return Ok(Some(task));
+                self.echoes += u64::from(head.echoes);
+                self.pulses += u64::from(head.pulses);
+                // Blocks without echoes hold poses and pulses.
+                if self.echoes <= self.wanted.start && self.wanted.start > 0 {
+                    continue;
+                }
+                return Ok(Some(BlockTask {
+                    part: part.clone(),
+                    block: number,
+                    pulses: head.pulses,
+                    leg: head.leg,
+                    echoes,
+                    done: self.done(),
+                }));
             }
             if self.next_part >= self.parts.head.of {
                 return Ok(None);
@@ -65,6 +84,14 @@ impl Blocks<'_> {
             self.current = Some((Arc::new(self.parts.part(self.next_part)?), 0));
             self.next_part += 1;
         }
+    }
+
+    fn done(&self) -> f64 {
+        if self.wanted == ALL_ECHOES {
+            return self.pulses as f64 / (self.parts.head.total as f64).max(1.0);
+        }
+        let wanted = (self.wanted.end - self.wanted.start) as f64;
+        (self.echoes.saturating_sub(self.wanted.start) as f64 / wanted.max(1.0)).min(1.0)
     }
 
     fn produce<R: Outcome, W: FnMut(BlockTask) -> Result<R>>(
@@ -104,6 +131,20 @@ pub fn merge(
     schedule: Schedule,
     control: Control<'_>,
 ) -> Result<Report> {
+    merge_echoes(parts, outputs, ALL_ECHOES, schedule, control)
+}
+
+/// All echoes, and everything else that parts hold.
+const ALL_ECHOES: Range<u64> = 0..u64::MAX;
+
+/// [`merge`] of the echoes of a range alone, counted from 0 over all parts.
+pub(super) fn merge_echoes(
+    parts: &PartSet,
+    outputs: OutputRequest,
+    wanted: Range<u64>,
+    schedule: Schedule,
+    control: Control<'_>,
+) -> Result<Report> {
     let context = output_context(parts)?;
     check_records(parts, &outputs)?;
     let epochs = parts.head.epochs.max(1);
@@ -111,7 +152,8 @@ pub fn merge(
     let output = Arc::new(OutputPlan::new(request, &context)?);
     let is_damaged = AtomicBool::new(false);
     let started = Instant::now();
-    let merged = merge_epochs(parts, &output, epochs, schedule, control, &is_damaged);
+    let blocks = Blocks { parts, current: None, next_part: 0, wanted, echoes: 0, pulses: 0 };
+    let merged = merge_epochs(blocks, &output, epochs, schedule, control, &is_damaged);
     if merged.is_err() && is_damaged.load(Relaxed) {
         // The request to stop is set by the failure itself.
         parts.verify(&Stop::new())?;
@@ -122,14 +164,13 @@ pub fn merge(
 }
 
 fn merge_epochs(
-    parts: &PartSet,
+    mut blocks: Blocks<'_>,
     output: &Arc<OutputPlan>,
     epochs: u32,
     schedule: Schedule,
     control: Control<'_>,
     is_damaged: &AtomicBool,
 ) -> Result<(Summary, bool)> {
-    let mut blocks = Blocks { parts, current: None, next_part: 0, pulses: 0 };
     let mut writer = None;
     for epoch in 0..epochs {
         let end = PassEnd { check: None, is_last: epoch + 1 == epochs, keeps_partial: false };
@@ -168,6 +209,8 @@ fn encode(
         is_damaged.store(true, Relaxed);
         Error::input(format!("{} {reason}", task.part.path().display()))
     })?;
+    batch.echoes.truncate(task.echoes.end as usize);
+    batch.echoes.drain(..task.echoes.start as usize);
     Ok(vec![Ok(Measured {
         encoded: output.encode(batch),
         pulses: u64::from(task.pulses),
@@ -179,7 +222,7 @@ fn encode(
 }
 
 /// Refuses outputs that need records which the parts do not hold.
-fn check_records(parts: &PartSet, outputs: &OutputRequest) -> Result<()> {
+pub(super) fn check_records(parts: &PartSet, outputs: &OutputRequest) -> Result<()> {
     let records = parts.head.records;
     let truth = outputs.columns.iter().flatten().find(|column| column.is_truth());
     let mut problems = Diagnostics::default();

@@ -10,32 +10,41 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `settings` | everything that is chosen before the start |
+//! | `settings`, `job` | everything that is chosen before the start; its resolution from options and files |
 //! | `session` | loading, the loop over epochs, the report |
+//! | `sample` | facts about a loaded scene, points on its surfaces |
 //! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
 //! | `load` | scene and tree of an epoch, refused if they exceed the memory limit |
 //! | `chunk` | the producer of a flight: steps become chunks |
 //! | `stream` | the producer and worker of a stream of pulses |
 //! | `worker`, `moving` | the computing stage, and the moving parts of the scene |
 //! | `part`, `merge`, `resume` | shares of a run as files, their merging to outputs, runs that go on where they were ended |
+//! | `segment` | merges that many processes share |
 //! | `collector` | the last stage: encoded results to the outputs, in order |
+//! | `part_table` | the parts of the scene as a table beside labelled points |
 //! | `emit` | the flight alone, written as poses or pulses |
 //! | `plausibility`, `aim` | detection of inputs that are valid but hardly intended |
+//! | `crs` | the coordinate reference system of a run |
 //! | `progress` | counters of the work done |
 
 mod aim;
 mod chunk;
 mod collector;
+mod crs;
 mod emit;
 mod fly;
+mod job;
 mod load;
 mod merge;
 mod moving;
 mod part;
+mod part_table;
 mod pass;
 mod plausibility;
 mod progress;
 mod resume;
+mod sample;
+mod segment;
 mod session;
 mod settings;
 mod stream;
@@ -44,12 +53,16 @@ mod worker;
 pub use collector::Ended;
 pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
+pub use job::{Job, material_rules, policy, schedule_of};
 pub use merge::{merge, output_context};
 pub use part::Part;
+pub use part_table::PartTable;
 pub use pass::{Control, Pass};
 pub use plausibility::target;
 pub use progress::{Progress, Snapshot};
 pub use resume::Resumption;
-pub use session::{Report, Session};
-pub use settings::{DEFAULT_CHUNK_SIZE, DEFAULT_LATENCY, DEFAULT_WAREHOUSE_FACTOR, Settings};
+pub use sample::SceneFacts;
+pub use segment::{join_segments, merge_segment};
+pub use session::{LoadedScene, Report, Session};
+pub use settings::Settings;
 pub use stream::LegRule;

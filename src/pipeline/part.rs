@@ -1,6 +1,7 @@
 //! Parts of a run: [`PartRunner`] flies and measures shares of a survey's pulses, each of which becomes a file.
 
 use super::chunk;
+use super::crs;
 use super::fly::fly;
 use super::pass::Control;
 use super::plausibility;
@@ -8,6 +9,7 @@ use super::session::{Epochs, Report, Session};
 use super::settings::Settings;
 use crate::diag::{Diagnostics, Notice};
 use crate::error::{Error, Result};
+use crate::files::NewFolder;
 use crate::flight::{FlightPlan, FlightState};
 use crate::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, PartOutput};
 use crate::parts::{
@@ -60,10 +62,17 @@ impl Session {
     ) -> Result<PartRunner<'_>> {
         check_platform(self.survey())?;
         let flight = self.plan_flight()?;
-        let context = OutputContext::new(self.survey(), self.scene());
+        let mut context = OutputContext::new(self.survey(), self.scene());
+        if context.crs.is_none() {
+            let mut poses = match &self.survey().platform.kind {
+                PlatformKind::Stream(stream) => Some(PoseReader::open(stream)?),
+                _ => None,
+            };
+            context.crs = crs::of_flight(&flight, poses.as_mut(), stop);
+        }
         let scene = scene::fingerprint(self.scene(), &self.survey().scene)?;
         let fingerprint = fingerprint(self.settings(), scene, &flight)?;
-        std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))?;
+        let made = NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?;
         let stored = match Borders::load(folder, &fingerprint) {
             Err(Error::Input(_)) if force => None,
             stored => stored?,
@@ -72,6 +81,7 @@ impl Session {
             Some(borders) => borders,
             None => self.find_borders(&flight, &fingerprint, folder, stop)?,
         };
+        made.keep();
         let encoded = postcard::to_stdvec(&context);
         let physics = &self.settings().physics;
         let head = PartHead {

@@ -7,6 +7,7 @@ use super::progress::Progress;
 use super::session::{Report, Session};
 use crate::diag::Notice;
 use crate::error::{Error, Result};
+use crate::files::{NewFolder, fault, publish};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary, Target};
 use crate::parts::PartSet;
 use crate::store::catch_loss;
@@ -81,7 +82,7 @@ impl Session {
         let context = OutputContext::new(self.survey(), self.scene());
         OutputPlan::new(OutputRequest { epochs: self.epochs(), ..request.clone() }, &context)?;
         self.record_for(&outputs);
-        fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))?;
+        NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?.keep();
         let lock = lock(folder)?;
         let computed = match self.complete_parts(&outputs, how, control) {
             Err(Error::Input(found)) if outputs.force && has_begun => {
@@ -114,7 +115,7 @@ impl Session {
         let report = merge(&parts, request, schedule, Control { progress: &progress, ..control })?;
         if !report.interrupted {
             // A run that is ended while it removes the parts must not compute them again.
-            fs::rename(folder, &done).map_err(|e| Error::io("rename", folder, e))?;
+            publish(folder, &done)?;
             drop(lock);
             remove(&done)?;
         }
@@ -158,7 +159,8 @@ fn remove(folder: &Path) -> Result<()> {
 /// Makes sure that no other run works in the folder until the file is dropped.
 fn lock(folder: &Path) -> Result<File> {
     let path = folder.join("lock");
-    let file = File::create(&path).map_err(|e| Error::io("create", &path, e))?;
+    let file =
+        fault::point().and_then(|()| File::create(&path)).map_err(|e| Error::io("create", &path, e))?;
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => {
             Err(Error::input(format!("another run is at work in {}", folder.display())))

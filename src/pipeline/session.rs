@@ -1,6 +1,7 @@
 //! A session: a survey with its scene and tree, ready to run.
 
 use super::collector::Ended;
+use super::crs;
 use super::emit::Emission;
 use super::fly::{fly, trace};
 use super::load::{build_tree, check_raster_memory, load_scene};
@@ -12,10 +13,10 @@ use crate::diag::Notice;
 use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightState};
 use crate::machine;
-use crate::output::{FileSummary, OutputContext, OutputPlan, OutputRequest, Summary, Writer};
+use crate::output::{FileSummary, OutputContext, OutputPlan, OutputRequest, Summary, Target, Writer};
 use crate::platform::PoseReader;
 use crate::pulse::{Physics, PhysicsOptions};
-use crate::scene::{self, MotionPlan, Scene, SceneFrame};
+use crate::scene::{self, Conditions, MotionPlan, Scene, SceneFrame, Sharing};
 use crate::schedule::Stop;
 use crate::store::{catch_loss, check_loss};
 use crate::streams::PulseReader;
@@ -54,10 +55,39 @@ pub struct Session {
     epoch: u32,
     /// The frame of the first epoch's scene.
     frame: SceneFrame,
-    scene: Scene,
+    scene: Arc<Scene>,
     motion: Option<MotionPlan>,
     /// The tree over the static parts.
-    tree: Option<Tree>,
+    tree: Option<Arc<Tree>>,
+    /// The settings that the first epoch's scene depends on.
+    conditions: Conditions,
+}
+
+/// The scene of the first epoch and the tree over it, which further sessions can share.
+#[derive(Clone)]
+pub struct LoadedScene {
+    scene: Arc<Scene>,
+    tree: Arc<Tree>,
+    conditions: Conditions,
+    sharing: Sharing,
+    trees: BuildOptions,
+    epochs: u32,
+}
+
+impl LoadedScene {
+    pub(super) fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    pub(super) fn tree(&self) -> &Tree {
+        &self.tree
+    }
+}
+
+impl std::fmt::Debug for LoadedScene {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LoadedScene").field("epochs", &self.epochs).finish_non_exhaustive()
+    }
 }
 
 /// Result of a run.
@@ -91,7 +121,7 @@ impl Session {
     /// [`Error::Input`] for scenes that are invalid or exceed the memory limit; [`Error::Io`].
     pub fn open(settings: Settings, observer: impl Fn(Notice) + Send + Sync + 'static) -> Result<Session> {
         let mut session = Session::open_without_tree(settings, observer)?;
-        session.tree = Some(catch_loss(|| session.build_tree(&session.settings.tree))?);
+        session.tree = Some(Arc::new(catch_loss(|| session.build_tree(&session.settings.tree))?));
         Ok(session)
     }
 
@@ -120,11 +150,61 @@ impl Session {
     ) -> Result<Session> {
         machine::start_pool()?;
         let epochs = scene::count_epochs(&settings.survey.scene)?;
-        let scene = load_scene(&settings, 0, None, &observer)?;
+        let scene = Arc::new(load_scene(&settings, 0, None, &observer)?);
+        let mut conditions = Conditions::of(&settings.survey.scene, &settings.load);
+        conditions.add(&scene);
+        Session::over(settings, Arc::new(observer), epochs, scene, None, conditions)
+    }
+
+    /// Opens a session over a scene that is loaded already. `None` if the settings ask for another one: for spectra at
+    /// another wavelength, other random materials, another tree. The scene that the settings describe must be the loaded
+    /// one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for coordinate reference systems that contradict one another.
+    pub fn open_loaded(
+        settings: Settings,
+        loaded: &LoadedScene,
+        observer: impl Fn(Notice) + Send + Sync + 'static,
+    ) -> Result<Option<Session>> {
+        let LoadedScene { scene, tree, conditions, sharing, trees, epochs } = loaded;
+        let jobs = (settings.tree.jobs, settings.tree.geometry_jobs);
+        let trees = BuildOptions { jobs: jobs.0, geometry_jobs: jobs.1, ..*trees };
+        if conditions.check(&settings.load).is_err()
+            || *sharing != settings.load.sharing
+            || trees != settings.tree
+        {
+            return Ok(None);
+        }
+        let (scene, tree) = (scene.clone(), Some(tree.clone()));
+        Session::over(settings, Arc::new(observer), *epochs, scene, tree, conditions.clone()).map(Some)
+    }
+
+    fn over(
+        mut settings: Settings,
+        observer: Observer,
+        epochs: u32,
+        scene: Arc<Scene>,
+        tree: Option<Arc<Tree>>,
+        conditions: Conditions,
+    ) -> Result<Session> {
+        observer(Notice::Warnings(crs::adopt(&mut settings, &scene).finish(settings.strict)?));
         let frame = SceneFrame::of(&scene);
         let motion = plan_motion(&settings, &scene);
-        let observer = Arc::new(observer);
-        Ok(Session { settings, observer, epochs, epoch: 0, frame, scene, motion, tree: None })
+        Ok(Session { settings, observer, epochs, epoch: 0, frame, scene, motion, tree, conditions })
+    }
+
+    /// The scene and its tree, for further sessions; `None` before the tree is built and in later epochs.
+    pub fn loaded(&self) -> Option<LoadedScene> {
+        let tree = self.tree.as_ref().filter(|_| self.epoch == 0)?;
+        Some(LoadedScene {
+            scene: self.scene.clone(),
+            tree: tree.clone(),
+            conditions: self.conditions.clone(),
+            sharing: self.settings.load.sharing,
+            trees: self.settings.tree.clone(),
+            epochs: self.epochs,
+        })
     }
 
     /// The survey.
@@ -202,6 +282,9 @@ impl Session {
         self.enter_epoch(0, control.stop)?;
         let flight = self.plan_flight()?;
         let Session { settings, scene, .. } = &*self;
+        if let Some(note) = plausibility::describe_idle_mirror(&settings.survey) {
+            (self.observer)(Notice::Note(note));
+        }
         let found = plausibility::check_flight(&settings.survey, scene, self.tree()?, &flight);
         let found = found.finish(settings.strict)?;
         let is_reported = Arc::new(AtomicBool::new(!found.is_empty()));
@@ -214,7 +297,13 @@ impl Session {
         }
         let is_live = poses.is_some();
         let mut state = FlightState::start(&flight);
-        let (output, epochs) = self.plan_outputs(outputs, is_live)?;
+        let mut context = OutputContext::new(self.survey(), self.scene());
+        if context.crs.is_none() && outputs.sinks.iter().any(|(_, format)| format.holds_crs()) {
+            // Mistakes in the outputs are told before the first pose is waited for.
+            OutputPlan::new(OutputRequest { epochs: self.epochs, ..outputs.clone() }, &context)?;
+            context.crs = crs::of_flight(&flight, poses.as_mut(), control.stop);
+        }
+        let (output, epochs) = self.plan_outputs(outputs, &context, is_live)?;
         self.run_epochs(output, epochs, control, &is_reported, |_, pass, epoch, writer| {
             if epoch > 0 {
                 state.repeat(&flight);
@@ -247,7 +336,8 @@ impl Session {
     ) -> Result<Report> {
         let mut source = PulseSource::new(pulses);
         self.enter_epoch(0, control.stop)?;
-        let (output, epochs) = self.plan_outputs(outputs, false)?;
+        let context = OutputContext::new(self.survey(), self.scene());
+        let (output, epochs) = self.plan_outputs(outputs, &context, false)?;
         let options = epochs.options;
         let is_reported = AtomicBool::new(false);
         self.run_epochs(output, epochs, control, &is_reported, |session, pass, epoch, writer| {
@@ -276,11 +366,26 @@ impl Session {
     }
 
     /// Plans the outputs of all epochs over the scene of the first. `is_live` tells whether the flight is streamed.
-    fn plan_outputs(&self, outputs: OutputRequest, is_live: bool) -> Result<(Arc<OutputPlan>, Epochs)> {
+    fn plan_outputs(
+        &self,
+        outputs: OutputRequest,
+        context: &OutputContext,
+        is_live: bool,
+    ) -> Result<(Arc<OutputPlan>, Epochs)> {
         let options = self.settings.physics_for(&outputs);
-        let context = OutputContext::new(&self.settings.survey, &self.scene);
         let inputs = self.inputs().chain(outputs.inputs.iter().cloned()).collect();
-        let output = OutputPlan::new(OutputRequest { epochs: self.epochs, inputs, ..outputs }, &context)?;
+        let is_joined = |target: &Target| !matches!(target, Target::Helios(_));
+        if self.epochs > 1 && outputs.sinks.iter().any(|(target, _)| is_joined(target)) {
+            self.notify(Notice::Note(format!(
+                "the scene's swaps make {} flights, whose points follow each other in the same files, each from the same time on; \
+                 --output DIR writes a folder for each",
+                self.epochs
+            )));
+        }
+        if let Some(lack) = crs::lack_of_crs(&outputs, context) {
+            self.notify(Notice::Note(lack));
+        }
+        let output = OutputPlan::new(OutputRequest { epochs: self.epochs, inputs, ..outputs }, context)?;
         self.notify(Notice::Warnings(output.warnings().clone().finish(self.settings.strict)?));
         Ok((Arc::new(output), Epochs { range: 0..=self.epochs - 1, options, is_live, is_checked: true }))
     }
@@ -370,19 +475,19 @@ impl Session {
     pub(super) fn enter_epoch(&mut self, epoch: u32, stop: &Stop) -> Result<()> {
         if epoch != self.epoch {
             self.tree = None;
-            self.scene = Scene::default();
-            self.scene = load_scene(&self.settings, epoch, Some(self.frame), &*self.observer)?;
+            self.scene = Arc::default();
+            self.scene = Arc::new(load_scene(&self.settings, epoch, Some(self.frame), &*self.observer)?);
             self.motion = plan_motion(&self.settings, &self.scene);
             self.epoch = epoch;
         }
         if self.tree.is_none() {
-            self.tree = Some(self.build_tree(&self.settings.tree)?);
+            self.tree = Some(Arc::new(self.build_tree(&self.settings.tree)?));
         }
         if stop.is_requested() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
     pub(super) fn tree(&self) -> Result<&Tree> {
-        self.tree.as_ref().ok_or_else(|| Error::Internal("there is no tree over the scene".to_owned()))
+        self.tree.as_deref().ok_or_else(|| Error::Internal("there is no tree over the scene".to_owned()))
     }
 
     /// Opens the live trajectory that the platform follows, if there is one.

@@ -54,6 +54,11 @@ impl InterpolatedState {
         self.advance(table, elapsed);
     }
 
+    /// Duration of the leg after `clock`, s.
+    pub(super) fn time_left(&self, clock: f64) -> f64 {
+        self.leg_start + self.leg_duration - self.slack - clock
+    }
+
     #[inline]
     fn advance(&mut self, table: &TrajectoryTable, mut elapsed: f64) {
         let rows = table.rows();

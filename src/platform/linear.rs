@@ -1,7 +1,7 @@
 //! Straight flight from waypoint to waypoint (spec kinematics §2.3).
 
 use super::course::{Course, LegCourse, LegEntry, align, facing};
-use crate::geom::{DVec3, Rotation, unit};
+use crate::geom::{DVec3, Rotation, spacing, steps_in_binade, unit};
 use crate::survey::Kinematics;
 use serde::{Deserialize, Serialize};
 
@@ -63,4 +63,83 @@ impl LinearPath {
             c.velocity = unit(q) * leg.step_length;
         }
     }
+
+    /// Number of steps, rounded down, after which the target is still farther than a step; 0 or less near it, and 0
+    /// unless the velocity is that of this leg.
+    pub(super) fn steps_to_target(&self, leg: &LegCourse) -> f64 {
+        let q = self.course.to_target();
+        let is_cruising = leg.speed > 0.0 && self.course.velocity == unit(q) * leg.step_length;
+        if is_cruising { (q.length() / leg.step_length * (1.0 - 1e-6)).floor() - 4.0 } else { 0.0 }
+    }
+
+    /// Takes `steps` steps, at most [`steps_to_target`](Self::steps_to_target). Position and velocity are those of as
+    /// many calls of [`step`](Self::step), bit for bit.
+    pub(super) fn advance(&mut self, leg: &LegCourse, mut steps: u32) {
+        let mut single = MIN_SINGLE_STEPS;
+        while steps > 0 {
+            let equal = self.equal_steps(leg, steps);
+            if equal >= MIN_EQUAL_STEPS {
+                let c = &mut self.course;
+                // Exact: see `equal_steps`.
+                c.position += ((c.position + c.velocity) - c.position) * f64::from(equal);
+                c.velocity = unit(c.to_target()) * leg.step_length;
+                steps -= equal;
+            } else {
+                // Increments that alternate do so for long.
+                single = (2 * single).min(steps);
+                (0..single).for_each(|_| self.step(leg));
+                steps -= single;
+            }
+        }
+    }
+
+    /// Number of steps, up to `wanted`, that certainly change the position by the same increment each.
+    ///
+    /// The velocity v = s·q/|q|, with q the way to the target and s the length of a step, hardly changes along a straight
+    /// path. Adding it to a coordinate rounds to a multiple of the spacing d of the coordinate's binade. So the increment
+    /// stays the same multiple, r, as long as v stays within d/2 of it.
+    ///
+    /// After n steps of r, which leave the line to the target by less than n·|r − v| sideways, the direction has turned by
+    /// less than n·|r − v|/|q − n·r|. Rounding errors of computed velocities are below 2⁻⁴⁸·s: ten operations with
+    /// relative errors of up to 2⁻⁵³ each, at both ends. The margins cover the rounding errors of this estimate.
+    fn equal_steps(&self, leg: &LegCourse, wanted: u32) -> u32 {
+        let Course { position, velocity, .. } = self.course;
+        let increment = (position + velocity) - position;
+        // Distance of the velocity from where it would round to another increment, as far as the leg needs it.
+        let mut room = f64::INFINITY;
+        let mut steps = f64::from(wanted);
+        for axis in 0..3 {
+            if velocity[axis] == 0.0 {
+                // Along an axis without motion the increment is 0 only as long as the target has the same coordinate.
+                if self.course.to_target()[axis] != 0.0 {
+                    return 0;
+                }
+                continue;
+            }
+            let Some(spacing) = spacing(position[axis]) else { return 0 };
+            room = room.min(0.5 * spacing - (velocity[axis] - increment[axis]).abs());
+            steps = steps.min(steps_in_binade(position[axis], increment[axis]));
+        }
+        let length = leg.step_length;
+        let drift = (increment - velocity).length() + length * ROUNDING;
+        let (way, speed) = (self.course.to_target().length(), length.max(increment.length()));
+        let stays = |steps: f64| {
+            let turn = 1.01 * steps * drift / (way - 1.01 * steps * speed);
+            (0.0..0.1).contains(&turn) && length * (1.01 * turn + ROUNDING) < room
+        };
+        while steps >= f64::from(MIN_EQUAL_STEPS) {
+            if stays(steps) {
+                return steps as u32;
+            }
+            steps = (steps * 0.25).floor();
+        }
+        0
+    }
 }
+
+/// Fewer equal steps are taken one by one.
+const MIN_EQUAL_STEPS: u32 = 8;
+/// Half of the steps that are taken one by one before equal steps are looked for again; doubled each time in vain.
+const MIN_SINGLE_STEPS: u32 = 16;
+/// Bound of the relative rounding error of a velocity, with a margin.
+const ROUNDING: f64 = 1.0 / (1u64 << 48) as f64;

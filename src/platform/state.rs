@@ -94,6 +94,40 @@ impl PlatformState {
         }
     }
 
+    /// Number of steps, at least, that [`advance`](Self::advance) can take before the end of the leg can be reached, or
+    /// before poses have to arrive; 0 for platforms that are stepped one by one. The step clock is at `clock` seconds.
+    pub fn steps_before_arrival(&self, plan: &PlatformPlan, leg: usize, clock: f64) -> f64 {
+        match (self, &plan.motion) {
+            (PlatformState::Linear(s), _) => s.steps_to_target(&plan.legs[leg]),
+            (PlatformState::Interpolated(s), _) => {
+                (s.time_left(clock) * plan.legs[leg].frequency * (1.0 - 1e-6)).floor() - 4.0
+            }
+            (PlatformState::Stream(s), Motion::Stream(plan)) => s.steps_to_pose(plan),
+            _ => 0.0,
+        }
+    }
+
+    /// Takes `steps` steps, at most [`steps_before_arrival`](Self::steps_before_arrival) unless the platform is static.
+    /// `clock` returns the step clock of each, s. Returns the time of the last step in ns of the GPS week for platforms
+    /// that follow a stream.
+    pub fn advance(
+        &mut self,
+        plan: &PlatformPlan,
+        leg: usize,
+        steps: u32,
+        clock: impl Fn(u32) -> f64,
+    ) -> Option<f64> {
+        match (self, &plan.motion) {
+            (PlatformState::Linear(s), _) => s.advance(&plan.legs[leg], steps),
+            (PlatformState::Interpolated(s), Motion::Interpolated(table)) => {
+                (0..steps).for_each(|i| s.step(table, clock(i)));
+            }
+            (PlatformState::Stream(s), Motion::Stream(plan)) => return Some(s.advance(plan, steps)),
+            _ => {}
+        }
+        None
+    }
+
     /// Checks whether the end of the leg is reached (spec kinematics §1.5). Each check counts down a multicopter's
     /// smooth turn.
     #[inline]

@@ -176,6 +176,29 @@ impl StreamState {
         self.next = self.next.after(plan);
     }
 
+    /// Number of steps, at least, until a pose is passed. In them neither a gap nor the end of the window is met.
+    pub(super) fn steps_to_pose(&self, plan: &StreamPlan) -> f64 {
+        let Some(before) = self.segment.checked_sub(1) else { return 0.0 };
+        let (Some(a), Some(b)) = (self.window.get(before), self.window.get(self.segment)) else { return 0.0 };
+        let (due, span) = (self.next.elapsed(plan), b.elapsed - a.elapsed);
+        if due < a.elapsed || span > plan.max_gap {
+            return 0.0;
+        }
+        ((b.elapsed - due) * f64::from(plan.frequency) * (1.0 - 1e-9)).floor() - 1.0
+    }
+
+    /// Takes `steps` steps, at most [`steps_to_pose`](Self::steps_to_pose) and at least 1. Returns the time of the last
+    /// one, ns of the GPS week.
+    pub(super) fn advance(&mut self, plan: &StreamPlan, steps: u32) -> f64 {
+        let number = u64::from(self.next.steps) + u64::from(steps - 1);
+        let frequency = u64::from(plan.frequency);
+        let seconds = self.next.seconds + number / frequency;
+        self.next = StepNumber { seconds, steps: (number % frequency) as u32 };
+        let time = self.next_time_ns(plan);
+        self.step(plan);
+        time
+    }
+
     /// The poses before and after the current step, and the fraction of the time between them.
     fn bracket(&self) -> Option<(&Knot, &Knot, f64)> {
         let b = self.window.get(self.segment)?;

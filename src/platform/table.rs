@@ -1,6 +1,6 @@
 //! A table of recorded poses over time (spec kinematics §2.6).
 
-use crate::geom::DVec3;
+use crate::geom::{DVec3, UtmZone};
 use std::f64::consts::TAU;
 
 /// Roll, pitch, yaw (rad) and x, y, z (m, scene frame).
@@ -12,6 +12,8 @@ pub struct TrajectoryTable {
     /// Time of the first row in the files' own scale, s.
     first_time: f64,
     rows: Vec<TableRow>,
+    /// UTM zone that its positions were projected to.
+    zone: Option<UtmZone>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +47,7 @@ impl TrajectoryTable {
                 before.slopes = std::array::from_fn(|c| (values[c] - before.values[c]) / span);
             }
         }
-        Some(TrajectoryTable { first_time, rows: table })
+        Some(TrajectoryTable { first_time, rows: table, zone: None })
     }
 
     /// This table with every angle within half a turn of the previous one, so that rotations take the shorter path.
@@ -76,11 +78,11 @@ impl TrajectoryTable {
     }
 
     fn map_rows(self, change: impl FnOnce(&mut [(f64, PoseValues)])) -> TrajectoryTable {
-        let first = self.first_time;
+        let (first, zone) = (self.first_time, self.zone);
         let mut rows: Vec<(f64, PoseValues)> = self.rows.iter().map(|r| (r.time, r.values)).collect();
         change(&mut rows);
         let table = TrajectoryTable::from_sorted(rows);
-        table.map_or(self, |table| TrajectoryTable { first_time: first, ..table })
+        table.map_or(self, |table| TrajectoryTable { first_time: first, zone, ..table })
     }
 
     pub fn shifted(mut self, shift: DVec3) -> TrajectoryTable {
@@ -90,6 +92,16 @@ impl TrajectoryTable {
             row.values[5] -= shift.z;
         }
         self
+    }
+
+    /// This table with the UTM zone that its positions were projected to.
+    pub fn in_zone(self, zone: Option<UtmZone>) -> TrajectoryTable {
+        TrajectoryTable { zone, ..self }
+    }
+
+    /// UTM zone that its positions were projected to.
+    pub fn zone(&self) -> Option<UtmZone> {
+        self.zone
     }
 
     /// Time of the first row in the files' own scale, s.

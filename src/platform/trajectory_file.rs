@@ -49,7 +49,8 @@ pub fn read_trajectories(
         problems.error(None, "an interpolated platform needs a trajectory file");
         usable = false;
     }
-    Ok(if usable { TrajectoryTable::new(table) } else { None })
+    let table = TrajectoryTable::new(table).filter(|_| usable);
+    Ok(table.map(|table| table.in_zone(georeference.projected_zone())))
 }
 
 /// The rows of one file, thinned if `threshold` is above 0; `None` if it has problems.

@@ -26,10 +26,16 @@ pub enum Attribute {
     ReturnNumber,
     /// The object that was hit.
     Object,
+    /// The leg that was flown, from 0.
+    Leg,
+    /// The device of the scanner, from 0.
+    Channel,
+    /// Time of the pulse, s.
+    Time,
 }
 
 impl Attribute {
-    pub const COUNT: usize = 10;
+    pub const COUNT: usize = 13;
 
     const ALL: [Attribute; Attribute::COUNT] = [
         Attribute::X,
@@ -42,9 +48,23 @@ impl Attribute {
         Attribute::Class,
         Attribute::ReturnNumber,
         Attribute::Object,
+        Attribute::Leg,
+        Attribute::Channel,
+        Attribute::Time,
     ];
 
     pub const POSITION: [Attribute; 3] = [Attribute::X, Attribute::Y, Attribute::Z];
+
+    /// Attributes whose values in text need not be numbers.
+    pub const OPTIONAL: [Attribute; 7] = [
+        Attribute::NormalX,
+        Attribute::NormalY,
+        Attribute::NormalZ,
+        Attribute::Object,
+        Attribute::Leg,
+        Attribute::Channel,
+        Attribute::Time,
+    ];
 
     pub const NORMAL: [Attribute; 3] = [Attribute::NormalX, Attribute::NormalY, Attribute::NormalZ];
 
@@ -62,6 +82,9 @@ impl Attribute {
             Attribute::Class => &["surfaceclass", "classification", "class", "label"],
             Attribute::ReturnNumber => &["returnnumber", "return"],
             Attribute::Object => &["objectid", "hitobjectid", "object", "partid", "part"],
+            Attribute::Leg => &["leg", "pointsourceid"],
+            Attribute::Channel => &["device", "channel", "userdata", "scannerchannel"],
+            Attribute::Time => &["gpstime", "time"],
         }
     }
 
@@ -76,6 +99,9 @@ impl Attribute {
             Attribute::Class => "a point class",
             Attribute::ReturnNumber => "the number of the return",
             Attribute::Object => "an object",
+            Attribute::Leg => "the number of a leg",
+            Attribute::Channel => "the number of a channel",
+            Attribute::Time => "a time",
         }
     }
 }
@@ -127,6 +153,9 @@ impl Columns {
             class: number(Attribute::Class).unwrap_or(0.0) as u8,
             return_number: number(Attribute::ReturnNumber).unwrap_or(0.0) as u8,
             object: number(Attribute::Object).unwrap_or(0.0) as i64,
+            leg: number(Attribute::Leg).unwrap_or(0.0) as u16,
+            channel: number(Attribute::Channel).unwrap_or(0.0) as u16,
+            time: number(Attribute::Time).unwrap_or(0.0),
         }
     }
 }

@@ -31,6 +31,7 @@ pub struct LasReader<'a> {
     at: u64,
     intensity: Option<ExtraDimension>,
     object: Option<ExtraDimension>,
+    device: Option<ExtraDimension>,
 }
 
 enum Records<'a> {
@@ -186,19 +187,20 @@ impl<'a> LasReader<'a> {
             }
         };
         let record = vec![0; usize::from(header.record_length)];
-        let mut reader = LasReader { file, records, header, record, at: 0, intensity: None, object: None };
+        let mut reader =
+            LasReader { file, records, header, record, at: 0, intensity: None, object: None, device: None };
         if selection == Selection::All {
-            (reader.intensity, reader.object) = reader.shown_dimensions()?;
+            [reader.intensity, reader.object, reader.device] = reader.shown_dimensions()?;
         }
         Ok(reader)
     }
 
-    /// The extra dimensions with the unscaled amplitude and the object.
-    fn shown_dimensions(&self) -> Result<(Option<ExtraDimension>, Option<ExtraDimension>), String> {
+    /// The extra dimensions with the unscaled amplitude, the object and the device.
+    fn shown_dimensions(&self) -> Result<[Option<ExtraDimension>; 3], String> {
         let all = self.extra_dimensions()?;
         let columns = Columns::find(all.iter().map(|(name, _)| name.as_str()));
         let dimension = |attribute| columns.get(attribute).map(|column| all[column].1);
-        Ok((dimension(Attribute::Intensity), dimension(Attribute::Object)))
+        Ok([Attribute::Intensity, Attribute::Object, Attribute::Channel].map(dimension))
     }
 
     /// The data of a variable length record.
@@ -270,6 +272,25 @@ impl Header {
         if self.format < 6 { record[15] & 0x1f } else { record[16] }
     }
 
+    /// Point source id: by convention of this program the number of the leg plus one.
+    fn source_id(&self, record: &[u8]) -> u16 {
+        let at = if self.format < 6 { 18 } else { 20 };
+        u16::from_le_bytes([record[at], record[at + 1]]).saturating_sub(1)
+    }
+
+    fn channel(&self, record: &[u8]) -> u16 {
+        if self.format < 6 { 0 } else { u16::from(record[15] >> 4 & 0x03) }
+    }
+
+    fn time(&self, record: &[u8]) -> f64 {
+        let at = match self.format {
+            6.. => 22,
+            1 | 3..=5 => 20,
+            _ => return 0.0,
+        };
+        record.get(at..at + 8).map_or(0.0, |b| f64::from_le_bytes(b.try_into().unwrap_or_default()))
+    }
+
     fn return_number(&self, record: &[u8]) -> u8 {
         record[14] & if self.format < 6 { 0x07 } else { 0x0f }
     }
@@ -277,7 +298,13 @@ impl Header {
 
 impl PointReader for LasReader<'_> {
     fn has(&self, attribute: Attribute) -> bool {
-        !Attribute::NORMAL.contains(&attribute) && (attribute != Attribute::Object || self.object.is_some())
+        match attribute {
+            Attribute::NormalX | Attribute::NormalY | Attribute::NormalZ => false,
+            Attribute::Object => self.object.is_some(),
+            Attribute::Channel => self.device.is_some() || self.header.format >= 6,
+            Attribute::Time => self.header.format >= 6 || matches!(self.header.format, 1 | 3..=5),
+            _ => true,
+        }
     }
 
     fn stated_centre(&self) -> Option<DVec3> {
@@ -286,6 +313,7 @@ impl PointReader for LasReader<'_> {
 
     fn read_batch(&mut self, batch: &mut Vec<PointRow>) -> Result<bool, String> {
         let (header, intensity, object) = (self.header.clone(), self.intensity, self.object);
+        let device = self.device;
         self.read_records(|record, position| {
             let amplitude = intensity.and_then(|dimension| dimension.value(record));
             let raw_intensity = u16::from_le_bytes([record[12], record[13]]);
@@ -295,6 +323,11 @@ impl PointReader for LasReader<'_> {
                 intensity: amplitude.map_or(f32::from(raw_intensity), |v| v as f32),
                 class: header.class(record),
                 return_number: header.return_number(record),
+                leg: header.source_id(record),
+                channel: device
+                    .and_then(|dimension| dimension.value(record))
+                    .map_or(header.channel(record), |v| v as u16),
+                time: header.time(record),
                 object: object.and_then(|dimension| dimension.value(record)).map_or(0, |v| v as i64),
             });
         })

@@ -34,6 +34,12 @@ pub struct PointRow {
     pub return_number: u8,
     /// Number of the object that was hit.
     pub object: i64,
+    /// Number of the leg.
+    pub leg: u16,
+    /// Number of the scanner's device.
+    pub channel: u16,
+    /// Time of the pulse, s.
+    pub time: f64,
 }
 
 /// Reads the points of a file in order.

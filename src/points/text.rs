@@ -77,11 +77,11 @@ pub struct BadColumn {
 
 impl Columns {
     /// Parses the words of a line. Normals are optional: they are absent if the line is too short for them, and NaN if
-    /// they are not numbers. The object need not be a number.
+    /// they are not numbers. Object, leg, channel and time need not be numbers.
     pub fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, BadColumn> {
         let number = |column: usize| words.get(column).and_then(|at| float(line[at.clone()].trim_ascii()));
         for (attribute, column) in self.used() {
-            let optional = attribute == Attribute::Object || Attribute::NORMAL.contains(&attribute);
+            let optional = Attribute::OPTIONAL.contains(&attribute);
             if !optional && number(column).is_none() {
                 let at = words.get(column).cloned().unwrap_or(line.len()..line.len());
                 return Err(BadColumn { attribute, at });

@@ -33,6 +33,9 @@ const RETURNS: [Rgb; 6] =
 pub(super) enum Colouring {
     /// A continuous value between two limits.
     Ramp { value: ColourBy, low: f32, high: f32, table: &'static [Rgb] },
+    /// A continuous value by its rank: equal numbers of points have equal parts of the colours, however skewed the values
+    /// are. `quantiles` ascend from the lowest to the highest value.
+    Ranks { quantiles: Vec<f32>, table: &'static [Rgb] },
     /// A colour for each number.
     Table { value: ColourBy, colours: Vec<Rgb> },
 }
@@ -47,6 +50,8 @@ pub(super) struct Entry {
 pub(super) enum Legend {
     /// A bar of colours with numbers beside it.
     Bar { title: &'static str, low: f32, high: f32, table: &'static [Rgb] },
+    /// A bar of colours with values at given places, 0–1 from the low end.
+    Marks { title: &'static str, marks: Vec<(f32, String)>, table: &'static [Rgb] },
     /// Colours with names; `more` is the number of entries that did not fit.
     List { title: &'static str, entries: Vec<Entry>, more: usize },
 }
@@ -57,8 +62,17 @@ impl Colouring {
         let has = points.attributes;
         match wanted {
             ColourBy::Intensity if has.intensity => {
-                let (low, high) = inner_range(points.intensity.iter().copied());
-                Colouring::Ramp { value: wanted, low, high, table: &STRENGTHS }
+                Colouring::Ranks { quantiles: quantiles(&points.intensity), table: &STRENGTHS }
+            }
+            ColourBy::Time if has.time => {
+                let (low, high) = inner_range(points.time.iter().copied());
+                Colouring::Ramp { value: wanted, low, high, table: &HEIGHTS }
+            }
+            ColourBy::Leg if has.leg => {
+                Colouring::Table { value: wanted, colours: (0..=255).map(object_colour).collect() }
+            }
+            ColourBy::Channel if has.channel => {
+                Colouring::Table { value: wanted, colours: (0..=255).map(object_colour).collect() }
             }
             ColourBy::Class if has.class => {
                 Colouring::Table { value: wanted, colours: (0..=255).map(class_colour).collect() }
@@ -80,12 +94,20 @@ impl Colouring {
 
     pub(super) fn of(&self, points: &Points, i: usize) -> Rgb {
         match self {
-            Colouring::Ramp { value, low, high, table } => {
-                let v =
-                    if *value == ColourBy::Intensity { points.intensity[i] } else { points.offsets[i][2] };
-                mixed(table, (v - low) / (high - low))
+            Colouring::Ramp { table, .. } | Colouring::Ranks { table, .. } => {
+                mixed(table, self.fraction(points, i))
             }
             Colouring::Table { value, colours } => colours[number(points, *value, i)],
+        }
+    }
+
+    /// Place of a continuous value between the lowest and the highest colour, 0–1; NaN for values that are all equal.
+    pub(super) fn fraction(&self, points: &Points, i: usize) -> f32 {
+        match self {
+            Colouring::Ramp { value: ColourBy::Time, low, high, .. } => (points.time[i] - low) / (high - low),
+            Colouring::Ramp { low, high, .. } => (points.offsets[i][2] - low) / (high - low),
+            Colouring::Ranks { quantiles, .. } => rank(quantiles, points.intensity[i]),
+            Colouring::Table { .. } => 0.0,
         }
     }
 
@@ -107,10 +129,17 @@ impl Colouring {
         match self {
             Colouring::Ramp { value, low, high, table } => {
                 let (title, shift) = match value {
-                    ColourBy::Intensity => ("intensity", 0.0),
+                    ColourBy::Time => ("time, s", 0.0),
                     _ => ("height, m", points.origin().z as f32),
                 };
                 Legend::Bar { title, low: low + shift, high: high + shift, table }
+            }
+            Colouring::Ranks { quantiles, table, .. } => {
+                let mark = |quarter: usize| {
+                    let value = quantiles[quarter * (quantiles.len() - 1) / 4];
+                    (0.25 * quarter as f32, label::significant(f64::from(value)))
+                };
+                Legend::Marks { title: "intensity", marks: (0..=4).map(mark).collect(), table }
             }
             Colouring::Table { value, colours } => {
                 let mut counts = vec![0u64; colours.len()];
@@ -131,6 +160,8 @@ impl Colouring {
                 let title = match value {
                     ColourBy::Class => "class",
                     ColourBy::Return => "return",
+                    ColourBy::Leg => "leg",
+                    ColourBy::Channel => "channel",
                     _ => "object",
                 };
                 Legend::List { title, entries: present.into_iter().map(entry).collect(), more }
@@ -145,6 +176,8 @@ fn name(points: &Points, value: ColourBy, n: usize) -> String {
         ColourBy::Class => class_name(n),
         ColourBy::Return if n == 0 => "unknown".to_owned(),
         ColourBy::Return => format!("return {n}"),
+        ColourBy::Leg => format!("leg {n}"),
+        ColourBy::Channel => format!("channel {n}"),
         _ => match points.objects.get(n) {
             Some(object) if !object.is_empty() => object.clone(),
             _ => "no object".to_owned(),
@@ -156,6 +189,8 @@ fn number(points: &Points, value: ColourBy, i: usize) -> usize {
     match value {
         ColourBy::Class => usize::from(points.class[i]),
         ColourBy::Return => usize::from(points.return_number[i]),
+        ColourBy::Leg => usize::from(points.leg[i]),
+        ColourBy::Channel => usize::from(points.channel[i]),
         _ => usize::from(points.object[i]),
     }
 }
@@ -170,6 +205,37 @@ pub(super) fn mixed(table: &[Rgb], t: f32) -> Rgb {
         let (a, b) = (f32::from(table[i][c]), f32::from(table[(i + 1).min(table.len() - 1)][c]));
         (a + (b - a) * part).round() as u8
     })
+}
+
+/// Number of quantiles by which values are ranked.
+const QUANTILES: usize = 129;
+/// Maximum number of values that quantiles are taken from: an even sample of more.
+const MAX_RANKED: usize = 1 << 20;
+
+/// Quantiles of the finite values from 0 to 1, ascending; of no values, of 0 and 1.
+fn quantiles(values: &[f32]) -> Vec<f32> {
+    let step = values.len().div_ceil(MAX_RANKED).max(1);
+    let mut sorted: Vec<f32> = values.iter().step_by(step).copied().filter(|v| v.is_finite()).collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    if sorted.is_empty() {
+        return vec![0.0, 1.0];
+    }
+    (0..QUANTILES).map(|i| sorted[i * (sorted.len() - 1) / (QUANTILES - 1)]).collect()
+}
+
+/// Rank of a value among quantiles, 0–1; the middle of the ranks of equal quantiles.
+fn rank(quantiles: &[f32], value: f32) -> f32 {
+    let last = (quantiles.len() - 1) as f32;
+    let below = quantiles.partition_point(|q| *q < value);
+    let up_to = quantiles.partition_point(|q| *q <= value);
+    if up_to > below {
+        return 0.5 * (below + up_to - 1) as f32 / last;
+    }
+    match (below.checked_sub(1).map(|i| quantiles[i]), quantiles.get(below)) {
+        (Some(low), Some(high)) => ((below - 1) as f32 + (value - low) / (high - low)) / last,
+        (None, _) => 0.0,
+        (_, None) => 1.0,
+    }
 }
 
 /// The range of the values without the lowest and the highest half per cent.
@@ -287,6 +353,18 @@ mod tests {
         }
         assert_eq!(mixed(&HEIGHTS, f32::NAN), HEIGHTS[0]);
         assert_eq!(mixed(&HEIGHTS, 7.0), HEIGHTS[7]);
+    }
+
+    #[test]
+    fn ranks_spread_skewed_values_over_the_colours() {
+        let values: Vec<f32> = (0..10_000).map(|i| (i as f32 / 1000.0).exp()).collect();
+        let quantiles = quantiles(&values);
+        for (share, i) in [(0.0, 0), (0.25, 2500), (0.5, 5000), (1.0, 9999)] {
+            assert!((rank(&quantiles, values[i]) - share).abs() < 0.01, "{share}");
+        }
+        assert_eq!((rank(&quantiles, -1.0), rank(&quantiles, 1e9)), (0.0, 1.0));
+        assert_eq!(rank(&super::quantiles(&[7.0; 9]), 7.0), 0.5);
+        assert_eq!(super::quantiles(&[f32::NAN]), [0.0, 1.0]);
     }
 
     #[test]

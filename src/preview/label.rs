@@ -22,6 +22,15 @@ pub(super) fn metres(m: f64) -> String {
     }
 }
 
+/// Formats a value with three digits.
+pub(super) fn significant(value: f64) -> String {
+    let digits = if value == 0.0 { 0 } else { libm::log10(value.abs()).floor() as i32 };
+    match digits {
+        -4..=5 => format!("{value:.*}", (2 - digits).max(0) as usize),
+        _ => format!("{value:.2e}"),
+    }
+}
+
 /// Formats a percentage.
 pub(super) fn share(percent: f64) -> String {
     match percent {

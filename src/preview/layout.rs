@@ -169,15 +169,26 @@ impl Sheet {
         let Frame { x, y, height, .. } = self.legend;
         let (t, line) = (self.text, (font::HEIGHT + 5) * self.text);
         let lines = (height / line).saturating_sub(3).clamp(1, 24) as usize;
+        let top = y + 2 * line;
+        let bar = height.saturating_sub(3 * line).clamp(1, 26 * line);
+        let draw_bar = |picture: &mut Picture, title: &str, table: &[Rgb]| {
+            picture.text(x, y, title, t, FAINT);
+            for row in 0..bar {
+                let colour = mixed(table, 1.0 - row as f32 / bar as f32);
+                picture.fill(Frame { x, y: top + row, width: 14 * t, height: 1 }, colour);
+            }
+        };
         match colouring.legend(points, lines) {
-            Legend::Bar { title, low, high, table } => {
-                picture.text(x, y, title, t, FAINT);
-                let top = y + 2 * line;
-                let bar = height.saturating_sub(3 * line).clamp(1, 26 * line);
-                for row in 0..bar {
-                    let colour = mixed(table, 1.0 - row as f32 / bar as f32);
-                    picture.fill(Frame { x, y: top + row, width: 14 * t, height: 1 }, colour);
+            Legend::Marks { title, marks, table } => {
+                draw_bar(picture, title, table);
+                for (share, text) in marks {
+                    let at = top + (bar as f32 * (1.0 - share)) as u32;
+                    picture.fill(Frame { x: x + 14 * t, y: at, width: 4 * t, height: t }, FAINT);
+                    picture.text(x + 22 * t, at.saturating_sub(3 * t), &text, t, INK);
                 }
+            }
+            Legend::Bar { title, low, high, table } => {
+                draw_bar(picture, title, table);
                 let (low, high) = (f64::from(low), f64::from(high));
                 let step = round_below((high - low) / 4.0).max(1e-6);
                 let mut tick = (low / step).ceil() * step;
@@ -256,6 +267,7 @@ impl Section {
             return Section { south: middle, north: extent.high[1], haze: 0.35, cut_above };
         }
         let thickness = slice(points, extent, middle);
+        let middle = fullest(points, extent, thickness);
         Section { south: middle - 0.5 * thickness, north: middle + 0.5 * thickness, haze: 0.5, cut_above }
     }
 }
@@ -275,6 +287,34 @@ fn slice(points: &Points, extent: &Extent, middle: f64) -> f64 {
         thickness *= 1.5;
     }
     depth
+}
+
+/// The middle of the slice of a thickness that shows most: whose points fill most cells of the view from the south.
+fn fullest(points: &Points, extent: &Extent, thickness: f64) -> f64 {
+    const SLICES: usize = 96;
+    const COLUMNS: usize = 64;
+    const ROWS: usize = 32;
+    let cell = |p: &[f32; 3], axis: usize, count: usize| {
+        let share = (f64::from(p[axis]) - extent.low[axis]) / extent.size(axis);
+        ((share * count as f64) as usize).min(count - 1)
+    };
+    // A bit for each cell of the view.
+    let mut filled = vec![[0u64; ROWS]; SLICES];
+    for p in &points.offsets {
+        filled[cell(p, 1, SLICES)][cell(p, 2, ROWS)] |= 1 << cell(p, 0, COLUMNS);
+    }
+    let depth = extent.size(1);
+    let width = ((thickness / depth * SLICES as f64).round() as usize).clamp(1, SLICES);
+    let seen = |first: usize| {
+        let slices = &filled[first..first + width];
+        (0..ROWS).map(|row| slices.iter().fold(0, |all, slice| all | slice[row]).count_ones()).sum::<u32>()
+    };
+    // Of equals the one nearest to the middle.
+    let off_middle = |first: usize| (2 * first + width).abs_diff(SLICES);
+    let best = (0..=SLICES - width).max_by_key(|&first| (seen(first), std::cmp::Reverse(off_middle(first))));
+    let middle = (best.unwrap_or(0) as f64 + 0.5 * width as f64) / SLICES as f64 * depth + extent.low[1];
+    let half = 0.5 * thickness;
+    middle.clamp(extent.low[1] + half.min(0.5 * depth), extent.high[1] - half.min(0.5 * depth))
 }
 
 /// Whether a ceiling covers most of the floor.
@@ -327,7 +367,13 @@ mod tests {
     use crate::geom::DVec3;
 
     fn cloud(n: usize, at: impl Fn(f64, f64) -> f64) -> Points {
-        let all = Attributes { intensity: true, class: true, return_number: true, object: true };
+        let all = Attributes {
+            intensity: true,
+            class: true,
+            return_number: true,
+            object: true,
+            ..Attributes::default()
+        };
         let mut points = Points::new(all);
         for i in 0..n * n {
             let (x, y) = ((i % n) as f64, (i / n) as f64);
@@ -339,6 +385,7 @@ mod tests {
                 class: (i % 3) as i32,
                 return_number: 1 + (i % 4) as u32,
                 object,
+                ..Point::default()
             });
         }
         points

@@ -29,8 +29,11 @@ pub use chart::Chart;
 pub use page::{PageOptions, write_page};
 pub use picture::Picture;
 pub use points::Points;
+#[cfg(test)]
+pub use points::{Attributes, Point};
 pub use read::read_points;
 pub use read_packets::read_packet;
+pub use read_table::points_of_table;
 pub use wave::{Wave, read_wave};
 
 use colour::Colouring;
@@ -49,11 +52,26 @@ pub enum ColourBy {
     Object,
     /// Return number.
     Return,
+    /// Leg that was flown.
+    Leg,
+    /// Device of the scanner.
+    Channel,
+    /// Time of the pulse.
+    Time,
 }
 
 impl ColourBy {
-    pub const ALL: [ColourBy; 5] =
-        [ColourBy::Height, ColourBy::Class, ColourBy::Intensity, ColourBy::Object, ColourBy::Return];
+    /// All of them.
+    pub const ALL: [ColourBy; 8] = [
+        ColourBy::Height,
+        ColourBy::Class,
+        ColourBy::Intensity,
+        ColourBy::Object,
+        ColourBy::Return,
+        ColourBy::Leg,
+        ColourBy::Channel,
+        ColourBy::Time,
+    ];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -63,6 +81,9 @@ impl ColourBy {
             ColourBy::Intensity => "intensity",
             ColourBy::Object => "object",
             ColourBy::Return => "return",
+            ColourBy::Leg => "leg",
+            ColourBy::Channel => "channel",
+            ColourBy::Time => "time",
         }
     }
 }

@@ -9,7 +9,7 @@ use super::layout;
 use super::picture::Rgb;
 use super::points::Points;
 use super::{ColourBy, PreviewOptions};
-use pack::{Packed, Ranges, pack, sample};
+use pack::{Packed, Scales, pack, sample};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -58,7 +58,7 @@ pub fn write_page(points: &Points, options: &PageOptions, out: &mut dyn Write) -
     let chosen = sample(points.len(), options.max_points);
     let page = Page { shown: chosen.len(), total: points.total() };
     let legends = Legends::new(points);
-    let packed = pack(points, &chosen, &legends.ranges);
+    let packed = pack(points, &chosen, &legends.scales());
     let parts = [
         ("title", escaped(&title(options))),
         ("heading", escaped(if options.title.is_empty() { "points" } else { &options.title })),
@@ -103,7 +103,6 @@ fn facts(points: &Points, page: Page) -> String {
 /// The colourings for which the points have attributes, with the colours of the picture.
 struct Legends {
     ways: Vec<(ColourBy, Colouring)>,
-    ranges: Ranges,
 }
 
 impl Legends {
@@ -113,11 +112,13 @@ impl Legends {
             .filter(|way| way.shown_by(points))
             .map(|way| (way, Colouring::new(points, way)))
             .collect();
-        let intensity = ways.iter().find_map(|(way, colouring)| match colouring {
-            Colouring::Ramp { low, high, .. } if *way == ColourBy::Intensity => Some((*low, *high)),
-            _ => None,
-        });
-        Legends { ways, ranges: Ranges { intensity: intensity.unwrap_or((0.0, 1.0)) } }
+        Legends { ways }
+    }
+
+    /// The scales of the attributes that are stored as bytes.
+    fn scales(&self) -> Scales<'_> {
+        let of = |wanted: ColourBy| self.ways.iter().find(|(way, _)| *way == wanted).map(|(_, scale)| scale);
+        Scales { intensity: of(ColourBy::Intensity), time: of(ColourBy::Time) }
     }
 
     /// Metadata for the page's script, as JSON.
@@ -151,6 +152,9 @@ fn entries(colouring: &Colouring, points: &Points, chosen: &[u32], lowest: f64) 
             let shift = if height { lowest } else { 0.0 };
             json!({ "low": f64::from(low) - shift, "high": f64::from(high) - shift, "shift": shift, "ramp": table })
         }
+        Legend::Marks { marks, table, .. } => {
+            json!({ "low": 0.0, "high": 1.0, "marks": marks, "ramp": table })
+        }
         Legend::List { .. } => {
             let entries: Vec<(usize, String, Rgb, u64)> = colouring.names(points, chosen);
             json!({ "entries": entries })
@@ -168,6 +172,9 @@ impl ColourBy {
             ColourBy::Intensity => has.intensity,
             ColourBy::Object => has.object,
             ColourBy::Return => has.return_number,
+            ColourBy::Leg => has.leg,
+            ColourBy::Channel => has.channel,
+            ColourBy::Time => has.time,
         }
     }
 }
@@ -183,7 +190,15 @@ mod tests {
     use crate::geom::DVec3;
 
     fn cloud(n: u32) -> Points {
-        let all = Attributes { intensity: true, class: true, return_number: true, object: true };
+        let all = Attributes {
+            intensity: true,
+            class: true,
+            return_number: true,
+            object: true,
+            leg: true,
+            channel: true,
+            time: true,
+        };
         let mut points = Points::new(all);
         for i in 0..n {
             let (x, y) = (f64::from(i % 100), f64::from(i / 100));
@@ -193,6 +208,9 @@ mod tests {
                 class: 2 + (i % 3) as i32,
                 return_number: 1 + i % 2,
                 object: if i % 2 == 0 { "</script><b>" } else { "8" },
+                leg: (i % 3) as u16,
+                channel: (i % 2) as u16,
+                time: f64::from(i),
             });
         }
         points

@@ -18,6 +18,12 @@ pub struct Point<'a> {
     pub return_number: u32,
     /// Name of the object that was hit; empty if unknown.
     pub object: &'a str,
+    /// Number of the leg.
+    pub leg: u16,
+    /// Number of the scanner's device.
+    pub channel: u16,
+    /// Time of the pulse, s.
+    pub time: f64,
 }
 
 /// The attributes that the points have.
@@ -27,6 +33,9 @@ pub struct Attributes {
     pub class: bool,
     pub return_number: bool,
     pub object: bool,
+    pub leg: bool,
+    pub channel: bool,
+    pub time: bool,
 }
 
 /// A point cloud. Positions are `f32` offsets from an origin near the points. When there are too many points, every
@@ -40,6 +49,12 @@ pub struct Points {
     pub(super) return_number: Vec<u8>,
     pub(super) object: Vec<u16>,
     pub(super) objects: Vec<String>,
+    /// Numbers above 255 are 255.
+    pub(super) leg: Vec<u8>,
+    pub(super) channel: Vec<u8>,
+    /// Seconds after the first point.
+    pub(super) time: Vec<f32>,
+    first_time: Option<f64>,
     origin: Option<DVec3>,
     bounds: Aabb,
     object_numbers: HashMap<String, u16>,
@@ -69,6 +84,10 @@ impl Points {
             return_number: Vec::new(),
             object: Vec::new(),
             objects: Vec::new(),
+            leg: Vec::new(),
+            channel: Vec::new(),
+            time: Vec::new(),
+            first_time: None,
             origin: None,
             bounds: Aabb::default(),
             object_numbers: HashMap::new(),
@@ -112,6 +131,16 @@ impl Points {
             let number = self.object_number(point.object);
             self.object.push(number);
         }
+        if self.attributes.leg {
+            self.leg.push(point.leg.min(255) as u8);
+        }
+        if self.attributes.channel {
+            self.channel.push(point.channel.min(255) as u8);
+        }
+        if self.attributes.time {
+            let first = *self.first_time.get_or_insert(point.time);
+            self.time.push((point.time - first) as f32);
+        }
     }
 
     fn drop_every_second(&mut self) {
@@ -125,6 +154,9 @@ impl Points {
         halve(&mut self.class);
         halve(&mut self.return_number);
         halve(&mut self.object);
+        halve(&mut self.leg);
+        halve(&mut self.channel);
+        halve(&mut self.time);
         self.stride *= 2;
     }
 
@@ -152,6 +184,21 @@ impl Points {
         if self.offsets.is_empty() && origin.is_finite() {
             self.origin = Some(origin);
         }
+    }
+
+    /// World position of a point that is kept, m, exact to half a millimetre within some kilometres of the origin.
+    pub fn position(&self, i: usize) -> DVec3 {
+        self.origin() + DVec3::from(self.offsets[i].map(f64::from))
+    }
+
+    /// Intensity of a point; `None` if the points have none.
+    pub fn intensity_of(&self, i: usize) -> Option<f32> {
+        self.intensity.get(i).copied()
+    }
+
+    /// Return number of a point; `None` if the points have none.
+    pub fn return_number_of(&self, i: usize) -> Option<u8> {
+        self.return_number.get(i).copied()
     }
 
     /// World position of the origin of the offsets, m.
@@ -206,7 +253,13 @@ mod tests {
 
     #[test]
     fn a_bounded_number_of_points_is_kept_evenly() {
-        let all = Attributes { intensity: true, class: true, return_number: true, object: true };
+        let all = Attributes {
+            intensity: true,
+            class: true,
+            return_number: true,
+            object: true,
+            ..Attributes::default()
+        };
         let mut points = Points { max_points: 8, ..Points::new(all) };
         for i in 0..100 {
             let position = DVec3::X * f64::from(i);

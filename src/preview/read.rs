@@ -88,6 +88,9 @@ pub(super) fn push_row(points: &mut Points, row: &PointRow, object: Option<&str>
         class: row.class.into(),
         return_number: row.return_number.into(),
         object: object.unwrap_or_else(|| number.format(row.object)),
+        leg: row.leg,
+        channel: row.channel,
+        time: row.time,
     });
 }
 
@@ -110,6 +113,9 @@ pub(super) fn attributes(has: impl Fn(Attribute) -> bool) -> Attributes {
         class: has(Attribute::Class),
         return_number: has(Attribute::ReturnNumber),
         object: has(Attribute::Object),
+        leg: has(Attribute::Leg),
+        channel: has(Attribute::Channel),
+        time: has(Attribute::Time),
     }
 }
 
@@ -191,7 +197,8 @@ fn columns_by_count(line: &[u8], words: &mut Vec<Range<usize>>) -> Columns {
             .with(Attribute::Intensity, 3)
             .with(Attribute::ReturnNumber, 5)
             .with(Attribute::Object, OBJECT)
-            .with(Attribute::Class, 9),
+            .with(Attribute::Class, 9)
+            .with(Attribute::Time, 10),
         4.. => columns.with(Attribute::Intensity, 3),
         _ => columns,
     }

@@ -50,7 +50,7 @@ pub fn rectangles(material: Material, of: &[[DVec3; 3]]) -> Scene {
         geometry.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         scene.surfaces.push(Surface { part, material: 0 });
         scene.surface_ids.extend([part, part]);
-        scene.parts.push(Part { id: (part + 1).to_string(), lad: None });
+        scene.parts.push(Part { id: (part + 1).to_string(), ..Part::default() });
     }
     scene.materials.push(material);
     scene.bounds = Aabb::EMPTY;
@@ -70,7 +70,7 @@ pub fn foliage(cubes: &[(f64, f64, VoxelKind)], lad: Option<LadTable>) -> Scene 
     let mut scene = rectangles(half_white(), if cubes.len() > 4 { &walls } else { &[] });
     let first = -scene.shift;
     scene.surfaces.push(Surface { part: scene.parts.len() as u32, material: 0 });
-    scene.parts.push(Part { id: "foliage".to_owned(), lad: lad.map(Arc::new) });
+    scene.parts.push(Part { id: "foliage".to_owned(), lad: lad.map(Arc::new), ..Part::default() });
     for (y, density, kind) in cubes {
         scene.geometry.cubes.push(Cube { centre: first + DVec3::new(0.0, y + 0.5, 0.0), half: 0.5 });
         scene.voxels.push(Voxel::of_plants(*density, *kind));

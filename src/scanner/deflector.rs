@@ -3,7 +3,7 @@
 use super::oscillating::Oscillating;
 use super::plan::DevicePlan;
 use super::polygon::Polygon;
-use crate::geom::{DVec3, Rotation};
+use crate::geom::{DVec3, Rotation, add_repeatedly};
 use crate::survey::{Deflector, ScannerSettings};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -120,6 +120,27 @@ impl DeflectorState {
                 }
             }
         }
+    }
+
+    /// Takes `steps` steps of a deflector without an error, and returns in how many of them it fires. The state is that
+    /// after as many calls of [`step`](Self::step), bit for bit.
+    pub fn advance(&mut self, plan: &DevicePlan, steps: u32) -> u32 {
+        match self {
+            DeflectorState::Polygon(mirror) => return mirror.advance(plan, steps),
+            DeflectorState::Oscillating(mirror) => mirror.advance(steps),
+            DeflectorState::Fibres { next, count, .. } if steps > 0 => {
+                // The angle is that of the last fibre.
+                *next = ((u64::from(*next) + u64::from(steps - 1)) % u64::from(*count)) as u32;
+                self.step(plan);
+            }
+            DeflectorState::Risley { time, step, .. }
+                if plan.prisms.as_ref().is_none_or(|prisms| !prisms.may_reflect_totally) =>
+            {
+                *time = add_repeatedly(*time, *step, steps);
+            }
+            _ => (0..steps).for_each(|_| self.step(plan)),
+        }
+        steps
     }
 
     /// Whether the device emits a pulse at the current angle.

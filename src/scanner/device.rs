@@ -42,6 +42,18 @@ impl DeviceState {
         self.head.step(plan, self.deflector.exact_angle());
     }
 
+    /// Takes `steps` steps, with the deflector if `is_active`, of a device whose head and deflector have no errors.
+    /// Returns the number of pulses emitted.
+    pub fn advance(&mut self, plan: &DevicePlan, is_active: bool, steps: u32) -> u32 {
+        self.head.advance(steps);
+        if !is_active {
+            return 0;
+        }
+        let pulses = self.deflector.advance(plan, steps);
+        self.pulses += u64::from(pulses);
+        pulses
+    }
+
     /// Whether the formula of the deflection error had a value; [`DeviceState::formula_error`] names it otherwise.
     #[inline]
     pub fn has_deflection(&self) -> bool {

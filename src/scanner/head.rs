@@ -2,7 +2,7 @@
 
 use super::plan::DevicePlan;
 use crate::error::Result;
-use crate::geom::Rotation;
+use crate::geom::{Rotation, add_repeatedly};
 use crate::survey::ScannerSettings;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -56,6 +56,24 @@ impl HeadState {
             if plan.errors.head.is_some() {
                 self.error_at = Some(deflection);
             }
+        }
+    }
+
+    /// Number of steps, at least, before the leg's turn is completed; infinite for a turn that never is.
+    pub fn steps_to_completion(&self) -> f64 {
+        if self.is_completed() {
+            return 0.0;
+        }
+        if self.step == 0.0 {
+            return f64::INFINITY;
+        }
+        ((self.stop - self.angle).abs() / self.step.abs() * (1.0 - 1e-6)).floor() - 4.0
+    }
+
+    /// Takes `steps` steps of a head without an error.
+    pub fn advance(&mut self, steps: u32) {
+        if self.rate != 0.0 {
+            self.angle = add_repeatedly(self.angle, self.step, steps);
         }
     }
 

@@ -92,4 +92,15 @@ impl Oscillating {
         }
         self.count += 1;
     }
+    /// Takes `steps` steps.
+    pub fn advance(&mut self, steps: u32) {
+        match self.rate {
+            // The angle is that of the last step.
+            Some(_) if steps > 0 => {
+                self.count += i64::from(steps - 1);
+                self.step();
+            }
+            _ => (0..steps).for_each(|_| self.step()),
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! Polygon mirrors (spec kinematics §4.2).
 
 use super::plan::DevicePlan;
+use crate::geom::{spacing, steps_in_binade};
 use crate::survey::ScannerSettings;
 use serde::{Deserialize, Serialize};
 
@@ -71,5 +72,39 @@ impl Polygon {
         if self.angle >= max {
             self.angle = -max;
         }
+    }
+    /// Takes `steps` steps of a mirror without an error, and returns in how many of them it fires.
+    pub fn advance(&mut self, plan: &DevicePlan, mut steps: u32) -> u32 {
+        let mut fired = 0;
+        while steps > 0 {
+            let equal = self.equal_steps(plan).min(f64::from(steps)) as u32;
+            if equal == 0 {
+                self.step(plan);
+                fired += u32::from(self.is_firing());
+                steps -= 1;
+                continue;
+            }
+            // Exact: multiples of the spacing of one binade.
+            self.exact += ((self.exact + self.step) - self.exact) * f64::from(equal);
+            self.angle = self.exact;
+            fired += if self.is_firing() { equal } else { 0 };
+            steps -= equal;
+        }
+        fired
+    }
+
+    /// Number of steps, at least, that add the same increment and pass neither the end of the line nor of the window.
+    fn equal_steps(&self, plan: &DevicePlan) -> f64 {
+        let increment = (self.exact + self.step) - self.exact;
+        let is_uniform =
+            spacing(self.exact).is_some_and(|spacing| (self.step - increment).abs() < 0.5 * spacing);
+        if !is_uniform || increment <= 0.0 || self.exact >= plan.scan_angle_max {
+            return 0.0;
+        }
+        let borders = [self.lower, self.upper, plan.scan_angle_max].into_iter();
+        let next = borders.filter(|border| *border >= self.exact).fold(f64::INFINITY, f64::min);
+        let to_border = ((next - self.exact) / increment).floor() - 2.0;
+        // Infinite borders and those below are no borders; NaN becomes 0.
+        steps_in_binade(self.exact, increment).min(to_border)
     }
 }

@@ -4,7 +4,6 @@ use super::library::Library;
 use super::model::{MovingPart, Part};
 use super::rules::MaterialRules;
 use super::surfaces::Surface;
-use super::text::Source;
 use super::voxel::Voxel;
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
@@ -68,8 +67,14 @@ pub enum Sharing {
     Never,
 }
 
-/// Path of an OBJ file and whether its y axis points up.
-pub(super) type MeshFile = (PathBuf, bool);
+/// A mesh that several parts can share.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) enum MeshFile {
+    /// Path of an OBJ file, whether its y axis points up, and the address of the changes of its materials.
+    Obj(PathBuf, bool, usize),
+    /// The addresses of a mesh in memory and of the changes of its materials.
+    Memory(usize, usize),
+}
 
 /// Meshes that several parts share, as far as they have been loaded.
 #[derive(Default)]
@@ -270,21 +275,15 @@ impl<'a> SceneBuilder<'a> {
     ///
     /// # Errors
     /// [`Error::Input`] if the scene then exceeds the memory limit, [`Error::Io`] if the system has no more memory.
-    pub fn reserve(
-        &mut self,
-        vertices: usize,
-        triangles: usize,
-        cubes: usize,
-        source: &Source,
-    ) -> Result<()> {
-        self.check_memory(memory_of(vertices, triangles, cubes), source.path())?;
+    pub fn reserve(&mut self, vertices: usize, triangles: usize, cubes: usize, source: &Path) -> Result<()> {
+        self.check_memory(memory_of(vertices, triangles, cubes), source)?;
         let Geometry { vertices: all_vertices, triangles: all_triangles, cubes: all_cubes } =
             &mut self.geometry;
         let reserved = (all_vertices.to_mut().try_reserve(vertices))
             .and_then(|()| all_triangles.to_mut().try_reserve(triangles))
             .and_then(|()| all_cubes.to_mut().try_reserve(cubes))
             .and_then(|()| self.voxels.try_reserve(cubes));
-        reserved.map_err(|_| Error::io("load", source.path(), std::io::ErrorKind::OutOfMemory.into()))
+        reserved.map_err(|_| Error::io("load", source, std::io::ErrorKind::OutOfMemory.into()))
     }
 
     /// Fails if the loaded data and `more` bytes for `file` exceed the memory limit.

@@ -60,6 +60,10 @@ fn add_loader(sum: &mut Checksum, loader: &Loader) -> Result<()> {
             sum.debug(up);
             files.iter().try_for_each(|path| file(sum, path))
         }
+        Loader::Mesh(mesh) => {
+            sum.debug(&(mesh.vertices(), mesh.triangles(), mesh.materials(), mesh.material_of()));
+            Ok(())
+        }
         Loader::GeoTiff { file: raster, material: choice } => {
             file(sum, raster)?;
             material(sum, choice)

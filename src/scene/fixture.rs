@@ -40,6 +40,7 @@ impl Fixture {
             id: None,
             number,
             loader,
+            changes: Default::default(),
             transform: Transform::IDENTITY,
             motions: Vec::new(),
             timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },

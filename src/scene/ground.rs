@@ -27,6 +27,7 @@ pub(super) enum Body {
 
 /// Drops all parts with `onGround` to the ground, in their order.
 pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
+    let mut gaps = Gaps::default();
     for part in parts.iter().filter(|p| p.on_ground != 0) {
         let corners = corners(scene, &part.body);
         let Some(lowest) = min_by_value(corners.iter().copied(), |p| p.z) else { continue };
@@ -55,8 +56,67 @@ pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
         };
         if let Some(q) = anchor {
             raise(scene, &part.body, -height(q));
+            let foot = DVec3::new(q.x, q.y, q.z - height(q));
+            if let Some(below) = ground_below(scene, &ground.body, foot) {
+                gaps.add(part, &ground.id, foot.z - below);
+            }
         }
     }
+    gaps.report(scene);
+}
+
+/// Distance between a part and the ground under it from which it is reported, m.
+const MIN_REPORTED_GAP: f64 = 0.5;
+
+/// Parts that a plane through the whole of the ground has left above or below the ground under them.
+#[derive(Default)]
+struct Gaps {
+    count: usize,
+    /// Position, id, ground and gap of the part with the largest gap.
+    largest: Option<(Option<Place>, String, String, f64)>,
+}
+
+impl Gaps {
+    fn add(&mut self, part: &LoadedPart, ground: &str, gap: f64) {
+        if gap.abs() < MIN_REPORTED_GAP {
+            return;
+        }
+        self.count += 1;
+        if self.largest.as_ref().is_none_or(|(.., largest)| gap.abs() > largest.abs()) {
+            self.largest = Some((part.place.clone(), part.id.clone(), ground.to_owned(), gap));
+        }
+    }
+
+    fn report(self, scene: &mut SceneBuilder) {
+        let Some((place, id, ground, gap)) = self.largest else { return };
+        let side = if gap > 0.0 { "above" } else { "below" };
+        let others = match self.count - 1 {
+            0 => String::new(),
+            n => format!(", and {n} others at smaller distances"),
+        };
+        let message = format!(
+            "part \"{id}\" stands {:.1} m {side} the ground under it{others}: onGround puts parts on a plane through the whole \
+             of part \"{ground}\", as HELIOS++ does",
+            gap.abs()
+        );
+        scene.diagnostics.warn(place, message).help(
+            "leave out onGround and give the height in the offset, or divide the ground into smaller parts",
+        );
+    }
+}
+
+/// Height of the highest triangle of the ground above or below a point; `None` where there is none.
+fn ground_below(scene: &SceneBuilder, ground: &Body, p: DVec3) -> Option<f64> {
+    let Body::Stored(extent) = ground else { return None };
+    let height = |i: usize| {
+        let [a, b, c] = scene.geometry.triangle(i);
+        let across = |a: DVec3, b: DVec3| (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x);
+        let weights = [across(b, c), across(c, a), across(a, b)];
+        let area: f64 = weights.iter().sum();
+        let is_inside = weights.iter().all(|w| *w >= 0.0) || weights.iter().all(|w| *w <= 0.0);
+        (is_inside && area != 0.0).then(|| (weights[0] * a.z + weights[1] * b.z + weights[2] * c.z) / area)
+    };
+    extent.triangles.clone().into_par_iter().filter_map(height).reduce_with(f64::max)
 }
 
 /// Every ⌊n / min(k, n)⌋-th of the first min(k, n) of n corners, the sample of the reference's approximate search.

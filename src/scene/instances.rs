@@ -12,38 +12,56 @@ use crate::store::Store;
 use crate::survey::{Loader, PartRecipe, SceneRecipe, Transform, UpAxis};
 use crate::tree::{Geometry, Instances, Model, Placement};
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Minimum number of bytes of OBJ text whose repeated storage is avoided for [`Sharing::Auto`] to share a file.
 const MIN_SHARED_BYTES: u64 = 64 << 20;
+/// Typical number of bytes of OBJ text per triangle.
+const TRIANGLE_BYTES: u64 = 64;
 
 /// Selects the files whose meshes are shared in an epoch.
 pub(super) fn plan_sharing(recipe: &SceneRecipe, epoch: u32, sharing: Sharing) -> SharedMeshes {
-    let mut users: HashMap<MeshFile, u64> = HashMap::new();
-    let parts = recipe.parts.iter().filter_map(|part| part_in_epoch(part, epoch));
-    for file in parts.filter_map(|part| mesh_file(&part)) {
-        *users.entry(file).or_default() += 1;
+    let mut users: HashMap<MeshFile, (u64, u64)> = HashMap::new();
+    for part in recipe.parts.iter().filter_map(|part| part_in_epoch(part, epoch)) {
+        if let Some(mesh) = shared_mesh(&part) {
+            users.entry(mesh).or_insert_with(|| (size_of_mesh(&part.loader), 0)).1 += 1;
+        }
     }
-    let is_shared = |(path, _): &MeshFile, users: u64| match sharing {
+    let is_shared = |size: u64, users: u64| match sharing {
         Sharing::Never => false,
         Sharing::Always => true,
-        Sharing::Auto => {
-            let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-            (users - 1).saturating_mul(size) >= MIN_SHARED_BYTES
-        }
+        Sharing::Auto => (users - 1).saturating_mul(size) >= MIN_SHARED_BYTES,
     };
-    let shared = users.into_iter().filter(|(file, n)| is_shared(file, *n)).map(|(file, _)| (file, None));
+    let shared =
+        users.into_iter().filter(|(_, (size, n))| is_shared(*size, *n)).map(|(mesh, _)| (mesh, None));
     SharedMeshes { files: shared.collect(), ..SharedMeshes::default() }
 }
 
-/// The file that a part can share: its only OBJ file, if the part does not move.
-fn mesh_file(part: &PartRecipe) -> Option<MeshFile> {
+/// The mesh that a part can share: its only OBJ file, or its mesh in memory, if the part does not move.
+fn shared_mesh(part: &PartRecipe) -> Option<MeshFile> {
+    let changes = match part.changes.is_empty() {
+        true => 0,
+        false => Arc::as_ptr(&part.changes).cast::<u8>() as usize,
+    };
     match &part.loader {
-        Loader::Obj { files, up } if part.motions.is_empty() && files.len() == 1 => {
-            Some((files[0].clone(), *up == UpAxis::Y))
+        _ if !part.motions.is_empty() => None,
+        Loader::Obj { files, up } if files.len() == 1 => {
+            Some(MeshFile::Obj(files[0].clone(), *up == UpAxis::Y, changes))
         }
+        Loader::Mesh(mesh) => Some(MeshFile::Memory(Arc::as_ptr(mesh) as usize, changes)),
         _ => None,
+    }
+}
+
+/// Size of a mesh as OBJ text, bytes.
+fn size_of_mesh(loader: &Loader) -> u64 {
+    match loader {
+        Loader::Obj { files, .. } => {
+            files.first().and_then(|path| std::fs::metadata(path).ok()).map_or(0, |about| about.len())
+        }
+        Loader::Mesh(mesh) => mesh.triangles().len() as u64 * TRIANGLE_BYTES,
+        _ => 0,
     }
 }
 
@@ -54,12 +72,12 @@ pub(super) fn add_instance(
     part: &PartRecipe,
     load: impl FnOnce(&mut SceneBuilder, &PartRecipe, &[PathBuf]) -> Result<()>,
 ) -> Result<Option<Option<usize>>> {
-    let Some(file) = mesh_file(part) else { return Ok(None) };
+    let Some(file) = shared_mesh(part) else { return Ok(None) };
     let model = match scene.meshes.files.get(&file) {
         None => return Ok(None),
         Some(Some(model)) => *model,
         Some(None) => {
-            let model = read_model(scene, part, &file.0, load)?;
+            let model = read_model(scene, part, &file, load)?;
             scene.meshes.files.insert(file, Some(model));
             model
         }
@@ -79,12 +97,16 @@ pub(super) fn add_instance(
 fn read_model(
     scene: &mut SceneBuilder,
     part: &PartRecipe,
-    file: &Path,
+    file: &MeshFile,
     load: impl FnOnce(&mut SceneBuilder, &PartRecipe, &[PathBuf]) -> Result<()>,
 ) -> Result<u32> {
     let start = scene.end();
     let untransformed = PartRecipe { transform: Transform::IDENTITY, ..part.clone() };
-    load(scene, &untransformed, &[file.to_path_buf()])?;
+    let files: &[PathBuf] = match file {
+        MeshFile::Obj(path, ..) => std::slice::from_ref(path),
+        MeshFile::Memory(..) => &[],
+    };
+    load(scene, &untransformed, files)?;
     let first = start.vertices.start as u32;
     let mut triangles = scene.geometry.triangles.split_off(start.triangles.start);
     triangles.iter_mut().for_each(|t| *t = t.map(|v| v - first));

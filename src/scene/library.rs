@@ -1,17 +1,18 @@
 //! Resolves material definitions to the scene's materials (spec pulse-physics §3.2, input-formats §3.5 and §5).
 
 use super::material::{Material, Reflection};
-use super::mtl::{self, Definition};
+use super::mtl;
 use super::reflectance_issues::{ReflectanceIssue, ReflectanceIssues};
 use super::rules::MaterialRules;
 use super::spectra::Spectra;
 use super::text::Source;
 use crate::diag::{Diagnostics, Place};
 use crate::rng::{Purpose, Stream};
-use crate::survey::MaterialChoice;
+use crate::survey::{MaterialChoice, MaterialDefinition, Mesh};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Name of the material of faces without one; no file can redefine it.
 pub(super) const DEFAULT: &str = "default";
@@ -32,14 +33,17 @@ pub(super) struct Library {
     seed: u64,
     files: Vec<MtlFile>,
     file_of: HashMap<PathBuf, Option<usize>>,
+    /// Index in `files` of definitions in memory, by their address.
+    in_memory: HashMap<usize, usize>,
     index_of: HashMap<Key, u32>,
     /// In the order of first use.
     pub materials: Vec<Material>,
 }
 
+/// Definitions of a file, or of a mesh in memory.
 struct MtlFile {
-    source: Source,
-    definitions: Vec<Definition>,
+    source: Option<Source>,
+    definitions: Vec<MaterialDefinition>,
 }
 
 #[derive(PartialEq, Eq, Hash)]
@@ -71,13 +75,15 @@ impl Library {
             seed,
             files: Vec::new(),
             file_of: HashMap::new(),
+            in_memory: HashMap::new(),
             index_of: HashMap::new(),
             materials: Vec::new(),
         }
     }
 
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
-        self.files.iter().map(|f| f.source.path().to_path_buf()).chain(self.spectra.files().cloned())
+        let own = self.files.iter().filter_map(|f| f.source.as_ref());
+        own.map(|source| source.path().to_path_buf()).chain(self.spectra.files().cloned())
     }
 
     /// Adds the definitions of an MTL file to `names`; `false` if the file cannot be read.
@@ -99,7 +105,7 @@ impl Library {
         }
         let file = Source::open(path).ok().map(|source| {
             let definitions = mtl::read(&source, diagnostics);
-            self.files.push(MtlFile { source, definitions });
+            self.files.push(MtlFile { source: Some(source), definitions });
             self.files.len() - 1
         });
         self.file_of.insert(path.to_path_buf(), file);
@@ -110,11 +116,32 @@ impl Library {
     pub fn named(&mut self, name: &str, names: &Names, diagnostics: &mut Diagnostics) -> (u32, bool) {
         match names.0.get(name) {
             Some(&known) => (self.defined(known, diagnostics), true),
-            None => (self.undefined(name), name == DEFAULT),
+            None => (self.unnamed(name), name == DEFAULT),
         }
     }
 
-    fn undefined(&mut self, name: &str) -> u32 {
+    /// The materials of a mesh in memory, in its order.
+    pub fn of_mesh(&mut self, mesh: &Arc<Mesh>, diagnostics: &mut Diagnostics) -> Vec<u32> {
+        self.of_definitions(Arc::as_ptr(mesh) as usize, || mesh.materials().to_vec(), diagnostics)
+    }
+
+    /// The materials of definitions in memory, in their order; `address` identifies them.
+    pub fn of_definitions(
+        &mut self,
+        address: usize,
+        definitions: impl FnOnce() -> Vec<MaterialDefinition>,
+        diagnostics: &mut Diagnostics,
+    ) -> Vec<u32> {
+        let file = *self.in_memory.entry(address).or_insert_with(|| {
+            self.files.push(MtlFile { source: None, definitions: definitions() });
+            self.files.len() - 1
+        });
+        let count = self.files[file].definitions.len();
+        (0..count).map(|index| self.defined(DefinitionId { file, index }, diagnostics)).collect()
+    }
+
+    /// The material for a name that is not defined.
+    pub fn unnamed(&mut self, name: &str) -> u32 {
         let (materials, rules) = (&mut self.materials, self.rules);
         self.relevant_rules.reflectance_fraction = true;
         self.relevant_rules.lambert_default = true;
@@ -155,13 +182,13 @@ impl Library {
 
     fn resolve(
         &mut self,
-        d: &Definition,
+        d: &MaterialDefinition,
         is_last: bool,
         file: usize,
         diagnostics: &mut Diagnostics,
     ) -> Material {
-        let source = &self.files[file].source;
-        let place = || Some(source.place(d.line, line_start(source.bytes(), d.line)));
+        let source = self.files[file].source.as_ref();
+        let place = || source.map(|source| source.place(d.line, line_start(source.bytes(), d.line)));
         let mut from_spectrum = None;
         if let (None, Some(name)) = (d.reflectance, &d.spectrum) {
             from_spectrum = self.spectra.reflectance(name, diagnostics);
@@ -224,13 +251,13 @@ impl Library {
             if let Some(place) = place {
                 self.issues.add(ReflectanceIssue::Missing, DEFAULT, place.clone());
             }
-            return Some(vec![self.undefined(DEFAULT)]);
+            return Some(vec![self.unnamed(DEFAULT)]);
         };
         let Some(file) = self.open(path, diagnostics) else {
             let message =
                 format!("cannot read the material file {}; the part reflects 50 per cent", path.display());
             diagnostics.warn(place.cloned(), message);
-            return Some(vec![self.undefined(DEFAULT)]);
+            return Some(vec![self.unnamed(DEFAULT)]);
         };
         let definitions = &self.files[file].definitions;
         let index = match &choice.name {
@@ -265,7 +292,7 @@ impl Library {
     fn varied(
         &self,
         base: Material,
-        definition: &Definition,
+        definition: &MaterialDefinition,
         range: f64,
         part: u32,
         variant: u32,
@@ -285,12 +312,12 @@ impl Library {
     }
 }
 
-fn is_specular_only(d: &Definition) -> bool {
+fn is_specular_only(d: &MaterialDefinition) -> bool {
     d.kd == [0.0; 3] && d.ks != [0.0; 3]
 }
 
 /// The angular law; without `has_share` the specular share remains 0, as in the reference for most materials.
-fn reflection(d: &Definition, has_share: bool, rules: MaterialRules) -> Reflection {
+fn reflection(d: &MaterialDefinition, has_share: bool, rules: MaterialRules) -> Reflection {
     let (kd, ks): (f64, f64) = (d.kd.iter().sum(), d.ks.iter().sum());
     let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
     let specularity = match (has_kd, has_ks) {

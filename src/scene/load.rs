@@ -2,7 +2,9 @@
 //! those with `onGround` to the ground, and moves the origin to the centre of the scene.
 
 use super::builder::{Extent, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
+use super::crs::find_crs;
 use super::epoch::{SceneFrame, keeps_frame, part_in_epoch};
+use super::frames::PartFrames;
 use super::ground::{self, Body, LoadedPart};
 use super::lad::LadTable;
 use super::library::{Library, Names};
@@ -10,10 +12,11 @@ use super::model::{MovingPart, Part, Scene};
 use super::pack::Pack;
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{geotiff, instances, obj, vox, xyz};
+use super::{change, geotiff, instances, mesh, obj, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::files::fault;
+use crate::geom::Aabb;
 use crate::machine;
 use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, Transform, UpAxis, VoxelMode};
 use rayon::prelude::*;
@@ -52,10 +55,13 @@ fn load_sources(
     let mut scene = SceneBuilder::new(options, library, meshes);
     let mut loaded = Vec::new();
     let mut ids = Ids::default();
+    let mut frames = PartFrames::default();
     for part in &recipe.parts {
         match part_in_epoch(part, epoch) {
-            Some(part) => load_part(&mut scene, &part, &mut ids, &mut loaded)?,
-            None => scene.parts.push(Part { id: ids.single(part), lad: None }),
+            Some(part) => load_part(&mut scene, &part, &mut ids, &mut loaded, &mut frames)?,
+            None => {
+                scene.parts.push(Part { id: ids.single(part), name: name_of(part.loader.files()), lad: None })
+            }
         }
     }
     if loaded.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
@@ -65,12 +71,15 @@ fn load_sources(
     }
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
-    if options.rules.reflectance_fraction {
-        scene.library.issues.report(&mut scene.diagnostics);
-    }
+    frames.report(&mut scene);
+    scene.library.issues.report(options.rules, &mut scene.diagnostics);
     ground::drop_to_ground(&mut scene, &loaded);
+    let crs = match epoch {
+        0 => find_crs(recipe, &mut scene.diagnostics),
+        _ => None,
+    };
     let (scene, warnings) = freeze(scene, first, keeps_frame(recipe))?;
-    Ok((Scene { dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
+    Ok((Scene { crs, dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
 }
 
 /// Assigns ids: a part without one gets numbers, and each of its files becomes a separate part.
@@ -88,7 +97,8 @@ impl Ids {
 
     /// The ids of the parts created from a recipe, each with its files.
     fn with_files<'a>(&mut self, part: &PartRecipe, files: &'a [PathBuf]) -> Vec<(String, &'a [PathBuf])> {
-        if !part.swaps.is_empty() || part.id.as_ref().is_some_and(|id| !id.is_empty()) {
+        let is_one = files.is_empty() || !part.swaps.is_empty();
+        if is_one || part.id.as_ref().is_some_and(|id| !id.is_empty()) {
             return vec![(self.single(part), files)];
         }
         let first = u64::from(part.number) + self.additional;
@@ -102,12 +112,14 @@ fn load_part(
     part: &PartRecipe,
     ids: &mut Ids,
     loaded: &mut Vec<LoadedPart>,
+    frames: &mut PartFrames,
 ) -> Result<()> {
-    let files = files_of(&part.loader);
-    if files.is_empty() {
+    let files = part.loader.files();
+    if files.is_empty() && !matches!(part.loader, Loader::Mesh(_)) {
         scene
             .diagnostics
             .warn(part.place.clone(), format!("part {} names no file and is left out", describe(part)));
+        return Ok(());
     }
     let lad = leaf_angles(scene, part);
     let mut names = Names::default();
@@ -127,11 +139,13 @@ fn load_part(
             let message = format!("part \"{id}\" holds no primitives and is left out");
             scene.diagnostics.warn(part.place.clone(), message);
             if !part.swaps.is_empty() {
-                scene.parts.push(Part { id, lad: None });
+                scene.parts.push(Part { id, name: name_of(files), lad: None });
             }
             continue;
         };
-        check_coordinates(scene, &id, &body, part.place.as_ref());
+        let bounds = ground::bounds_of(scene, &body);
+        check_coordinates(scene, &id, bounds, &body, part.place.as_ref());
+        frames.add(&id, part.place.as_ref(), bounds);
         if let Body::Stored(extent) = &body
             && !part.motions.is_empty()
         {
@@ -144,10 +158,15 @@ fn load_part(
                 timing: part.timing,
             });
         }
-        scene.parts.push(Part { id: id.clone(), lad: lad.clone() });
+        scene.parts.push(Part { id: id.clone(), name: name_of(files), lad: lad.clone() });
         loaded.push(LoadedPart { id, body, on_ground: part.transform.on_ground, place: part.place.clone() });
     }
     Ok(())
+}
+
+/// The name of the first of a part's files, without its extension.
+fn name_of(files: &[PathBuf]) -> String {
+    files.first().and_then(|file| file.file_stem()).unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn leaf_angles(scene: &mut SceneBuilder, part: &PartRecipe) -> Option<Arc<LadTable>> {
@@ -183,7 +202,7 @@ fn load_files(
 ) -> Result<()> {
     let target = PartSource { index: scene.parts.len() as u32, place: part.place.as_ref() };
     let chosen = match &part.loader {
-        Loader::Obj { .. } => Some(Vec::new()),
+        Loader::Obj { .. } | Loader::Mesh(_) => Some(Vec::new()),
         Loader::GeoTiff { material, .. } => choose(scene, &target, material),
         Loader::Xyz(loader) => choose(scene, &target, &loader.material),
         Loader::DetailedVoxels(loader) => choose(scene, &target, &loader.material),
@@ -191,6 +210,9 @@ fn load_files(
     let Some(materials) = chosen else { return Ok(()) };
     let start = scene.end();
     let mut densities = Vec::new();
+    if let Loader::Mesh(triangles) = &part.loader {
+        mesh::load(scene, &target, triangles)?;
+    }
     for file in files {
         let Some(source) = open(scene, part, file)? else { continue };
         match &part.loader {
@@ -199,6 +221,7 @@ fn load_files(
                     obj::Reading { y_up: *up == UpAxis::Y, drop_polygons: scene.options.drop_polygons };
                 obj::load(scene, &target, &source, reading, names)?;
             }
+            Loader::Mesh(_) => {}
             Loader::GeoTiff { .. } => geotiff::load(scene, &target, &source, materials[0])?,
             Loader::Xyz(loader) => xyz::load(scene, &target, &source, loader, &materials)?,
             Loader::DetailedVoxels(loader) => {
@@ -207,6 +230,7 @@ fn load_files(
         }
     }
     let extent = scene.since(&start);
+    change::apply(scene, target.index, &part.changes, &extent);
     apply_transform(scene, &part.loader, &part.transform, &extent);
     if let Loader::DetailedVoxels(loader) = &part.loader
         && let VoxelMode::Scaled(exponent) = loader.mode
@@ -225,7 +249,7 @@ fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transf
     scene.geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| *v = transform.apply(*v));
     let of_centres = match loader {
         Loader::DetailedVoxels(_) => Transform { scale: 1.0, ..*transform },
-        Loader::Obj { .. } | Loader::GeoTiff { .. } | Loader::Xyz(_) => *transform,
+        Loader::Obj { .. } | Loader::GeoTiff { .. } | Loader::Xyz(_) | Loader::Mesh(_) => *transform,
     };
     scene.geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|cube| {
         cube.centre = of_centres.apply(cube.centre);
@@ -259,24 +283,14 @@ fn is_wrong_name(e: &std::io::Error) -> bool {
     matches!(e.kind(), NotFound | PermissionDenied | IsADirectory | NotADirectory | InvalidInput)
 }
 
-fn files_of(loader: &Loader) -> &[PathBuf] {
-    match loader {
-        Loader::Obj { files, .. } => files,
-        Loader::GeoTiff { file, .. } => std::slice::from_ref(file),
-        Loader::Xyz(xyz) => &xyz.files,
-        Loader::DetailedVoxels(voxels) => &voxels.files,
-    }
-}
-
 fn describe(part: &PartRecipe) -> String {
     part.id.as_ref().map_or_else(|| format!("number {}", part.number), |id| format!("\"{id}\""))
 }
 
-fn check_coordinates(scene: &mut SceneBuilder, id: &str, body: &Body, place: Option<&Place>) {
+fn check_coordinates(scene: &mut SceneBuilder, id: &str, bounds: Aabb, body: &Body, place: Option<&Place>) {
     if matches!(body, Body::Instance(i) if instances::is_near(&scene.meshes, *i)) {
         return;
     }
-    let bounds = ground::bounds_of(scene, body);
     let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
     if reach.is_nan() || reach > MAX_COORDINATE {
         let message = format!(

@@ -16,23 +16,32 @@
 //! | file | what it does |
 //! |---|---|
 //! | `load`, `builder` | load a scene; the scene under construction |
-//! | `obj`, `geotiff`, `xyz`, `vox` | loaders: meshes, rasters, point clouds, vegetation voxels |
+//! | `obj`, `mesh`, `geotiff`, `xyz`, `vox` | loaders: meshes in files and in memory, rasters, point clouds, vegetation voxels |
 //! | `text`, `number` | files of text: lines, problems with their places, numbers |
+//! | `change` | materials that replace those of a part |
 //! | `library`, `mtl`, `spectra`, `reflectance_issues`, `rules` | material definitions, their resolution and problems |
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
 //! | `instances`, `instance_set` | parts that share a mesh |
 //! | `model`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and its components |
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
+//! | `conditions` | the settings that a scene depends on |
 //! | `pack` | packed scenes |
 //! | `fingerprint` | checksums of scenes |
-//! | `inventory` | counts the contents of a scene |
+//! | `crs`, `frames` | coordinate reference systems of rasters and meshes; parts in local coordinates beside a grid |
+//! | `foreign` | mesh formats that are not read |
+//! | `inventory`, `part_facts` | count the contents of a scene and of its parts |
 
 mod builder;
+mod change;
+mod conditions;
+mod crs;
 mod epoch;
 mod fingerprint;
 #[cfg(test)]
 mod fixture;
+mod foreign;
+mod frames;
 mod geotiff;
 mod ground;
 mod instance_set;
@@ -42,12 +51,14 @@ mod lad;
 mod library;
 mod load;
 mod material;
+mod mesh;
 mod model;
 mod motion;
 mod mtl;
 mod number;
 mod obj;
 mod pack;
+mod part_facts;
 mod plane;
 mod reflectance_issues;
 mod rules;
@@ -61,6 +72,7 @@ mod voxel;
 mod xyz;
 
 pub use builder::{LoadOptions, Sharing};
+pub use conditions::Conditions;
 pub use epoch::{SceneFrame, count_epochs};
 pub use fingerprint::fingerprint;
 pub use geotiff::raster_needs;
@@ -72,6 +84,7 @@ pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{MovingPart, PackedTree, Part, Scene};
 pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate};
 pub use pack::{Pack, pack};
+pub use part_facts::PartFacts;
 pub use rules::MaterialRules;
 pub use surfaces::{Surface, SurfaceIds};
 pub use voxel::{Voxel, VoxelKind};

@@ -43,6 +43,8 @@ pub struct Scene {
     pub dyn_step: u32,
     /// Time between updates, s; overrides all step counts.
     pub dyn_time_step: Option<f64>,
+    /// Coordinate reference system that its files name, as WKT.
+    pub crs: Option<String>,
     /// Rules that change its materials or leaf angle tables.
     pub relevant_rules: MaterialRules,
     /// Files that it was loaded from, except those named in its description.
@@ -78,6 +80,8 @@ pub struct MovingPart {
 pub struct Part {
     /// Reported id, normally a number as text.
     pub id: String,
+    /// Name of its first file without the extension.
+    pub name: String,
     /// Leaf angle table of its voxels, if it has one; it changes the law for the strength of their returns (spec
     /// pulse-physics §3.5).
     pub lad: Option<Arc<LadTable>>,

@@ -3,57 +3,16 @@
 use super::number::{float, skip_blanks};
 use super::text::{Line, Lines, Problems, Source, Words, shown};
 use crate::diag::Diagnostics;
+use crate::survey::MaterialDefinition;
 use std::ops::Range;
 
-/// A material as defined in its file.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Definition {
-    /// The first word after `newmtl`.
-    pub name: String,
-    /// Diffuse colour.
-    pub kd: [f64; 3],
-    /// Specular colour.
-    pub ks: [f64; 3],
-    /// Specular exponent.
-    pub ns: f64,
-    /// `vlscan_roughness_deg` in rad.
-    pub roughness: f64,
-    /// `helios_reflectance`.
-    pub reflectance: Option<f64>,
-    /// `helios_spectra`.
-    pub spectrum: Option<String>,
-    /// `helios_classification`.
-    pub classification: i32,
-    /// `helios_isGround`.
-    pub is_ground: bool,
-    /// Line of its `newmtl`.
-    pub line: usize,
-}
-
-impl Definition {
-    fn new(name: String, line: usize) -> Definition {
-        Definition {
-            name,
-            kd: [0.0; 3],
-            ks: [0.0; 3],
-            ns: 10.0,
-            roughness: 0.0,
-            reflectance: None,
-            spectrum: None,
-            classification: 0,
-            is_ground: false,
-            line,
-        }
-    }
-}
-
 /// Reads all definitions in the order of the file. An unreadable value is an error.
-pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Definition> {
+pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<MaterialDefinition> {
     if !source.is_text("a material file", diagnostics) {
         return Vec::new();
     }
     let mut problems = Problems::default();
-    let mut definitions: Vec<Definition> = Vec::new();
+    let mut definitions: Vec<MaterialDefinition> = Vec::new();
     for line in Lines::new(source.bytes(), true) {
         statement(&line, &mut definitions, &mut problems);
     }
@@ -61,7 +20,7 @@ pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Defini
     definitions
 }
 
-fn statement(line: &Line, definitions: &mut Vec<Definition>, problems: &mut Problems) {
+fn statement(line: &Line, definitions: &mut Vec<MaterialDefinition>, problems: &mut Problems) {
     let mut words = Words::new(&line.text, skip_blanks(&line.text, 0));
     let Some((keyword, at)) = words.next() else { return };
     let in_file = |at: Range<usize>| line.start + at.start..line.start + at.end;
@@ -76,7 +35,7 @@ fn statement(line: &Line, definitions: &mut Vec<Definition>, problems: &mut Prob
                 format!("material \"{name}\" is already defined in line {}, which counts", first.line);
             problems.warn(line.number, in_file(name_at.clone()), || message);
         }
-        return definitions.push(Definition::new(name, line.number));
+        return definitions.push(MaterialDefinition { line: line.number, ..MaterialDefinition::new(name) });
     }
     if !is_known(keyword) {
         return;
@@ -114,7 +73,7 @@ fn is_known(keyword: &[u8]) -> bool {
 }
 
 fn set(
-    material: &mut Definition,
+    material: &mut MaterialDefinition,
     keyword: &[u8],
     values: &[(&[u8], Range<usize>)],
 ) -> Result<(), &'static str> {
@@ -176,7 +135,7 @@ pub(super) fn name_of(bytes: &[u8]) -> String {
 mod tests {
     use super::*;
 
-    fn read_text(text: &[u8]) -> (Vec<Definition>, Diagnostics) {
+    fn read_text(text: &[u8]) -> (Vec<MaterialDefinition>, Diagnostics) {
         let mut d = Diagnostics::default();
         (read(&Source::of("m.mtl", text), &mut d), d)
     }

@@ -1,5 +1,7 @@
 //! Collects materials whose reflectance is missing or not a fraction, to report them file by file.
 
+use super::MaterialRules;
+use super::library::DEFAULT;
 use crate::diag::{Diagnostics, Place};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,11 +29,18 @@ impl ReflectanceIssues {
         }
     }
 
-    /// Reports one message per file and issue, with the number of materials and their names.
-    pub fn report(&self, diagnostics: &mut Diagnostics) {
-        for (i, (issue, _, place)) in self.0.iter().enumerate() {
+    /// Reports one message per file and issue, with the number of materials and their names. Under the reference's rules
+    /// only reflectances that are missing count, which are 50 then.
+    pub fn report(&self, rules: MaterialRules, diagnostics: &mut Diagnostics) {
+        let is_fraction = rules.reflectance_fraction;
+        let assumed = if is_fraction { "0.5" } else { "50 per cent, the default of HELIOS++" };
+        for (i, (issue, name, place)) in self.0.iter().enumerate() {
             let is_alike =
                 |(other, _, p): &&(ReflectanceIssue, String, Place)| other == issue && p.path == place.path;
+            // Parts without any material are meant to have the default.
+            if !is_fraction && (*issue != ReflectanceIssue::Missing || name == DEFAULT) {
+                continue;
+            }
             if self.0[..i].iter().any(|earlier| is_alike(&earlier)) {
                 continue;
             }
@@ -50,11 +59,11 @@ impl ReflectanceIssues {
                     continue;
                 }
                 (ReflectanceIssue::Missing, 1) => (
-                    format!("material {listed} has no reflectance; it reflects 0.5"),
+                    format!("material {listed} has no reflectance; it reflects {assumed}"),
                     "give it a helios_reflectance from 0 to 1, or helios_spectra",
                 ),
                 (ReflectanceIssue::Missing, n) => (
-                    format!("{n} materials have no reflectance and reflect 0.5: {listed}"),
+                    format!("{n} materials have no reflectance: {listed}; they reflect {assumed}"),
                     "give each a helios_reflectance from 0 to 1, or helios_spectra",
                 ),
                 (ReflectanceIssue::NoFraction, 1) => (
@@ -88,7 +97,7 @@ mod tests {
         issues.add(ReflectanceIssue::Missing, "m1", place("b.mtl", 3));
         issues.add(ReflectanceIssue::NoFraction, "glare", place("a.mtl", 20));
         let mut d = Diagnostics::default();
-        issues.report(&mut d);
+        issues.report(MaterialRules { reflectance_fraction: true, ..MaterialRules::default() }, &mut d);
         let [of_a, of_b, glare] = d.items() else { panic!("{}", d.render(false)) };
         assert!(of_a.message.contains("10 materials") && of_a.message.contains("\"m7\" and 2 more"));
         assert_eq!(of_b.message, "material \"m1\" has no reflectance; it reflects 0.5");

@@ -64,7 +64,7 @@ pub(super) fn load(
     for wave in cut_into_pieces(text, PIECE_BYTES).chunks(4 * rayon::current_num_threads()) {
         let read: Vec<Slice> =
             wave.par_iter().map(|piece| read_voxels(&text[piece.clone()], &header, loader)).collect();
-        scene.reserve(0, 0, read.iter().map(|s| s.cubes.len()).sum(), source)?;
+        scene.reserve(0, 0, read.iter().map(|s| s.cubes.len()).sum(), source.path())?;
         for (slice, piece) in read.into_iter().zip(wave) {
             problems.append(slice.problems, lines, body + piece.start);
             lines += slice.lines;

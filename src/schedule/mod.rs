@@ -41,7 +41,7 @@ mod workload;
 pub use feed::{Feed, Outcome, Tasks};
 pub use jobs::{Job, JobQueue};
 pub use policy::{Policy, PolicyKind, Schedule};
-pub use record::{Log, Recorder, SizeChange};
+pub use record::{Log, Recorder, SizeChange, thread_cpu_s};
 pub use replay::replay;
 pub use run::{Collect, run};
 pub use stop::Stop;

@@ -235,7 +235,7 @@ impl Recorder {
 }
 
 /// Processor time of this thread so far, s; `None` where the system has no such clock.
-pub(super) fn thread_cpu_s() -> Option<f64> {
+pub fn thread_cpu_s() -> Option<f64> {
     #[cfg(target_os = "linux")]
     {
         let spent = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);

@@ -159,6 +159,15 @@ impl Workload {
         load
     }
 
+    /// The fraction of all computing that the tasks between two fractions of their number take.
+    pub fn share(&self, from: f64, to: f64) -> f64 {
+        let tasks = self.legs.last().copied().unwrap_or(0) as f64;
+        let Some(profile) = self.profiles.last() else { return to - from };
+        let all = profile.until(tasks as u64);
+        let until = |fraction: f64| profile.until((fraction * tasks) as u64);
+        if all > 0.0 { (until(to) - until(from)) / all } else { to - from }
+    }
+
     /// Seconds for a chunk of the tasks `from..to`.
     pub(super) fn cost(&self, from: u64, to: u64) -> f64 {
         let count = to.saturating_sub(from);

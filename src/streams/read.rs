@@ -59,6 +59,11 @@ impl PulseReader {
         Ok(PulseReader::of(input, path, max_rows))
     }
 
+    /// Reads a stream in memory; `name` is its name in messages.
+    pub fn of_bytes(bytes: Vec<u8>, name: &Path, max_rows: usize) -> PulseReader {
+        PulseReader::of(InputStream::from_reader(std::io::Cursor::new(bytes)), name, max_rows)
+    }
+
     /// Reads `input`; `path` is the name in messages.
     pub fn of(input: InputStream, path: &Path, max_rows: usize) -> PulseReader {
         PulseReader {

@@ -1,14 +1,24 @@
 //! The state of one run of a reader: options, opened documents, problems.
 
-use super::PoseStream;
 use super::assets::Assets;
 use super::xml::Document;
+use super::{PoseStream, SceneRecipe};
 use crate::diag::{Diagnostic, Diagnostics, Place};
 use crate::error::{Error, Result};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::rc::Rc;
+use std::sync::Arc;
+
+/// A scene that replaces that of a survey.
+#[derive(Clone, Debug)]
+pub enum SceneChoice {
+    /// A reference as [`super::read_scene`] reads it.
+    Named(String),
+    /// A scene in memory.
+    Given(Arc<SceneRecipe>),
+}
 
 /// How input files are read.
 #[derive(Clone, Debug, Default)]
@@ -18,9 +28,11 @@ pub struct ReadOptions {
     /// Whether warnings are errors.
     pub strict: bool,
     /// Replaces the scene of the survey.
-    pub scene: Option<String>,
+    pub scene: Option<SceneChoice>,
     /// Replaces the platform of the survey ([`super::Survey::follow`]) before the survey is checked.
     pub trajectory: Option<PoseStream>,
+    /// Whether the pulses come from a stream: the survey then needs no legs, and its legs need not be flyable.
+    pub is_traced: bool,
     /// Maximum number of bytes that the survey and its scene may need. Files that certainly need more are refused
     /// before they are read.
     pub max_memory: Option<u64>,
@@ -31,7 +43,7 @@ pub struct ReadOptions {
 pub(super) struct Context {
     pub assets: Assets,
     /// Replaces the scene of the survey.
-    pub scene: Option<String>,
+    pub scene: Option<SceneChoice>,
     strict: bool,
     pub(super) max_memory: Option<u64>,
     pub(super) problems: RefCell<Diagnostics>,
@@ -80,8 +92,13 @@ impl Context {
     }
 
     /// Records a value that is replaced or ignored, with a hint.
-    pub fn warn_help(&self, place: Place, message: impl Into<String>, help: impl Into<String>) {
-        set_help(self.problems.borrow_mut().warn(Some(place), message), help.into());
+    pub fn warn_help(
+        &self,
+        place: impl Into<Option<Place>>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        set_help(self.problems.borrow_mut().warn(place.into(), message), help.into());
     }
 
     /// Records a violated limit, which has a separate exit status.

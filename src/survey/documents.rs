@@ -103,7 +103,12 @@ impl Context {
     /// The document named `file`, searched from `folder`.
     pub fn referred_document(&self, file: &str, folder: &Path, place: Option<Place>) -> Option<Element> {
         match self.assets.document(file, folder) {
-            Some(found) => self.open(&found),
+            Some(found) => {
+                if let Found::File(path) = &found {
+                    self.warn_of_hidden(path, file, folder, place);
+                }
+                self.open(&found)
+            }
             None => {
                 let message = format!("cannot find the file `{file}`");
                 self.error_help(place, message, self.assets.searched(file, folder));
@@ -140,7 +145,25 @@ impl Context {
 
     /// The existing file that an attribute names. A missing file is an error that lists the searched folders.
     pub fn file(&self, name: &str, folder: &Path, place: Place) -> Option<PathBuf> {
+        self.find_file(name, folder, Some(place))
+    }
+
+    /// Warns of a file of the working directory that is read in place of one beside the referring file.
+    pub(super) fn warn_of_hidden(&self, found: &Path, name: &str, folder: &Path, place: Option<Place>) {
+        let beside = folder.join(name);
+        if found == Path::new(name) && found.is_relative() && beside.is_file() && !same_file(found, &beside) {
+            let message = format!("`{name}` of the working directory is read, not {}", beside.display());
+            self.warn_help(place, message, "rename one of them, or work in another directory");
+        }
+    }
+
+    /// As [`Context::file`], for a name that may have no place. A file of the working directory that hides another one
+    /// beside the referring file is warned of.
+    pub fn find_file(&self, name: &str, folder: &Path, place: Option<Place>) -> Option<PathBuf> {
         let found = self.assets.file(name, folder);
+        if let Some(found) = &found {
+            self.warn_of_hidden(found, name, folder, place.clone());
+        }
         if found.is_none() {
             self.error_help(
                 place,
@@ -150,6 +173,10 @@ impl Context {
         }
         found
     }
+}
+
+fn same_file(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 fn find(root: &Element, kind: &str, id: &str) -> Option<Element> {

@@ -23,6 +23,17 @@ impl Survey {
 }
 
 impl super::Scanner {
+    /// A leg without a position, for pulses of a stream.
+    pub fn leg(&self) -> Leg {
+        Leg {
+            number: 0,
+            strip: None,
+            platform: PlatformSettings::at(DVec3::ZERO),
+            scanner: ScannerSettings { active: true, ..self.own_settings() },
+            place: None,
+        }
+    }
+
     /// Default scanner settings of a leg: the first pulse frequency and the first device's divergence, all angles
     /// and frequencies 0, no vertical limits.
     pub fn own_settings(&self) -> ScannerSettings {

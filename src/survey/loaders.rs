@@ -28,7 +28,7 @@ impl Loader {
             Loader::Obj { files, up } => {
                 files.into_iter().map(|f| Loader::Obj { files: vec![f], up }).collect()
             }
-            Loader::GeoTiff { .. } => vec![self],
+            Loader::GeoTiff { .. } | Loader::Mesh(_) => vec![self],
             Loader::Xyz(xyz) => {
                 let files = xyz.files.clone();
                 files

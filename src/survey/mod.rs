@@ -53,7 +53,7 @@ mod xml;
 mod xml_limits;
 
 pub use catalogue::catalogue;
-pub use context::ReadOptions;
+pub use context::{ReadOptions, SceneChoice};
 pub use formula::Formula;
 pub use model::*;
 pub(crate) use pipeline::key_table;

@@ -1,7 +1,7 @@
 //! The entry points: a survey, a scene, a scanner.
 
 use super::assets::Found;
-use super::context::{Context, ReadOptions};
+use super::context::{Context, ReadOptions, SceneChoice};
 use super::instances::{Base, read_table};
 use super::scanner_xml::read_scanner;
 use super::scene_xml::read_scene_element;
@@ -14,6 +14,7 @@ use super::{VoxelLoader, VoxelMode};
 use crate::diag::{Diagnostics, Place, nearest};
 use crate::error::Result;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Reads the survey of an XML file and everything that it refers to, except the geometry. The second value contains
 /// the warnings to be shown.
@@ -84,6 +85,14 @@ fn shipped_scanner(context: &Context, id: &str) -> Option<Scanner> {
     None
 }
 
+/// The scene that replaces that of a survey.
+pub(super) fn chosen_scene(context: &Context, choice: &SceneChoice) -> Option<SceneRecipe> {
+    match choice {
+        SceneChoice::Named(reference) => find_scene(context, reference, Path::new(""), None),
+        SceneChoice::Given(recipe) => Some((**recipe).clone()),
+    }
+}
+
 /// The scene of a reference in a file in `folder`; `place` is the place of the reference.
 pub(super) fn find_scene(
     context: &Context,
@@ -111,25 +120,26 @@ fn is_packed(name: &str) -> bool {
     extension(name) == "vlscene"
 }
 
+/// Endings of mesh and point formats that are not read; the loader of meshes tells what to do with them.
+const FOREIGN: [&str; 12] =
+    ["ply", "stl", "gltf", "glb", "fbx", "dae", "off", "3ds", "blend", "ifc", "las", "laz"];
+
 /// Whether a reference names a file that is a scene without XML.
 pub(super) fn is_geometry(reference: &str) -> bool {
-    is_packed(reference) || matches!(extension(reference).as_str(), "obj" | "tif" | "tiff" | "vox" | "csv")
+    let ending = extension(reference);
+    is_packed(reference)
+        || matches!(ending.as_str(), "obj" | "tif" | "tiff" | "vox" | "csv")
+        || FOREIGN.contains(&ending.as_str())
 }
 
 fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Place>) -> Option<SceneRecipe> {
-    let Some(path) = context.assets.file(name, folder) else {
-        context.error_help(
-            place,
-            format!("cannot find the file `{name}`"),
-            context.assets.searched(name, folder),
-        );
-        return None;
-    };
+    let path = context.find_file(name, folder, place)?;
     let asset_folders = context.assets.folders(path.parent().unwrap_or(Path::new("")));
     let part = |number, loader, transform, place| PartRecipe {
         id: None,
         number,
         loader,
+        changes: Arc::default(),
         transform,
         motions: Vec::new(),
         timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
@@ -150,9 +160,13 @@ fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Pla
     Some(SceneRecipe { id, path, parts, dyn_step: 1, dyn_time_step: None, packed, asset_folders })
 }
 
-fn loader_of_file(path: PathBuf) -> Loader {
+/// The loader of a mesh, raster or voxels, by the extension of the file.
+pub(super) fn loader_of_file(path: PathBuf) -> Loader {
     match extension(&path.to_string_lossy()).as_str() {
-        "obj" => Loader::Obj { files: vec![path], up: UpAxis::Z },
+        "tif" | "tiff" => Loader::GeoTiff {
+            file: path,
+            material: MaterialChoice { random_range: 1.0, ..Default::default() },
+        },
         "vox" => Loader::DetailedVoxels(Box::new(VoxelLoader {
             files: vec![path],
             mode: VoxelMode::Transmittive,
@@ -161,9 +175,6 @@ fn loader_of_file(path: PathBuf) -> Loader {
             lad_table: None,
             material: MaterialChoice { random_range: 1.0, ..MaterialChoice::default() },
         })),
-        _ => Loader::GeoTiff {
-            file: path,
-            material: MaterialChoice { random_range: 1.0, ..Default::default() },
-        },
+        _ => Loader::Obj { files: vec![path], up: UpAxis::Z },
     }
 }

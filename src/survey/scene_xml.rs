@@ -10,6 +10,7 @@ use super::xml::Element;
 use super::{Loader, PartRecipe, SceneRecipe, Swap, Transform, UpAxis};
 use crate::diag::nearest;
 use crate::geom::DVec3;
+use std::sync::Arc;
 
 pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option<SceneRecipe> {
     let mut fields = Fields::new(context, element);
@@ -73,6 +74,7 @@ fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecip
             id: id.clone(),
             number,
             loader: row.loader,
+            changes: Arc::default(),
             transform: chain.transform.after(&row.transform),
             motions: motions.clone(),
             timing,
@@ -92,6 +94,7 @@ fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecip
         id: id.clone(),
         number,
         loader,
+        changes: Arc::default(),
         transform: chain.transform,
         motions: motions.clone(),
         timing,

@@ -5,7 +5,7 @@ use super::context::Context;
 use super::fields::{Fields, read_mount};
 use super::legs::LegReader;
 use super::platform_xml::{NOISE, read_platform, replace_noise};
-use super::read::{find_scene, is_geometry};
+use super::read::{chosen_scene, find_scene, is_geometry};
 use super::receiver_xml::read_receiver;
 use super::scanner_xml::{MULTI_CHANNEL_PULSE_LENGTH, read_ranges, read_scanner, read_waveform};
 use super::scene_xml::read_scene_element;
@@ -93,7 +93,7 @@ fn read_survey_element(context: &Context, element: &Element) -> Option<Survey> {
         None => ordinary_platform(context, element),
     };
     let scene = match &context.scene {
-        Some(other) => find_scene(context, other, Path::new(""), None),
+        Some(other) => chosen_scene(context, other),
         None if element.value("scene").is_some_and(is_geometry) => {
             let name = element.value("scene").unwrap_or_default();
             find_scene(context, name, element.folder(), Some(element.value_place("scene")))

@@ -171,3 +171,45 @@ fn stand_ins_of_the_papers_surveys_are_made() {
         assert_eq!(cubes > 0.0, voxels, "{name}");
     }
 }
+
+#[test]
+fn nodes_are_simulated_from_measured_parts() {
+    let dir = folder();
+    let survey = fixture("forest/survey.xml");
+    let survey = survey.to_str().unwrap();
+    let options = [
+        "--tree",
+        "bvh",
+        "-j",
+        "1,2",
+        "--schedule",
+        "warehouse",
+        "--chunk-size",
+        "1024",
+        "--repetitions",
+        "1",
+    ];
+    let nodes = ["--simulate-nodes", "1,10,1000", "--simulate-pulses", "100G", "--json", "all.json"];
+    let output = succeed(dir.path(), &[&["bench", survey, "--warm-up", "0"], &options[..], &nodes].concat());
+    assert!(
+        text(&output.stdout).contains("Simulated nodes of 32 threads, 100.00 G pulses"),
+        "{}",
+        text(&output.stdout)
+    );
+    let json: Value =
+        serde_json::from_str(&std::fs::read_to_string(dir.path().join("all.json")).unwrap()).unwrap();
+    let cluster = &json["clusters"][0];
+    let costs = &cluster["costs"];
+    assert_eq!(number(costs, "pulses"), number(&json["cells"][0], "pulses"));
+    for cost in ["plan_s", "start_s", "run_cpu_s", "part_cpu_s", "merge_cpu_s", "part_bytes", "out_bytes"] {
+        assert!(number(costs, cost) > 0.0, "{cost}: {costs}");
+    }
+    let rows = cluster["nodes"].as_array().unwrap();
+    assert_eq!(rows.len(), 3);
+    for row in rows {
+        let sum: f64 = ["plan_s", "parts_s", "merge_s", "join_s"].iter().map(|key| number(row, key)).sum();
+        assert!((sum / number(row, "total_s") - 1.0).abs() < 1e-9, "{row}");
+        assert_eq!(number(row, "parts"), 4.0 * number(row, "nodes"));
+    }
+    assert!(number(&rows[1], "parts_s") < number(&rows[0], "parts_s"), "{cluster}");
+}

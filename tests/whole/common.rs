@@ -53,6 +53,52 @@ pub fn feed(folder: &Path, args: &[&str], input: &[u8]) -> Output {
     output
 }
 
+/// A GeoTIFF of 8 x 8 heights, 32-bit floats, whose first pixel is at `origin` and whose pixels are `step` wide; `epsg` is
+/// the code of its projected system.
+pub fn raster(origin: [f64; 2], step: f64, epsg: Option<u16>) -> Vec<u8> {
+    let entries = if epsg.is_some() { 13u16 } else { 12 };
+    let scale_at = 8 + 2 + 12 * u32::from(entries) + 4;
+    let tie_at = scale_at + 24;
+    let keys_at = tie_at + 48;
+    let data = keys_at + 24;
+    let mut tiff = b"II*\0\x08\0\0\0".to_vec();
+    tiff.extend(entries.to_le_bytes());
+    let mut entry = |tag: u16, kind: u16, count: u32, value: u32| {
+        tiff.extend(tag.to_le_bytes());
+        tiff.extend(kind.to_le_bytes());
+        tiff.extend(count.to_le_bytes());
+        tiff.extend(value.to_le_bytes());
+    };
+    for (tag, kind, value) in [
+        (256, 4, 8),
+        (257, 4, 8),
+        (258, 3, 32),
+        (259, 3, 1),
+        (262, 3, 1),
+        (273, 4, data),
+        (277, 3, 1),
+        (278, 4, 8),
+        (279, 4, 256),
+        (339, 3, 3),
+    ] {
+        entry(tag, kind, 1, value);
+    }
+    entry(33550, 12, 3, scale_at);
+    entry(33922, 12, 6, tie_at);
+    if epsg.is_some() {
+        entry(34735, 3, 12, keys_at);
+    }
+    tiff.extend(0u32.to_le_bytes());
+    [step, step, 0.0, 0.0, 0.0, 0.0, origin[0], origin[1], 0.0]
+        .iter()
+        .for_each(|v| tiff.extend(v.to_le_bytes()));
+    // Version 1.1.0 with two keys: projected coordinates, their system.
+    let keys = [1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, epsg.unwrap_or(0)];
+    keys.iter().for_each(|key| tiff.extend(key.to_le_bytes()));
+    (0..64).for_each(|i| tiff.extend((300.0 + i as f32).to_le_bytes()));
+    tiff
+}
+
 /// Bytes as text for messages.
 pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()

@@ -59,6 +59,7 @@ fn suite() -> Option<PathBuf> {
 }
 
 #[test]
+#[ignore = "needs the reference's surveys (VLSCAN_CONFORMANCE); closed_form has cases that need nothing"]
 fn the_reference_points_are_met() {
     let Some(suite) = suite() else { return };
     let out = common::folder();

@@ -231,6 +231,7 @@ fn examples_of_the_readme_run() {
     workspace.copy_in("fixtures/room", "my_assets").copy_in("fixtures/room/survey.xml", "survey.xml");
     let ran = workspace.run_examples("README.md", &examples(&page));
     assert!(ran >= 7, "{ran} examples");
+    check_clouds_of_page(Path::new("README.md"), &workspace);
 }
 
 /// Pages of Markdown of the project.
@@ -264,7 +265,17 @@ const MEASUREMENTS: [&str; 3] = ["experiment.md", "kernel.md", "speed.md"];
 type CloudOfPage = (&'static str, &'static str, usize, [f64; 3], [f64; 3]);
 
 /// As seen in a picture of each.
-const CLOUDS_OF_PAGES: [CloudOfPage; 7] = [
+const CLOUDS_OF_PAGES: [CloudOfPage; 17] = [
+    ("README.md", "forest.laz", 40_000, [-22.9, -22.0, 0.4], [21.8, 22.0, 24.2]),
+    ("README.md", "trees.laz", 420_000, [-34.2, -33.8, -1.3], [33.9, 33.6, 26.7]),
+    ("README.md", "traced.laz", 23_000, [-119.4, -119.3, -15.4], [120.1, 119.3, 9.3]),
+    ("cluster.md", "forest.laz", 40_000, [-22.9, -22.0, 0.4], [21.8, 22.0, 24.2]),
+    ("cluster.md", "resumed.laz", 40_000, [-22.9, -22.0, 0.4], [21.8, 22.0, 24.2]),
+    ("pipes.md", "traced.laz", 23_000, [-119.4, -119.3, -15.4], [120.1, 119.3, 9.3]),
+    ("trajectories.md", "again.laz", 200_000, [475_880.0, 5_428_880.0, -15.5], [476_120.0, 5_429_120.0, 9.3]),
+    ("trajectories.md", "level.laz", 200_000, [475_880.0, 5_428_880.0, -15.5], [476_120.0, 5_429_120.0, 9.3]),
+    ("trajectories.md", "mine.laz", 145_000, [475_880.0, 5_428_880.0, -14.6], [476_120.0, 5_429_120.0, 9.3]),
+    ("trajectories.md", "a.laz", 145_000, [-74.8, -120.0, -7.8], [71.8, -37.6, 7.4]),
     ("own-data.md", "site.laz", 360_000, [475_889.4, 5_428_849.0, 202.0], [476_102.6, 5_429_141.9, 220.0]),
     ("own-data.md", "gnss.laz", 360_000, [475_891.1, 5_428_849.0, 202.0], [476_098.6, 5_429_145.3, 220.0]),
     ("scenes.md", "stand.laz", 69_000, [-29.7, -24.7, -3.0], [20.7, 24.7, 12.9]),
@@ -298,10 +309,15 @@ fn examples_of_docs_run() {
             fs::write(workspace.path().join("my_instrument.toml"), file).unwrap();
         }
         workspace.run_examples(&path.display().to_string(), &examples(&page));
-        for (_, file, least, min, max) in CLOUDS_OF_PAGES.iter().filter(|cloud| path.ends_with(cloud.0)) {
-            let bytes = fs::read(workspace.path().join(file)).unwrap();
-            Cloud::of_las(&bytes).check(file, *least, *min, *max);
-        }
+        check_clouds_of_page(&path, &workspace);
+    }
+}
+
+/// Compares the files that the examples of a page have left with what they are known to hold.
+fn check_clouds_of_page(page: &Path, workspace: &Workspace) {
+    for (_, file, least, min, max) in CLOUDS_OF_PAGES.iter().filter(|cloud| page.ends_with(cloud.0)) {
+        let bytes = fs::read(workspace.path().join(file)).unwrap();
+        Cloud::of_las(&bytes).check(file, *least, *min, *max);
     }
 }
 
@@ -312,7 +328,7 @@ const FLY: &str = r#"fly() {
 }"#;
 
 /// The mistakes of the table in docs/own-data.md: what makes them, and what is said, in the order of the table.
-const MISTAKES: [(&str, &str); 15] = [
+const MISTAKES: [(&str, &str); 19] = [
     ("fly '$2 -= 476000; $3 -= 5429000'", "coordinates of a grid such as UTM and the flight local ones"),
     ("fly '$2 = 8.67176; $3 = 49.0121 + NR / 1e5'", "look like longitude and latitude"),
     ("fly '$2 -= 434000'", "as between neighbouring UTM zones"),
@@ -327,6 +343,7 @@ const MISTAKES: [(&str, &str); 15] = [
         "sed /copter/d site.toml > wrong.toml; vlscan run wrong.toml -o wrong.laz --force",
         "no mount turns the scanner towards the scene",
     ),
+    ("sed /translate/d scene.xml > local.xml; vlscan scene info local.xml", "has local coordinates"),
     (
         "mkdir degrees; cp ./*.* degrees; cd degrees; printf '%s\n' 2e-5 0 0 -2e-5 8.67 49.01 > dem.tfw; \
          vlscan scene info dem.tif",
@@ -336,6 +353,15 @@ const MISTAKES: [(&str, &str); 15] = [
     (
         "sed s/site.mtl/none.mtl/ house.obj > wrong.obj; vlscan scene info wrong.obj",
         "there is no material file",
+    ),
+    (
+        "sed /helios_reflectance/d site.mtl > dull.mtl; sed s/site.mtl/dull.mtl/ house.obj > dull.obj; vlscan scene info dull.obj",
+        "no reflectance",
+    ),
+    ("printf 'ply\\nformat ascii 1.0\\n' > tree.obj; vlscan scene info tree.obj", "expected an OBJ file"),
+    (
+        "mkdir -p sub; cp scene.xml dem.tif dem.tfw house.obj site.mtl sub; vlscan scene info sub/scene.xml",
+        "of the working directory is read",
     ),
     ("fly '$2 += 300'", "points for"),
 ];

@@ -175,6 +175,19 @@ fn an_old_file_is_kept_or_replaced_by_a_complete_one() {
 }
 
 #[test]
+fn parts_and_merges() {
+    let inputs = Inputs::new();
+    let (survey, parts) = (inputs.survey(), inputs.path("parts"));
+    at_every_operation(&["run", &survey, "-q", "-j", "1", "--part", "0/1", "-o", "parts"], &[]);
+    succeed(inputs.folder.path(), &["run", &survey, "-q", "--part", "0/1", "-o", &parts]);
+    at_every_operation(&["merge", &parts, "-q", "-o", "a.laz"], &[]);
+    at_every_operation(&["merge", &parts, "-q", "-o", "a.laz", "--part", "0/1"], &[]);
+    let out = inputs.path("b.laz");
+    succeed(inputs.folder.path(), &["merge", &parts, "-q", "-o", &out, "--part", "0/1"]);
+    at_every_operation(&["merge", &parts, "-q", "-o", &out, "--join", "--force"], &[]);
+}
+
+#[test]
 fn scenes() {
     let inputs = Inputs::new();
     at_every_operation(&["scene", "pack", &inputs.survey(), "-q", "-o", "a.vlscene"], &[]);

@@ -214,8 +214,8 @@ names = {"double": "<f8", "float": "<f4", "uchar": "u1", "int": "<i4", "ushort":
 fields = [l.split() for l in header.decode().splitlines() if l.startswith("property")]
 points = np.frombuffer(body, np.dtype([(n, names[t]) for _, t, n in fields]))
 assert len(points) == len(rows)
-assert (points["primitive"] == at("Primitive")).all()
-assert np.abs(points["beam_direction_z"] - at("BeamDirectionZ")).max() < 1e-6
+assert (points["scalar_Primitive"] == at("Primitive")).all()
+assert np.abs(points["scalar_BeamDirectionZ"] - at("BeamDirectionZ")).max() < 1e-6
 "#,
     );
 }
@@ -349,6 +349,10 @@ assert info.spacing == 2 * info.halfsize / 128
 assert info.gps_min == plain.gps_time.min() and info.gps_max == plain.gps_time.max()
 low, high = info.center - info.halfsize, info.center + info.halfsize
 assert (low <= plain.xyz.min(axis=0) + 1e-6).all() and (high >= plain.xyz.max(axis=0) - 1e-6).all()
+# Strict readers take the cube from the header: from its lower corner, as wide as its longest side.
+mins, maxs = np.array(reader.header.mins), np.array(reader.header.maxs)
+assert np.abs(low - mins).max() < 1e-9 * np.abs(mins).max() + 1e-9, (low, mins)
+assert abs(2 * info.halfsize - (maxs - mins).max()) < 1e-9 * np.abs(maxs).max() + 1e-9, (info.halfsize, mins, maxs)
 
 # Every node holds points of its own cube, as many as it says, and every point is in one node.
 entries = reader.root_page.entries
@@ -358,6 +362,8 @@ for level in range(max(k.level for k in entries) + 1):
     points = reader.query(level=level)
     edge = 2 * info.halfsize / 2 ** level
     keys = np.floor((np.stack([points.x, points.y, points.z], axis=1) - low) / edge + 1e-9).astype(int)
+    # The upper faces of the root cube belong to it.
+    keys = np.minimum(keys, 2 ** level - 1)
     found, counts = np.unique(keys, axis=0, return_counts=True)
     told = {(k.x, k.y, k.z): e.point_count for k, e in entries.items() if k.level == level}
     assert dict(zip(map(tuple, found.tolist()), counts.tolist())) == told, level

@@ -230,6 +230,16 @@ fn poses_from_a_pipe_are_refused() {
 }
 
 #[test]
+fn traced_streams_have_no_parts() {
+    let dir = folder();
+    for (options, word) in [(&["--part", "0/2"][..], "--part"), (&["--resume"], "--resume")] {
+        let out = run(dir.path(), &arguments(&[&["trace", "p.csv", "--scanner", "x"], options]));
+        let said = text(&out.stderr);
+        assert!(out.status.code() == Some(2) && said.contains(word) && said.contains("stream"), "{said}");
+    }
+}
+
+#[test]
 fn merged_points_go_to_stdout() {
     let (dir, survey) = (folder(), survey("room/survey.xml"));
     let expected = succeed(dir.path(), &["run", &survey, "-q", "-o", "-", "--format", "laz"]).stdout;
@@ -475,4 +485,102 @@ fn the_scripts_for_slurm_compute_parts_and_merge_them() {
     script(dir.path(), programs.path(), &format!("submit.sh {survey} a.laz 3 --seed 5"));
     assert!(fs::read(dir.path().join("a.laz")).unwrap() == expected[Path::new("a.laz")]);
     assert!(dir.path().join("logs").is_dir());
+}
+
+/// The scripts of the containers of a Kubernetes manifest: the lines of its block scalars.
+fn container_scripts(manifest: &str) -> Vec<String> {
+    let lines: Vec<&str> = manifest.lines().collect();
+    let begins = (0..lines.len()).filter(|&i| lines[i].trim_start() == "- |");
+    let indent = |line: &str| line.len() - line.trim_start().len();
+    let script = |at: usize| {
+        let inside = lines[at + 1..].iter().take_while(|line| indent(line) > indent(lines[at]));
+        inside.map(|line| format!("{}\n", line.trim_start())).collect()
+    };
+    begins.map(script).collect()
+}
+
+#[test]
+fn the_pods_of_kubernetes_compute_parts_and_merge_them() {
+    let (dir, survey) = (folder(), survey("forest/survey.xml"));
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/cluster/kubernetes.yaml");
+    let scripts = container_scripts(&fs::read_to_string(manifest).unwrap());
+    let [part, merge] = scripts.as_slice() else { panic!("{scripts:?}") };
+    let expected = of_run(&survey, &[], &["-o", "a.laz"]);
+    let program = Path::new(env!("CARGO_BIN_EXE_vlscan")).parent().unwrap();
+    let pod = |script: &str, index: u32| {
+        let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap_or_default());
+        let mut command = Command::new("sh");
+        command.args(["-c", script]).current_dir(dir.path()).env("PATH", path).env("COUNT", "3");
+        command.env("SURVEY", &survey).env("PARTS", "a.parts").env("OUTPUT", "a.laz");
+        let done = command.env("JOB_COMPLETION_INDEX", index.to_string()).output().unwrap();
+        assert!(done.status.success(), "{script}: {}", text(&done.stderr));
+    };
+    (0..3).for_each(|index| pod(part, index));
+    pod(part, 1);
+    pod(merge, 0);
+    assert!(fs::read(dir.path().join("a.laz")).unwrap() == expected[Path::new("a.laz")]);
+}
+
+#[test]
+fn parts_of_other_instruction_sets_and_of_packed_scenes_give_the_same_bytes() {
+    let (dir, survey) = (folder(), survey("forest/survey.xml"));
+    let outputs = ["-o", "a.laz", "-o", "a.csv"];
+    let expected = of_run(&survey, &[], &outputs);
+    succeed(dir.path(), &["scene", "pack", &survey, "-q", "-o", "s.vlscene"]);
+    // A packed scene has a fingerprint of its own: all parts are computed with it, or none.
+    for scene in [&[][..], &["--scene", "s.vlscene"]] {
+        for (number, set) in ["portable", "avx2", "avx512"].into_iter().enumerate() {
+            let part = format!("{number}/3");
+            let run = arguments(&[&["run", &survey, "-q", "-o", "parts", "--part", &part], scene]);
+            let done = vlscan(dir.path()).args(run).env("VLSCAN_SIMD", set).output().unwrap();
+            assert!(done.status.success(), "{set}: {}", text(&done.stderr));
+        }
+        assert_same(&merged(dir.path(), &outputs), &expected, &format!("{scene:?}"));
+        fs::remove_dir_all(dir.path().join("parts")).unwrap();
+    }
+}
+
+#[test]
+fn merges_in_parts_are_joined_to_the_same_bytes() {
+    let dir = folder();
+    succeed(dir.path(), &["scene", "make", "forest", "-n", "3k", "--pulses", "200k", "-o", "f", "-q"]);
+    let survey = dir.path().join("f/survey.xml").to_str().unwrap().to_owned();
+    (0..3).for_each(|number| {
+        let part = format!("{number}/3");
+        succeed(dir.path(), &["run", &survey, "-q", "-o", "parts", "--part", &part]);
+    });
+    for out in ["a.las", "a.laz"] {
+        let expected = &of_run(&survey, &[], &["-o", out, "--labels"])[Path::new(out)];
+        let merge = ["merge", "parts", "-q", "-o", out, "--labels"];
+        let refused = |options: &[&str], word: &str| {
+            let done = run(dir.path(), &arguments(&[&merge, options]));
+            assert!(
+                done.status.code() == Some(2) && text(&done.stderr).contains(word),
+                "{}",
+                text(&done.stderr)
+            );
+        };
+        for of in [5, 2, 40] {
+            for number in (1..of).rev() {
+                succeed(dir.path(), &arguments(&[&merge, &["--part", &format!("{number}/{of}")]]));
+            }
+            refused(&["--join"], "--array=0");
+            succeed(dir.path(), &arguments(&[&merge, &["--part", &format!("0/{of}")]]));
+            // Segments of other options are not its segments.
+            let other = run(dir.path(), &["merge", "parts", "-q", "-o", out, "--join"]);
+            assert!(text(&other.stderr).contains("no segments of these parts"), "{}", text(&other.stderr));
+            succeed(dir.path(), &arguments(&[&merge, &["--join"]]));
+            assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out} in {of} parts");
+            refused(&["--join"], "--force");
+            fs::remove_file(dir.path().join(out)).unwrap();
+            // A damaged segment is found.
+            let name =
+                fs::read_dir(dir.path().join(format!("{out}.segments"))).unwrap().next().unwrap().unwrap();
+            fs::write(name.path(), &fs::read(name.path()).unwrap()[..400]).unwrap();
+            refused(&["--join"], "segment");
+            fs::remove_dir_all(dir.path().join(format!("{out}.segments"))).unwrap();
+        }
+        refused(&["--part", "0/2", "-o", "b.xyz"], "alone");
+        refused(&["--part", "0/2", "--waveforms"], "waveforms");
+    }
 }

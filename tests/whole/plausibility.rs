@@ -1,7 +1,7 @@
 //! Mistakes that are easy to make: each ends with an error, or with a warning that `--strict` makes an error, whose text names
 //! the cause. Correct input runs without a message.
 
-use crate::common::{feed, fixture, folder, text};
+use crate::common::{feed, fixture, folder, raster, text};
 use std::fs;
 
 /// A mistake, and what the program must say about it.
@@ -100,46 +100,25 @@ fn recorded(more: &str) -> String {
     )
 }
 
-/// A GeoTIFF of 8 x 8 heights, 32-bit floats, whose first pixel is at `origin` and whose pixels are `step` wide.
-fn raster(origin: [f64; 2], step: f64) -> Vec<u8> {
-    let (entries, data) = (12u16, 8 + 2 + 12 * 12 + 4);
-    let scale_at = data + 8 * 8 * 4;
-    let tie_at = scale_at + 24;
-    let mut tiff = b"II*\0\x08\0\0\0".to_vec();
-    tiff.extend(entries.to_le_bytes());
-    let mut entry = |tag: u16, kind: u16, count: u32, value: u32| {
-        tiff.extend(tag.to_le_bytes());
-        tiff.extend(kind.to_le_bytes());
-        tiff.extend(count.to_le_bytes());
-        tiff.extend(value.to_le_bytes());
-    };
-    for (tag, kind, value) in [
-        (256, 4, 8),
-        (257, 4, 8),
-        (258, 3, 32),
-        (259, 3, 1),
-        (262, 3, 1),
-        (273, 4, data as u32),
-        (277, 3, 1),
-        (278, 4, 8),
-        (279, 4, 256),
-        (339, 3, 3),
-    ] {
-        entry(tag, kind, 1, value);
-    }
-    entry(33550, 12, 3, scale_at as u32);
-    entry(33922, 12, 6, tie_at as u32);
-    tiff.extend(0u32.to_le_bytes());
-    (0..64).for_each(|i| tiff.extend((300.0 + i as f32).to_le_bytes()));
-    [step, step, 0.0, 0.0, 0.0, 0.0, origin[0], origin[1], 0.0]
-        .iter()
-        .for_each(|v| tiff.extend(v.to_le_bytes()));
-    tiff
-}
-
 fn raster_scene() -> &'static str {
     "<document><scene id=\"dem\"><part><filter type=\"geotiffloader\"><param type=\"string\" key=\"filepath\" \
      value=\"dem.tif\"/></filter></part></scene></document>"
+}
+
+/// The terrain, and its houses dropped to the plane through the whole of it.
+fn slope() -> String {
+    let terrain = fs::read_to_string(fixture("terrain/scene.xml")).unwrap();
+    let drop = "<filter type=\"translate\"><param type=\"integer\" key=\"onGround\" value=\"1\"/><param \
+                type=\"vec3\" key=\"offset\" value=\"0;0;0\"/></filter>";
+    let (before, after) = terrain.split_once("houses.obj\"/></filter>").unwrap();
+    format!("{before}houses.obj\"/></filter>{drop}{after}")
+}
+
+/// Two rasters beside each other.
+fn two_rasters() -> String {
+    let part = raster_scene().split("<part>").nth(1).and_then(|rest| rest.split("</scene>").next()).unwrap();
+    let second = format!("<part>{}</scene>", part.replace("dem.tif", "dem2.tif"));
+    raster_scene().replace("</scene>", &second)
 }
 
 const TO_EAST: [f64; 3] = [0.0, 0.0, 90.0];
@@ -242,9 +221,96 @@ fn plausible_numbers() -> Vec<Mistake> {
         written(
             "a raster in degrees",
             "dem.tif",
-            raster([11.25, 49.01], 0.0003),
+            raster([11.25, 49.01], 0.0003, None),
             "run dem.toml -o a.xyz",
             "are degrees",
+        ),
+        Mistake {
+            files: vec![("dem.tif", raster([476_000.0, 5_429_000.0], 10.0, Some(25832)))],
+            ..typed(
+                "another system than that of the raster",
+                "run dem.toml -o a.laz --crs EPSG:25833",
+                "files of the scene say",
+            )
+        },
+        Mistake {
+            files: vec![
+                ("dem.tif", raster([476_000.0, 5_429_000.0], 10.0, Some(25832))),
+                ("dem2.tif", raster([476_080.0, 5_429_000.0], 10.0, Some(25833))),
+                ("dem.xml", two_rasters().into_bytes()),
+            ],
+            ..typed(
+                "rasters in two systems",
+                "run dem.toml -o a.laz",
+                "bring all files of a scene into one system",
+            )
+        },
+        Mistake {
+            files: vec![("dem.tif", raster([476_000.0, 5_429_000.0], 10.0, Some(25832)))],
+            ..flown(
+                "another zone than that of the raster",
+                "run flight.toml -o a.laz --utm-zone 33N",
+                along([8.671_6, 49.012, 700.0], [8e-6, 0.0, 0.0], TO_EAST).replace("x,y", "lon,lat"),
+                "leave out --utm-zone",
+            )
+        },
+        typed(
+            "a system in degrees",
+            "run survey.xml -o a.laz --crs EPSG:4326",
+            "its coordinates are degrees",
+        ),
+        typed("a system in feet", "run survey.xml -o a.laz --crs EPSG:2263", "its coordinates are feet"),
+        Mistake {
+            is_note: true,
+            ..flown("LAZ without a system", "run utm.toml -o a.laz", poses(UTM, TO_EAST), "--crs EPSG:25832")
+        },
+        written(
+            "a mesh in local coordinates beside one on the grid",
+            "scene.xml",
+            utm_scene().replacen("476000;5429000;300", "0;0;300", 1),
+            "run survey.xml -o a.xyz",
+            "local coordinates",
+        ),
+        written("a slope under a house", "scene.xml", slope(), "run survey.xml -o a.xyz", "above the ground under it"),
+        flown(
+            "latitude and longitude in radians",
+            "run wgs.toml -o a.xyz",
+            along([0.151_35, 0.855_42, 700.0], [1e-7, 0.0, 0.0], TO_EAST).replace("x,y", "lon,lat"),
+            "look like radians",
+        ),
+        Mistake {
+            is_note: true,
+            ..written(
+                "all epochs into one file",
+                "scene.xml",
+                fs::read_to_string(fixture("terrain/scene.xml")).unwrap().replacen(
+                    "</part>",
+                    "<swap swapStep=\"1\"><filter type=\"scale\"><param type=\"double\" key=\"scale\" value=\"1.1\"/></filter></swap></part>",
+                    1,
+                ),
+                "run survey.xml -o a.xyz",
+                "--output DIR",
+            )
+        },
+        Mistake {
+            is_note: true,
+            stdin: poses([0.0, 0.0, 400.0], TO_EAST),
+            ..written(
+                "pulses of a mirror that turns all around",
+                "m.toml",
+                stream("scene.xml#terrain")
+                    .replace("riegl_lms-q780", "riegl_vux-1uav22")
+                    .replace("scan_freq_hz = 80", "scan_freq_hz = 50"),
+                "run m.toml -o a.xyz",
+                "counts over ±180°",
+            )
+        },
+        written(
+            "a .prj file that is none",
+            "houses.prj",
+            "UTM 32",
+            "run survey.xml -o a.laz",
+            "holds no WKT",
         ),
         written(
             "a tripod below the terrain",
@@ -341,6 +407,14 @@ fn words_and_files() -> Vec<Mistake> {
         typed("no such trajectory", "run survey.xml --trajectory none.csv -o a.xyz", "none.csv"),
         typed("an unknown format", "run survey.xml -o a.e57", "no format is called"),
         typed("a CRS that is none", "run survey.xml -o a.laz --crs 25832x", "--crs"),
+        typed("an EPSG code that is none", "run survey.xml -o a.laz --crs EPSG:1", "give its WKT"),
+        typed("a zone for a CRS", "run survey.xml -o a.laz --crs 32N", "is EPSG:32632"),
+        typed("a geocentric CRS", "run survey.xml -o a.laz --crs EPSG:4978", "no easting"),
+        typed(
+            "two codes for a CRS",
+            "run survey.xml -o a.laz --crs EPSG:25832+7837",
+            "compound system by a code",
+        ),
         typed("an unknown correction", "run survey.xml -o a.xyz --correct foo", "no correction is called"),
         typed("a seed that is none", "run survey.xml -o a.xyz --seed tomorrow-ish", "--seed"),
         typed("too little memory", "run survey.xml -o a.xyz --max-memory 10k", "the limit is"),
@@ -417,6 +491,53 @@ fn words_and_files() -> Vec<Mistake> {
             "run survey.xml -o a.xyz",
             "house.obj",
         ),
+        written(
+            "a PLY mesh",
+            "houses.obj",
+            "ply\nformat ascii 1.0\n",
+            "run survey.xml -o a.xyz",
+            "found a PLY mesh",
+        ),
+        written(
+            "glTF for a scene",
+            "h.glb",
+            "glTF\x02\0\0\0",
+            "run survey.xml --scene h.glb -o a.xyz",
+            "found glTF",
+        ),
+        written("STL for a scene", "h.stl", [0u8; 90], "run survey.xml --scene h.stl -o a.xyz", "found STL"),
+        written(
+            "points for a scene",
+            "p.las",
+            "LASF",
+            "run survey.xml --scene p.las -o a.xyz",
+            "becomes voxels",
+        ),
+        written(
+            "a misspelt scan frequency",
+            "p.toml",
+            stream("scene.xml#terrain").replace("scan_freq_hz", "scan_frequency_hz"),
+            "run p.toml -o a.xyz",
+            "scan_freq_hz",
+        ),
+        written(
+            "a material without reflectance",
+            "terrain.mtl",
+            fs::read_to_string(fixture("terrain/terrain.mtl")).unwrap().replace("helios_reflectance 60", ""),
+            "run survey.xml -o a.xyz",
+            "no reflectance",
+        ),
+        Mistake {
+            files: vec![
+                ("sub/survey.xml", survey().into_bytes()),
+                ("sub/scene.xml", utm_scene().into_bytes()),
+            ],
+            ..typed(
+                "a scene of the working directory",
+                "run sub/survey.xml -o a.xyz",
+                "of the working directory is read",
+            )
+        },
         written("faces without vertices", "houses.obj", "f 1 2 3\n", "run survey.xml -o a.xyz", "houses.obj"),
     ]
 }
@@ -424,6 +545,7 @@ fn words_and_files() -> Vec<Mistake> {
 /// Writes the files of a mistake and runs its command.
 fn make(mistake: &Mistake, strict: bool) -> std::process::Output {
     let dir = folder();
+    fs::create_dir(dir.path().join("sub")).unwrap();
     let lay = |name: &str, content: &[u8]| fs::write(dir.path().join(name), content).unwrap();
     for entry in fs::read_dir(fixture("terrain")).unwrap() {
         let path = entry.unwrap().path();
@@ -439,6 +561,7 @@ fn make(mistake: &Mistake, strict: bool) -> std::process::Output {
     lay("dem.xml", raster_scene().as_bytes());
     let legs = "[[leg]]\nposition_m = [0, 0, 900]\nspeed_m_per_s = 60\n[[leg]]\nposition_m = [60, 0, 900]\nactive = false\n";
     lay("dem.toml", (pipeline("dem.xml#dem", "") + legs).as_bytes());
+    lay("flight.toml", stream("dem.xml#dem").as_bytes());
     lay("taken.xyz", b"1 2 3\n");
     mistake.files.iter().for_each(|(name, content)| lay(name, content));
     let strict = ["--strict"].into_iter().filter(|_| strict && mistake.line.starts_with("run "));
@@ -506,7 +629,13 @@ fn what_is_right_runs_without_a_word() {
             "run t.xml -o a.xyz",
             "",
         ),
-        written("a raster in metres", "dem.tif", raster([0.0, 30.0], 10.0), "run dem.toml -o a.xyz", ""),
+        written(
+            "a raster in metres",
+            "dem.tif",
+            raster([0.0, 30.0], 10.0, None),
+            "run dem.toml -o a.xyz",
+            "",
+        ),
     ];
     for mistake in &right {
         let done = make(mistake, true);

@@ -2,17 +2,18 @@
 //! thread or two.
 
 use crate::common::{fixture, folder, run, succeed, text};
+use std::fs;
 use std::path::Path;
 
 fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) {
-    std::fs::write(folder.join(name), content).unwrap();
+    fs::write(folder.join(name), content).unwrap();
 }
 
 /// Points of a survey as text.
 fn points(folder: &Path, args: &[&str]) -> Vec<u8> {
     let args = [&["run"], args, &["-q", "-o", "points.xyz", "--force"]].concat();
     succeed(folder, &args);
-    let points = std::fs::read(folder.join("points.xyz")).unwrap();
+    let points = fs::read(folder.join("points.xyz")).unwrap();
     assert!(points.len() > 1000, "{args:?} gives {} bytes", points.len());
     points
 }
@@ -38,7 +39,7 @@ fn a_packed_scene_gives_the_bytes_of_its_sources() {
     write(dir.path(), "p.toml", format!("survey = \"{survey}\"\nscene = \"room.vlscene\"\n"));
     assert!(points(dir.path(), &["p.toml"]) == packed);
     let folder = fixture("room");
-    let changed = std::fs::read_to_string(folder.join("survey.xml")).unwrap();
+    let changed = fs::read_to_string(folder.join("survey.xml")).unwrap();
     let start = changed.find("scene=\"").unwrap() + 7;
     let end = start + changed[start..].find('"').unwrap();
     write(dir.path(), "room.xml", format!("{}room.vlscene{}", &changed[..start], &changed[end..]));
@@ -55,7 +56,7 @@ fn stale_and_foreign_packs_are_refused_with_the_reason() {
         let said = text(&found.stderr);
         assert!(found.status.code() == Some(2) && said.contains(expected), "{:?}: {said}", found.status);
     };
-    let whole = std::fs::read(dir.path().join("a.vlscene")).unwrap();
+    let whole = fs::read(dir.path().join("a.vlscene")).unwrap();
     write(dir.path(), "a.obj", "v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n");
     refused("a.obj has changed");
     let again = run(dir.path(), &["scene", "pack", "a.obj", "-q"]);
@@ -192,4 +193,50 @@ fn packed_voxels_and_instances_give_the_bytes_of_their_sources() {
     let forest = points(dir.path(), &["f/survey.xml"]);
     succeed(dir.path(), &["scene", "pack", "f/survey.xml", "-o", "f.vlscene", "--instances", "always", "-q"]);
     assert!(points(dir.path(), &["f/survey.xml", "--scene", "f.vlscene"]) == forest);
+}
+
+#[test]
+fn labels_have_a_table_of_what_they_mean() {
+    let dir = folder();
+    let make =
+        ["scene", "make", "forest", "-n", "3k", "--extent", "30", "--separate-trees", "-o", "wood", "-q"];
+    succeed(dir.path(), &make);
+    let columns = ["--columns", "X,Y,Z,ObjectId,Part"];
+    let outputs = ["-o", "a.csv", "--parts", "parts.csv", "-q"];
+    succeed(dir.path(), &[&["run", "wood/survey.xml"], &outputs[..], &columns].concat());
+    let table = fs::read_to_string(dir.path().join("parts.csv")).unwrap();
+    let mut lines = table.lines();
+    assert_eq!(lines.next(), Some("object,part,id,name,class,materials,x,y,z,height,points"));
+    let points = fs::read_to_string(dir.path().join("a.csv")).unwrap();
+    let points: Vec<Vec<f64>> =
+        points.lines().skip(1).map(|line| line.split(',').map(|w| w.parse().unwrap()).collect()).collect();
+    let (mut trees, mut counted) = (0, 0);
+    for line in lines {
+        let row: Vec<&str> = line.split(',').collect();
+        let number = |i: usize| row[i].parse::<f64>().unwrap();
+        let own: Vec<&Vec<f64>> = points.iter().filter(|p| p[3] == number(0) && p[4] == number(1)).collect();
+        assert_eq!(own.len() as f64, number(10), "{line}");
+        counted += own.len();
+        let (low, high) = (number(8), number(8) + number(9));
+        assert!(own.iter().all(|p| (low - 0.2..high + 0.2).contains(&p[2])), "{line}");
+        if ["spruce", "beech", "birch"].iter().any(|species| row[3].ends_with(species)) {
+            trees += 1;
+            let species = row[3].split('_').next_back().unwrap();
+            assert!(row[5].contains(species) && number(9) > 3.0, "{line}");
+            assert!(own.iter().all(|p| (p[0] - number(6)).hypot(p[1] - number(7)) < 10.0), "{line}");
+        }
+    }
+    assert!(trees > 3 && counted == points.len(), "{trees} trees, {counted} of {}", points.len());
+    let facts = succeed(dir.path(), &["scene", "info", "wood/scene.xml", "--json"]).stdout;
+    let facts: serde_json::Value = serde_json::from_slice(&facts).unwrap();
+    let parts = facts["parts"].as_array().unwrap();
+    assert_eq!(parts.len(), table.lines().count() - 1);
+    assert!(parts.iter().all(|part| part["height_m"].as_f64().unwrap() >= 0.0 && part["object"].is_i64()));
+    // Runs that go on count all points; parts of a run do not have them.
+    let resumed = ["run", "wood/survey.xml", "-o", "b.csv", "--parts", "b_parts.csv", "--resume=1k", "-q"];
+    succeed(dir.path(), &resumed);
+    assert_eq!(fs::read_to_string(dir.path().join("b_parts.csv")).unwrap(), table);
+    let refused =
+        run(dir.path(), &["run", "wood/survey.xml", "--part", "0/2", "-o", "p", "--parts", "c.csv"]);
+    assert!(!refused.status.success() && text(&refused.stderr).contains("--parts counts"));
 }

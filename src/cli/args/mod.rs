@@ -3,7 +3,9 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `simulate` | `run` and its stages: `trajectory`, `pulses`, `trace` |
-//! | `scenes` | `scene make`, `scene info`, `scene pack` |
+//! | `plan` | `plan airborne`, `plan terrestrial`, `plan mobile` |
+//! | `compare` | `compare` |
+//! | `scenes` | `scene make`, `scene stand`, `scene info`, `scene pack` |
 //! | `tools` | everything else |
 
 #![allow(
@@ -11,11 +13,15 @@
     reason = "comments are shown as help, where units stand in brackets"
 )]
 
+mod compare;
+mod plan;
 mod scenes;
 mod simulate;
 mod tools;
 
-pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, SceneKind};
+pub use compare::CompareArgs;
+pub use plan::{AirborneArgs, CommonPlanArgs, MobileArgs, PlanArgs, PlanCommand, TerrestrialArgs};
+pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, SceneKind, StandArgs};
 pub use simulate::{
     EmitArgs, EmitFormat, InstrumentArgs, MergeArgs, PlanPartsArgs, PulsesArgs, RunArgs, SurveyArgs,
     TraceArgs, TrajectoryArgs,
@@ -82,6 +88,10 @@ impl Cli {
 pub enum Command {
     /// Fly a HELIOS++ survey (.xml) or a pipeline (.toml) and write its point cloud.
     Run(Box<RunArgs>),
+    /// Plan a survey: flight lines over an area, positions of a tripod, a drive.
+    ///
+    /// The plan is a pipeline file, which tells in comments what it promises: duration, pulses, density, spacing, footprint.
+    Plan(PlanArgs),
     /// Find where the parts of a run begin, once for all of them.
     ///
     /// The command line is that of vlscan run --part without --part; the folder -o gets the file flight.vlplan, which serves
@@ -133,6 +143,11 @@ pub enum Command {
     Unzip(UnzipArgs),
     /// Draw a point cloud: a picture from above and from the side, or a page to turn around.
     Preview(PreviewArgs),
+    /// Compare two point clouds of one place, a measured and a simulated one or two runs.
+    ///
+    /// Within the box that both share: density, height percentiles, canopy height and intensity histograms, returns, distances
+    /// from cloud to cloud, occupied voxels. Heights are above the lowest point of both clouds within squares of 5 m.
+    Compare(CompareArgs),
     /// Write what a shell needs to complete this command line to stdout.
     Completions(CompletionsArgs),
     /// Write the manual pages.

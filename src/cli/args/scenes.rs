@@ -20,10 +20,69 @@ pub struct SceneArgs {
 pub enum SceneCommand {
     /// Make a procedural scene with a survey that scans it: OBJ, MTL, scene.xml, survey.xml.
     Make(MakeArgs),
+    /// Place tree models on terrain by an inventory.
+    ///
+    /// The inventory is a table with a heading: x, y and height are needed; crown (diameter), dbh, species, id and z may be
+    /// there. For each tree one of the three models of its species that are most alike in crown over height and in height is
+    /// drawn, scaled to the tree's height, turned, and set on the terrain. The folder gets stand.xml, the table of instances
+    /// and labels.csv: number of the part in the points, id, species, model, place, height, crown, dbh.
+    ///
+    /// With --epochs each epoch is a scene of its own in stand.xml, stand_0, stand_1 and so on.
+    Stand(StandArgs),
     /// Tell what a scene holds and costs: parts, primitives, bounds, materials, memory, faults.
     Info(InfoArgs),
     /// Compile a scene and its tree to one file that is open in milliseconds, whatever its size.
     Pack(PackArgs),
+}
+
+/// `vlscan scene stand`.
+#[derive(Debug, Args)]
+pub struct StandArgs {
+    /// The inventory: a table of text with a heading.
+    pub inventory: PathBuf,
+    /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj.
+    #[arg(long, value_name = "DIR")]
+    pub trees: PathBuf,
+    /// Terrain: a mesh (.obj) or a raster (.tif); may be given more than once. [default: none, z of the inventory]
+    #[arg(long, value_name = "FILE")]
+    pub terrain: Vec<PathBuf>,
+    /// Folder to write to.
+    #[arg(short = 'o', long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Seed of choice, yaw, thinning and storm.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Epochs, the first of which is the inventory.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub epochs: u32,
+    /// Growth of the trees from epoch to epoch, percent.
+    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = growth, allow_negative_numbers = true)]
+    pub growth: f64,
+    /// Trees felled from epoch to epoch, percent, evenly over the stand.
+    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = share)]
+    pub thinning: f64,
+    /// Trees that a storm throws from epoch to epoch, percent, in one gap.
+    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = share)]
+    pub storm: f64,
+    /// Overwrite files that exist.
+    #[arg(long)]
+    pub force: bool,
+}
+
+fn growth(text: &str) -> Result<f64, String> {
+    percent(text, -90.0, 900.0)
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    percent(text, 0.0, 100.0)
+}
+
+/// A fraction, given as percent.
+fn percent(text: &str, low: f64, high: f64) -> Result<f64, String> {
+    match text.trim_end_matches('%').trim().parse::<f64>() {
+        Ok(value) if (low..=high).contains(&value) => Ok(value / 100.0),
+        _ => Err(format!("expected percent from {low} to {high}, found {text}")),
+    }
 }
 
 /// `vlscan scene pack`.

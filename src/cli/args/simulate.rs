@@ -97,6 +97,13 @@ pub struct MergeArgs {
     /// Read all parts, compare their checksums, and write nothing.
     #[arg(long, conflicts_with_all = ["out", "output", "trajectory_out"])]
     pub check: bool,
+    /// Write part K of M of the points only, to OUT.segments/: merges of one LAS or LAZ file that many processes share.
+    /// K counts from 0.
+    #[arg(long, value_name = "K/M", conflicts_with = "check")]
+    pub part: Option<PartNumber>,
+    /// Join the parts that --part has written, with the same other options.
+    #[arg(long, conflicts_with_all = ["check", "part"])]
+    pub join: bool,
     /// Threads that encode; 0 or nothing = all. The bytes are the same for any number.
     #[arg(short = 'j', long, value_name = "N", help_heading = "Speed")]
     pub threads: Option<usize>,
@@ -188,6 +195,12 @@ pub struct TraceArgs {
     /// The tree over the scene.
     #[command(flatten)]
     pub tree: TreeOptions,
+    /// Refused with a reason: what is traced is a stream.
+    #[arg(long, hide = true, num_args = 0..=1)]
+    pub part: Option<Option<String>>,
+    /// Refused with a reason, as --part.
+    #[arg(long, hide = true, num_args = 0..=1, require_equals = true)]
+    pub resume: Option<Option<String>>,
 }
 
 impl TraceArgs {

@@ -123,6 +123,25 @@ pub struct BenchArgs {
     /// Replay measured task times on machines with so many threads, too.
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
     pub simulate_threads: Vec<usize>,
+    /// Replay a run in parts on clusters of so many nodes, too, from the measured costs of parts and of their merge.
+    #[arg(long, value_name = "N,…", value_delimiter = ',')]
+    pub simulate_nodes: Vec<u32>,
+    /// With --simulate-nodes: pulses of the whole survey, of which the one that is flown is a sample. [default: those that
+    /// are flown]
+    #[arg(long, value_name = "N")]
+    pub simulate_pulses: Option<Count<1>>,
+    /// With --simulate-nodes: threads of a node, each on a core of its own.
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    pub node_threads: usize,
+    /// With --simulate-nodes: parts per node.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub node_parts: u32,
+    /// With --simulate-nodes: bytes per second that a node reads or writes.
+    #[arg(long, value_name = "BYTES", default_value = "1G")]
+    pub node_disk: Count<1>,
+    /// With --simulate-nodes: bytes per second that all nodes read and write together.
+    #[arg(long, value_name = "BYTES", default_value = "20G")]
+    pub file_system: Count<1>,
     /// Print the paper's own tables, too.
     #[arg(long)]
     pub paper: bool,
@@ -179,6 +198,12 @@ pub enum Colour {
     Object,
     /// Number of the return.
     Return,
+    /// Leg that was flown (point source id of LAS).
+    Leg,
+    /// Device of a scanner of several channels.
+    Channel,
+    /// Time of the pulse.
+    Time,
 }
 
 /// `vlscan preview`.

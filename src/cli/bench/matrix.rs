@@ -1,9 +1,9 @@
 //! The combinations of trees, schedules and threads that are compared.
 
 use crate::cli::args::BenchArgs;
-use crate::cli::run::job::policy;
 use crate::error::{Error, Result};
 use crate::options::ChunkSize;
+use crate::pipeline::policy;
 use crate::schedule::{Policy, PolicyKind, Schedule};
 use crate::tree::{BuildOptions, Builder};
 use serde::Serialize;
@@ -37,6 +37,14 @@ pub struct Combination {
     /// Whether there is a barrier between legs.
     pub leg_barrier: bool,
     pub threads: usize,
+}
+
+impl Matrix {
+    /// The last schedule of several threads, and of the largest chunks.
+    pub fn parallel(&self) -> Option<Schedule> {
+        let parallel = self.variants.iter().filter(|variant| variant.schedule.threads > 1);
+        parallel.max_by_key(|variant| variant.schedule.policy.size()).map(|variant| variant.schedule)
+    }
 }
 
 impl Variant {

@@ -4,12 +4,15 @@ use super::matrix::{Combination, Matrix};
 use crate::cli::run::Job;
 use crate::cli::{Console, RunArgs, interrupt};
 use crate::error::{Error, Result};
-use crate::flight::{FlightPlan, FlightState};
+use crate::flight::{FlightPlan, FlightState, Step};
 use crate::machine;
-use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, Target};
-use crate::pipeline::{Control, Ended, Pass, Progress, Session, Settings, fly, target};
+use crate::output::{OutputContext, OutputPlan, OutputRequest, PartOutput, PointFormat, Target};
+use crate::parts::{Fingerprint, PartHead, PartSet, Records, part_path};
+use crate::pipeline::{Control, Ended, Pass, Progress, Session, Settings, fly, merge, target};
 use crate::pulse::Physics;
-use crate::schedule::{ChunkCosts, Log, Overheads, Policy, Recorder, Schedule, SizeChange, Stop, Workload};
+use crate::schedule::{
+    ChunkCosts, Log, Overheads, Policy, Recorder, Schedule, SizeChange, Stop, Workload, thread_cpu_s,
+};
 use crate::survey::PlatformKind;
 use crate::tree::{BuildOptions, Tree};
 use serde::Serialize;
@@ -187,9 +190,21 @@ impl Bench {
         options: &BuildOptions,
         schedule: Schedule,
     ) -> Result<Option<Flown>> {
+        self.fly_to(stop, self.request(format)?, physics, options, schedule)
+    }
+
+    /// Flies once and writes the outputs of a request; `None` when the flight was stopped.
+    fn fly_to(
+        &self,
+        stop: &Stop,
+        request: OutputRequest,
+        physics: &Physics,
+        options: &BuildOptions,
+        schedule: Schedule,
+    ) -> Result<Option<Flown>> {
         let (progress, recorder) = (Progress::default(), Recorder::new());
         let (survey, scene) = (self.session.survey(), self.session.scene());
-        let output = OutputPlan::new(self.request(format)?, &OutputContext::new(survey, scene))?;
+        let output = OutputPlan::new(request, &OutputContext::new(survey, scene))?;
         let pass = Pass {
             physics,
             motion: self.session.motion(),
@@ -264,6 +279,59 @@ impl Bench {
         Ok(Workload::from_logs(&logs, Overheads::measure(alone)?))
     }
 
+    /// Measures what a run in parts costs: stepping through the flight, computing the only part of a run and merging it,
+    /// each on one thread.
+    pub fn part_costs(&self, options: &BuildOptions, built: &Built, chunk: u32) -> Result<PartCosts> {
+        let physics = self.physics(&built.tree)?;
+        let settings = Schedule { threads: 1, policy: Policy::Static { size: chunk }, leg_barrier: false };
+        let run = self.fly(&physics, options, settings)?;
+        let started = thread_cpu_s().unwrap_or_default();
+        let mut state = FlightState::start(&self.flight);
+        while state.skip(&self.flight, u32::MAX, u32::MAX)?.last != Step::Ended {}
+        let plan_s = thread_cpu_s().unwrap_or_default() - started;
+
+        let folder = self.folder.path().join("parts");
+        std::fs::create_dir_all(&folder).map_err(|e| Error::io("create", &folder, e))?;
+        let context = OutputContext::new(self.session.survey(), self.session.scene());
+        let internal = |e| Error::Internal(format!("a part: {e}"));
+        let head = PartHead {
+            fingerprint: Fingerprint::default(),
+            number: 0,
+            of: 1,
+            total: run.pulses,
+            epochs: 1,
+            creation: self.output.creation,
+            records: Records::default(),
+            context: postcard::to_stdvec(&context).map_err(internal)?,
+        };
+        let path = part_path(&folder, 0, 1);
+        let part = PartOutput { path: path.clone(), head: head.bytes().map_err(internal)? };
+        let request = OutputRequest { part: Some(part), ..OutputRequest::default() };
+        let flown = self.fly_to(&interrupt::STOP, request, &physics, options, settings)?;
+        let part = flown.ok_or(Error::Interrupted)?;
+
+        let (progress, recorder) = (Progress::default(), Recorder::new());
+        let control = Control { progress: &progress, stop: &interrupt::STOP, recorder: Some(&recorder) };
+        let parts = PartSet::open(&folder)?;
+        let merged = merge(&parts, self.request(&self.format)?, settings, control)?;
+        if merged.interrupted {
+            return Err(Error::Interrupted);
+        }
+        let log = recorder.finish();
+        Ok(PartCosts {
+            pulses: run.pulses,
+            plan_s,
+            start_s: self.load_s
+                + built.seconds.iter().fold(f64::INFINITY, |least, build| least.min(build.1)),
+            run_cpu_s: run.log.cpu_s(),
+            part_cpu_s: part.log.cpu_s(),
+            merge_cpu_s: log.cpu_s() - log.collector.cpu_s,
+            collect_s: log.collector.cpu_s,
+            part_bytes: std::fs::metadata(&path).map_err(|e| Error::io("read", &path, e))?.len(),
+            out_bytes: merged.summary.files.iter().map(|file| file.bytes).sum(),
+        })
+    }
+
     /// Measures while all other cores fly the same survey, as in the simulated flights: the threads share memory
     /// bandwidth, and waking a thread on a sleeping core costs several times as much.
     fn under_load<T>(
@@ -290,6 +358,25 @@ impl Bench {
             measure()
         })
     }
+}
+
+/// What a run in parts costs on one thread. Times are processor times, s, but for that of the start.
+#[derive(Clone, Debug, Serialize)]
+pub struct PartCosts {
+    pub pulses: u64,
+    /// Stepping through the flight once.
+    pub plan_s: f64,
+    /// Loading the scene and building its tree, on all threads of this machine.
+    pub start_s: f64,
+    /// Computing everything without parts, and as a part.
+    pub run_cpu_s: f64,
+    pub part_cpu_s: f64,
+    /// Merging: reading and encoding, which threads share, and collecting.
+    pub merge_cpu_s: f64,
+    pub collect_s: f64,
+    /// Bytes of the parts and of the output.
+    pub part_bytes: u64,
+    pub out_bytes: u64,
 }
 
 /// A tree, and the minimum time of building it with each number of threads, s.

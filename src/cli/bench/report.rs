@@ -2,8 +2,10 @@
 
 use super::forecast::Forecast;
 use super::matrix::cores;
-use super::measure::{Bench, Cell};
+use super::measure::{Bench, Cell, PartCosts};
+use super::nodes::{Cluster, NodesForecast};
 use super::paper;
+use serde::Serialize;
 use serde_json::{Value, json};
 
 pub struct Report {
@@ -15,6 +17,16 @@ pub struct Report {
     pub format: String,
     pub cells: Vec<Cell>,
     pub forecasts: Vec<Forecast>,
+    pub clusters: Vec<ClusterForecast>,
+}
+
+/// Simulated clusters: what is assumed, what was measured, and what follows.
+#[derive(Serialize)]
+pub struct ClusterForecast {
+    pub tree: &'static str,
+    pub cluster: Cluster,
+    pub costs: PartCosts,
+    pub nodes: Vec<NodesForecast>,
 }
 
 impl Report {
@@ -28,6 +40,7 @@ impl Report {
             format: bench.format.clone(),
             cells: Vec::new(),
             forecasts: Vec::new(),
+            clusters: Vec::new(),
         }
     }
 
@@ -90,6 +103,7 @@ impl Report {
             "format": self.format,
             "cells": self.cells,
             "simulated": self.forecasts,
+            "clusters": self.clusters,
         });
         if with_paper {
             all["paper"] = paper::json();

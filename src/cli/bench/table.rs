@@ -2,7 +2,7 @@
 
 use super::columns::table;
 use super::matrix::Combination;
-use super::report::Report;
+use super::report::{ClusterForecast, Report};
 use crate::quantity::amount;
 
 pub fn of(report: &Report) -> String {
@@ -21,7 +21,51 @@ pub fn of(report: &Report) -> String {
         text.push_str("\nSimulated from measured task times:\n");
         text.push_str(&simulated(report));
     }
+    for cluster in &report.clusters {
+        text.push_str(&simulated_nodes(cluster));
+    }
     text
+}
+
+fn simulated_nodes(cluster: &ClusterForecast) -> String {
+    let ClusterForecast { tree, cluster: assumed, costs, nodes } = cluster;
+    let per_pulse = |seconds: f64| seconds * 1e9 / costs.pulses.max(1) as f64;
+    let megabytes = |bytes: u64| bytes as f64 / 1e6;
+    let head = format!(
+        "\nSimulated nodes of {} threads, {} pulses, tree {tree}; {}B/s per node, {}B/s altogether.\n\
+         Measured per pulse on one thread: run {:.0} ns, as a part {:.0} ns, plan {:.1} ns, merge {:.0} + {:.0} ns; \
+         start {:.2} s, parts {:.0} MB, output {:.0} MB for {} pulses.\n",
+        assumed.threads,
+        amount(assumed.pulses as f64),
+        amount(assumed.node_bytes_per_s),
+        amount(assumed.all_bytes_per_s),
+        per_pulse(costs.run_cpu_s),
+        per_pulse(costs.part_cpu_s),
+        per_pulse(costs.plan_s),
+        per_pulse(costs.merge_cpu_s),
+        per_pulse(costs.collect_s),
+        costs.start_s,
+        megabytes(costs.part_bytes),
+        megabytes(costs.out_bytes),
+        amount(costs.pulses as f64),
+    );
+    let rows = table(
+        nodes,
+        &[
+            ("nodes", |n| n.nodes.to_string()),
+            ("parts", |n| n.parts.to_string()),
+            ("plan s", |n| format!("{:.1}", n.plan_s)),
+            ("parts s", |n| format!("{:.1}", n.parts_s)),
+            ("merge s", |n| format!("{:.1}", n.merge_s)),
+            ("by nodes", |n| n.merging_nodes.to_string()),
+            ("join s", |n| format!("{:.1}", n.join_s)),
+            ("total s", |n| format!("{:.1}", n.total_s)),
+            ("speedup", |n| format!("{:.2}", n.speedup)),
+            ("efficiency", |n| format!("{:.2}", n.efficiency)),
+            ("disk", |n| format!("{:.0} %", 100.0 * n.disk)),
+        ],
+    );
+    head + &rows
 }
 
 fn factor(of: &Combination) -> String {

@@ -202,6 +202,18 @@ vlscan scene make terrain --extent 500 -o hills",
         ],
     },
     Page {
+        path: "vlscan scene stand",
+        examples: "\
+# tree models, terrain and inventory
+vlscan scene make forest -n 20k -o forest
+mkdir -p models && cp forest/beech.obj forest/spruce.obj forest/forest.mtl models
+printf '%s\\n' x,y,height,species -8,3,12,beech 0,0,18,spruce 6,-4,15,beech > plot.csv
+
+vlscan scene stand plot.csv --trees models --terrain forest/ground.obj -o stand
+vlscan scene info stand/stand.xml",
+        files: &[("labels.csv", "Number of the part in the points, id, species, model, place, height, crown, dbh.")],
+    },
+    Page {
         path: "vlscan scene info",
         examples: "\
 vlscan scene make forest -n 20k -o forest
@@ -242,6 +254,46 @@ vlscan bench terrain/survey.xml --tree bvh --schedule single,static,dynamic,ware
         files: &[],
     },
     Page {
+        path: "vlscan plan",
+        examples: "\
+vlscan plan airborne --scanner riegl_lms-q780 --area 'POLYGON ((0 0, 900 0, 900 400, 0 400))' --height 500 --density 8",
+        files: &[],
+    },
+    Page {
+        path: "vlscan plan airborne",
+        examples: "\
+vlscan scene make terrain -n 20k -o terrain
+
+# a drone over the scene, ten pulses per square metre, 50 % overlap, at the same height above hill and valley
+vlscan plan airborne --scanner riegl_vux-1uav --scene terrain/scene.xml --height 80 --density 10 --overlap 50 \
+  --follow-terrain -o flight.toml
+
+# an aeroplane: speed and density are given, the distance of the lines follows; cross lines, turns of 600 m
+vlscan plan airborne --scanner riegl_lms-q780 --area 'POLYGON ((0 0, 900 0, 900 400, 0 400))' --height 500 \
+  --speed 60 --density 12 --cross-lines 2 --turn-radius 600 > wide.toml",
+        files: &[("*.geojson, *.wkt", "Areas and lines in the scene's coordinates.")],
+    },
+    Page {
+        path: "vlscan plan terrestrial",
+        examples: "\
+vlscan scene make forest -n 20k -o forest
+
+# four positions around a plot and one in its middle
+vlscan plan terrestrial --scanner riegl_vz400 --scene forest/scene.xml --around 0,0 --radius 12 --at-centre \
+  --resolution 0.1 -o plot.toml
+
+# a grid of positions
+vlscan plan terrestrial --scanner riegl_vz400 --scene forest/scene.xml --spacing 15 -o grid.toml",
+        files: &[],
+    },
+    Page {
+        path: "vlscan plan mobile",
+        examples: "\
+# a car with a spinning scanner
+vlscan plan mobile --scanner vlp16 --along 'LINESTRING (0 0, 100 0, 100 50)' --speed 8 -o drive.toml",
+        files: &[],
+    },
+    Page {
         path: "vlscan catalogue",
         examples: "\
 # everything that ships
@@ -264,6 +316,17 @@ vlscan run room/survey.xml -o points.bin
 vlscan unzip points.bin points.xyz
 vlscan unzip points.bin -q | head -3",
         files: &[("*.bin", "Text as HELIOS++ compresses it with --zipOutput.")],
+    },
+    Page {
+        path: "vlscan compare",
+        examples: "\
+vlscan scene make forest -n 20k --pulses 60k -o forest
+vlscan run forest/survey.xml -o first.laz
+vlscan run forest/survey.xml --seed 2 -o second.laz
+
+vlscan compare first.laz second.laz
+vlscan compare first.laz second.laz --page compared.html --json > compared.json",
+        files: &[],
     },
     Page {
         path: "vlscan preview",

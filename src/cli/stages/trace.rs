@@ -11,14 +11,14 @@ use crate::output::Target;
 use crate::pipeline::{Control, LegRule, Progress, Session};
 use crate::streams::PulseReader;
 use crate::survey::{
-    self, Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, ReadOptions, Scanner,
-    ScannerSettings, SceneRecipe, Survey,
+    self, Mount, Platform, PlatformKind, PlatformNoise, ReadOptions, Scanner, SceneRecipe, Survey,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
+    refuse_parts(args)?;
     let (mut setting, warnings) = Setting::read(args)?;
     console.warnings(&warnings);
     change_instrument(&mut setting.survey, &args.instrument);
@@ -46,6 +46,17 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
         session.trace(pulses, legs, output, control)
     })?;
     show_report(console, &report, started)
+}
+
+/// A stream has no parts.
+fn refuse_parts(args: &TraceArgs) -> Result<()> {
+    let options = [("--part", args.part.is_some()), ("--resume", args.resume.is_some())];
+    let Some((option, _)) = options.iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
+    let mut problems = Diagnostics::default();
+    problems
+        .error(None, format!("{option}: pulses arrive in a stream, whose length and borders are not known"))
+        .help("divide the pulses into files, trace each, and merge the points; or run the survey in parts: vlscan run --part");
+    Err(Error::Input(Box::new(problems)))
 }
 
 /// The scene that is traced, and the instrument that receives the echoes.
@@ -121,14 +132,7 @@ fn scene_of(name: &str, reading: &ReadOptions) -> Result<(SceneRecipe, Diagnosti
 
 /// Returns a survey of one leg without a position.
 fn bare_survey(scanner: Scanner, scene: SceneRecipe) -> Survey {
-    let settings = ScannerSettings { active: true, ..scanner.own_settings() };
-    let leg = Leg {
-        number: 0,
-        strip: None,
-        platform: PlatformSettings::at(crate::geom::DVec3::ZERO),
-        scanner: settings,
-        place: None,
-    };
+    let leg = scanner.leg();
     Survey {
         name: "trace".to_owned(),
         path: PathBuf::from("trace"),

@@ -1,5 +1,6 @@
 //! Whole flights.
 
+mod advance;
 mod corrected;
 mod golden;
 mod replay;

@@ -1,7 +1,7 @@
 //! Variable length records.
 
+use crate::crs::{EpsgKind, epsg};
 use crate::diag::Diagnostics;
-use crate::output::crs::{EpsgKind, epsg};
 use crate::output::request::{ExtraDimensions, IntensityMapping, LasSettings, LasVersion};
 
 /// Data types of extra bytes, as numbered by LAS.
@@ -102,7 +102,8 @@ pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) ->
             Some(record("LASF_Projection", 2112, "OGC WKT", &data))
         }
         LasVersion::V10 => {
-            let Some((kind, code)) = epsg(wkt) else {
+            let horizontal = epsg(wkt).filter(|(kind, _)| *kind != EpsgKind::Compound);
+            let Some((kind, code)) = horizontal else {
                 problems
                     .warn(None, "LAS 1.0 has room for an EPSG code only, and the coordinate reference system has none")
                     .help("write LAS 1.4 to keep it");
@@ -110,8 +111,8 @@ pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) ->
             };
             // GeoTIFF: version 1.1.0, then key, location of the value (0: in place), count, value
             let (model, key) = match kind {
-                EpsgKind::Projected => (1, 3072),
                 EpsgKind::Geographic => (2, 2048),
+                EpsgKind::Projected | EpsgKind::Compound => (1, 3072),
             };
             let keys: [u16; 16] = [1, 1, 0, 3, 1024, 0, 1, model, 1025, 0, 1, 1, key, 0, 1, code];
             let data: Vec<u8> = keys.iter().flat_map(|k| k.to_le_bytes()).collect();

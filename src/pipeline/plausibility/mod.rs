@@ -8,11 +8,13 @@
 //! | `ground` | rays up and down from places of the flight: below the terrain, or on it |
 //! | `angles` | angles as written against the course: radians read as degrees and the reverse |
 //! | `poses` | a streamed flight, pose by pose |
+//! | `mirror` | pulses that a mirror does not fire |
 //! | `points` | points per pulse, and where the beams pointed |
 
 mod angles;
 mod boxes;
 mod ground;
+mod mirror;
 mod points;
 mod poses;
 
@@ -26,6 +28,7 @@ use crate::scene::Scene;
 use crate::survey::{AngleConvention, Interpolated, PlatformKind, RotationSpec, Survey};
 use crate::tree::Tree;
 use angles::AngleCheck;
+pub use mirror::describe_idle_mirror;
 pub use points::{CheckTime, YieldCheck};
 pub use poses::PoseCheck;
 

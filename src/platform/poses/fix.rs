@@ -6,12 +6,14 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 
+/// Position and attitude at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Seconds in the trajectory's own scale.
     pub time: f64,
     /// World coordinates, m.
     pub position: DVec3,
+    /// Rotation from the platform's axes (x right, y forward, z up) to the world's.
     pub attitude: Rotation,
 }
 

@@ -11,6 +11,8 @@ pub struct Georeference {
     height_offset: f64,
     lever_arm: DVec3,
     boresight: Option<Rotation>,
+    /// Whether a position was projected to the grid.
+    has_projected: bool,
 }
 
 impl Georeference {
@@ -21,11 +23,18 @@ impl Georeference {
             height_offset: settings.height_offset,
             lever_arm: settings.lever_arm,
             boresight: (settings.boresight != [0.0; 3]).then(|| Rotation::of_heading(roll, pitch, heading)),
+            has_projected: false,
         }
     }
 
     pub fn of_grid(grid: Grid) -> Georeference {
-        Georeference { grid, height_offset: 0.0, lever_arm: DVec3::ZERO, boresight: None }
+        Georeference {
+            grid,
+            height_offset: 0.0,
+            lever_arm: DVec3::ZERO,
+            boresight: None,
+            has_projected: false,
+        }
     }
 
     pub fn height_offset(&self) -> f64 {
@@ -38,6 +47,11 @@ impl Georeference {
             Grid::Utm(zone) => Some(zone),
             _ => None,
         }
+    }
+
+    /// The UTM zone that positions were projected to.
+    pub fn projected_zone(&self) -> Option<UtmZone> {
+        self.zone().filter(|_| self.has_projected)
     }
 
     pub fn pose(&mut self, fix: &Fix) -> Result<Pose, RecordError> {
@@ -87,6 +101,7 @@ impl Georeference {
             RecordError::new(message).help(UNIT)
         })?;
         self.grid = Grid::Utm(zone);
+        self.has_projected = true;
         let position = DVec3::new(point.easting, point.northing, height);
         Ok((position, Rotation::about_z(point.convergence).after(attitude)))
     }

@@ -7,10 +7,12 @@ use super::georeference::Georeference;
 use super::sequence::{Checked, SequenceChecks};
 use crate::diag::{Diagnostics, Notice};
 use crate::error::{Error, Result};
+use crate::geom::UtmZone;
 use crate::input::{InputStream, ReadEvent, is_stdin};
 use crate::platform::layout::PoseLayout;
 use crate::survey::{Grid, PoseStream};
 use std::collections::VecDeque;
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -38,6 +40,9 @@ enum Failure {
     Input(Box<Diagnostics>),
     Io(std::io::ErrorKind, String),
 }
+
+/// Time between checks for a stop while the first pose is awaited.
+const STOP_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
 const MAX_BLOCK_POSES: usize = 1024;
 
@@ -81,7 +86,10 @@ impl PoseReader {
         if let Some(Err(message)) = settings.columns.as_deref().map(PoseLayout::chosen) {
             return Err(Error::input(format!("columns of the trajectory: {message}")));
         }
-        let input = InputStream::open(&settings.path).map_err(|e| Error::open(&settings.path, e))?;
+        let input = match &settings.content {
+            Some(bytes) => InputStream::from_reader(std::io::Cursor::new(bytes.clone())),
+            None => InputStream::open(&settings.path).map_err(|e| Error::open(&settings.path, e))?,
+        };
         Ok(PoseReader::new(input, settings))
     }
 
@@ -154,6 +162,14 @@ impl PoseReader {
         }
     }
 
+    /// Waits for the first pose, unless `is_stopped`, and returns the UTM zone that it was projected to.
+    pub fn first_zone(&mut self, is_stopped: &dyn Fn() -> bool) -> Option<UtmZone> {
+        while self.poses == 0 && self.failure.is_none() && !self.ended && !is_stopped() {
+            self.receive(STOP_CHECK_INTERVAL);
+        }
+        self.georeference.projected_zone()
+    }
+
     /// Processes the bytes of one read; returns `false` if none arrived before the timeout.
     fn receive(&mut self, timeout: Duration) -> bool {
         let mut bytes = std::mem::take(&mut self.rest);
@@ -219,6 +235,9 @@ impl PoseReader {
         }
         let pose = self.georeference.pose(fix)?;
         if self.poses == 0 {
+            if let Some(warning) = radians_as_degrees(fix) {
+                self.warn(place, warning);
+            }
             self.describe_first(&pose, matches!(fix.place, FixPlace::Geographic(_)));
         }
         if let Some(note) = self.checks.compare_heading(&pose) {
@@ -294,4 +313,18 @@ impl PoseReader {
     fn fail(&mut self, place: &RecordPlace, error: RecordError) {
         self.failure = Some(Failure::Input(Box::new(place.error(&self.path, error))));
     }
+}
+
+/// Returns a warning for latitude and longitude of text that have no unit and look like radians. In degrees they would lie
+/// in the Gulf of Guinea.
+fn radians_as_degrees(fix: &Fix) -> Option<RecordError> {
+    let FixPlace::Geographic([latitude, longitude, _]) = fix.place else { return None };
+    let (lat, lon) = (latitude.to_degrees(), longitude.to_degrees());
+    let looks_so = fix.unitless_angles.is_some() && lat.abs() <= FRAC_PI_2 && lon.abs() <= PI;
+    looks_so.then(|| {
+        RecordError::new(format!(
+            "latitude {lat:.6} and longitude {lon:.6} are taken as degrees and look like radians"
+        ))
+        .help("name their unit in the heading: lat[rad],lon[rad], or lat[deg],lon[deg] if they are degrees")
+    })
 }

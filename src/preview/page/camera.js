@@ -11,10 +11,14 @@ function look(heading, down) {
   camera.target = [0, 0, 0];
   camera.distance = 1;
   const { right, up, forward } = axes();
-  const extent = axis => axis.reduce((sum, part, i) => sum + Math.abs(part) * half[i], 0);
-  const aspect = canvas.clientWidth / Math.max(1, canvas.clientHeight);
-  const reach = Math.max(extent(up), extent(right) / aspect) * 1.06;
-  camera.distance = Math.max(reach / Math.tan(FIELD / 2) + (camera.parallel ? 0 : 0.5 * extent(forward)), 1e-3);
+  const aspect = canvas.clientWidth / Math.max(1, canvas.clientHeight), slope = Math.tan(FIELD / 2) / 1.06;
+  // In perspective every corner asks for a distance of its own: near ones are seen larger.
+  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(n => half.map((h, i) => n >> i & 1 ? h : -h));
+  const needed = corners.map(corner => {
+    const reach = Math.max(Math.abs(along(up, corner)), Math.abs(along(right, corner)) / aspect);
+    return reach / slope - (camera.parallel ? 0 : along(forward, corner));
+  });
+  camera.distance = Math.max(...needed, 1e-3);
 }
 
 function axes() {

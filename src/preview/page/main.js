@@ -1,7 +1,8 @@
 // Controls, legend, and the loop that draws when something has changed.
 
-const WAYS = ['height', 'intensity', 'class', 'return', 'object'];
-const NAMES = { height: 'height', intensity: 'intensity', class: 'class', return: 'echo number', object: 'object' };
+// In the order of the shader.
+const WAYS = ['height', 'intensity', 'class', 'return', 'object', 'leg', 'channel', 'time'];
+const NAMES = { height: 'height', intensity: 'intensity', class: 'class', return: 'echo number', object: 'object', leg: 'leg', channel: 'channel', time: 'time, s' };
 const ways = WAYS.filter(way => meta[way]);
 const hidden = Object.fromEntries(WAYS.map(way => [way, new Set()]));
 const shown = { way: meta.colour, size: 1, cut: half[2] * 1.001 + 1, shading: true };
@@ -85,11 +86,15 @@ function ramp(way) {
   const decade = 10 ** Math.floor(Math.log10((high - low) / 3));
   const step = [5, 2, 1].map(n => n * decade).find(n => n <= (high - low) / 3) ?? decade;
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  for (let tick = Math.ceil(low / step) * step; tick <= high + step * 1e-6; tick += step) {
+  const mark = (share, text) => {
     const line = document.createElement('li');
-    line.style.bottom = 100 * (tick - low) / (high - low) + '%';
-    line.textContent = (Math.abs(tick) < step * 1e-6 ? 0 : tick).toFixed(decimals);
+    line.style.bottom = 100 * share + '%';
+    line.textContent = text;
     ticks.append(line);
+  };
+  if (way.marks) way.marks.forEach(([share, text]) => mark(share, text));
+  else for (let tick = Math.ceil(low / step) * step; tick <= high + step * 1e-6; tick += step) {
+    mark((tick - low) / (high - low), (Math.abs(tick) < step * 1e-6 ? 0 : tick).toFixed(decimals));
   }
   box.append(bar, ticks);
   return box;

@@ -3,7 +3,9 @@
 //! Neighbours on the curve are neighbours in space, so differences are small and their upper bytes are nearly all zero;
 //! a forest takes 5 to 7 bytes per point.
 
+use super::super::colour::Colouring;
 use super::super::points::Points;
+use base64::prelude::{BASE64_STANDARD, Engine};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
@@ -14,10 +16,11 @@ const BLOCK: usize = 65_536;
 /// Steps of the position grid along the longest side.
 const STEPS: f64 = ((1u32 << 21) - 1) as f64;
 
-/// Ranges of the attributes that are stored as bytes.
-pub(super) struct Ranges {
-    /// Intensity at the byte values 0 and 255.
-    pub(super) intensity: (f32, f32),
+/// The attributes that are stored as bytes of their place in a scale of colours.
+#[derive(Default)]
+pub(super) struct Scales<'a> {
+    pub(super) intensity: Option<&'a Colouring>,
+    pub(super) time: Option<&'a Colouring>,
 }
 
 pub(super) struct Packed {
@@ -49,13 +52,13 @@ fn mixed_bits(i: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-pub(super) fn pack(points: &Points, chosen: &[u32], ranges: &Ranges) -> Packed {
+pub(super) fn pack(points: &Points, chosen: &[u32], scales: &Scales) -> Packed {
     let grid = Grid::of(points);
     let mut order: Vec<(u64, u32)> =
         chosen.par_iter().map(|&i| (curve(grid.cell(&points.offsets[i as usize])), i)).collect();
     order.par_sort_unstable();
     let spacing = spacing(&grid, &order);
-    let packed = |block: &[(u64, u32)]| (block.len(), planes(points, block, &grid, ranges));
+    let packed = |block: &[(u64, u32)]| (block.len(), planes(points, block, &grid, scales));
     Packed { step: grid.step, spacing, blocks: order.par_chunks(BLOCK).map(packed).collect() }
 }
 
@@ -64,7 +67,7 @@ impl Packed {
     pub(super) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         for (count, bytes) in &self.blocks {
             write!(out, "<script type=\"text/plain\" class=\"block\" data-count=\"{count}\">")?;
-            out.write_all(&base64(bytes))?;
+            out.write_all(BASE64_STANDARD.encode(bytes).as_bytes())?;
             out.write_all(b"</script>\n")?;
         }
         Ok(())
@@ -131,7 +134,7 @@ fn spacing(grid: &Grid, order: &[(u64, u32)]) -> f64 {
 
 /// Planes of bytes: the lower, middle and upper bytes of the zigzag-coded differences of x, y and z; then the other
 /// attributes of the points.
-fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, ranges: &Ranges) -> Vec<u8> {
+fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, scales: &Scales) -> Vec<u8> {
     let cells: Vec<[u32; 3]> = block.iter().map(|&(_, i)| grid.cell(&points.offsets[i as usize])).collect();
     let mut bytes = Vec::with_capacity(block.len() * 14);
     for axis in 0..3 {
@@ -150,8 +153,7 @@ fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, ranges: &Ranges) -
     let mut plane = |byte: &dyn Fn(usize) -> u8| bytes.extend(block.iter().map(|&(_, i)| byte(i as usize)));
     let has = points.attributes();
     if has.intensity {
-        let (low, high) = ranges.intensity;
-        plane(&|i| ((points.intensity[i] - low) / (high - low) * 255.0).round() as u8);
+        plane(&|i| shade(scales.intensity, points, i));
     }
     if has.class {
         plane(&|i| points.class[i]);
@@ -163,25 +165,24 @@ fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, ranges: &Ranges) -
         plane(&|i| points.object[i] as u8);
         plane(&|i| (points.object[i] >> 8) as u8);
     }
+    if has.leg {
+        plane(&|i| points.leg[i]);
+    }
+    if has.channel {
+        plane(&|i| points.channel[i]);
+    }
+    if has.time {
+        plane(&|i| shade(scales.time, points, i));
+    }
     let mut encoder = ZlibEncoder::new(Vec::with_capacity(bytes.len() / 2), Compression::default());
     // Writing to memory does not fail.
     let packed = encoder.write_all(&bytes).and_then(|()| encoder.finish());
     packed.unwrap_or_default()
 }
 
-/// Base64 (RFC 4648 §4).
-fn base64(bytes: &[u8]) -> Vec<u8> {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
-    for three in bytes.chunks(3) {
-        let at = |i: usize| u32::from(three.get(i).copied().unwrap_or(0));
-        let bits = at(0) << 16 | at(1) << 8 | at(2);
-        for digit in 0..4 {
-            let known = digit <= three.len();
-            text.push(if known { DIGITS[(bits >> (18 - 6 * digit) & 63) as usize] } else { b'=' });
-        }
-    }
-    text
+/// Place of a value in its scale, as a byte.
+fn shade(scale: Option<&Colouring>, points: &Points, i: usize) -> u8 {
+    scale.map_or(0, |colouring| (colouring.fraction(points, i) * 255.0).round() as u8)
 }
 
 #[cfg(test)]
@@ -190,20 +191,6 @@ mod tests {
     use super::*;
     use crate::geom::DVec3;
     use std::io::Read;
-
-    #[test]
-    fn base64_is_that_of_the_standard() {
-        for (bytes, text) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("foobar", "Zm9vYmFy"),
-        ] {
-            assert_eq!(String::from_utf8(base64(bytes.as_bytes())).unwrap(), text);
-        }
-    }
 
     #[test]
     fn a_sample_takes_one_of_each_run() {
@@ -231,7 +218,7 @@ mod tests {
             });
         }
         let chosen = sample(points.len(), usize::MAX);
-        let packed = pack(&points, &chosen, &Ranges { intensity: (0.0, 1.0) });
+        let packed = pack(&points, &chosen, &Scales::default());
         assert_eq!((packed.step, packed.blocks.len()), (0.001, 1));
         let (count, deflated) = &packed.blocks[0];
         let mut bytes = Vec::new();
@@ -271,7 +258,7 @@ mod tests {
             let (x, y) = (f64::from(i % 200) * 0.1, f64::from(i / 200) * 0.1);
             points.push(&Point { position: DVec3::new(x, y, 0.3 * x), ..Point::default() });
         }
-        let packed = pack(&points, &sample(40_000, usize::MAX), &Ranges { intensity: (0.0, 1.0) });
+        let packed = pack(&points, &sample(40_000, usize::MAX), &Scales::default());
         assert!((0.05..0.2).contains(&packed.spacing), "{}", packed.spacing);
     }
 }

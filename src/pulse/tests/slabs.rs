@@ -29,7 +29,7 @@ fn slab(layers: usize, density: f64, lad: Option<LadTable>) -> Scene {
     // A material that reflects at any angle.
     let mut scene = rectangles(Material::unnamed("leaves", Default::default()), &[wall(-20.0, 20.0, 60.0)]);
     scene.surfaces.push(Surface { part: 1, material: 0 });
-    scene.parts.push(Part { id: "foliage".to_owned(), lad: lad.map(Arc::new) });
+    scene.parts.push(Part { id: "foliage".to_owned(), lad: lad.map(Arc::new), ..Part::default() });
     let count = ACROSS * ACROSS * layers;
     for i in 0..count {
         let i = (i * 7919) % count;

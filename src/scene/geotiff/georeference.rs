@@ -11,6 +11,9 @@ const RASTER_TYPE_KEY: u16 = 1025;
 const PIXEL_IS_POINT: u16 = 2;
 const MODEL_TYPE_KEY: u16 = 1024;
 const MODEL_IS_GEOGRAPHIC: u16 = 2;
+const PROJECTED_SYSTEM_KEY: u16 = 3072;
+/// Value of a key whose meaning other keys define.
+const USER_DEFINED: u16 = 32_767;
 /// Maximum pixel size that, in a raster supposedly in metres, indicates degrees: 1 km is 0.009°.
 const MAX_DEGREE_STEP: f64 = 0.01;
 
@@ -93,6 +96,11 @@ pub(super) fn is_geographic<R: Read + Seek>(decoder: &mut Decoder<R>, at: &Geore
             small(at.step.0) && small(at.step.1) && x.abs() <= 180.0 && y.abs() <= 90.0
         }
     }
+}
+
+/// EPSG code of the projected system; `None` for one that the user defined.
+pub(super) fn projected_epsg<R: Read + Seek>(decoder: &mut Decoder<R>) -> Option<u16> {
+    geo_key(decoder, PROJECTED_SYSTEM_KEY).ok().flatten().filter(|&code| code > 0 && code < USER_DEFINED)
 }
 
 /// The value of a GeoKey that is stored in the directory itself.

@@ -66,6 +66,12 @@ pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
     files.filter_map(need).collect()
 }
 
+/// EPSG code of a raster's projected system, if its keys name one.
+pub(super) fn projected_epsg(source: &Source) -> Option<u16> {
+    let mut decoder = Decoder::new(Cursor::new(source.bytes())).ok()?;
+    georeference::projected_epsg(&mut decoder)
+}
+
 /// The validated description of a raster.
 struct Raster {
     columns: usize,

@@ -84,7 +84,8 @@ fn reflectances_are_fractions_and_missing_ones_are_reported() {
     assert_eq!(f.material(&mut library, "mirror").reflectance, 0.5);
     assert_eq!(f.material(&mut library, "nowhere").reflectance, 0.5);
     let mut reported = Diagnostics::default();
-    library.issues.report(&mut reported);
+    let rules = MaterialRules { reflectance_fraction: true, ..MaterialRules::default() };
+    library.issues.report(rules, &mut reported);
     let [above, missing] = reported.items() else { panic!("{}", reported.render(false)) };
     assert!(above.message.contains("\"matte\"") && missing.message.contains("\"plain\", \"mirror\""));
     let place = missing.place.as_ref().unwrap();

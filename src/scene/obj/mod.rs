@@ -7,6 +7,7 @@ mod slice;
 mod tests;
 
 use super::builder::{PartSource, SceneBuilder};
+use super::foreign::foreign_mesh;
 use super::library::{DEFAULT, Names};
 use super::mtl::name_of;
 use super::reflectance_issues::ReflectanceIssue;
@@ -35,6 +36,11 @@ pub(super) fn load(
     reading: Reading,
     names: &mut Names,
 ) -> Result<()> {
+    if let Some((found, help)) = foreign_mesh(source.path(), source.bytes()) {
+        let message = format!("expected an OBJ file, found {found}: {}", source.path().display());
+        scene.diagnostics.error(part.place.cloned(), message).help(help);
+        return Ok(());
+    }
     if !source.is_text("an OBJ file", &mut scene.diagnostics) {
         return Ok(());
     }
@@ -111,7 +117,7 @@ fn read_pieces(scene: &mut SceneBuilder, source: &Source, reading: Reading) -> R
         let read: Vec<Slice> =
             wave.par_iter().map(|piece| slice::read(&bytes[piece.clone()], reading)).collect();
         let count = |of: fn(&Slice) -> usize| read.iter().map(of).sum();
-        scene.reserve(count(|s| s.vertices.len()), count(|s| s.triangles.len()), 0, source)?;
+        scene.reserve(count(|s| s.vertices.len()), count(|s| s.triangles.len()), 0, source.path())?;
         for (slice, piece) in read.into_iter().zip(wave) {
             append(scene, &mut mesh, &mut problems, slice, piece.clone());
         }

@@ -60,6 +60,7 @@ pub(super) fn write(
     w.list(&scene.surfaces, |w, s| [s.part, s.material].into_iter().for_each(|n| w.u64(u64::from(n))));
     w.list(&scene.parts, |w, p| {
         w.text(&p.id);
+        w.text(&p.name);
         w.option(p.lad.as_deref(), |w, lad| {
             w.list(&lad.rows().collect::<Vec<_>>(), |w, (a, g)| [*a, *g].into_iter().for_each(|x| w.f64(x)));
         });
@@ -67,6 +68,7 @@ pub(super) fn write(
     w.list(&scene.materials, write_material);
     w.u64(scene.dyn_step.into());
     w.option(scene.dyn_time_step, ByteWriter::f64);
+    w.option(scene.crs.as_deref(), ByteWriter::text);
     w.list(&scene.moving_parts, write_moving_part);
     scene.geometry.pack(&name("own"), out)?;
     out.array(name("voxels"), &scene.voxels)?;
@@ -101,6 +103,7 @@ fn read_scene(
             materials: r.list(read_material)?,
             dyn_step: r.u32()?,
             dyn_time_step: r.option(ByteReader::f64)?,
+            crs: r.option(ByteReader::text)?,
             moving_parts: r.list(read_moving_part)?,
             ..Scene::default()
         })
@@ -167,9 +170,9 @@ pub(super) fn are_arrays_valid(scene: &Scene) -> bool {
 }
 
 fn read_part(r: &mut ByteReader) -> Read<Part> {
-    let id = r.text()?;
+    let (id, name) = (r.text()?, r.text()?);
     let rows = r.option(|r| r.list(|r| Ok((r.f64()?, r.f64()?))))?;
-    Ok(Part { id, lad: rows.map(|rows| Arc::new(LadTable::of_rows(rows))) })
+    Ok(Part { id, name, lad: rows.map(|rows| Arc::new(LadTable::of_rows(rows))) })
 }
 
 fn write_material(w: &mut ByteWriter, m: &Material) {

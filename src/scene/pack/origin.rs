@@ -2,33 +2,16 @@
 
 use crate::error::{Error, Result};
 use crate::files::identity;
+use crate::scene::conditions::Conditions;
 use crate::scene::{LoadOptions, MaterialRules, Scene};
 use crate::store::{ByteReader, ByteWriter, UnexpectedEnd};
-use crate::survey::{Loader, MaterialChoice, SceneRecipe, VoxelMode};
+use crate::survey::SceneRecipe;
 use crate::tree::Builder;
 use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 use xxhash_rust::xxh3::xxh3_64;
-
-/// Settings that a packed scene was made with, as far as they can affect it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Conditions {
-    /// Wavelength of the spectra, nm.
-    pub wavelength_nm: f64,
-    pub has_spectra: bool,
-    /// Seed of random materials and positions.
-    pub seed: u64,
-    /// Whether the scene has random materials or positions.
-    pub is_random: bool,
-    /// See [`LoadOptions::rules`].
-    pub rules: MaterialRules,
-    /// The rules that change the scene.
-    pub relevant_rules: MaterialRules,
-    /// See [`LoadOptions::drop_polygons`].
-    pub drop_polygons: bool,
-}
 
 /// A file at the time the scene was packed.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,31 +35,16 @@ const BUILDERS: [Builder; 5] = [Builder::Bvh, Builder::Fsah, Builder::AxisSah, B
 
 impl Origin {
     pub fn of(recipe: &SceneRecipe, options: &LoadOptions, builder: Builder) -> Origin {
-        let loaders = recipe
-            .parts
-            .iter()
-            .flat_map(|p| std::iter::once(&p.loader).chain(p.swaps.iter().filter_map(|s| s.loader.as_ref())));
         let mut files = BTreeSet::from([recipe.path.clone()]);
         files.extend(recipe.parts.iter().filter_map(|p| p.place.as_ref()).map(|p| p.path.clone()));
-        let conditions = Conditions {
-            wavelength_nm: options.wavelength_nm,
-            has_spectra: false,
-            seed: options.seed,
-            is_random: loaders.into_iter().any(is_random),
-            rules: options.rules,
-            relevant_rules: MaterialRules::default(),
-            drop_polygons: options.drop_polygons,
-        };
+        let conditions = Conditions::of(recipe, options);
         Origin { conditions, builder, files, sources: Vec::new() }
     }
 
     /// Adds the files that an epoch was loaded from, and the settings that its materials depend on.
     pub fn add(&mut self, scene: &Scene) {
-        let files = &scene.sources;
-        self.conditions.relevant_rules = self.conditions.relevant_rules.or(scene.relevant_rules);
-        let is_spectrum = |f: &PathBuf| f.parent().is_some_and(|p| p.ends_with("spectra"));
-        self.conditions.has_spectra |= files.iter().any(is_spectrum);
-        self.files.extend(files.iter().cloned());
+        self.conditions.add(scene);
+        self.files.extend(scene.sources.iter().cloned());
     }
 
     /// Fails if `pack` is one of the files.
@@ -163,44 +131,6 @@ impl Origin {
         match self.sources.iter().find(changed) {
             Some(s) => Err(format!("{} has changed since; pack the scene again", s.path.display())),
             None => Ok(()),
-        }
-    }
-}
-
-impl Conditions {
-    /// Checks that a scene loaded with these options would be equal.
-    pub fn check(&self, options: &LoadOptions) -> std::result::Result<(), String> {
-        let again = |what: String| Err(format!("{what}; pack the scene again for that"));
-        if self.has_spectra && self.wavelength_nm != options.wavelength_nm {
-            let (packed, asked) = (self.wavelength_nm, options.wavelength_nm);
-            return again(format!("its spectra are those at {packed} nm, the scanner's beam has {asked} nm"));
-        }
-        if self.is_random && self.seed != options.seed {
-            let (packed, asked) = (self.seed, options.seed);
-            return again(format!(
-                "its random materials or places are those of seed {packed}, not of {asked}"
-            ));
-        }
-        if self.rules.and(self.relevant_rules) != options.rules.and(self.relevant_rules) {
-            return again(
-                "its materials or leaf angle tables were read for other physics (--physics)".to_owned(),
-            );
-        }
-        if self.drop_polygons != options.drop_polygons {
-            return again("faces with more than four corners are treated otherwise in it".to_owned());
-        }
-        Ok(())
-    }
-}
-
-fn is_random(loader: &Loader) -> bool {
-    let varied = |m: &MaterialChoice| m.random_variants > 0;
-    match loader {
-        Loader::Obj { .. } => false,
-        Loader::GeoTiff { material, .. } => varied(material),
-        Loader::Xyz(xyz) => varied(&xyz.material),
-        Loader::DetailedVoxels(v) => {
-            varied(&v.material) || (v.random_shift && matches!(v.mode, VoxelMode::Scaled(_)))
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Opens packed scenes.
 
 use super::contents::{Contents, are_arrays_valid};
-use super::origin::{Conditions, Origin};
+use super::origin::Origin;
 use crate::error::Result;
 use crate::scene::builder::{LoadOptions, format_bytes};
+use crate::scene::conditions::Conditions;
 use crate::scene::model::Scene;
 use crate::store::ArrayFile;
 use std::path::Path;
@@ -41,7 +42,8 @@ impl Pack {
     /// # Errors
     /// [`crate::Error::Input`] when the scene was packed under other conditions that affect it.
     pub fn scene(&self, options: &LoadOptions, epoch: u32) -> Result<Scene> {
-        self.origin.conditions.check(options).map_err(|reason| self.file.refuse(&reason))?;
+        let checked = self.origin.conditions.check(options);
+        checked.map_err(|reason| self.file.refuse(&format!("{reason}; pack the scene again for that")))?;
         if let Some(limit) = options.max_memory.filter(|limit| self.file.length() > *limit) {
             let (has, limit) = (format_bytes(self.file.length()), format_bytes(limit));
             return Err(self.file.refuse(&format!("it has {has}; the limit is {limit}")));

@@ -3,12 +3,13 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `scene` | parts of a scene: loaders, transforms, motions, swaps |
+//! | `scene`, `mesh` | parts of a scene: loaders, transforms, motions, swaps; meshes in memory |
 //! | `poses` | recorded trajectories |
 //! | `navigation`, `kinematics` | errors of navigation; departures from the reference's kinematics |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
 
 mod kinematics;
+mod mesh;
 mod navigation;
 mod poses;
 mod receiver;
@@ -20,6 +21,7 @@ use crate::geom::{DVec3, Rotation};
 use std::path::PathBuf;
 
 pub use kinematics::Kinematics;
+pub use mesh::{MaterialChange, MaterialDefinition, Mesh, Replaced};
 pub use navigation::NavigationErrors;
 pub use poses::*;
 pub use receiver::*;

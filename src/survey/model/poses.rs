@@ -3,12 +3,15 @@
 use super::RotationSpec;
 use crate::geom::{DVec3, UtmZone};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Settings of a trajectory that is flown while its poses arrive (`--trajectory`, `[trajectory]`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseStream {
     /// Source of the poses; `-` is standard input.
     pub path: PathBuf,
+    /// The bytes of a trajectory in memory; `path` is then its name in messages.
+    pub content: Option<Arc<[u8]>>,
     /// The layout; `None` detects it from the content.
     pub format: Option<PoseFormat>,
     /// Composition of the angles of text. `None`: [`AngleConvention::Helios`] for text files of HELIOS++,
@@ -37,6 +40,7 @@ impl PoseStream {
     pub fn at(path: impl Into<PathBuf>) -> PoseStream {
         PoseStream {
             path: path.into(),
+            content: None,
             format: None,
             rotation: None,
             degrees: true,

@@ -1,13 +1,17 @@
 //! The scene as its file describes it: the input of the module `scene`.
 
+use super::{MaterialChange, Mesh};
 use crate::diag::Place;
 use crate::geom::{DVec3, Rotation};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A scene as its file describes it; geometry is not loaded yet.
 #[derive(Clone, Debug)]
 pub struct SceneRecipe {
+    /// Id in its file.
     pub id: String,
+    /// The file that describes it.
     pub path: PathBuf,
     /// Parts in document order.
     pub parts: Vec<PartRecipe>,
@@ -21,16 +25,22 @@ pub struct SceneRecipe {
     pub asset_folders: Vec<PathBuf>,
 }
 
+/// A part of a scene.
 #[derive(Clone, Debug)]
 pub struct PartRecipe {
     /// Explicit id, if any; otherwise parts are numbered.
     pub id: Option<String>,
     /// Running number of the part element in its scene, from 0 (a skipped part keeps its number).
     pub number: u32,
+    /// Where its geometry comes from.
     pub loader: Loader,
+    /// Materials that replace those of its files, in this order.
+    pub changes: Arc<[MaterialChange]>,
+    /// Where it stands.
     pub transform: Transform,
     /// Rigid motions; empty for a part at rest.
     pub motions: Vec<MotionSequence>,
+    /// How often it moves.
     pub timing: MotionTiming,
     /// Geometry swaps between epochs; empty for most parts.
     pub swaps: Vec<Swap>,
@@ -52,16 +62,19 @@ pub struct Transform {
 }
 
 impl Transform {
+    /// No change.
     pub const IDENTITY: Transform =
         Transform { rotation: Rotation::IDENTITY, scale: 1.0, offset: DVec3::ZERO, on_ground: 0 };
 
+    /// The image of a point.
     pub fn apply(&self, p: DVec3) -> DVec3 {
         self.rotation.apply(p) * self.scale + self.offset
     }
 }
 
 /// Up axis of an OBJ file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum UpAxis {
     /// z: coordinates are unchanged.
     Z,
@@ -76,7 +89,9 @@ pub struct MaterialChoice {
     pub file: Option<PathBuf>,
     /// Material name; `None` = the alphabetically first.
     pub name: Option<String>,
+    /// Number of randomised copies of the material, which primitives use in turn.
     pub random_variants: u32,
+    /// Largest change of the colours of a randomised copy.
     pub random_range: f64,
 }
 
@@ -84,13 +99,38 @@ pub struct MaterialChoice {
 #[derive(Clone, Debug)]
 pub enum Loader {
     /// Wavefront OBJ.
-    Obj { files: Vec<PathBuf>, up: UpAxis },
+    Obj {
+        /// The files.
+        files: Vec<PathBuf>,
+        /// Their up axis.
+        up: UpAxis,
+    },
     /// Terrain raster.
-    GeoTiff { file: PathBuf, material: MaterialChoice },
+    GeoTiff {
+        /// The raster.
+        file: PathBuf,
+        /// Its material.
+        material: MaterialChoice,
+    },
     /// Point cloud to voxels.
     Xyz(Box<XyzLoader>),
     /// AMAPVox voxels.
     DetailedVoxels(Box<VoxelLoader>),
+    /// Triangles in memory.
+    Mesh(Arc<Mesh>),
+}
+
+impl Loader {
+    /// The files that it reads.
+    pub fn files(&self) -> &[PathBuf] {
+        match self {
+            Loader::Obj { files, .. } => files,
+            Loader::GeoTiff { file, .. } => std::slice::from_ref(file),
+            Loader::Xyz(xyz) => &xyz.files,
+            Loader::DetailedVoxels(voxels) => &voxels.files,
+            Loader::Mesh(_) => &[],
+        }
+    }
 }
 
 /// Settings of the point cloud loader (spec input-formats §4.4).
@@ -106,12 +146,15 @@ pub struct XyzLoader {
     pub max_color_value: f64,
     /// Normal of points that have none.
     pub default_normal: Option<DVec3>,
+    /// Columns of red, green and blue, from 0.
     pub rgb_columns: Option<[usize; 3]>,
+    /// Columns of the normal, from 0.
     pub normal_columns: Option<[usize; 3]>,
     /// Whether the normal of a voxel is that of the point nearest to its centre.
     pub snap_neighbor_normal: bool,
     /// 0: none, 1: a plane per voxel, 2 and more: a plane per voxel, in batches.
     pub estimate_normals: u32,
+    /// Material of the voxels.
     pub material: MaterialChoice,
 }
 
@@ -129,13 +172,17 @@ pub enum VoxelMode {
 /// Settings of the AMAPVox loader (spec input-formats §4.5).
 #[derive(Clone, Debug)]
 pub struct VoxelLoader {
+    /// The files.
     pub files: Vec<PathBuf>,
+    /// How rays intersect them.
     pub mode: VoxelMode,
     /// Whether voxels without density are dropped; true where the scene states no mode.
     pub drop_empty: bool,
     /// `scaled` mode: random displacement within the original cell.
     pub random_shift: bool,
+    /// Table of leaf angles.
     pub lad_table: Option<PathBuf>,
+    /// Material of the voxels.
     pub material: MaterialChoice,
 }
 

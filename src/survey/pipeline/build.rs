@@ -3,7 +3,7 @@
 use super::super::checks::check_legs;
 use super::super::context::{Context, ReadOptions};
 use super::super::platform_xml::read_platform;
-use super::super::read::find_scene;
+use super::super::read::{chosen_scene, find_scene};
 use super::super::survey_xml::read_survey_parts;
 use super::super::{
     Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, PoseStream, Scanner,
@@ -11,11 +11,11 @@ use super::super::{
 };
 use super::instrument::read_instrument;
 use super::keys::{LegKeys, Movement, PlatformKeys, SettingsKeys, SurveyKeys};
+use super::parts::read_parts;
 use super::source::{Source, near};
 use super::values::Values;
 use crate::geom::DVec3;
 use crate::quantity;
-use std::path::Path;
 use toml::Spanned;
 
 pub(super) fn read_survey(
@@ -30,17 +30,19 @@ pub(super) fn read_survey(
         None => None,
     };
     let scene = match (&keys.scene, &base) {
-        _ if options.scene.is_some() => {
-            let name = options.scene.as_deref().unwrap_or_default();
-            find_scene(context, name, Path::new(""), None)
+        _ if options.scene.is_some() => options.scene.as_ref().and_then(|scene| chosen_scene(context, scene)),
+        (Some(name), _) if !keys.part.is_empty() => {
+            values.refuse(name, "either `scene` or [[part]] tables");
+            None
         }
+        _ if !keys.part.is_empty() => Some(read_parts(&values, &keys.part)),
         (Some(name), _) => scene_of(context, source, name),
         (None, Some(base)) => Some(base.scene.clone()),
         (None, None) => {
             let place = source.place(0..0);
             context.error_help(
                 place,
-                "a pipeline needs the key `scene` or `survey`",
+                "a pipeline needs the key `scene`, [[part]] tables or a `survey`",
                 "scene = \"file.xml#id\"",
             );
             None
@@ -72,8 +74,13 @@ pub(super) fn read_survey(
     if let Some(name) = &keys.name {
         survey.name.clone_from(name);
     }
+    if options.is_traced && keys.leg.is_empty() && survey.legs.is_empty() {
+        survey.legs = vec![survey.scanner.leg()];
+    }
     build_legs(&values, &mut survey, keys, options.trajectory.clone());
-    check_legs(context, &survey, &[]);
+    if !options.is_traced {
+        check_legs(context, &survey, &[]);
+    }
     Some(survey)
 }
 

@@ -1,7 +1,7 @@
 //! The keys of a pipeline file that describe the survey; keys that are also options of a run are in `options`.
 //! Unknown keys are errors; omitted keys have the default that their documentation states.
 
-use super::super::{BeamProfile, Ranging};
+use super::super::{BeamProfile, Ranging, UpAxis};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -45,8 +45,10 @@ macro_rules! key_table {
 }
 pub(crate) use key_table;
 
-pub const SURVEY_TABLES: [KeyTable; 12] = [
+pub const SURVEY_TABLES: [KeyTable; 14] = [
     SurveyKeys::TABLE,
+    PartKeys::TABLE,
+    MaterialKeys::TABLE,
     PlatformKeys::TABLE,
     InstrumentKeys::TABLE,
     PrismKeys::TABLE,
@@ -103,6 +105,8 @@ pub struct SurveyKeys = "" {
     /// What is scanned: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vox), a table of
     /// instances (.csv) or a packed scene (.vlscene).
     pub scene: Key<String>,
+    /// Parts of the scene, instead of `scene`.
+    pub part: Vec<Spanned<PartKeys>>,
     /// Name of the run; it names the output folder. Default: the file's name without extension.
     pub name: Option<String>,
     /// What carries the scanner.
@@ -117,6 +121,55 @@ pub struct SurveyKeys = "" {
     pub waveform: Option<WaveformKeys>,
     /// Detection, for all channels.
     pub detector: Option<DetectorKeys>,
+}
+}
+
+key_table! {
+/// `[[part]]`: a geometry file and where it stands. A point goes to `scale` times the rotated point plus `position_m`. Parts
+/// that name the same mesh share it.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PartKeys = "[[part]]" {
+    /// Geometry file: a mesh (.obj), a terrain raster (.tif) or vegetation voxels (.vox).
+    pub file: Key<String>,
+    /// What points report as the id of the object. Default: the number of the part, from 0.
+    pub id: Option<String>,
+    /// Axis of a mesh that points up, `z` or `y`. Default: `z`.
+    pub up: Key<UpAxis>,
+    /// Scale. Default: 1.
+    pub scale: Key<f64>,
+    /// Rotations in degrees, one axis each: `[{ z = 90 }]`. Default: none.
+    pub rotate_deg: Vec<Spanned<AxisKeys>>,
+    /// World position x, y, z of the file's origin in metres. Default: 0.
+    pub position_m: Key<[f64; 3]>,
+    /// Lower or lift the part to the ground below it. Default: false.
+    pub on_ground: bool,
+    /// Materials that replace those of the file: tables `[[part.material]]`, in this order.
+    pub material: Vec<Spanned<MaterialKeys>>,
+}
+}
+
+key_table! {
+/// `[[part.material]]`: a material instead of those of a part's file.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MaterialKeys = "[[part.material]]" {
+    /// Name of the material that is replaced. Default: all of the part.
+    pub of: Option<String>,
+    /// Indices of the triangles (then voxels) of the part whose material is replaced, from 0, instead of `of`.
+    pub primitives: Vec<u32>,
+    /// Its name. Default: `of`, else `material`.
+    pub name: Option<String>,
+    /// Reflectance, 0 to 1. Default: that of `spectrum`, else 0.5.
+    pub reflectance: Key<f64>,
+    /// Name of a spectrum in a `spectra` folder of the assets.
+    pub spectrum: Option<String>,
+    /// Class of the points. Default: 0.
+    pub classification: i32,
+    /// Whether legs and parts stand on it. Default: false.
+    pub is_ground: bool,
+    /// Roughness of the surface, degrees; refined physics. Default: 0.
+    pub roughness_deg: Key<f64>,
 }
 }
 

@@ -6,12 +6,13 @@
 //! | `keys` | the documented keys that describe the survey |
 //! | `source` | the text and its tables; all problems of one file at once |
 //! | `values` | values of keys: numbers within bounds, poses, references |
-//! | `build` | builds the survey from the keys |
+//! | `build`, `parts` | builds the survey and its scene from the keys |
 //! | `instrument`, `receiver` | the `[scanner]` table |
 
 mod build;
 mod instrument;
 pub mod keys;
+mod parts;
 mod receiver;
 mod source;
 mod values;

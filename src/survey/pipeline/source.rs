@@ -44,6 +44,11 @@ impl Source {
         }
     }
 
+    /// A text in memory; `path` is its name in messages, and its folder the one that names are relative to.
+    pub fn of_text(path: &Path, text: String) -> Source {
+        Source { path: path.to_path_buf(), text }
+    }
+
     pub fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }

@@ -130,6 +130,37 @@ fn every_table() {
 const FLIGHT: &str = "scene = 'a.obj'\n[trajectory]\npath = '-'\n[scanner]\ncatalogue = 'data/scanners_als.xml#riegl_vux-1uav'\n[settings]\nscan_freq_hz = 100\n";
 
 #[test]
+fn parts_of_a_scene() {
+    let rest = "[scanner]\ncatalogue = 'scanners_tls.xml#riegl_vz400'\n[settings]\nscan_freq_hz = 50\n\
+                [[leg]]\nposition_m = [0, 0, 0]\nsettings = { max_duration_s = 1 }\n";
+    let part = "[[part]]\nfile = 'a.obj'\nid = 'tree'\nup = 'y'\nscale = 2\nrotate_deg = [{ z = 90 }]\n\
+                position_m = [1, 2, 3]\non_ground = true\n[[part.material]]\nof = 'leaf'\nreflectance = 0.4\n\
+                [[part.material]]\nprimitives = [3, 4]\nclassification = 6\n[[part]]\nfile = 'a.obj'\n";
+    let scene = fine(&format!("{part}{rest}")).0.scene;
+    let (tree, plain) = (&scene.parts[0], &scene.parts[1]);
+    assert!(matches!(&tree.loader, Loader::Obj { up: UpAxis::Y, files } if files[0].ends_with("a.obj")));
+    assert_eq!((tree.id.as_deref(), plain.id.as_deref(), plain.number), (Some("tree"), None, 1));
+    let Transform { scale, offset, on_ground, .. } = tree.transform;
+    assert_eq!(
+        (scale, offset, on_ground, plain.transform),
+        (2.0, DVec3::new(1., 2., 3.), 1, Transform::IDENTITY)
+    );
+    assert!((tree.transform.rotation.apply(DVec3::X) - DVec3::Y).length() < 1e-12);
+    let [leaf, some] = &tree.changes[..] else { panic!("{:?}", tree.changes) };
+    assert_eq!((&leaf.replaced, leaf.material.reflectance), (&Replaced::Named("leaf".to_owned()), Some(0.4)));
+    assert_eq!((&some.replaced, some.material.classification), (&Replaced::Primitives(vec![3, 4]), 6));
+    let wrong = "[[part]]\nid = 'a'\n[[part]]\nfile = 'a.e57'\n[[part]]\nfile = 'b.obj'\n[[part]]\nfile = 'a.obj'\n\
+                 scale = 0\n[[part.material]]\nreflectance = 2\n";
+    let report = refused(read(&format!("scene = 'a.obj'\n{rest}{wrong}")));
+    contains(&report, &["either `scene` or [[part]] tables"]);
+    let report = refused(read(&format!("{rest}{wrong}")));
+    contains(
+        &report,
+        &["needs the key `file`", "ends in .obj", "cannot find the file `b.obj`", "above 0", "from 0 to 1"],
+    );
+}
+
+#[test]
 fn a_stream_of_poses() {
     let (survey, _) = fine(FLIGHT);
     let PlatformKind::Stream(stream) = &survey.platform.kind else { panic!("no stream") };
@@ -193,7 +224,10 @@ fn all_wrong_keys_come_at_once() {
 
 #[test]
 fn what_is_missing_is_said() {
-    contains(&refused(read("")), &["needs the key `scene` or `survey`", "needs a [scanner] or a `survey`"]);
+    contains(
+        &refused(read("")),
+        &["needs the key `scene`, [[part]] tables or a `survey`", "needs a [scanner] or a `survey`"],
+    );
     contains(
         &refused(read("scene = 'a.obj'\n[scanner]\noptics = 'conic'\n")),
         &["needs `catalogue`, or both `optics` and `pulse_freqs_hz`"],

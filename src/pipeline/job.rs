@@ -1,12 +1,12 @@
 //! Conversion of options to the settings of a session, with every choice resolved.
 
+use super::settings::{DEFAULT_CHUNK_SIZE, DEFAULT_LATENCY, DEFAULT_WAREHOUSE_FACTOR, Settings};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::flight::FlightOptions;
 use crate::machine;
-use crate::options::{Options, read_survey};
+use crate::options::{Options, read_pipeline_text, read_survey};
 use crate::output::OutputRequest;
-use crate::pipeline::{DEFAULT_CHUNK_SIZE, DEFAULT_LATENCY, DEFAULT_WAREHOUSE_FACTOR, Settings};
 use crate::pulse::{Corrections, PhysicsOptions};
 use crate::scene::{LoadOptions, MaterialRules};
 use crate::schedule::{Policy, PolicyKind, Schedule};
@@ -19,32 +19,48 @@ const DEFAULT_IDLE_THRESHOLD_MS: f64 = 0.1;
 
 const MAX_THREADS: usize = 1024;
 
-/// A command's job, with every choice resolved.
+/// A run with every choice resolved.
+#[derive(Clone, Debug)]
 pub struct Job {
+    /// The settings of the session.
     pub settings: Settings,
+    /// What is written.
     pub output: OutputRequest,
+    /// Where the activity of the schedule is written.
     pub schedule_log: Option<PathBuf>,
+    /// Where the table of the scene's parts goes.
+    pub part_table: Option<PathBuf>,
+    /// Whether the progress is shown as plain lines.
     pub progress_lines: bool,
 }
 
 impl Job {
     /// Reads the survey or pipeline and resolves every choice: the command line takes precedence over the file, the
     /// file over the default.
+    ///
+    /// # Errors
+    /// All problems of all files at once.
     pub fn resolve(file: &Path, typed: &Options) -> Result<(Job, Diagnostics)> {
         let (survey, options, warnings) = read_survey(file, typed.clone())?;
         Ok((Job::new(survey, &options)?, warnings))
     }
 
+    /// Reads a pipeline in memory and resolves every choice, as [`Job::resolve`] does for a file.
+    ///
+    /// # Errors
+    /// As for [`Job::resolve`].
+    pub fn of_text(name: &Path, text: String, typed: &Options) -> Result<(Job, Diagnostics)> {
+        let (survey, options, warnings) = read_pipeline_text(name, text, typed.clone())?;
+        Ok((Job::new(survey, &options)?, warnings))
+    }
+
     /// Resolves every choice for a survey that has been read.
+    ///
+    /// # Errors
+    /// Options that contradict one another.
     pub fn new(mut survey: Survey, options: &Options) -> Result<Job> {
         if let Some(crs) = &options.output.crs {
             survey.crs_wkt = Some(crs.wkt()?);
-        }
-        let crs = survey.crs_wkt.as_deref();
-        match &mut survey.platform.kind {
-            PlatformKind::Stream(stream) => stream.grid = stream.grid.of_scene(crs),
-            PlatformKind::Interpolated(files) => files.grid = files.grid.of_scene(crs),
-            _ => {}
         }
         let seed = options.origin.seed.map(|seed| seed.0).or(survey.seed).unwrap_or(0);
         let threads = threads(options.schedule.threads, all_threads());
@@ -54,7 +70,6 @@ impl Job {
         let (gps_start_ns, day) = gps_start.resolve(kinematics.leap_seconds)?;
         let output = OutputRequest {
             live: matches!(survey.platform.kind, PlatformKind::Stream(_)),
-            crs_wkt: survey.crs_wkt.clone(),
             ..options.output_request(day)?
         };
         let settings = Settings {
@@ -87,7 +102,13 @@ impl Job {
             survey,
         };
         let speed = &options.schedule;
-        Ok(Job { settings, output, schedule_log: speed.schedule_log.clone(), progress_lines: speed.progress })
+        Ok(Job {
+            settings,
+            output,
+            schedule_log: speed.schedule_log.clone(),
+            part_table: options.part_table.clone(),
+            progress_lines: speed.progress,
+        })
     }
 }
 

@@ -1,0 +1,32 @@
+//! Lists of instruments, options and columns.
+
+use crate::errors::exception;
+use pyo3::prelude::*;
+use vlscan::Options;
+use vlscan::internals::catalogue as shipped;
+
+/// References and names.
+type Named = Vec<(String, String)>;
+
+/// References and names of the scanners, and references of the platforms, that ship with the program.
+#[pyfunction]
+pub fn catalogue(py: Python<'_>) -> PyResult<(Named, Vec<String>)> {
+    let (known, _) = shipped().map_err(|error| exception(py, error))?;
+    let scanners = known.scanners.into_iter().map(|(reference, scanner)| (reference, scanner.name));
+    let platforms = known.platforms.into_iter().map(|(reference, _)| reference);
+    Ok((scanners.collect(), platforms.collect()))
+}
+
+/// The options of a run: name, help, whether it takes a value, whether it may be given more than once.
+#[pyfunction]
+pub fn options() -> Vec<(String, String, bool, bool)> {
+    let names = Options::names().into_iter();
+    names.map(|option| (option.long, option.help, option.has_value, option.is_list)).collect()
+}
+
+/// The columns of points: name, unit, meaning.
+#[pyfunction]
+pub fn columns() -> Vec<(&'static str, &'static str, &'static str)> {
+    let columns = vlscan::Column::ALL.iter();
+    columns.map(|column| (column.name(), column.unit(), column.meaning())).collect()
+}

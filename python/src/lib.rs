@@ -1,0 +1,55 @@
+//! The compiled part of the Python module `vlscan`: scenes, runs and tables over the engine's sessions. The classes that
+//! users see are in `python/vlscan`.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `errors` | errors and warnings of the engine as Python exceptions |
+//! | `table` | record batches as NumPy columns and by the Arrow C data interface |
+//! | `scene` | scenes of files and of arrays |
+//! | `run` | runs: to memory, to files, batch by batch; Ctrl-C and progress |
+//! | `batches` | runs whose points are taken while they are measured |
+//! | `catalogue` | lists of instruments, options and columns |
+//! | `preview` | pictures and pages of points |
+
+use pyo3::prelude::*;
+
+mod batches;
+mod catalogue;
+mod errors;
+mod preview;
+mod run;
+mod scene;
+mod table;
+
+/// The engine of vlscan; use the package `vlscan`.
+#[pymodule]
+mod _vlscan {
+    #[pymodule_export]
+    use super::batches::BatchIterator;
+    #[pymodule_export]
+    use super::catalogue::{catalogue, columns, options};
+    #[pymodule_export]
+    use super::command;
+    #[pymodule_export]
+    use super::preview::{page, picture};
+    #[pymodule_export]
+    use super::run::{Outcome, Request, run, run_batches};
+    #[pymodule_export]
+    use super::scene::{Changes, Mesh, Part, Scene};
+    #[pymodule_export]
+    use super::table::{Column, Table};
+    #[pymodule_export]
+    use super::version;
+}
+
+/// Runs the command line with these words, the first of which is the program's name, and returns its exit status.
+#[pyfunction]
+fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> u8 {
+    py.detach(|| vlscan::main(words))
+}
+
+/// Version of the engine.
+#[pyfunction]
+fn version() -> &'static str {
+    env!("CARGO_PKG_VERSION")
+}

@@ -1,0 +1,297 @@
+//! Runs: a survey is flown, or pulses are traced, to tables in memory and to files. The interpreter is free meanwhile;
+//! Ctrl-C ends a run, and a function is told the progress.
+
+use crate::batches::{BatchIterator, Channel};
+use crate::errors::{Notices, exception};
+use crate::scene::Scene;
+use crate::table::{Table, batches};
+use arrow_array::RecordBatch;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use vlscan::internals::encode_stream;
+use vlscan::{
+    Control, Error, Job, LegRule, OutputRequest, Progress, PulseReader, Report, Session, Stop, TableContent,
+    TableRequest, TableSink,
+};
+
+/// Time between two checks of signals and reports of progress.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
+/// Rows of pulses that are traced together.
+const PULSE_ROWS: usize = 4096;
+
+/// What is run: a survey or pipeline file, or a pipeline as text; a scene that replaces its own; a trajectory or pulses in
+/// memory; options.
+#[pyclass(frozen, module = "vlscan")]
+pub struct Request {
+    file: Option<PathBuf>,
+    document: String,
+    words: Vec<String>,
+    scene: Option<Py<Scene>>,
+    trajectory: Option<Arc<[u8]>>,
+    pulses: Option<Vec<u8>>,
+    streamed_divergence: bool,
+}
+
+#[pymethods]
+impl Request {
+    /// `words` are options as `vlscan run` takes them. `trajectory` and `pulses` are tables.
+    #[new]
+    #[pyo3(signature = (words, file=None, document=String::new(), scene=None, trajectory=None, pulses=None))]
+    fn new(
+        py: Python<'_>,
+        words: Vec<String>,
+        file: Option<PathBuf>,
+        document: String,
+        scene: Option<Py<Scene>>,
+        trajectory: Option<Bound<'_, PyAny>>,
+        pulses: Option<Bound<'_, PyAny>>,
+    ) -> PyResult<Request> {
+        let stream = |table: Bound<'_, PyAny>| {
+            let (schema, batches) = batches(&table)?;
+            py.detach(|| encode_stream(&schema, &batches)).map_err(|error| exception(py, error))
+        };
+        let trajectory = trajectory.map(stream).transpose()?.map(Arc::from);
+        let pulses = pulses.map(stream).transpose()?;
+        Ok(Request { file, document, words, scene, trajectory, pulses, streamed_divergence: true })
+    }
+}
+
+impl Request {
+    fn job(&self, notices: &Notices) -> vlscan::Result<Job> {
+        let mut options = vlscan::Options::parse(self.words.iter().cloned())?;
+        let has_file = !options.output.out.is_empty() || options.output.output.is_some();
+        options.is_traced = self.pulses.is_some();
+        options.scene = self.scene.as_ref().map(|scene| scene.get().recipe.clone());
+        if let Some(bytes) = &self.trajectory {
+            options.trajectory.content = Some(bytes.clone());
+            options.trajectory.path = Some(PathBuf::from("<trajectory>"));
+        }
+        let read = match &self.file {
+            Some(file) => Job::resolve(file, &options),
+            None => Job::of_text(Path::new("<python>"), self.document.clone(), &options),
+        };
+        let (mut job, warnings) = read?;
+        if !has_file {
+            // Points stay in memory.
+            job.output.sinks.clear();
+        }
+        notices.add(vlscan::Notice::Warnings(warnings));
+        Ok(job)
+    }
+
+    fn session(&self, job: Job, notices: &Notices) -> vlscan::Result<Session> {
+        match &self.scene {
+            Some(scene) => scene.get().session(job, notices),
+            None => Session::open(job.settings, notices.observer()),
+        }
+    }
+
+    /// Runs the request; `tables` take the results in memory.
+    fn execute(
+        &self,
+        tables: Vec<TableRequest>,
+        notices: &Notices,
+        progress: &Progress,
+        stop: &Stop,
+    ) -> vlscan::Result<Report> {
+        let job = self.job(notices)?;
+        let outputs = OutputRequest { tables, ..job.output.clone() };
+        let control = Control::new(progress, stop);
+        let Some(pulses) = &self.pulses else {
+            return self.session(job, notices)?.run(outputs, control);
+        };
+        let reader = PulseReader::of_bytes(pulses.clone(), Path::new("<pulses>"), PULSE_ROWS);
+        let known = self.file.is_some();
+        let legs = LegRule { known, separate_files: false, streamed_divergence: self.streamed_divergence };
+        self.session(job, notices)?.trace(reader, legs, outputs, control)
+    }
+}
+
+/// Result of a run.
+#[pyclass(frozen, module = "vlscan")]
+pub struct Outcome {
+    tables: Vec<(String, Py<Table>)>,
+    report: Report,
+    notices: Py<PyList>,
+}
+
+#[pymethods]
+impl Outcome {
+    /// A table by name: points, trajectory, pulses, waveforms; none if it was not asked for.
+    fn table(&self, py: Python<'_>, name: &str) -> Option<Py<Table>> {
+        self.tables.iter().find(|table| table.0 == name).map(|table| table.1.clone_ref(py))
+    }
+
+    /// Number of pulses emitted.
+    #[getter]
+    fn pulses(&self) -> u64 {
+        self.report.pulses
+    }
+
+    /// Number of points.
+    #[getter]
+    fn points(&self) -> u64 {
+        self.report.summary.points
+    }
+
+    /// Time from the first pulse to the last point, s.
+    #[getter]
+    fn seconds(&self) -> f64 {
+        self.report.seconds
+    }
+
+    /// Whether the run was stopped early.
+    #[getter]
+    fn interrupted(&self) -> bool {
+        self.report.interrupted
+    }
+
+    /// Files that were written: path, number of records, bytes, whether it is partial.
+    #[getter]
+    fn files(&self) -> Vec<(String, u64, u64, bool)> {
+        let files = self.report.summary.files.iter();
+        files
+            .filter_map(|file| {
+                let path = file.path.as_ref()?.display().to_string();
+                Some((path, file.records, file.bytes, file.partial))
+            })
+            .collect()
+    }
+
+    /// Run directories in HELIOS++'s layout.
+    #[getter]
+    fn directories(&self) -> Vec<PathBuf> {
+        self.report.summary.directories.clone()
+    }
+
+    /// Warnings and notes as dictionaries.
+    #[getter]
+    fn notices(&self, py: Python<'_>) -> Py<PyList> {
+        self.notices.clone_ref(py)
+    }
+}
+
+/// Collects the batches of a table.
+#[derive(Debug, Default)]
+struct Collected(Mutex<Vec<RecordBatch>>);
+
+impl TableSink for Collected {
+    fn take(&self, batch: RecordBatch) -> vlscan::Result<()> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(batch);
+        Ok(())
+    }
+}
+
+fn content(name: &str) -> PyResult<TableContent> {
+    match name {
+        "points" => Ok(TableContent::Points),
+        "trajectory" => Ok(TableContent::Trajectory),
+        "pulses" => Ok(TableContent::Pulses),
+        "waveforms" => Ok(TableContent::Waveforms),
+        other => {
+            let known = "points, trajectory, pulses and waveforms";
+            Err(PyValueError::new_err(format!("there is no table {other:?}, there are {known}")))
+        }
+    }
+}
+
+/// Runs a request and returns the tables of these names. `progress` is called with pulses, points, leg and the fraction
+/// done.
+#[pyfunction]
+#[pyo3(signature = (request, tables, progress=None))]
+pub fn run(
+    py: Python<'_>,
+    request: &Request,
+    tables: Vec<String>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Outcome> {
+    let mut sinks = Vec::new();
+    for name in &tables {
+        let sink = Arc::new(Collected::default());
+        let batch_rows = usize::MAX;
+        sinks.push((sink.clone(), TableRequest { content: content(name)?, batch_rows, sink }));
+    }
+    let requests: Vec<TableRequest> = sinks.iter().map(|(_, request)| request.clone()).collect();
+    let notices = Notices::default();
+    let (counters, stop) = (Progress::default(), Stop::new());
+    let mut failure = None;
+    let done = py.detach(|| {
+        watched(
+            || request.execute(requests, &notices, &counters, &stop),
+            || {
+                if failure.is_none() {
+                    failure = Python::attach(|py| tell(py, progress.as_ref(), &counters)).err();
+                    if failure.is_some() {
+                        stop.request();
+                    }
+                }
+            },
+        )
+    });
+    if let Some(failure) = failure {
+        return Err(failure);
+    }
+    let issued = notices.issue(py)?;
+    let report = done.map_err(|error| exception(py, error))?;
+    tell(py, progress.as_ref(), &counters)?;
+    let mut found = Vec::new();
+    for (name, (sink, _)) in tables.into_iter().zip(sinks) {
+        let batch = sink.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let batch = batch.ok_or_else(|| PyRuntimeError::new_err(format!("no table of {name}")))?;
+        found.push((name, Py::new(py, Table(batch))?));
+    }
+    Ok(Outcome { tables: found, report, notices: issued.unbind() })
+}
+
+/// Calls `work` on another thread, and `check` from time to time until it is done.
+fn watched<T: Send>(
+    work: impl FnOnce() -> vlscan::Result<T> + Send,
+    mut check: impl FnMut(),
+) -> vlscan::Result<T> {
+    std::thread::scope(|scope| {
+        let (done, wait) = sync_channel::<()>(1);
+        let worker = scope.spawn(move || {
+            // Dropped at the end, also of a panic.
+            let _done = done;
+            work()
+        });
+        while wait.recv_timeout(POLL_INTERVAL) == Err(RecvTimeoutError::Timeout) {
+            check();
+        }
+        worker.join().unwrap_or_else(|_| Err(Error::Internal("a thread of the run has failed".to_owned())))
+    })
+}
+
+/// Lets Python handle signals, and tells the progress.
+fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, counters: &Progress) -> PyResult<()> {
+    py.check_signals()?;
+    let Some(progress) = progress else { return Ok(()) };
+    let now = counters.snapshot();
+    let fields = PyDict::new(py);
+    fields.set_item("pulses", now.pulses)?;
+    fields.set_item("points", now.echoes)?;
+    fields.set_item("leg", now.leg)?;
+    fields.set_item("done", now.done)?;
+    progress.call(py, (), Some(&fields))?;
+    Ok(())
+}
+
+/// Runs a request and returns its points batch by batch; at most `waiting` batches wait for their reader.
+#[pyfunction]
+pub fn run_batches(request: Py<Request>, rows: usize, waiting: usize) -> BatchIterator {
+    let (sink, batches) = Channel::new(waiting);
+    let table = TableRequest { content: TableContent::Points, batch_rows: rows.max(1), sink: Arc::new(sink) };
+    let notices = Notices::default();
+    let stop = Arc::new(Stop::new());
+    let (own_notices, own_stop) = (notices.clone(), stop.clone());
+    let worker = std::thread::spawn(move || {
+        let request = request.get();
+        request.execute(vec![table], &own_notices, &Progress::default(), &own_stop)
+    });
+    BatchIterator::new(batches, worker, stop, notices)
+}

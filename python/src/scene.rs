@@ -1,0 +1,343 @@
+//! Scenes of files and of arrays. A scene and its tree are loaded once and shared by all runs that need the same ones.
+
+use crate::errors::{Notices, exception};
+use crate::table::Table;
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyList};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use vlscan::internals::{
+    DVec3, Loader, MaterialChange, MaterialChoice, MotionTiming, PartRecipe, Replaced, Rotation, SceneRecipe,
+    Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, pack,
+};
+use vlscan::{Job, LoadedScene, MaterialDefinition, ReadOptions, Session, read_scene};
+
+/// Triangles with materials.
+#[pyclass(frozen, module = "vlscan")]
+pub struct Mesh(Arc<vlscan::Mesh>);
+
+#[pymethods]
+impl Mesh {
+    /// `vertices`: bytes of doubles, three per vertex, m. `triangles`: bytes of unsigned 32-bit integers, three per triangle.
+    /// `materials`: dictionaries. `material_of`: bytes of unsigned 32-bit integers, one per triangle, or none.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        vertices: &[u8],
+        triangles: &[u8],
+        materials: Vec<Bound<'_, PyDict>>,
+        material_of: &[u8],
+    ) -> PyResult<Mesh> {
+        let (vertices, _) = vertices.as_chunks::<24>();
+        let number = |bytes: &[u8]| f64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|i| bytes[i]));
+        let vertices = vertices
+            .iter()
+            .map(|v| DVec3::new(number(&v[..8]), number(&v[8..16]), number(&v[16..])))
+            .collect();
+        let triangles = indices(triangles).as_chunks().0.to_vec();
+        let materials = materials.iter().map(material).collect::<PyResult<Vec<_>>>()?;
+        let mesh = vlscan::Mesh::new(vertices, triangles, materials, indices(material_of));
+        mesh.map(|mesh| Mesh(Arc::new(mesh))).map_err(|error| exception(py, error))
+    }
+}
+
+/// A material from a dictionary whose keys the class `Material` of the package sets.
+fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
+    let get = |key: &str| {
+        fields.get_item(key)?.ok_or_else(|| PyTypeError::new_err(format!("a material needs {key}")))
+    };
+    Ok(MaterialDefinition {
+        name: get("name")?.extract()?,
+        kd: get("diffuse")?.extract()?,
+        ks: get("specular")?.extract()?,
+        ns: get("specular_exponent")?.extract()?,
+        roughness: get("roughness_deg")?.extract::<f64>()?.to_radians(),
+        reflectance: get("reflectance")?.extract()?,
+        spectrum: get("spectrum")?.extract()?,
+        classification: get("classification")?.extract()?,
+        is_ground: get("is_ground")?.extract()?,
+        line: 0,
+    })
+}
+
+/// A part of a scene: geometry and where it stands.
+#[pyclass(frozen, module = "vlscan")]
+pub struct Part(PartRecipe);
+
+#[pymethods]
+impl Part {
+    /// A part of a mesh in memory.
+    #[staticmethod]
+    fn of_mesh(mesh: &Mesh, place: &Bound<'_, PyDict>) -> PyResult<Part> {
+        part(Loader::Mesh(mesh.0.clone()), place)
+    }
+
+    /// A part of an OBJ file.
+    #[staticmethod]
+    fn of_obj(path: PathBuf, y_is_up: bool, place: &Bound<'_, PyDict>) -> PyResult<Part> {
+        let up = if y_is_up { UpAxis::Y } else { UpAxis::Z };
+        part(Loader::Obj { files: vec![path], up }, place)
+    }
+
+    /// A part of a terrain raster.
+    #[staticmethod]
+    fn of_raster(path: PathBuf, material: &Bound<'_, PyDict>, place: &Bound<'_, PyDict>) -> PyResult<Part> {
+        part(Loader::GeoTiff { file: path, material: choice(material)? }, place)
+    }
+
+    /// A part of a point cloud as text, which becomes voxels.
+    #[staticmethod]
+    fn of_points(
+        path: PathBuf,
+        settings: &Bound<'_, PyDict>,
+        material: &Bound<'_, PyDict>,
+        place: &Bound<'_, PyDict>,
+    ) -> PyResult<Part> {
+        let get = |key: &str| item(settings, key);
+        let normal: Option<[f64; 3]> = get("default_normal")?.extract()?;
+        let loader = XyzLoader {
+            files: vec![path],
+            separator: get("separator")?.extract()?,
+            voxel_size: get("voxel_size")?.extract()?,
+            max_color_value: get("max_color_value")?.extract()?,
+            default_normal: normal.map(DVec3::from),
+            rgb_columns: get("rgb_columns")?.extract()?,
+            normal_columns: get("normal_columns")?.extract()?,
+            snap_neighbor_normal: get("snap_neighbor_normal")?.extract()?,
+            estimate_normals: get("estimate_normals")?.extract()?,
+            material: choice(material)?,
+        };
+        part(Loader::Xyz(Box::new(loader)), place)
+    }
+
+    /// A part of vegetation voxels (AMAPVox).
+    #[staticmethod]
+    fn of_voxels(
+        path: PathBuf,
+        settings: &Bound<'_, PyDict>,
+        material: &Bound<'_, PyDict>,
+        place: &Bound<'_, PyDict>,
+    ) -> PyResult<Part> {
+        let get = |key: &str| item(settings, key);
+        let mode: String = get("mode")?.extract()?;
+        let loader = VoxelLoader {
+            files: vec![path],
+            mode: match mode.as_str() {
+                "transmittive" => VoxelMode::Transmittive,
+                "fixed" => VoxelMode::Fixed,
+                "scaled" => VoxelMode::Scaled(get("exponent")?.extract()?),
+                other => {
+                    let expected = "expected transmittive, fixed or scaled";
+                    return Err(PyValueError::new_err(format!("mode is {other:?}; {expected}")));
+                }
+            },
+            drop_empty: get("drop_empty")?.extract()?,
+            random_shift: get("random_shift")?.extract()?,
+            lad_table: get("lad_table")?.extract()?,
+            material: choice(material)?,
+        };
+        part(Loader::DetailedVoxels(Box::new(loader)), place)
+    }
+}
+
+fn item<'py>(fields: &Bound<'py, PyDict>, key: &str) -> PyResult<Bound<'py, PyAny>> {
+    fields.get_item(key)?.ok_or_else(|| PyTypeError::new_err(format!("{key} is missing")))
+}
+
+fn choice(fields: &Bound<'_, PyDict>) -> PyResult<MaterialChoice> {
+    Ok(MaterialChoice {
+        file: item(fields, "file")?.extract()?,
+        name: item(fields, "name")?.extract()?,
+        random_variants: 0,
+        random_range: 1.0,
+    })
+}
+
+/// Changes of the materials of a part, which its copies share.
+#[pyclass(frozen, module = "vlscan")]
+pub struct Changes(Arc<[MaterialChange]>);
+
+#[pymethods]
+impl Changes {
+    /// No changes.
+    #[new]
+    fn new() -> Changes {
+        Changes(Arc::default())
+    }
+
+    /// These changes and another one: of all primitives, of those whose material has a name, or of those with the indices in
+    /// the bytes of unsigned 32-bit integers.
+    fn then(&self, which: &Bound<'_, PyAny>, fields: &Bound<'_, PyDict>) -> PyResult<Changes> {
+        let replaced = if which.is_none() {
+            Replaced::All
+        } else if let Ok(name) = which.extract::<String>() {
+            Replaced::Named(name)
+        } else {
+            Replaced::Primitives(indices(which.cast::<PyBytes>()?.as_bytes()))
+        };
+        let last = MaterialChange { replaced, material: material(fields)? };
+        Ok(Changes(self.0.iter().cloned().chain([last]).collect()))
+    }
+}
+
+/// Unsigned 32-bit integers.
+fn indices(bytes: &[u8]) -> Vec<u32> {
+    let (numbers, _) = bytes.as_chunks();
+    numbers.iter().map(|number| u32::from_le_bytes(*number)).collect()
+}
+
+/// A part with its place: `axis` and `angle` (rad) of its rotation, `scale`, `offset` (m), `on_ground`, `id`.
+fn part(loader: Loader, place: &Bound<'_, PyDict>) -> PyResult<Part> {
+    let get = |key: &str| item(place, key);
+    let axis = DVec3::from(get("axis")?.extract::<[f64; 3]>()?);
+    let angle: f64 = get("angle")?.extract()?;
+    Ok(Part(PartRecipe {
+        id: get("id")?.extract()?,
+        number: 0,
+        loader,
+        changes: get("changes")?.cast::<Changes>()?.get().0.clone(),
+        transform: Transform {
+            rotation: if angle == 0.0 { Rotation::IDENTITY } else { Rotation::about(axis, angle) },
+            scale: get("scale")?.extract()?,
+            offset: DVec3::from(get("offset")?.extract::<[f64; 3]>()?),
+            on_ground: get("on_ground")?.extract()?,
+        },
+        motions: Vec::new(),
+        timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
+        swaps: Vec::new(),
+        place: None,
+    }))
+}
+
+/// What is scanned.
+#[pyclass(frozen, module = "vlscan")]
+pub struct Scene {
+    pub recipe: Arc<SceneRecipe>,
+    loaded: Mutex<Option<LoadedScene>>,
+}
+
+#[pymethods]
+impl Scene {
+    /// Reads a scene: `file.xml#id`, `file.xml`, a geometry file, a table of instances or a packed scene.
+    #[staticmethod]
+    fn read(py: Python<'_>, reference: &str, assets: Vec<PathBuf>) -> PyResult<Scene> {
+        let options = ReadOptions { assets, ..ReadOptions::default() };
+        let read = py.detach(|| read_scene(reference, &options));
+        let (recipe, warnings) = read.map_err(|error| exception(py, error))?;
+        let notices = Notices::default();
+        notices.add(vlscan::Notice::Warnings(warnings));
+        notices.issue(py)?;
+        Ok(Scene::of(recipe))
+    }
+
+    /// A scene of parts.
+    #[staticmethod]
+    fn of_parts(parts: &Bound<'_, PyList>, asset_folders: Vec<PathBuf>) -> PyResult<Scene> {
+        let mut recipes = Vec::new();
+        for (number, part) in (0..).zip(parts) {
+            let part = part.cast_into::<Part>()?;
+            recipes.push(PartRecipe { number, ..part.get().0.clone() });
+        }
+        Ok(Scene::of(SceneRecipe {
+            id: "scene".to_owned(),
+            path: PathBuf::from("<python>"),
+            parts: recipes,
+            dyn_step: 1,
+            dyn_time_step: None,
+            packed: None,
+            asset_folders,
+        }))
+    }
+
+    /// Ids of the parts that the description names; none for packed scenes.
+    #[getter]
+    fn part_count(&self) -> usize {
+        self.recipe.parts.len()
+    }
+
+    /// Loads scene and tree now; otherwise the first run does. `words` are options of a run, `document` is a pipeline.
+    fn load(&self, py: Python<'_>, document: String, words: Vec<String>) -> PyResult<()> {
+        let notices = Notices::default();
+        let done = py.detach(|| self.session(self.job(document, words)?, &notices).map(drop));
+        notices.issue(py)?;
+        done.map_err(|error| exception(py, error))
+    }
+
+    /// Writes scene and tree to a packed scene; the other arguments are those of `load`.
+    fn pack(&self, py: Python<'_>, path: PathBuf, document: String, words: Vec<String>) -> PyResult<()> {
+        let notices = Notices::default();
+        let done = py.detach(|| {
+            let settings = self.job(document, words)?.settings;
+            let (_, warnings) = pack(&self.recipe, &settings.load, &settings.tree, &path)?;
+            notices.add(vlscan::Notice::Warnings(warnings));
+            Ok(())
+        });
+        notices.issue(py)?;
+        done.map_err(|error| exception(py, error))
+    }
+
+    /// Whether scene and tree are in memory.
+    #[getter]
+    fn is_loaded(&self) -> bool {
+        self.lock().is_some()
+    }
+
+    /// Frees scene and tree.
+    fn unload(&self) {
+        *self.lock() = None;
+    }
+
+    /// Box, number of primitives, ids of parts, materials (name, reflectance, class) and memory of the loaded scene.
+    #[allow(clippy::type_complexity, reason = "unpacked by the package")]
+    fn facts(&self) -> Option<([[f64; 3]; 2], u64, Vec<String>, Vec<(String, f64, i32)>, u64)> {
+        let facts = self.lock().as_ref()?.facts();
+        let bounds = [facts.bounds.min.to_array(), facts.bounds.max.to_array()];
+        Some((bounds, facts.primitives, facts.parts, facts.materials, facts.memory))
+    }
+
+    /// World height of the ground of the loaded scene at (x, y), m.
+    fn ground_height(&self, py: Python<'_>, x: f64, y: f64) -> Option<f64> {
+        let loaded = self.lock().clone()?;
+        py.detach(|| loaded.ground_height(x, y))
+    }
+
+    /// Points on the surfaces of the loaded scene.
+    fn sample(&self, py: Python<'_>, count: usize) -> PyResult<Option<Table>> {
+        let Some(loaded) = self.lock().clone() else { return Ok(None) };
+        let sampled = py.detach(|| loaded.sample(count)).map_err(|error| exception(py, error))?;
+        Ok(Some(Table(sampled)))
+    }
+}
+
+impl Scene {
+    fn of(recipe: SceneRecipe) -> Scene {
+        Scene { recipe: Arc::new(recipe), loaded: Mutex::new(None) }
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Option<LoadedScene>> {
+        self.loaded.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn job(&self, document: String, words: Vec<String>) -> vlscan::Result<Job> {
+        let mut options = vlscan::Options::parse(words)?;
+        options.is_traced = true;
+        options.scene = Some(self.recipe.clone());
+        Job::of_text("<python>".as_ref(), document, &options).map(|(job, _)| job)
+    }
+
+    /// A session over this scene, which is loaded if the one in memory is not the one that the settings ask for.
+    pub fn session(&self, job: Job, notices: &Notices) -> vlscan::Result<Session> {
+        let loaded = self.lock().clone();
+        if let Some(loaded) = loaded
+            && let Some(session) = Session::open_loaded(job.settings.clone(), &loaded, notices.observer())?
+        {
+            return Ok(session);
+        }
+        // Only one scene is kept.
+        self.unload();
+        let session = Session::open(job.settings, notices.observer())?;
+        *self.lock() = session.loaded();
+        Ok(session)
+    }
+}

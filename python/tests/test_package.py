@@ -1,0 +1,48 @@
+"""The package: the command, lists, documents."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import vlscan
+from vlscan import Leg, Survey, _toml
+
+
+def test_the_command_is_the_program(command, room, tmp_path):
+    assert command("--version").stdout.decode().split() == ["vlscan", vlscan.__version__]
+    assert command("run", "nowhere.xml").returncode == 2
+    done = command("run", room, "-o", "-", "--format", "xyz", "-q")
+    assert done.returncode == 0 and len(done.stdout.splitlines()) > 10_000
+    script = subprocess.run([Path(sys.executable).with_name("vlscan"), "--version"], capture_output=True, check=True)
+    assert script.stdout == command("--version").stdout
+
+
+def test_a_closed_pipe_ends_the_command(room):
+    line = f'"{sys.executable}" -m vlscan run {room} -o - --format xyz -q | head -3'
+    done = subprocess.run(["bash", "-o", "pipefail", "-c", line], capture_output=True, check=False)
+    assert (done.returncode, done.stderr, len(done.stdout.splitlines())) == (0, b"", 3)
+
+
+def test_importing_the_package_imports_no_numpy():
+    text = "import sys, vlscan, vlscan.__main__; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", text], check=False).returncode == 0
+
+
+def test_lists():
+    assert vlscan.scanners()["riegl_vz400"] == "RIEGL VZ-400" and "sr22" in vlscan.platforms()
+    assert vlscan.columns()["X"].unit == "m" and vlscan.options()["seed"].has_value
+    assert set(vlscan.__all__) <= set(dir(vlscan)) and all(hasattr(vlscan, name) for name in vlscan.__all__)
+    with pytest.raises(AttributeError):
+        vlscan.nothing
+
+
+def test_documents_are_toml():
+    tomllib = pytest.importorskip("tomllib")
+    survey = Survey(None, vlscan.Scanner("riegl_vz400", accuracy_m=0.5), [Leg((1, 2, 3), scan_freq_hz=1e-3)])
+    keys = tomllib.loads(survey.document())
+    assert keys["scanner"]["accuracy_m"] == 0.5 and keys["leg"][0]["settings"] == {"scan_freq_hz": 0.001}
+    odd = {"a": [1, 2.5, True, "é\"\n"], "t": {"x y": 1e30, "none": None}, "l": [{"b": float("inf")}]}
+    assert tomllib.loads(_toml.document(odd)) == {"a": odd["a"], "t": {"x y": 1e30}, "l": odd["l"]}
+    with pytest.raises(TypeError):
+        _toml.document({"a": object()})

@@ -1,0 +1,236 @@
+"""Runs: to memory, to files, batch by batch, with progress, errors and interruption."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+import vlscan
+from vlscan import Leg, Material, Part, Scene, Survey
+
+pyarrow = pytest.importorskip("pyarrow")
+
+
+LEG = Leg((0, 0, 5), scan_freq_hz=50, head_rate_deg_per_s=36, head_stop_deg=90)
+
+
+def wall(size=10.0, z=0.0):
+    """A square in the xy plane."""
+    corners = [[-size, -size, z], [size, -size, z], [size, size, z], [-size, size, z]]
+    return corners, [[0, 1, 2], [0, 2, 3]]
+
+
+def long_survey(seconds=600):
+    """A survey of 100 000 pulses per second over a plane."""
+    leg = Leg((0, 0, 20), scan_freq_hz=100, head_rate_deg_per_s=360 / seconds, head_stop_deg=360)
+    return Survey([Part.mesh(*wall(1000))], "riegl_vz400", [leg])
+
+
+def test_memory_has_the_bytes_of_the_command(room, command, tmp_path):
+    file = tmp_path / "room.arrow"
+    done = command("run", room, "-o", file, "--seed", 7)
+    assert done.returncode == 0, done.stderr
+    expected = pyarrow.ipc.open_stream(file).read_all()
+    for threads in (1, 2):
+        points = vlscan.run(room, seed=7, threads=threads).points
+        assert points.columns == expected.column_names and len(points) == len(expected) > 10_000
+        for name in points:
+            assert np.asarray(expected[name]).tobytes() == points[name].tobytes(), name
+    assert points.metadata["scanner"] == expected.schema.metadata[b"scanner"].decode()
+
+
+def test_columns_are_not_copied(room):
+    points = vlscan.run(room).points
+    assert points["X"] is points["X"] and not points["X"].flags.owndata and not points["X"].flags.writeable
+    x = points["X"]
+    first = x[0]
+    del points
+    assert x[0] == first
+    table = pyarrow.table(vlscan.run(room).points)
+    assert table.num_rows == len(x) and table["X"].num_chunks == 1
+
+
+def test_other_libraries_take_points(room):
+    points = vlscan.run(room, columns=["X", "Y", "Z", "ReturnNumber"]).points
+    assert points.columns == ["X", "Y", "Z", "ReturnNumber"] and points.units == {"X": "m", "Y": "m", "Z": "m"}
+    rows = points.to_numpy()
+    assert rows.dtype.names == ("X", "Y", "Z", "ReturnNumber") and (rows["Z"] == points["Z"]).all()
+    assert points.xyz.shape == (len(points), 3) and (points.bounds[0] <= points.xyz.min(axis=0)).all()
+    polars = pytest.importorskip("polars")
+    assert polars.DataFrame(points).shape == (len(points), 4) and points.to_polars()["X"][5] == points["X"][5]
+    pandas = pytest.importorskip("pandas")
+    assert pandas.DataFrame(dict(points)).shape == (len(points), 4) and points.to_pandas()["X"][5] == points["X"][5]
+    duckdb = pytest.importorskip("duckdb")
+    arrow = points.to_arrow()  # noqa: F841
+    assert duckdb.sql("select count(*) from arrow where ReturnNumber = 1").fetchall()[0][0] <= len(points)
+
+
+def test_batches_join_to_the_points(room):
+    whole = vlscan.run(room, seed=3).points
+    batches = list(vlscan.run_batches(room, rows=1000, seed=3))
+    assert [len(batch) for batch in batches[:-1]] == [1000] * (len(batches) - 1)
+    assert np.concatenate([batch["GpsTime"] for batch in batches]).tobytes() == whole["GpsTime"].tobytes()
+
+
+def test_leaving_a_loop_over_batches_ends_the_run():
+    before = threading.active_count()
+    started = time.monotonic()
+    for batch in long_survey().run_batches(rows=100):
+        assert len(batch) == 100
+        break
+    assert time.monotonic() - started < 60 and threading.active_count() == before
+
+
+def test_files_are_written(room, tmp_path):
+    file = tmp_path / "room.csv"
+    result = vlscan.run(room, to=file, columns=["X", "Y", "Z"])
+    assert result.files == [str(file)] and len(file.read_text().splitlines()) == result.point_count + 1
+    with pytest.raises(AttributeError, match="without to="):
+        result.points
+    with pytest.raises(vlscan.InputError, match="exists already"):
+        vlscan.run(room, to=file)
+    assert vlscan.run(room, to=[file, tmp_path / "room.laz"], force=True).point_count == result.point_count
+
+
+def test_waveforms_pulses_and_trajectory(room, tmp_path):
+    survey = Survey.open(room, settings={"trajectory_interval_s": 0.01})
+    result = survey.run(waveforms=True, pulses=True)
+    pulses, waves = result.pulses, result.waveforms
+    assert len(pulses) == result.pulse_count and np.allclose(np.hypot(np.hypot(pulses["dx"], pulses["dy"]), pulses["dz"]), 1)
+    assert 0 < len(waves) <= len(pulses) and set(waves["pulse"]) <= set(pulses["pulse"])
+    samples = waves.samples(0)
+    assert len(samples) == waves["count"][0] and samples.max() > 0 and len(waves.all_samples) == waves["count"].sum()
+    assert pyarrow.table(waves)["samples"][0].as_py() == samples.tolist()
+    poses = result.trajectory
+    assert poses.columns[:7] == ["time", "x", "y", "z", "roll", "pitch", "yaw"] and len(poses) > 1
+    plain = vlscan.run(room, to=tmp_path / "room.laz", waveforms=True)
+    assert any("fullwave" in file for file in plain.files)
+
+
+def test_a_trajectory_of_arrays_is_that_of_a_file(tmp_path):
+    time_s = np.arange(0, 5, 0.1)
+    poses = np.column_stack([time_s, 10 * time_s - 25, 0 * time_s, 0 * time_s + 100, 0 * time_s, 0 * time_s, 0 * time_s + 90])
+    file = tmp_path / "flight.csv"
+    text = "\n".join(",".join(repr(float(v)) for v in row) for row in poses)
+    file.write_text("time,x,y,z,roll,pitch,yaw\n" + text + "\n")
+    scene = Scene([Part.mesh(*wall(200))])
+
+    def points(trajectory):
+        settings = {"scan_freq_hz": 50, "scan_angle_deg": 20, "pulse_freq_hz": 20_000}
+        survey = Survey(scene, "riegl_lms-q780", platform="sr22", trajectory=trajectory, settings=settings)
+        return survey.run(seed=1).points
+
+    expected = points(file)
+    assert len(expected) > 1000
+    table = pyarrow.table({name: poses[:, i] for i, name in enumerate(["time", "x", "y", "z", "roll", "pitch", "yaw"])})
+    for trajectory in (poses, {name: table[name].to_numpy() for name in table.column_names}, table):
+        found = points(trajectory)
+        assert all(found[name].tobytes() == expected[name].tobytes() for name in expected)
+    with pytest.raises(ValueError, match="n by 7"):
+        points(poses[:, :6])
+
+
+def test_progress_is_told():
+    seen = []
+    long_survey(seconds=6).run(progress=lambda **now: seen.append(now), columns=["X"])
+    assert seen[-1]["pulses"] > 200_000 and seen[-1]["done"] == 1
+    assert [now["pulses"] for now in seen] == sorted(now["pulses"] for now in seen)
+
+
+def test_an_error_of_the_progress_function_ends_the_run():
+    def fail(**now):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        long_survey().run(progress=fail)
+
+
+def test_ctrl_c_ends_a_run(tmp_path):
+    text = (
+        "import sys; sys.path.insert(0, 'python/tests')\n"
+        "from test_runs import long_survey\n"
+        "try:\n"
+        "    long_survey().run(to=sys.argv[1], progress=lambda **now: print(now['pulses'], flush=True))\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted', flush=True)\n"
+    )
+    from conftest import ROOT
+
+    file = tmp_path / "x.xyz"
+    process = subprocess.Popen([sys.executable, "-c", text, file], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    while (line := process.stdout.readline()) and int(line) < 1000:
+        pass
+    process.send_signal(signal.SIGINT)
+    rest = process.stdout.read()
+    assert process.wait() == 0 and rest.endswith("interrupted\n")
+    assert (tmp_path / "x.partial.xyz").stat().st_size > 0 and not file.exists()
+
+
+def test_threads_run_at_the_same_time(room):
+    found = {}
+    scene = Scene([Part.mesh(*wall(50))])
+
+    def work(seed):
+        found[seed] = Survey(scene, "riegl_vz400", [LEG]).run(seed=seed, threads=1).points["X"].tobytes()
+
+    threads = [threading.Thread(target=work, args=(seed,)) for seed in (1, 2, 1)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert found[1] != found[2]
+
+
+def test_errors_name_file_line_and_column(room, tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text('scene = "nothing.obj"\nscaner = 1\n')
+    with pytest.raises(vlscan.InputError) as caught:
+        vlscan.run(file)
+    problem = next(problem for problem in caught.value.problems if "scaner" in problem.message)
+    assert (problem.file, problem.line, problem.column) == (str(file), 2, 1) and "scanner" in problem.help
+    assert isinstance(caught.value, ValueError) and "scaner = 1" in str(caught.value)
+    with pytest.raises(vlscan.InputError) as caught:
+        Survey([Part.mesh(*wall())], "riegl_vz400", [Leg(head_rate=1)]).run()
+    assert caught.value.problems[0].file == "<python>" and "head_rate_deg_per_s" in caught.value.problems[0].help
+    with pytest.raises(vlscan.InputError, match="riegl_vz400"):
+        vlscan.Scanner("riegl_vz40")
+    with pytest.raises(TypeError, match="'seed'"):
+        vlscan.run(file, sed=1)
+    with pytest.raises(vlscan.InputError, match="columns"):
+        vlscan.run(file, columns=["Q"])
+    with pytest.raises(vlscan.FileError) as caught:
+        vlscan.run(room, to="/dev/full", format="xyz")
+    assert isinstance(caught.value, OSError) and caught.value.filename == "/dev/full"
+
+
+def test_warnings_are_warnings():
+    survey = Survey([Part.mesh(*wall())], "riegl_vz400", [Leg((0, 0, 5000), scan_freq_hz=50, head_rate_deg_per_s=90, head_stop_deg=90)])
+    with pytest.warns(vlscan.VlscanWarning):
+        result = survey.run()
+    assert any(problem.severity == "warning" for problem in result.problems)
+
+
+def test_nothing_is_printed(room, capfd):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        vlscan.run(room)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_missing_and_odd_arguments():
+    with pytest.raises(ValueError, match="vertices"):
+        Part.mesh([[0, 0]], [[0, 0, 0]])
+    with pytest.raises(ValueError, match="beyond"):
+        Part.mesh([[0, 0, 0]], [[0, 0, 1]])
+    with pytest.raises(vlscan.InputError, match="vertex 0"):
+        Part.mesh([[np.nan, 0, 0]], [[0, 0, 0]])
+    with pytest.raises(ValueError, match="an index per face"):
+        Part.mesh(*wall(), materials=[Material()], material_of=[0])
+    with pytest.raises(vlscan.InputError, match="material"):
+        Part.mesh(*wall(), materials=[Material()], material_of=[0, 1])
+    with pytest.raises(vlscan.InputError, match="empty"):
+        Survey([Part.mesh(np.zeros((0, 3)), np.zeros((0, 3), int))], "riegl_vz400", [LEG]).run()
+    with pytest.raises(TypeError, match="origins"):
+        vlscan.trace([Part.mesh(*wall())])

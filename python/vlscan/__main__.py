@@ -1,0 +1,16 @@
+"""The command line: ``vlscan`` and ``python -m vlscan``."""
+
+from __future__ import annotations
+
+import sys
+
+
+def main() -> int:
+    """Runs the command line of this process and returns its exit status."""
+    from ._vlscan import command
+
+    return command(["vlscan", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,139 @@
+"""The engine of vlscan; use the package ``vlscan``."""
+
+import os
+from collections.abc import Callable, Iterator
+from typing import Any
+
+def version() -> str:
+    """Version of the engine."""
+
+def command(words: list[str]) -> int:
+    """Runs the command line with these words, the first of which is the program's name, and returns its exit status."""
+
+def catalogue() -> tuple[list[tuple[str, str]], list[str]]:
+    """References and names of the scanners, and references of the platforms, that ship with the program."""
+
+def options() -> list[tuple[str, str, bool, bool]]:
+    """The options of a run: name, help, whether it takes a value, whether it may be given more than once."""
+
+def columns() -> list[tuple[str, str, str]]:
+    """The columns of points: name, unit, meaning."""
+
+def page(table: Any, colour: str, title: str, max_points: int) -> str:
+    """A page that shows points in a browser, offline."""
+
+def picture(table: Any, colour: str, title: str, width: int, height: int) -> bytes:
+    """A PNG picture of points, from above and from the side."""
+
+class Mesh:
+    """Triangles with materials."""
+
+    def __new__(cls, vertices: bytes, triangles: bytes, materials: list[dict[str, Any]], material_of: bytes) -> Mesh: ...
+
+class Changes:
+    """Changes of the materials of a part, which its copies share."""
+
+    def __new__(cls) -> Changes: ...
+    def then(self, which: str | bytes | None, fields: dict[str, Any]) -> Changes: ...
+
+class Part:
+    """A part of a scene: geometry and where it stands."""
+
+    @staticmethod
+    def of_mesh(mesh: Mesh, place: dict[str, Any]) -> Part: ...
+    @staticmethod
+    def of_obj(path: str, y_is_up: bool, place: dict[str, Any]) -> Part: ...
+    @staticmethod
+    def of_raster(path: str, material: dict[str, Any], place: dict[str, Any]) -> Part: ...
+    @staticmethod
+    def of_points(path: str, settings: dict[str, Any], material: dict[str, Any], place: dict[str, Any]) -> Part: ...
+    @staticmethod
+    def of_voxels(path: str, settings: dict[str, Any], material: dict[str, Any], place: dict[str, Any]) -> Part: ...
+
+class Scene:
+    """What is scanned."""
+
+    @staticmethod
+    def read(reference: str, assets: list[str]) -> Scene: ...
+    @staticmethod
+    def of_parts(parts: list[Part], asset_folders: list[str]) -> Scene: ...
+    @property
+    def part_count(self) -> int: ...
+    @property
+    def is_loaded(self) -> bool: ...
+    def load(self, document: str, words: list[str]) -> None: ...
+    def pack(self, path: str, document: str, words: list[str]) -> None: ...
+    def unload(self) -> None: ...
+    def facts(self) -> tuple[list[list[float]], int, list[str], list[tuple[str, float, int]], int] | None: ...
+    def ground_height(self, x: float, y: float) -> float | None: ...
+    def sample(self, count: int) -> Table: ...
+
+class Column:
+    """A column of a table, which NumPy takes without a copy."""
+
+    def __len__(self) -> int: ...
+    @property
+    def __array_interface__(self) -> dict[str, Any]: ...
+
+class Table:
+    """Columns of numbers in memory."""
+
+    def __len__(self) -> int: ...
+    @property
+    def names(self) -> list[str]: ...
+    @property
+    def units(self) -> dict[str, str]: ...
+    @property
+    def descriptions(self) -> dict[str, str]: ...
+    @property
+    def metadata(self) -> dict[str, str]: ...
+    def column(self, name: str) -> Column: ...
+    def lists(self, name: str) -> tuple[Column, Column]: ...
+    def slice(self, start: int, stop: int) -> Table: ...
+    def __arrow_c_array__(self, requested_schema: Any = None) -> tuple[Any, Any]: ...
+    def __arrow_c_stream__(self, requested_schema: Any = None) -> Any: ...
+    def __arrow_c_schema__(self) -> Any: ...
+
+class Request:
+    """What is run."""
+
+    def __new__(
+        cls,
+        words: list[str],
+        file: str | os.PathLike[str] | None = None,
+        document: str = "",
+        scene: Scene | None = None,
+        trajectory: Any = None,
+        pulses: Any = None,
+    ) -> Request: ...
+
+class Outcome:
+    """Result of a run."""
+
+    def table(self, name: str) -> Table | None: ...
+    @property
+    def pulses(self) -> int: ...
+    @property
+    def points(self) -> int: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def interrupted(self) -> bool: ...
+    @property
+    def files(self) -> list[tuple[str, int, int, bool]]: ...
+    @property
+    def directories(self) -> list[os.PathLike[str]]: ...
+    @property
+    def notices(self) -> list[dict[str, Any]]: ...
+
+class BatchIterator(Iterator[Table]):
+    """The batches of points of a run."""
+
+    def __next__(self) -> Table: ...
+    def close(self) -> None: ...
+
+def run(request: Request, tables: list[str], progress: Callable[..., object] | None = None) -> Outcome:
+    """Runs a request and returns the tables of these names."""
+
+def run_batches(request: Request, rows: int, waiting: int) -> BatchIterator:
+    """Runs a request and returns its points batch by batch."""

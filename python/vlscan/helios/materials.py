@@ -1,0 +1,105 @@
+"""Materials, and the files that define them (Wavefront MTL with the keys of HELIOS++)."""
+
+from __future__ import annotations
+
+import os
+from copy import copy
+from typing import Any
+
+from ..scene import Material as EngineMaterial
+from .settings import find_asset
+
+
+class Material:
+    """How a surface reflects. ``reflectance``: 0 to 1; ``spectra``: the name of a spectrum; ``classification``: class of points."""
+
+    def __init__(
+        self,
+        name: str = "default",
+        *,
+        is_ground: bool = False,
+        reflectance: float | None = None,
+        classification: int = 0,
+        spectra: str | None = None,
+        ambient_components: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        diffuse_components: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        specular_components: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        specular_exponent: float = 10.0,
+        **unknown: Any,
+    ) -> None:
+        if unknown:
+            raise ValueError(f"Material has no {', '.join(map(repr, unknown))}")
+        self.name, self.is_ground, self.reflectance = name, is_ground, reflectance
+        self.classification, self.spectra = classification, spectra
+        self.ambient_components, self.diffuse_components = ambient_components, diffuse_components
+        self.specular_components, self.specular_exponent = specular_components, specular_exponent
+
+    @classmethod
+    def from_file(cls, material_file: str | os.PathLike[str], material_name: str | None = None) -> Any:
+        """The material of a name, or all materials of a file by name."""
+        found = read_materials(find_asset(material_file))
+        if material_name is None:
+            return found
+        if material_name not in found:
+            raise ValueError(f"{os.fspath(material_file)} has no material {material_name!r}; there are {', '.join(found)}")
+        return found[material_name]
+
+    def clone(self) -> Material:
+        """A copy."""
+        return copy(self)
+
+    def engine(self) -> EngineMaterial:
+        """The material for the engine."""
+        return EngineMaterial(
+            self.name,
+            reflectance=self.reflectance,
+            classification=int(self.classification),
+            spectrum=self.spectra,
+            is_ground=bool(self.is_ground),
+            diffuse=tuple(self.diffuse_components[:3]),  # type: ignore[arg-type]
+            specular=tuple(self.specular_components[:3]),  # type: ignore[arg-type]
+            specular_exponent=float(self.specular_exponent),
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Material) and vars(self) == vars(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"Material({self.name!r}, reflectance={self.reflectance}, classification={self.classification})"
+
+
+def read_materials(path: str) -> dict[str, Material]:
+    """The materials of an MTL file by name. The engine reads the file again, and checks it; this is for looking at it."""
+    found: dict[str, Material] = {}
+    current = None
+    with open(path, encoding="utf-8", errors="replace") as file:
+        for line in file:
+            keyword, *words = line.split("#")[0].split() or [""]
+            if keyword == "newmtl" and words:
+                current = found.setdefault(words[0], Material(words[0]))
+            elif current is not None and words:
+                _set(current, keyword, words)
+    return found
+
+
+def _set(material: Material, keyword: str, words: list[str]) -> None:
+    try:
+        if keyword in ("Ka", "Kd", "Ks"):
+            numbers = [float(word) for word in words[:3]]
+            colour = tuple(numbers if len(numbers) == 3 else numbers[:1] * 3)
+            name = {"Ka": "ambient", "Kd": "diffuse", "Ks": "specular"}[keyword]
+            setattr(material, f"{name}_components", colour)
+        elif keyword == "Ns":
+            material.specular_exponent = float(words[0])
+        elif keyword == "helios_reflectance":
+            material.reflectance = float(words[0])
+        elif keyword == "helios_classification":
+            material.classification = int(words[0])
+        elif keyword == "helios_spectra":
+            material.spectra = words[0]
+        elif keyword == "helios_isGround":
+            material.is_ground = words[0].lower() in ("true", "1")
+    except ValueError:
+        pass

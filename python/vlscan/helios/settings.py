@@ -1,0 +1,267 @@
+"""Settings: values with units, defaults, and enumerations."""
+
+from __future__ import annotations
+
+import contextlib
+import enum
+import os
+from collections.abc import Iterator
+from copy import copy
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, ClassVar
+
+try:
+    import pint
+except ImportError as failure:  # pragma: no cover
+    raise ImportError("vlscan.helios needs pint: pip install 'vlscan[helios]'") from failure
+
+#: The units of all quantities.
+units = pint.get_application_registry()
+
+_asset_directories: list[str] = []
+_seed: list[int | str] = []
+
+
+def number(value: Any, unit: str) -> float:
+    """A quantity as a number in ``unit``; plain numbers are in ``unit`` already."""
+    if isinstance(value, str):
+        value = units.parse_expression(value)
+    if isinstance(value, pint.Quantity):
+        return float(value.magnitude if value.dimensionless and unit == "" else value.to(unit).magnitude)
+    return float(value)
+
+
+class Settings:
+    """Values by keyword. Unknown keywords are ``ValueError``."""
+
+    #: Unit and default of each keyword; the unit is ``None`` for what is no quantity.
+    FIELDS: ClassVar[dict[str, tuple[str | None, Any]]] = {}
+
+    def __init__(self, **values: Any) -> None:
+        for name in values:
+            self._check(name)
+        for name, (_, default) in self.FIELDS.items():
+            setattr(self, name, values.get(name, default))
+
+    @classmethod
+    def _check(cls, name: str) -> None:
+        if name not in cls.FIELDS:
+            close = get_close_matches(name, cls.FIELDS, 1)
+            hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(cls.FIELDS)}"
+            raise ValueError(f"{cls.__name__} has no {name!r}; {hint}")
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self._check(name)
+        unit = self.FIELDS[name][0]
+        if unit is not None and value is not None:
+            value = number(value, unit)
+        object.__setattr__(self, name, value)
+
+    def changed(self) -> dict[str, Any]:
+        """Values that differ from their defaults."""
+        mine = {name: getattr(self, name) for name in self.FIELDS}
+        return {name: value for name, value in mine.items() if value != self.FIELDS[name][1]}
+
+    def clone(self) -> Any:
+        """A copy."""
+        return copy(self)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self.changed().items())})"
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and vars(self) == vars(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+class ScannerSettings(Settings):
+    """What the scanner does on a leg; ``None`` is the scanner's own value."""
+
+    FIELDS: ClassVar = {
+        "is_active": (None, True),
+        "head_rotation": ("rad/s", None),
+        "rotation_start_angle": ("rad", None),
+        "rotation_stop_angle": ("rad", None),
+        "pulse_frequency": ("Hz", None),
+        "scan_angle": ("rad", None),
+        "min_vertical_angle": ("rad", None),
+        "max_vertical_angle": ("rad", None),
+        "scan_frequency": ("Hz", None),
+        "beam_divergence_angle": ("rad", None),
+        "vertical_resolution": ("rad", None),
+        "horizontal_resolution": ("rad", None),
+        "trajectory_time_interval": ("s", 0.01),
+        "max_duration": ("s", None),
+    }
+
+
+class PlatformSettings(Settings):
+    """Where a leg begins."""
+
+    FIELDS: ClassVar = {
+        "x": ("m", 0.0),
+        "y": ("m", 0.0),
+        "z": ("m", 0.0),
+        "speed_m_s": ("m/s", 70.0),
+        "force_on_ground": (None, False),
+    }
+
+
+class StaticPlatformSettings(PlatformSettings):
+    """Where a platform stands."""
+
+    FIELDS: ClassVar = {name: field for name, field in PlatformSettings.FIELDS.items() if name != "speed_m_s"}
+
+
+class DynamicPlatformSettings(PlatformSettings):
+    """Where a leg begins, and how fast the platform moves to the next one."""
+
+    FIELDS: ClassVar = dict(PlatformSettings.FIELDS)
+
+
+class TrajectorySettings(Settings):
+    """The part of a trajectory that a leg flies, on the trajectory's own time."""
+
+    FIELDS: ClassVar = {"start_time": ("s", None), "end_time": ("s", None), "teleport_to_start": (None, False)}
+
+
+class FullWaveformSettings(Settings):
+    """Digitisation of waveforms."""
+
+    FIELDS: ClassVar = {
+        "bin_size": ("ns", 0.25),
+        "beam_sample_quality": (None, 3),
+        "win_size": ("ns", 1.0),
+        "max_fullwave_range": ("ns", 0.0),
+    }
+
+
+class OutputFormat(str, enum.Enum):
+    """What a run returns or writes."""
+
+    NPY = "npy"
+    LASPY = "laspy"
+    LAS = "las"
+    LAZ = "laz"
+    XYZ = "xyz"
+
+
+class LogVerbosity(enum.IntEnum):
+    """What a run reports. vlscan prints nothing: its warnings are Python warnings."""
+
+    SILENT = 0
+    QUIET = 1
+    TIME = 2
+    DEFAULT = 3
+    VERBOSE = 4
+    VERY_VERBOSE = 5
+
+
+class ParallelizationStrategy(enum.IntEnum):
+    """How pulses are handed out to threads; the points are the same."""
+
+    CHUNK = 0
+    WAREHOUSE = 1
+
+
+class ExecutionSettings(Settings):
+    """Threads and chunks; the points are the same."""
+
+    FIELDS: ClassVar = {
+        "parallelization": (None, ParallelizationStrategy.WAREHOUSE),
+        "num_threads": (None, 0),
+        "chunk_size": (None, None),
+        "warehouse_factor": (None, None),
+        "verbosity": (None, LogVerbosity.DEFAULT),
+    }
+
+
+class OutputSettings(Settings):
+    """What a run returns or writes."""
+
+    FIELDS: ClassVar = {
+        "format": (None, OutputFormat.NPY),
+        "output_dir": (None, "output"),
+        "las_scale": ("m", None),
+        "split_by_channel": (None, False),
+        "write_waveform": (None, False),
+        "write_pulse": (None, False),
+    }
+
+
+class _AssetDirectory(contextlib.AbstractContextManager):
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def __exit__(self, *_: object) -> None:
+        if self._path in _asset_directories:
+            _asset_directories.remove(self._path)
+
+
+def add_asset_directory(path: str | os.PathLike[str]) -> contextlib.AbstractContextManager:
+    """Adds a folder in which files are searched; as a context manager, within its block."""
+    name = os.fspath(path)
+    if name not in _asset_directories:
+        _asset_directories.append(name)
+    return _AssetDirectory(name)
+
+
+def asset_directories() -> list[str]:
+    """The folders in which files are searched."""
+    return list(_asset_directories)
+
+
+def find_asset(path: str | os.PathLike[str]) -> str:
+    """A file: as named, else in the folders of :func:`add_asset_directory`."""
+    name = os.fspath(path)
+    for folder in ["", *_asset_directories, "assets"]:
+        if os.path.exists(os.path.join(folder, name)):
+            return os.path.join(folder, name)
+    return name
+
+
+def set_rng_seed(seed: int | str) -> None:
+    """Seed of all random draws of later runs."""
+    _seed[:] = [seed]
+
+
+def rng_seed() -> int | str | None:
+    """The seed that was set."""
+    return _seed[0] if _seed else None
+
+
+def combine_parameters(*settings: Settings, **values: Any) -> Settings:
+    """Settings of one kind together: values of later ones that differ from their defaults replace those of earlier ones."""
+    if not settings:
+        raise ValueError("combine_parameters() needs settings")
+    if len({type(each) for each in settings}) > 1:
+        raise ValueError("combine_parameters() needs settings of one kind")
+    merged = settings[0].clone()
+    for name, value in _all_changes(settings[1:], values):
+        setattr(merged, name, value)
+    return merged
+
+
+def _all_changes(settings: tuple[Settings, ...], values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    for each in settings:
+        yield from each.changed().items()
+    yield from values.items()
+
+
+def split(values: dict[str, Any], *kinds: type[Settings]) -> list[dict[str, Any]]:
+    """Keywords by the kind of settings that has them; ``ValueError`` for those that none has."""
+    shares: list[dict[str, Any]] = [{} for _ in kinds]
+    for name, value in values.items():
+        homes = [share for share, kind in zip(shares, kinds, strict=True) if name in kind.FIELDS]
+        if not homes:
+            known = [field for kind in kinds for field in kind.FIELDS]
+            close = get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(known)}"
+            raise ValueError(f"unknown keyword {name!r}; {hint}")
+        homes[0][name] = value
+    return shares

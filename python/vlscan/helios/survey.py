@@ -1,0 +1,372 @@
+"""Surveys: legs, runs, records."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import warnings
+from copy import copy
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from .. import Survey as EngineSurvey
+from .platforms import FIELDS, Platform
+from .scanner import Scanner
+from .scene import StaticScene
+from .settings import (
+    ExecutionSettings,
+    FullWaveformSettings,
+    LogVerbosity,
+    OutputFormat,
+    OutputSettings,
+    ParallelizationStrategy,
+    PlatformSettings,
+    ScannerSettings,
+    TrajectorySettings,
+    asset_directories,
+    find_asset,
+    rng_seed,
+    split,
+)
+
+#: A point, packed.
+POINT = np.dtype(
+    [
+        ("channel_id", "<u8"),
+        ("hit_object_id", "<i4"),
+        ("position", "<f8", (3,)),
+        ("beam_direction", "<f8", (3,)),
+        ("beam_origin", "<f8", (3,)),
+        ("distance", "<f8"),
+        ("intensity", "<f8"),
+        ("echo_width", "<f8"),
+        ("return_number", "<i4"),
+        ("number_of_returns", "<i4"),
+        ("fullwave_index", "<i4"),
+        ("classification", "<i4"),
+        ("gps_time", "<f8"),
+        ("point_source_id", "<u2"),
+    ]
+)
+
+#: A pose: time (s), position (m), angles (rad).
+POSE = np.dtype(
+    [("gps_time", "<f8"), ("position", "<f8", (3,)), ("roll", "<f8"), ("pitch", "<f8"), ("yaw", "<f8")]
+)
+
+# Fields of a point and the columns of the engine that they hold.
+_COLUMNS = {
+    "channel_id": "Device",
+    "hit_object_id": "ObjectId",
+    "position": ("X", "Y", "Z"),
+    "beam_direction": ("BeamDirectionX", "BeamDirectionY", "BeamDirectionZ"),
+    "beam_origin": ("BeamOriginX", "BeamOriginY", "BeamOriginZ"),
+    "distance": "Range",
+    "intensity": "Amplitude",
+    "echo_width": "EchoWidth",
+    "return_number": "ReturnNumber",
+    "number_of_returns": "NumberOfReturns",
+    "fullwave_index": "PulseNumber",
+    "classification": "SurfaceClass",
+    "gps_time": "GpsTime",
+    "point_source_id": "PointSourceId",
+}
+
+
+class SurveyHook:
+    """Not possible: see the message of :meth:`Survey.run`."""
+
+
+class Leg:
+    """A leg: where it begins, and what the scanner does."""
+
+    def __init__(
+        self,
+        platform_settings: PlatformSettings | None = None,
+        scanner_settings: ScannerSettings | None = None,
+        trajectory_settings: TrajectorySettings | None = None,
+        **values: Any,
+    ) -> None:
+        platform, scanner, trajectory = split(values, PlatformSettings, ScannerSettings, TrajectorySettings)
+        self.platform_settings = _with(platform_settings or PlatformSettings(), platform)
+        self.scanner_settings = _with(scanner_settings or ScannerSettings(), scanner)
+        self.trajectory_settings = _with(trajectory_settings or TrajectorySettings(), trajectory)
+
+    def clone(self) -> Leg:
+        """A copy."""
+        settings = (self.platform_settings, self.scanner_settings, self.trajectory_settings)
+        return Leg(*(each.clone() for each in settings))
+
+    def __repr__(self) -> str:
+        return f"Leg({self.platform_settings!r}, {self.scanner_settings!r})"
+
+
+def _with(settings: Any, values: dict[str, Any]) -> Any:
+    changed = settings.clone()
+    for name, value in values.items():
+        setattr(changed, name, value)
+    return changed
+
+
+class Survey:
+    """A scanner on a platform, a scene, and legs."""
+
+    def __init__(
+        self,
+        scanner: Scanner | None = None,
+        platform: Platform | None = None,
+        scene: StaticScene | None = None,
+        legs: list[Leg] | None = None,
+        full_waveform_settings: FullWaveformSettings | None = None,
+        name: str = "",
+        gps_time: Any = None,
+        **unknown: Any,
+    ) -> None:
+        if unknown:
+            raise ValueError(f"Survey has no {', '.join(map(repr, unknown))}")
+        self.scanner, self.platform, self.scene = scanner, platform, scene
+        self.legs: list[Leg] = list(legs or [])
+        self.full_waveform_settings = full_waveform_settings
+        self.name = name
+        #: Start of the clock: a datetime, a text or POSIX seconds; 2024-01-01 by default.
+        self.gps_time = gps_time
+        self._file: str | None = None
+
+    @classmethod
+    def from_xml(cls, survey_file: str | os.PathLike[str], **unknown: Any) -> Survey:
+        """The survey of a file. It is run as it is; ``scene`` and ``full_waveform_settings`` can be replaced."""
+        survey = cls(**unknown)
+        survey._file = find_asset(survey_file)
+        return survey
+
+    def clone(self) -> Survey:
+        """A copy, which shares scanner, platform and scene."""
+        twin = copy(self)
+        twin.legs = [leg.clone() for leg in self.legs]
+        return twin
+
+    def add_leg(
+        self,
+        leg: Leg | None = None,
+        platform_settings: PlatformSettings | None = None,
+        scanner_settings: ScannerSettings | None = None,
+        trajectory_settings: TrajectorySettings | None = None,
+        **values: Any,
+    ) -> None:
+        """Adds a leg: a :class:`Leg`, settings, keywords of settings, or all of them."""
+        if self._file is not None:
+            raise NotImplementedError("legs cannot be added to the survey of a file; add them to the file, or build the survey of its scene")
+        if leg is not None:
+            platform_settings = platform_settings or leg.platform_settings
+            scanner_settings = scanner_settings or leg.scanner_settings
+            trajectory_settings = trajectory_settings or leg.trajectory_settings
+        self.legs.append(Leg(platform_settings, scanner_settings, trajectory_settings, **values))
+
+    def run(
+        self,
+        execution_settings: ExecutionSettings | None = None,
+        output_settings: OutputSettings | None = None,
+        callbacks: Any = None,
+        **values: Any,
+    ) -> Any:
+        """Runs the survey.
+
+        For the formats NPY and LASPY the result is (points, trajectory), for the others the folder that was written. Keywords are
+        those of :class:`ExecutionSettings` and :class:`OutputSettings`.
+        """
+        if callbacks is not None:
+            raise NotImplementedError(
+                "points are not passed to callbacks at legs: run the legs one by one, or take the points while they are "
+                "measured with vlscan.Survey.run_batches()"
+            )
+        execution_values, output_values = split(values, ExecutionSettings, OutputSettings)
+        execution = _with(execution_settings or ExecutionSettings(), execution_values)
+        output = _with(output_settings or OutputSettings(), output_values)
+        form = OutputFormat(getattr(output.format, "value", output.format))
+        options = self._options(execution, output)
+        with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+            if execution.verbosity == LogVerbosity.SILENT:
+                warnings.simplefilter("ignore")
+            survey = self._engine(Path(folder))
+            if form in (OutputFormat.LAS, OutputFormat.LAZ, OutputFormat.XYZ):
+                words = {"las_output": form != OutputFormat.XYZ, "zip_output": form == OutputFormat.LAZ}
+                return self._run_to_folder(survey, output, {**options, **words})
+            columns = [name for names in _COLUMNS.values() for name in ([names] if isinstance(names, str) else names)]
+            result = survey.run(columns=columns, waveforms=output.write_waveform, pulses=output.write_pulse, **options)
+        points, poses = point_records(result.points), pose_records(result.trajectory)
+        return (_laspy(points, output.las_scale) if form == OutputFormat.LASPY else points), poses
+
+    def _run_to_folder(self, survey: EngineSurvey, output: OutputSettings, options: dict[str, Any]) -> Path:
+        from .. import _vlscan
+        from ..survey import words_of
+
+        extra = {"waveforms": output.write_waveform, "pulses": output.write_pulse, "las_scale": output.las_scale}
+        words = words_of({**options, **extra, "split_by_channel": output.split_by_channel})
+        request = survey._request({}, words=[*words, f"--output={os.fspath(output.output_dir)}"])
+        outcome = _vlscan.run(request, [], None)
+        return Path(outcome.directories[0])
+
+    def _options(self, execution: ExecutionSettings, output: OutputSettings) -> dict[str, Any]:
+        schedule = "dynamic" if execution.parallelization == ParallelizationStrategy.CHUNK else "warehouse"
+        options: dict[str, Any] = {
+            "threads": int(execution.num_threads) or None,
+            "chunk_size": execution.chunk_size,
+            "warehouse_factor": execution.warehouse_factor,
+            "schedule": schedule,
+            "seed": rng_seed(),
+            "gps_start": self.gps_time,
+            "assets": asset_directories(),
+        }
+        return {name: value for name, value in options.items() if value is not None and value != []}
+
+    def _engine(self, folder: Path) -> EngineSurvey:
+        """The survey for the engine: its file, or one that is written to ``folder``."""
+        scene = None if self.scene is None else self.scene.engine()
+        if self._file is not None:
+            return EngineSurvey.open(self._file, scene)
+        missing = [name for name in ("scanner", "platform", "scene") if getattr(self, name) is None]
+        if missing:
+            raise ValueError(f"the survey has no {' and no '.join(missing)}")
+        file = folder / "survey.xml"
+        file.write_text(self.to_xml(folder), encoding="utf-8")
+        return EngineSurvey.open(file, scene)
+
+    def to_xml(self, folder: Path | None = None) -> str:
+        """The survey as XML; a trajectory is written to ``folder``."""
+        platform, scanner = self.platform, self.scanner
+        assert platform is not None and scanner is not None
+        follows = platform.trajectory is not None
+        about: dict[str, Any] = {"name": self.name or "survey", "scene": "in memory", "scanner": scanner.reference}
+        if follows:
+            about |= {"platform": "interpolated", "basePlatform": platform.reference or None}
+            about["rotationSpec"] = platform.rotation_spec
+        else:
+            about["platform"] = platform.reference
+        lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<document>", f"  {_tag('survey', about)}>"]
+        if self.full_waveform_settings is not None:
+            fwf = self.full_waveform_settings
+            values = {
+                "binSize_ns": fwf.bin_size,
+                "beamSampleQuality": int(fwf.beam_sample_quality),
+                "winSize_ns": fwf.win_size,
+                "maxFullwaveRange_ns": fwf.max_fullwave_range,
+            }
+            lines.append(f"    {_tag('FWFSettings', values)}/>")
+        for leg in self.legs:
+            place = self._place(leg, folder) if follows else _where(leg.platform_settings)
+            lines += ["    <leg>", f"      {_tag('platformSettings', place)}/>"]
+            lines += [f"      {_tag('scannerSettings', _scanning(leg.scanner_settings))}/>", "    </leg>"]
+        return "\n".join([*lines, "  </survey>", "</document>", ""])
+
+    def _place(self, leg: Leg, folder: Path | None) -> dict[str, Any]:
+        platform, part = self.platform, leg.trajectory_settings
+        assert platform is not None and platform.trajectory is not None
+        path = (folder or Path(".")) / "trajectory.csv"
+        if folder is not None and not path.exists():
+            poses = platform.trajectory
+            columns = [np.degrees(poses[name]) if name in ("roll", "pitch", "yaw") else poses[name] for name in FIELDS]
+            np.savetxt(path, np.column_stack(columns), delimiter=",", fmt="%.17g")
+        indices = {f"{name}Index": index for index, name in enumerate(FIELDS)}
+        return {
+            "trajectory": str(path),
+            **indices,
+            "tStart": part.start_time,
+            "tEnd": part.end_time,
+            "teleportToStart": bool(part.teleport_to_start) or None,
+            "syncGPSTime": platform.sync_gps_time or None,
+            "interpolationDomain": "position" if platform.position_only else None,
+        }
+
+    def __repr__(self) -> str:
+        return f"<Survey {self.name or self._file or ''}: {len(self.legs)} legs>"
+
+
+def _where(settings: PlatformSettings) -> dict[str, Any]:
+    return {
+        "x": settings.x,
+        "y": settings.y,
+        "z": settings.z,
+        "onGround": True if settings.force_on_ground else None,
+        "movePerSec_m": getattr(settings, "speed_m_s", None),
+    }
+
+
+def _scanning(settings: ScannerSettings) -> dict[str, Any]:
+    degrees = {
+        "headRotatePerSec_deg": settings.head_rotation,
+        "headRotateStart_deg": settings.rotation_start_angle,
+        "headRotateStop_deg": settings.rotation_stop_angle,
+        "scanAngle_deg": settings.scan_angle,
+        "verticalAngleMin_deg": settings.min_vertical_angle,
+        "verticalAngleMax_deg": settings.max_vertical_angle,
+        "verticalResolution_deg": settings.vertical_resolution,
+        "horizontalResolution_deg": settings.horizontal_resolution,
+    }
+    return {
+        "active": None if settings.is_active else False,
+        "pulseFreq_hz": None if settings.pulse_frequency is None else round(settings.pulse_frequency),
+        "scanFreq_hz": settings.scan_frequency,
+        **{name: None if value is None else round(float(np.degrees(value)), 12) for name, value in degrees.items()},
+        "beamDivergence_rad": settings.beam_divergence_angle,
+        "trajectoryTimeInterval_s": settings.trajectory_time_interval,
+        "maxDuration_s": settings.max_duration,
+    }
+
+
+def _tag(name: str, values: dict[str, Any]) -> str:
+    def text(value: Any) -> str:
+        return str(value).lower() if isinstance(value, bool) else str(value)
+
+    given = [f"{key}={quoteattr(text(value))}" for key, value in values.items() if value is not None]
+    return " ".join([f"<{name}", *given])
+
+
+def point_records(points: Any) -> np.ndarray:
+    """Points as records of :data:`POINT`."""
+    records = np.empty(len(points), dtype=POINT)
+    for field, columns in _COLUMNS.items():
+        if isinstance(columns, str):
+            records[field] = points[columns]
+        else:
+            for axis, column in enumerate(columns):
+                records[field][:, axis] = points[column]
+    return records
+
+
+def pose_records(poses: Any) -> np.ndarray:
+    """Poses as records of :data:`POSE`."""
+    records = np.empty(len(poses), dtype=POSE)
+    records["gps_time"] = poses["time"]
+    for axis, column in enumerate("xyz"):
+        records["position"][:, axis] = poses[column]
+    for angle in ("roll", "pitch", "yaw"):
+        records[angle] = np.radians(poses[f"platform_{angle}"])
+    return records
+
+
+def _laspy(points: np.ndarray, scale: float | None) -> Any:
+    try:
+        import laspy
+    except ImportError as failure:
+        raise ImportError("OutputFormat.LASPY needs laspy: pip install laspy") from failure
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    extra = {"echo_width": "f8", "fullwaveIndex": "i4", "hitObjectId": "i4", "heliosAmplitude": "f8"}
+    header.add_extra_dims([laspy.ExtraBytesParams(name, kind) for name, kind in extra.items()])
+    header.scales = np.full(3, scale or 0.0001)
+    header.offsets = points["position"].min(axis=0) if len(points) else np.zeros(3)
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = points["position"].T
+    las.return_number, las.number_of_returns = points["return_number"], points["number_of_returns"]
+    las.classification = points["classification"].astype("u1")
+    las.gps_time, las.point_source_id = points["gps_time"], points["point_source_id"]
+    las["echo_width"], las["heliosAmplitude"] = points["echo_width"], points["intensity"]
+    las["fullwaveIndex"], las["hitObjectId"] = points["fullwave_index"], points["hit_object_id"]
+    return las
+
+
+def display_xml(survey: Survey) -> str:
+    """The survey as XML."""
+    return survey.to_xml()

@@ -1,0 +1,199 @@
+"""The ``SimulationBuilder`` of HELIOS++ 2: ``import vlscan.pyhelios as pyhelios``.
+
+A simulation runs in a thread of its own; what it writes is what ``vlscan run SURVEY --output OUT`` writes.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from . import _vlscan
+from .survey import words_of
+
+
+class SimulationBuilder:
+    """Collects what a simulation needs."""
+
+    def __init__(
+        self,
+        surveyPath: str | os.PathLike[str],  # noqa: N803
+        assetsDir: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] = (),  # noqa: N803
+        outputDir: str | os.PathLike[str] = "output",  # noqa: N803
+    ) -> None:
+        folders = [assetsDir] if isinstance(assetsDir, (str, os.PathLike)) else list(assetsDir)
+        self._survey, self._output = os.fspath(surveyPath), os.fspath(outputDir)
+        self._options: dict[str, Any] = {"assets": [os.fspath(folder) for folder in folders]}
+
+    def setNumThreads(self, numThreads: int) -> SimulationBuilder:  # noqa: N802, N803
+        """Number of threads; 0 is all."""
+        self._options["threads"] = int(numThreads) or None
+        return self
+
+    def setLasOutput(self, lasOutput: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """LAS instead of text."""
+        self._options["las_output"] = bool(lasOutput)
+        return self
+
+    def setLas10(self, las10: bool) -> SimulationBuilder:  # noqa: N802
+        """LAS 1.0 instead of 1.4."""
+        self._options["las10"] = bool(las10)
+        return self
+
+    def setZipOutput(self, zipOutput: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """Compressed outputs."""
+        self._options["zip_output"] = bool(zipOutput)
+        return self
+
+    def setSplitByChannel(self, splitByChannel: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """A file per channel."""
+        self._options["split_by_channel"] = bool(splitByChannel)
+        return self
+
+    def setLasScale(self, lasScale: float) -> SimulationBuilder:  # noqa: N802, N803
+        """Resolution of LAS coordinates, m."""
+        self._options["las_scale"] = float(lasScale)
+        return self
+
+    def setSeed(self, seed: int | str) -> SimulationBuilder:  # noqa: N802
+        """Seed of all random draws."""
+        self._options["seed"] = seed
+        return self
+
+    def setFixedGpsTimeStart(self, fixedGpsTimeStart: str) -> SimulationBuilder:  # noqa: N802, N803
+        """Start of the clock: ``"YYYY-MM-DD hh:mm:ss"`` or POSIX seconds."""
+        self._options["gps_start"] = fixedGpsTimeStart or None
+        return self
+
+    def setWriteWaveform(self, writeWaveform: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """Write waveforms."""
+        self._options["waveforms"] = bool(writeWaveform)
+        return self
+
+    def setWritePulse(self, writePulse: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """Write pulses."""
+        self._options["pulses"] = bool(writePulse)
+        return self
+
+    def setCalcEchowidth(self, calcEchowidth: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """Fit the widths of echoes."""
+        self._options["echo_width"] = bool(calcEchowidth)
+        return self
+
+    def setFullWaveNoise(self, fullWaveNoise: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """Add noise to waveforms."""
+        self._options["waveform_noise"] = bool(fullWaveNoise)
+        return self
+
+    def setPlatformNoiseDisabled(self, platformNoiseDisabled: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """Ignore the noise of the platform."""
+        self._options["no_platform_noise"] = bool(platformNoiseDisabled)
+        return self
+
+    def setLegNoiseDisabled(self, legNoiseDisabled: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """Ignore random offsets of legs."""
+        self._options["no_leg_noise"] = bool(legNoiseDisabled)
+        return self
+
+    def setRebuildScene(self, rebuildScene: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """Without effect: vlscan keeps no scenes beside their files."""
+        return self
+
+    def setFinalOutput(self, finalOutput: bool) -> SimulationBuilder:  # noqa: N802, N803
+        """Without effect: outputs are always collected by :meth:`Simulation.join`."""
+        return self
+
+    def setCallbackFrequency(self, callbackFrequency: int) -> SimulationBuilder:  # noqa: N802, N803
+        """Not possible unless 0: see the message."""
+        if callbackFrequency:
+            self.setCallback(None)
+        return self
+
+    def setCallback(self, callback: Any) -> SimulationBuilder:  # noqa: N802
+        """Not possible: see the message."""
+        raise NotImplementedError(
+            "points are not passed to callbacks; take them while they are measured with vlscan.Survey.open(...).run_batches()"
+        )
+
+    def build(self) -> Simulation:
+        """The simulation."""
+        words = [*words_of(self._options), f"--output={self._output}"]
+        return Simulation(_vlscan.Request(words, file=self._survey))
+
+
+class Simulation:
+    """A simulation that can be started once."""
+
+    def __init__(self, request: _vlscan.Request) -> None:
+        self._request = request
+        self._thread: threading.Thread | None = None
+        self._outcome: _vlscan.Outcome | None = None
+        self._failure: BaseException | None = None
+
+    def start(self) -> None:
+        """Starts the simulation in a thread of its own."""
+        if self._thread is not None:
+            raise RuntimeError("the simulation has been started already")
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            self._outcome = _vlscan.run(self._request, ["points", "trajectory"], None)
+        except BaseException as failure:
+            self._failure = failure
+
+    def isStarted(self) -> bool:  # noqa: N802
+        """Whether it has been started."""
+        return self._thread is not None
+
+    def isRunning(self) -> bool:  # noqa: N802
+        """Whether it runs."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def isFinished(self) -> bool:  # noqa: N802
+        """Whether it has ended."""
+        return self._thread is not None and not self._thread.is_alive()
+
+    def join(self) -> Output:
+        """Waits for the end, raises what went wrong, and returns the output."""
+        if self._thread is None:
+            raise RuntimeError("the simulation has not been started")
+        while self._thread.is_alive():
+            # With a timeout, so that Ctrl-C is handled.
+            self._thread.join(0.1)
+        if self._failure is not None:
+            raise self._failure
+        assert self._outcome is not None
+        return Output(self._outcome)
+
+
+class Output:
+    """What a simulation has measured and written."""
+
+    def __init__(self, outcome: _vlscan.Outcome) -> None:
+        from .tables import Points, Table
+
+        points, poses = outcome.table("points"), outcome.table("trajectory")
+        assert points is not None and poses is not None
+        #: Points and poses as tables of vlscan.
+        self.points, self.trajectory = Points(points), Table(poses)
+        folder = Path(outcome.directories[0])
+        #: Path of the folder that was written.
+        self.outpath = str(folder)
+        #: Paths of the files that were written.
+        self.filepath = str(folder)
+        self.outpaths = [path for path, *_ in outcome.files]
+
+    @property
+    def measurements(self) -> Any:
+        """The points."""
+        return self.points
+
+    @property
+    def trajectories(self) -> Any:
+        """The poses."""
+        return self.trajectory

@@ -1,0 +1,36 @@
+//! `vlscan compare`: what two point clouds of one place have in common.
+
+use super::Console;
+use super::args::CompareArgs;
+use crate::compare::{CompareOptions, compare, page, table};
+use crate::error::{Error, Result};
+use crate::files::{FileWriter, Patched, write_stdout};
+use crate::preview::read_points;
+
+pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
+    if let Some(path) = args.page.as_deref().filter(|path| path.exists() && !args.force) {
+        return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
+    }
+    let (first, second) = (read_points(&args.first)?, read_points(&args.second)?);
+    let options = CompareOptions {
+        cell: args.cell.0,
+        voxel: args.voxel.0,
+        most_distances: usize::try_from(args.most_distances.0).unwrap_or(usize::MAX),
+    };
+    let names = [&args.first, &args.second].map(|path| path.display().to_string());
+    let comparison = compare([(&names[0], &first), (&names[1], &second)], &options).map_err(Error::input)?;
+    if let Some(path) = &args.page {
+        let mut file = FileWriter::create(path, args.force, Patched::Never)?;
+        file.append(page(&comparison, [&first, &second])?.as_bytes())?;
+        file.finish()?;
+        console.say(format!("{}: open it in a browser", path.display()));
+    }
+    match args.json {
+        true => {
+            let json =
+                serde_json::to_string_pretty(&comparison).map_err(|e| Error::Internal(e.to_string()))?;
+            write_stdout(&(json + "\n"))
+        }
+        false => write_stdout(&table(&comparison)),
+    }
+}

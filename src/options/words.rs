@@ -1,0 +1,76 @@
+//! Options as words of a command line, for callers that have no command line of their own.
+
+use super::groups::Options;
+use crate::error::{Error, Result};
+use clap::{ArgAction, Args, Command, FromArgMatches};
+
+/// An option of a run as a program may list it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OptionName {
+    /// Name on the command line, without hyphens before it.
+    pub long: String,
+    /// What it does.
+    pub help: String,
+    /// Whether it takes a value.
+    pub has_value: bool,
+    /// Whether it may be given more than once.
+    pub is_list: bool,
+}
+
+fn command() -> Command {
+    Options::augment_args(Command::new("options").no_binary_name(true)).disable_help_flag(true)
+}
+
+impl Options {
+    /// Parses options as `vlscan run` takes them behind the name of the file: `--seed=1 --misses`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for unknown options and invalid values.
+    pub fn parse(words: impl IntoIterator<Item = String>) -> Result<Options> {
+        let found = command().try_get_matches_from(words).and_then(|found| Options::from_arg_matches(&found));
+        found.map_err(|error| {
+            let text = error.render().to_string();
+            let message = text.split("\n\nUsage:").next().unwrap_or_default();
+            let message = message.trim().trim_start_matches("error: ");
+            Error::input(message.split("\n\nFor more information").next().unwrap_or_default().trim())
+        })
+    }
+
+    /// All options of a run.
+    pub fn names() -> Vec<OptionName> {
+        let command = command();
+        let options = command.get_arguments().filter_map(|option| {
+            let help = option.get_long_help().or(option.get_help()).map(ToString::to_string);
+            Some(OptionName {
+                long: option.get_long()?.to_owned(),
+                help: help.unwrap_or_default(),
+                has_value: option.get_action().takes_values(),
+                is_list: matches!(option.get_action(), ArgAction::Append),
+            })
+        });
+        options.collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_become_options() {
+        let words = |text: &str| Options::parse(text.split_whitespace().map(str::to_owned));
+        let options = words("--threads=3 --misses --columns=X,Y").unwrap();
+        assert_eq!((options.schedule.threads, options.output.misses), (Some(3), true));
+        let unknown = words("--thread=3").unwrap_err().to_string();
+        assert!(unknown.contains("--threads") && !unknown.contains("Usage"), "{unknown}");
+        assert!(words("--columns=Q").unwrap_err().to_string().contains("no column is called"));
+    }
+
+    #[test]
+    fn options_are_listed_with_their_help() {
+        let names = Options::names();
+        let of = |long: &str| names.iter().find(|option| option.long == long).unwrap();
+        assert!(of("seed").has_value && !of("misses").has_value && of("navigation-error").is_list);
+        assert!(names.iter().all(|option| !option.help.is_empty()));
+    }
+}

@@ -1,0 +1,239 @@
+//! Joins LAS and LAZ files of consecutive points to one. Points are copied, compressed or not: the chunks of LAZ are those of
+//! the joined file if every file but the last holds whole chunks.
+
+use super::laz::CHUNK_POINTS;
+use super::summary::{FileKind, FileSummary};
+use crate::error::{Error, Result};
+use crate::files::{FileWriter, Patched};
+use crate::geom::{Aabb, DVec3};
+use ::laz::LazVlr;
+use ::laz::laszip::ChunkTable;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Number of points of a chunk of LAZ, to whose multiples all files but the last are cut.
+pub const JOINED_POINTS: u64 = CHUNK_POINTS as u64;
+
+/// Bytes per read.
+const COPY_BYTES: usize = 4 << 20;
+/// The largest header with records that is read, bytes.
+const MAX_HEAD_BYTES: u64 = 64 << 20;
+
+/// Places in the header of LAS 1.4.
+const DATA_AT: usize = 96;
+const FORMAT_AT: usize = 104;
+const LENGTH_AT: usize = 105;
+const BOUNDS_AT: usize = 179;
+const COUNT_AT: usize = 247;
+const RETURNS_AT: usize = 255;
+const HEADER_BYTES: usize = 375;
+
+/// One of the files.
+struct Segment<'a> {
+    path: &'a Path,
+    file: File,
+    /// Header and variable length records.
+    head: Vec<u8>,
+    /// Compression and sizes of chunks.
+    compression: Option<(LazVlr, ChunkTable)>,
+    /// Bytes of the points.
+    points: Range<u64>,
+}
+
+fn number<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    std::array::from_fn(|i| bytes.get(at + i).copied().unwrap_or_default())
+}
+
+fn long(bytes: &[u8], at: usize) -> u64 {
+    u64::from_le_bytes(number(bytes, at))
+}
+
+fn double(bytes: &[u8], at: usize) -> f64 {
+    f64::from_le_bytes(number(bytes, at))
+}
+
+fn word(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(number(bytes, at))
+}
+
+/// The record of the compression among the variable length records of a header.
+fn laszip(head: &[u8]) -> Option<LazVlr> {
+    let mut at = HEADER_BYTES;
+    loop {
+        let vlr = head.get(at..at + 54)?;
+        let length = usize::from(u16::from_le_bytes(number(vlr, 20)));
+        if vlr[2..].starts_with(b"laszip encoded") {
+            return LazVlr::from_buffer(head.get(at + 54..at + 54 + length)?).ok();
+        }
+        at += 54 + length;
+    }
+}
+
+impl Segment<'_> {
+    fn open(path: &Path) -> Result<Segment<'_>> {
+        let failed = |e| Error::io("read", path, e);
+        let unusable =
+            || Error::input(format!("{} is not a segment that a merge has written", path.display()));
+        let mut file = File::open(path).map_err(|e| Error::open(path, e))?;
+        let length = file.metadata().map_err(failed)?.len();
+        let mut head = vec![0; HEADER_BYTES];
+        file.read_exact(&mut head).map_err(failed)?;
+        let data = u64::from(word(&head, DATA_AT));
+        if !head.starts_with(b"LASF") || head[24..26] != [1, 4] || data > MAX_HEAD_BYTES.min(length) {
+            return Err(unusable());
+        }
+        head.resize((data as usize).max(HEADER_BYTES), 0);
+        file.read_exact(&mut head[HEADER_BYTES..]).map_err(failed)?;
+        let record = u64::from(u16::from_le_bytes(number(&head, LENGTH_AT)));
+        let records = long(&head, COUNT_AT);
+        if head[FORMAT_AT] & 0x80 == 0 {
+            let points = data..data.saturating_add(records.saturating_mul(record));
+            if points.end != length {
+                return Err(unusable());
+            }
+            return Ok(Segment { path, file, head, compression: None, points });
+        }
+        let vlr = laszip(&head).ok_or_else(unusable)?;
+        let mut table_at = [0; 8];
+        file.seek(SeekFrom::Start(data)).and_then(|_| file.read_exact(&mut table_at)).map_err(failed)?;
+        let points = data + 8..u64::from_le_bytes(table_at);
+        if points.end < points.start || points.end >= length {
+            return Err(unusable());
+        }
+        file.seek(SeekFrom::Start(data)).map_err(failed)?;
+        let table = ChunkTable::read_from(&mut file, &vlr).map_err(|_| unusable())?;
+        let bytes: u64 = table.as_ref().iter().map(|chunk| chunk.byte_count).sum();
+        let chunks = records.div_ceil(JOINED_POINTS);
+        if bytes != points.end - points.start || table.as_ref().len() as u64 != chunks {
+            return Err(unusable());
+        }
+        Ok(Segment { path, file, head, compression: Some((vlr, table)), points })
+    }
+
+    fn records(&self) -> u64 {
+        long(&self.head, COUNT_AT)
+    }
+
+    /// The header without what depends on the points.
+    fn common(&self) -> Vec<u8> {
+        let mut head = self.head.clone();
+        head[BOUNDS_AT..BOUNDS_AT + 48].fill(0);
+        head[COUNT_AT..HEADER_BYTES].fill(0);
+        head
+    }
+
+    fn copy(&mut self, block: &mut [u8], mut write: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        let failed = |e| Error::io("read", self.path, e);
+        self.file.seek(SeekFrom::Start(self.points.start)).map_err(failed)?;
+        let mut left = self.points.end - self.points.start;
+        while left > 0 {
+            let count = left.min(block.len() as u64) as usize;
+            self.file.read_exact(&mut block[..count]).map_err(failed)?;
+            write(&block[..count])?;
+            left -= count as u64;
+        }
+        Ok(())
+    }
+}
+
+/// Adds counts and bounds of a header to those of another.
+fn add(head: &mut [u8], other: &[u8]) {
+    if long(other, COUNT_AT) == 0 {
+        return;
+    }
+    let is_first = long(head, COUNT_AT) == 0;
+    for (i, at) in (BOUNDS_AT..BOUNDS_AT + 48).step_by(8).enumerate() {
+        let (mine, theirs) = (double(head, at), double(other, at));
+        // Maximum and minimum of x, y, z in turns.
+        if is_first || (if i % 2 == 0 { theirs > mine } else { theirs < mine }) {
+            head[at..at + 8].copy_from_slice(&other[at..at + 8]);
+        }
+    }
+    for at in std::iter::once(COUNT_AT).chain((RETURNS_AT..HEADER_BYTES).step_by(8)) {
+        let sum = long(head, at).saturating_add(long(other, at));
+        head[at..at + 8].copy_from_slice(&sum.to_le_bytes());
+    }
+}
+
+/// Joins files with `records` points each, which were written by merges of the same parts, to `out`. `progress` is called
+/// with the number of points of each file that is copied, and returns whether to go on.
+///
+/// # Errors
+/// [`Error::Input`] for files of other contents, [`Error::Interrupted`] when `progress` returns false, [`Error::Io`].
+pub fn join(
+    segments: &[(PathBuf, u64)],
+    out: &Path,
+    force: bool,
+    mut progress: impl FnMut(u64) -> bool,
+) -> Result<FileSummary> {
+    let mut head: Option<(Vec<u8>, Vec<u8>)> = None;
+    for (path, records) in segments {
+        let segment = Segment::open(path)?;
+        if segment.records() != *records {
+            return Err(Error::input(format!(
+                "{} holds {} points instead of {records}: where points are left out because they do not fit the \
+                 format, merge without --part",
+                path.display(),
+                segment.records()
+            )));
+        }
+        match &mut head {
+            None => head = Some((segment.head.clone(), segment.common())),
+            Some((sum, common)) if *common == segment.common() => add(sum, &segment.head),
+            Some(_) => {
+                let message =
+                    format!("{} and {} are of different merges", segments[0].0.display(), path.display());
+                return Err(Error::input(message));
+            }
+        }
+    }
+    let Some((head, _)) = head else { return Err(Error::Internal("no segments".to_owned())) };
+    let mut file = FileWriter::create(out, force, Patched::Always)?;
+    file.append(&head)?;
+    let mut bytes = head.len() as u64;
+    let (mut block, mut table, mut laszip) = (vec![0; COPY_BYTES], ChunkTable::default(), None);
+    for (path, records) in segments {
+        let mut segment = Segment::open(path)?;
+        if let Some((vlr, chunks)) = segment.compression.take() {
+            if laszip.replace(vlr).is_none() {
+                file.append(&[0; 8])?;
+                bytes += 8;
+            }
+            chunks.as_ref().iter().for_each(|chunk| table.push(*chunk));
+        }
+        segment.copy(&mut block, |points| {
+            bytes += points.len() as u64;
+            file.append(points)
+        })?;
+        if !progress(*records) {
+            return Err(Error::Interrupted);
+        }
+    }
+    if let Some(laszip) = laszip {
+        let mut encoded = Vec::new();
+        let written = table.write_to(&mut encoded, &laszip);
+        written.map_err(|e| Error::Internal(format!("LAZ: {e}")))?;
+        file.append(&encoded)?;
+        let patched = file
+            .seek(SeekFrom::Start(head.len() as u64))
+            .and_then(|_| file.write_all(&bytes.to_le_bytes()))
+            .and_then(|()| file.seek(SeekFrom::End(0)));
+        patched.map_err(|e| file.failed("write", e))?;
+        bytes += encoded.len() as u64;
+    }
+    let path = file.finish()?;
+    let corner = |first: usize| DVec3::from([0, 1, 2].map(|axis| double(&head, first + 16 * axis)));
+    Ok(FileSummary {
+        path: Some(path),
+        partial: false,
+        beside: None,
+        kind: FileKind::Points,
+        records: long(&head, COUNT_AT),
+        bytes,
+        bounds: Aabb { min: corner(BOUNDS_AT + 8), max: corner(BOUNDS_AT) },
+        by_return: std::array::from_fn(|i| long(&head, RETURNS_AT + 8 * i)),
+        left_out: 0,
+    })
+}

@@ -1,0 +1,76 @@
+//! Coordinate reference system of a run: chosen, named by the scene's files, or the UTM zone of the flight.
+
+use super::settings::Settings;
+use crate::crs;
+use crate::diag::Diagnostics;
+use crate::flight::FlightPlan;
+use crate::geom::UtmZone;
+use crate::output::{OutputContext, OutputRequest};
+use crate::platform::PoseReader;
+use crate::scene::Scene;
+use crate::schedule::Stop;
+use crate::survey::{Grid, PlatformKind};
+
+/// Coordinates from which a scene is taken to be on a projected grid, m.
+const MIN_PROJECTED_COORDINATE: f64 = 100_000.0;
+
+/// Sets the system of the survey to the one that the scene's files name, unless one is chosen, and the grid of its flight
+/// to its UTM zone. Returns contradictions as warnings.
+pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let survey = &mut settings.survey;
+    if let (Some(chosen), Some(named)) = (&survey.crs_wkt, &scene.crs)
+        && crs::differ(chosen, named)
+    {
+        let message =
+            format!("--crs says {}, the files of the scene say {}", crs::name(chosen), crs::name(named));
+        found.warn(None, message).help(
+            "nothing is projected: the points have the coordinates of the scene; leave out --crs, or project the scene first",
+        );
+    }
+    survey.crs_wkt = survey.crs_wkt.take().or_else(|| scene.crs.clone());
+    let wkt = survey.crs_wkt.as_deref();
+    if let Some((wkt, problem)) = wkt.and_then(|wkt| Some((wkt, crs::unit_problem(wkt)?))) {
+        let message = format!("{} does not fit: {problem}", crs::name(wkt));
+        found
+            .warn(None, message)
+            .help("name a system in metres such as EPSG:25832, and project the scene to it");
+    }
+    let grid = match &mut survey.platform.kind {
+        PlatformKind::Stream(stream) => &mut stream.grid,
+        PlatformKind::Interpolated(files) => &mut files.grid,
+        _ => return found,
+    };
+    if let (Grid::Utm(zone), Some(wkt)) = (&grid, wkt)
+        && UtmZone::of_wkt(wkt).is_some_and(|of_scene| of_scene != *zone)
+    {
+        let message =
+            format!("the flight is projected to UTM zone {zone}, the scene is in {}", crs::name(wkt));
+        found.warn(None, message).help("leave out --utm-zone: the flight follows the scene");
+    }
+    *grid = grid.of_scene(wkt);
+    found
+}
+
+/// Returns the system of a flight that is projected: its UTM zone. Waits for the first pose of a flight that is streamed
+/// through `poses`.
+pub(super) fn of_flight(flight: &FlightPlan, poses: Option<&mut PoseReader>, stop: &Stop) -> Option<String> {
+    let zone = match (flight.trajectory_table(), poses) {
+        (Some(table), _) => table.zone(),
+        (None, Some(poses)) => poses.first_zone(&|| stop.is_requested()),
+        (None, None) => None,
+    };
+    zone.and_then(crs::wkt_of_zone)
+}
+
+/// Describes a lack of a coordinate reference system in formats that have a place for it, over a scene that seems to have
+/// one.
+pub(super) fn lack_of_crs(outputs: &OutputRequest, context: &OutputContext) -> Option<String> {
+    let is_projected = [context.shift.x, context.shift.y].iter().any(|c| c.abs() >= MIN_PROJECTED_COORDINATE);
+    let has_place = outputs.sinks.iter().any(|(_, format)| format.holds_crs());
+    let is_lacking = is_projected && has_place && outputs.crs_wkt.is_none() && context.crs.is_none();
+    is_lacking.then(|| {
+        "no coordinate reference system is known: the outputs name none; --crs EPSG:25832 (with the scene's code) adds it"
+            .to_owned()
+    })
+}

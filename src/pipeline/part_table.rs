@@ -1,0 +1,70 @@
+//! Table of the scene's parts beside labelled points.
+
+use crate::output::ObjectIds;
+use crate::scene::{PartFacts, Scene};
+use std::fmt::Write as _;
+
+/// The facts of a scene's parts, kept while later epochs are loaded.
+pub struct PartTable {
+    rows: Vec<Row>,
+}
+
+struct Row {
+    /// Number as object of LAS and PLY.
+    object: i32,
+    /// Everything between number and count of points.
+    facts: String,
+}
+
+const HEADING: &str = "object,part,id,name,class,materials,x,y,z,height,points";
+
+impl PartTable {
+    /// The table of a scene.
+    pub fn new(scene: &Scene) -> PartTable {
+        let ids: Vec<String> = scene.parts.iter().map(|part| part.id.clone()).collect();
+        let objects = ObjectIds::new(&ids);
+        let row = |(index, (part, facts)): (u32, (&crate::scene::Part, &PartFacts))| {
+            let materials = facts.material_names(scene).join(" ");
+            let mut text = format!("{index},{},{},", quoted(&part.id), quoted(&part.name));
+            let _ = write!(text, "{},{},", facts.class(scene), quoted(&materials));
+            let (low, centre, size) = (facts.bounds.min, facts.bounds.centre(), facts.bounds.size());
+            let _ = match facts.primitives {
+                0 => write!(text, ",,,"),
+                _ => write!(text, "{:.3},{:.3},{:.3},{:.3}", centre.x, centre.y, low.z, size.z),
+            };
+            Row { object: objects.of_part(index), facts: text }
+        };
+        let facts = PartFacts::of_scene(scene);
+        PartTable { rows: (0..).zip(scene.parts.iter().zip(&facts)).map(row).collect() }
+    }
+
+    /// The table as CSV with the number of points of each part.
+    pub fn csv(&self, points: &[u64]) -> String {
+        let mut text = format!("{HEADING}\n");
+        for (index, Row { object, facts }) in self.rows.iter().enumerate() {
+            let count = points.get(index).copied().unwrap_or(0);
+            let _ = writeln!(text, "{object},{facts},{count}");
+        }
+        text
+    }
+}
+
+/// A field of CSV (RFC 4180).
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_with_separators_are_quoted() {
+        assert_eq!(quoted("a \"b\", c"), "\"a \"\"b\"\", c\"");
+        assert_eq!(quoted("oak"), "oak");
+    }
+}

@@ -1,0 +1,725 @@
+//! Airborne surveys: parallel lines over an area.
+
+use super::area::Area;
+use super::document::{Document, Waypoint};
+use super::swath::{Instrument, Swath};
+use crate::geom::{DVec3, degrees, radians};
+use crate::quantity::{amount, duration};
+use std::f64::consts::{PI, TAU};
+
+/// Most flight lines of a plan.
+const MAX_LINES: f64 = 10_000.0;
+/// Most waypoints of a line that follows the ground.
+const MAX_STEPS: f64 = 100_000.0;
+/// Angle between the waypoints of a turn, rad.
+const TURN_STEP: f64 = PI / 12.0;
+
+/// What an airborne survey shall be. Of speed, overlap and density at least one is given besides those with defaults;
+/// density with overlap yields the speed, density with speed the distance of the lines.
+#[derive(Clone, Debug)]
+pub struct AirborneOptions {
+    /// Height above the ground, m.
+    pub height: f64,
+    /// Speed, m/s.
+    pub speed: Option<f64>,
+    /// Side overlap of neighbouring strips, a fraction of the swath.
+    pub overlap: Option<f64>,
+    /// Mean pulses per m².
+    pub density: Option<f64>,
+    /// Half opening angle, degrees.
+    pub scan_angle: Option<f64>,
+    /// Pulses per second.
+    pub pulse_rate: Option<u32>,
+    /// Hz.
+    pub scan_freq: Option<f64>,
+    /// Direction of the lines, degrees clockwise from +y; the one with the fewest lines if `None`.
+    pub heading: Option<f64>,
+    /// Lines across the others.
+    pub cross_lines: u32,
+    /// Length by which each line begins before the area and ends behind it, m.
+    pub run_in: Option<f64>,
+    /// Radius of the turns between lines, m; straight to the next line if `None`.
+    pub turn_radius: Option<f64>,
+    /// Steepest climb of lines that follow the ground, degrees; level lines if `None`.
+    pub climb: Option<f64>,
+}
+
+/// The ground below a flight.
+pub struct Ground<'g> {
+    /// Height at x, y, m; `None` where there is none.
+    pub height: &'g dyn Fn(f64, f64) -> Option<f64>,
+}
+
+/// A frame in the direction of the lines.
+#[derive(Clone, Copy)]
+struct Frame {
+    /// Unit vectors.
+    along: [f64; 2],
+    across: [f64; 2],
+    /// An origin near the area, so that no digits are lost.
+    origin: [f64; 2],
+}
+
+impl Frame {
+    /// `heading` is rad clockwise from +y.
+    fn new(heading: f64, origin: [f64; 2]) -> Frame {
+        let (s, c) = libm::sincos(heading);
+        Frame { along: [s, c], across: [c, -s], origin }
+    }
+
+    fn project(&self, axis: [f64; 2], p: [f64; 2]) -> f64 {
+        (p[0] - self.origin[0]) * axis[0] + (p[1] - self.origin[1]) * axis[1]
+    }
+
+    fn point(&self, along: f64, across: f64) -> [f64; 2] {
+        [0, 1].map(|i| self.origin[i] + along * self.along[i] + across * self.across[i])
+    }
+
+    /// The extent of the area along where its distance across is within `limits`.
+    fn extent(&self, area: &Area, limits: [f64; 2]) -> Option<[f64; 2]> {
+        area.extent(|p| self.project(self.along, p), |p| self.project(self.across, p), limits)
+    }
+
+    /// The extent of the area across.
+    fn width(&self, area: &Area) -> [f64; 2] {
+        let distances = area.corners().iter().map(|p| self.project(self.across, *p));
+        distances.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], d| [low.min(d), high.max(d)])
+    }
+}
+
+/// A line from one position to another, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Line {
+    from: [f64; 2],
+    to: [f64; 2],
+}
+
+impl Line {
+    fn length(&self) -> f64 {
+        libm::hypot(self.to[0] - self.from[0], self.to[1] - self.from[1])
+    }
+
+    fn at(&self, fraction: f64) -> [f64; 2] {
+        [0, 1].map(|i| self.from[i] + fraction * (self.to[i] - self.from[i]))
+    }
+
+    fn direction(&self) -> [f64; 2] {
+        let length = self.length();
+        [0, 1].map(|i| (self.to[i] - self.from[i]) / length)
+    }
+}
+
+/// Speed, distance of the lines and scan of a plan.
+struct Choice {
+    swath: Swath,
+    speed: f64,
+    spacing: f64,
+    /// Mean over the area of the parallel lines, pulses/m².
+    density: f64,
+}
+
+/// Plans parallel lines over an area, flown to and fro, so that every point of it is covered as often as by an endless
+/// row of such lines; then the cross lines.
+///
+/// # Errors
+/// A sentence: options that contradict each other or exceed the instrument.
+pub fn plan_airborne(
+    area: &Area,
+    instrument: &Instrument,
+    options: &AirborneOptions,
+    ground: &Ground,
+) -> Result<Document, String> {
+    let height = options.height;
+    let mut document = Document::default();
+    let heading = options.heading.map_or_else(|| best_heading(area), radians);
+    let frame = Frame::new(heading, area.corners()[0]);
+    let choice = choose(area, &frame, instrument, options)?;
+    let Choice { swath, speed, spacing, .. } = &choice;
+    let width = swath.width(height);
+    let run_in = options.run_in.unwrap_or_else(|| match instrument.looks_ahead() {
+        // The ring of a conic scan reaches that far ahead.
+        true => width / 2.0,
+        // At least one whole scan line.
+        false => speed / swath.line_rate.max(1.0),
+    });
+    let mut lines = parallel_lines(area, &frame, width, *spacing, run_in)?;
+    let parallel = lines.len();
+    lines.extend(cross_lines(area, heading + PI / 2.0, options.cross_lines, run_in));
+    turn_every_second(&mut lines);
+    let level = mean_ground(area, ground);
+    let heights = Heights { ground, level: level.mean, above: height, climb: options.climb.map(radians) };
+    let mut active = 0.0;
+    for (i, line) in lines.iter().enumerate() {
+        let strip = format!("{}{:03}", if i < parallel { "line" } else { "cross" }, i + 1);
+        let points = heights.follow(line)?;
+        active += length(&points);
+        let last = points.len() - 1;
+        for (k, position) in points.iter().enumerate() {
+            document.waypoints.push(Waypoint {
+                position: *position,
+                speed: Some(*speed),
+                active: k < last,
+                on_ground: false,
+                strip: (k < last).then(|| strip.clone()),
+            });
+        }
+        if let (Some(radius), Some(next)) = (options.turn_radius, lines.get(i + 1)) {
+            let z = points[last].z;
+            document.waypoints.extend(turn(line, next, radius).into_iter().map(|[x, y]| Waypoint {
+                position: DVec3::new(x, y, z),
+                speed: Some(*speed),
+                ..Waypoint::default()
+            }));
+        }
+    }
+    settings(&mut document, instrument, swath);
+    let facts = Facts { area, instrument, choice: &choice, height, heading, run_in, parallel, active, level };
+    facts.tell(&mut document, options);
+    Ok(document)
+}
+
+fn choose(
+    area: &Area,
+    frame: &Frame,
+    instrument: &Instrument,
+    options: &AirborneOptions,
+) -> Result<Choice, String> {
+    let half_angle = instrument.half_angle(options.scan_angle)?;
+    let pulse_rate = match (options.pulse_rate, instrument.pulse_rates.first()) {
+        (Some(rate), _) | (None, Some(&rate)) if rate > 0 => rate,
+        _ => return Err("the instrument has no usual pulse rate: --pulse-rate is needed".to_owned()),
+    };
+    let width = 2.0 * options.height * half_angle.tan();
+    let scan = |speed: f64| instrument.swath(half_angle, pulse_rate, options.scan_freq, [speed, width]);
+    // Its rate does not depend on the speed.
+    let swath = scan(1.0)?;
+    let spacing_of = |overlap: Option<f64>| width * (1.0 - overlap.unwrap_or(0.3));
+    // The density over the area at 1 m/s.
+    let slow_density = |spacing: f64| -> Result<f64, String> {
+        let places = line_places(area, frame, width, spacing)?;
+        Ok(density_over(area, frame, &places, instrument, &swath, options.height))
+    };
+    let (speed, spacing) = match (options.density, options.speed, options.overlap) {
+        (Some(_), Some(_), Some(_)) => {
+            return Err("density, speed and overlap determine each other: leave one out".to_owned());
+        }
+        (Some(density), Some(speed), None) => {
+            let mut spacing = swath.fired_rate / (density * speed);
+            // Edges and the number of lines change the density over the area a little.
+            for _ in 0..12 {
+                let found = slow_density(spacing)? / speed;
+                spacing *= (found / density).clamp(0.5, 2.0);
+            }
+            if spacing > width * 1.001 {
+                return Err(format!(
+                    "at {speed} m/s one strip has {:.2} pulses/m² already, more than {density}; fly higher or faster, or \
+                     lower the pulse rate",
+                    swath.fired_rate / (speed * width)
+                ));
+            }
+            (speed, spacing)
+        }
+        (Some(density), None, overlap) => {
+            let spacing = spacing_of(overlap);
+            (slow_density(spacing)? / density, spacing)
+        }
+        (None, Some(speed), overlap) => (speed, spacing_of(overlap)),
+        (None, None, _) => {
+            return Err("how fast? --speed, or --density from which it follows, is needed".to_owned());
+        }
+    };
+    if !(speed > 1e-3 && speed < 1000.0) {
+        return Err(format!(
+            "a speed of {speed:.4} m/s follows, expected 0.001 to 1000 m/s; change density, pulse rate or height"
+        ));
+    }
+    Ok(Choice { density: slow_density(spacing)? / speed, swath: scan(speed)?, speed, spacing })
+}
+
+/// Mean density over the area of strips flown at 1 m/s at these distances across, pulses/m²: the integral across of what the
+/// strips have there and of how long the area is there.
+fn density_over(
+    area: &Area,
+    frame: &Frame,
+    places: &[f64],
+    instrument: &Instrument,
+    swath: &Swath,
+    height: f64,
+) -> f64 {
+    const STEPS: u32 = 4000;
+    let [low, high] = frame.width(area);
+    let step = (high - low) / f64::from(STEPS);
+    let half = swath.width(height) / 2.0;
+    let first = |x: f64| places.partition_point(|place| *place < x - half);
+    let (mut pulses, mut square) = (0.0, 0.0);
+    for i in 0..STEPS {
+        let x = low + (f64::from(i) + 0.5) * step;
+        let Some([from, to]) = frame.extent(area, [x; 2]) else { continue };
+        let near = places[first(x)..].iter().take_while(|place| **place <= x + half);
+        let per_metre: f64 = near.map(|place| instrument.profile(x - place, height, swath.half_angle)).sum();
+        pulses += per_metre * (to - from);
+        square += to - from;
+    }
+    swath.fired_rate * pulses / square
+}
+
+/// The heading, rad, of the side of the area along which lines are fewest: the one across which it is narrowest.
+fn best_heading(area: &Area) -> f64 {
+    let across = |heading: f64| {
+        let [low, high] = Frame::new(heading, area.corners()[0]).width(area);
+        high - low
+    };
+    let headings = area.sides().map(|[a, b]| libm::atan2(b[0] - a[0], b[1] - a[1]));
+    let best = headings.min_by(|a, b| across(*a).total_cmp(&across(*b))).unwrap_or(0.0);
+    // Of the two directions of a line the one between north and south-east.
+    let best = best.rem_euclid(PI);
+    if PI - best < 1e-9 { 0.0 } else { best }
+}
+
+/// Distances across of lines `spacing` apart. The outermost line lies so that the next one, which is not flown, would not
+/// reach the area.
+fn line_places(area: &Area, frame: &Frame, width: f64, spacing: f64) -> Result<Vec<f64>, String> {
+    let [low, high] = frame.width(area);
+    let needed = (high - low) + width - 2.0 * spacing;
+    let count = if needed > 1e-9 { (needed / spacing - 1e-9).ceil() + 1.0 } else { 1.0 };
+    if count > MAX_LINES {
+        return Err(format!("{count:.0} flight lines, expected at most {MAX_LINES}"));
+    }
+    let first = 0.5 * (low + high) - 0.5 * (count - 1.0) * spacing;
+    Ok((0..count as u32).map(|i| first + f64::from(i) * spacing).collect())
+}
+
+fn parallel_lines(
+    area: &Area,
+    frame: &Frame,
+    width: f64,
+    spacing: f64,
+    run_in: f64,
+) -> Result<Vec<Line>, String> {
+    let lines = line_places(area, frame, width, spacing)?.into_iter().filter_map(|across| {
+        let half = width / 2.0;
+        let [from, to] = frame.extent(area, [across - half, across + half])?;
+        Some(Line { from: frame.point(from - run_in, across), to: frame.point(to + run_in, across) })
+    });
+    Ok(lines.collect())
+}
+
+/// Lines across, at the middles of equal shares of the area's length.
+fn cross_lines(area: &Area, heading: f64, count: u32, run_in: f64) -> Vec<Line> {
+    let frame = Frame::new(heading, area.corners()[0]);
+    let [low, high] = frame.width(area);
+    let lines = (0..count).filter_map(|i| {
+        let across = low + (high - low) * (f64::from(i) + 0.5) / f64::from(count);
+        let [from, to] = frame.extent(area, [across; 2])?;
+        Some(Line { from: frame.point(from - run_in, across), to: frame.point(to + run_in, across) })
+    });
+    lines.collect()
+}
+
+fn turn_every_second(lines: &mut [Line]) {
+    lines.iter_mut().skip(1).step_by(2).for_each(|line| std::mem::swap(&mut line.from, &mut line.to));
+}
+
+/// Waypoints of a turn from the end of one line to the beginning of the next, at most [`TURN_STEP`] apart: the shortest path
+/// of arcs of one radius and straight pieces between two positions with directions (Dubins 1957).
+fn turn(line: &Line, next: &Line, radius: f64) -> Vec<[f64; 2]> {
+    let heading = |d: [f64; 2]| libm::atan2(d[1], d[0]);
+    let (from, to) = (heading(line.direction()), heading(next.direction()));
+    let (dx, dy) = (next.from[0] - line.to[0], next.from[1] - line.to[1]);
+    let distance = libm::hypot(dx, dy) / radius;
+    let bearing = libm::atan2(dy, dx);
+    let Some(path) =
+        shortest_turn(distance, (from - bearing).rem_euclid(TAU), (to - bearing).rem_euclid(TAU))
+    else {
+        return Vec::new();
+    };
+    let (mut at, mut angle, mut points) = (line.to, from, Vec::new());
+    for (sense, amount) in path {
+        let steps = if sense == 0.0 { 1.0 } else { (amount / TURN_STEP).ceil() };
+        let step = amount / steps.max(1.0);
+        for _ in 0..steps as usize {
+            let chord = match sense == 0.0 {
+                true => step,
+                false => 2.0 * libm::sin(step / 2.0),
+            };
+            let way = angle + sense * step / 2.0;
+            at = [at[0] + radius * chord * libm::cos(way), at[1] + radius * chord * libm::sin(way)];
+            angle += sense * step;
+            points.push(at);
+        }
+    }
+    // The last one is the beginning of the next line.
+    points.pop();
+    points
+}
+
+/// The shortest of the six Dubins paths for unit radius: three pieces, each with its sense (1 left, −1 right, 0 straight) and
+/// its length. `a` and `b` are the headings at beginning and end relative to the way of length `d` between them, rad.
+fn shortest_turn(d: f64, a: f64, b: f64) -> Option<[(f64, f64); 3]> {
+    use libm::{acos, atan2, cos, sin, sqrt};
+    let (sa, ca, sb, cb, cab) = (sin(a), cos(a), sin(b), cos(b), cos(a - b));
+    let turns = |v: f64| v.rem_euclid(TAU);
+    let mut paths: Vec<[(f64, f64); 3]> = Vec::with_capacity(6);
+    let p = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sa - sb);
+    if p >= 0.0 {
+        let t = atan2(cb - ca, d + sa - sb);
+        paths.push([(1.0, turns(t - a)), (0.0, sqrt(p)), (1.0, turns(b - t))]);
+    }
+    let p = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sb - sa);
+    if p >= 0.0 {
+        let t = atan2(ca - cb, d - sa + sb);
+        paths.push([(-1.0, turns(a - t)), (0.0, sqrt(p)), (-1.0, turns(t - b))]);
+    }
+    let p = -2.0 + d * d + 2.0 * cab + 2.0 * d * (sa + sb);
+    if p >= 0.0 {
+        let p = sqrt(p);
+        let t = atan2(-ca - cb, d + sa + sb) - atan2(-2.0, p);
+        paths.push([(1.0, turns(t - a)), (0.0, p), (-1.0, turns(t - b))]);
+    }
+    let p = -2.0 + d * d + 2.0 * cab - 2.0 * d * (sa + sb);
+    if p >= 0.0 {
+        let p = sqrt(p);
+        let t = atan2(ca + cb, d - sa - sb) - atan2(2.0, p);
+        paths.push([(-1.0, turns(a - t)), (0.0, p), (1.0, turns(b - t))]);
+    }
+    let c = (6.0 - d * d + 2.0 * cab + 2.0 * d * (sa - sb)) / 8.0;
+    if c.abs() <= 1.0 {
+        let p = turns(TAU - acos(c));
+        let t = turns(a - atan2(ca - cb, d - sa + sb) + p / 2.0);
+        paths.push([(-1.0, t), (1.0, p), (-1.0, turns(a - b - t + p))]);
+    }
+    let c = (6.0 - d * d + 2.0 * cab + 2.0 * d * (sb - sa)) / 8.0;
+    if c.abs() <= 1.0 {
+        let p = turns(TAU - acos(c));
+        let t = turns(-a + atan2(-ca + cb, d + sa - sb) + p / 2.0);
+        paths.push([(1.0, t), (-1.0, p), (1.0, turns(turns(b) - a - t + p))]);
+    }
+    let length = |path: &[(f64, f64); 3]| path.iter().map(|(_, l)| l).sum::<f64>();
+    paths.into_iter().min_by(|a, b| length(a).total_cmp(&length(b)))
+}
+
+/// Mean and range of the ground below an area, m.
+#[derive(Clone, Copy, Debug, Default)]
+struct Level {
+    mean: f64,
+    low: f64,
+    high: f64,
+    /// Fraction of the positions with ground.
+    known: f64,
+}
+
+fn mean_ground(area: &Area, ground: &Ground) -> Level {
+    const STEPS: u32 = 24;
+    let (low, high) = area.bounds();
+    let at = |i: u32, from: f64, to: f64| from + (to - from) * (f64::from(i) + 0.5) / f64::from(STEPS);
+    let places = (0..STEPS).flat_map(|i| (0..STEPS).map(move |k| (i, k)));
+    let inside: Vec<[f64; 2]> = places
+        .map(|(i, k)| [at(i, low[0], high[0]), at(k, low[1], high[1])])
+        .filter(|p| area.contains(*p))
+        .collect();
+    let heights: Vec<f64> = inside.iter().filter_map(|[x, y]| (ground.height)(*x, *y)).collect();
+    if heights.is_empty() {
+        return Level::default();
+    }
+    Level {
+        mean: heights.iter().sum::<f64>() / heights.len() as f64,
+        low: heights.iter().copied().fold(f64::INFINITY, f64::min),
+        high: heights.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        known: heights.len() as f64 / inside.len() as f64,
+    }
+}
+
+/// Heights of flight lines.
+struct Heights<'g> {
+    ground: &'g Ground<'g>,
+    /// Where the ground is unknown, m.
+    level: f64,
+    /// Height above the ground, m.
+    above: f64,
+    /// Steepest climb, rad; level lines if `None`.
+    climb: Option<f64>,
+}
+
+impl Heights<'_> {
+    /// The waypoints of a line. A line that follows the ground is nowhere lower above it than wanted at its sampled
+    /// positions, and climbs nowhere more steeply than allowed.
+    fn follow(&self, line: &Line) -> Result<Vec<DVec3>, String> {
+        let place = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
+        let Some(climb) = self.climb else {
+            return Ok([line.from, line.to].map(|p| place(p, self.level + self.above)).to_vec());
+        };
+        let steps = (line.length() / (self.above / 4.0)).ceil().max(1.0);
+        if steps > MAX_STEPS {
+            return Err(format!("a line of {steps:.0} waypoints, expected at most {MAX_STEPS}"));
+        }
+        let count = steps as usize + 1;
+        let at = |i: usize| line.at(i as f64 / steps);
+        let mut z: Vec<f64> = (0..count)
+            .map(|i| (self.ground.height)(at(i)[0], at(i)[1]).unwrap_or(self.level) + self.above)
+            .collect();
+        let rise = climb.tan() * line.length() / steps;
+        for i in 1..count {
+            z[i] = z[i].max(z[i - 1] - rise);
+        }
+        for i in (1..count).rev() {
+            z[i - 1] = z[i - 1].max(z[i] - rise);
+        }
+        let points: Vec<DVec3> = (0..count).map(|i| place(at(i), z[i])).collect();
+        Ok(simplified(&points, 0.01 * self.above))
+    }
+}
+
+/// Leaves out points whose height differs from the line between those that are kept by at most `tolerance` (Ramer 1972,
+/// Douglas and Peucker 1973).
+fn simplified(points: &[DVec3], tolerance: f64) -> Vec<DVec3> {
+    let mut keep = vec![false; points.len()];
+    (keep[0], keep[points.len() - 1]) = (true, true);
+    let mut open = vec![(0, points.len() - 1)];
+    while let Some((from, to)) = open.pop() {
+        let deviation = |i: usize| {
+            let t = (i - from) as f64 / (to - from) as f64;
+            (points[i].z - (points[from].z + t * (points[to].z - points[from].z))).abs()
+        };
+        let worst = (from + 1..to).max_by(|a, b| deviation(*a).total_cmp(&deviation(*b)));
+        if let Some(worst) = worst.filter(|i| deviation(*i) > tolerance) {
+            keep[worst] = true;
+            open.extend([(from, worst), (worst, to)]);
+        }
+    }
+    points.iter().zip(keep).filter(|(_, keep)| *keep).map(|(p, _)| *p).collect()
+}
+
+fn length(points: &[DVec3]) -> f64 {
+    points.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+}
+
+pub(super) fn settings(document: &mut Document, instrument: &Instrument, swath: &Swath) {
+    document.scanner = instrument.reference.clone();
+    document.setting("pulse_freq_hz", f64::from(swath.pulse_rate));
+    if swath.scan_freq > 0.0 {
+        document.setting("scan_freq_hz", swath.scan_freq);
+    }
+    if swath.head_rate > 0.0 {
+        document.setting("head_rate_deg_per_s", degrees(swath.head_rate));
+    }
+    document.setting("scan_angle_deg", degrees(swath.half_angle));
+}
+
+/// What is told of a plan.
+struct Facts<'f> {
+    area: &'f Area,
+    instrument: &'f Instrument,
+    choice: &'f Choice,
+    height: f64,
+    heading: f64,
+    run_in: f64,
+    parallel: usize,
+    /// Length of the lines, m.
+    active: f64,
+    level: Level,
+}
+
+impl Facts<'_> {
+    fn tell(&self, document: &mut Document, options: &AirborneOptions) {
+        let Choice { swath, speed, spacing, .. } = self.choice;
+        let (height, width) = (self.height, swath.width(self.height));
+        let hectares = self.area.square_metres() / 1e4;
+        let flown = document.length();
+        let range = height / swath.half_angle.cos();
+        let footprint = self.instrument.aperture + height * self.instrument.divergence;
+        let [nadir, edge] = swath.density_in_strip(*speed, height);
+        let lines = &mut document.comments;
+        lines.push(format!(
+            "{} over {hectares:.2} ha, {height} m above the ground at {speed:.2} m/s",
+            self.instrument.name
+        ));
+        lines.push(format!(
+            "lines      {} at heading {:.1}°, {spacing:.2} m apart, {} across; {:.2} km of {:.2} km flown measure",
+            self.parallel,
+            degrees(self.heading),
+            options.cross_lines,
+            self.active / 1e3,
+            flown / 1e3
+        ));
+        lines.push(format!("duration   {} ({:.1} s)", duration(flown / speed), flown / speed));
+        lines.push(format!(
+            "pulses     {} leave the instrument, {} per second",
+            amount(self.active / speed * swath.fired_rate),
+            amount(swath.fired_rate)
+        ));
+        lines.push(format!(
+            "swath      2·h·tan θ = {width:.2} m, overlap 1 − S/W = {:.1} %, lines begin and end {:.1} m outside the area",
+            100.0 * (1.0 - spacing / width),
+            self.run_in
+        ));
+        lines.push(format!(
+            "density    {:.3} pulses/m² over the area, N/(v·S) = {:.3} far from its edges; one strip {nadir:.3} below, {edge:.3} at its \
+             edge",
+            self.choice.density,
+            swath.density(*speed, *spacing)
+        ));
+        if swath.line_rate > 0.0 {
+            lines.push(format!(
+                "spacing    v/f = {:.3} m along, W·f/N = {:.3} m across",
+                speed / swath.line_rate,
+                width * swath.line_rate / swath.fired_rate
+            ));
+        }
+        lines.push(format!("footprint  {footprint:.3} m below the platform; range at the edge {range:.0} m"));
+        let mut warn = |text: String| document.warnings.push(text);
+        if range > self.instrument.range_max {
+            warn(format!(
+                "the edge of the swath is {range:.0} m away, farther than the instrument's {:.0} m",
+                self.instrument.range_max
+            ));
+        }
+        if height < self.instrument.range_min {
+            warn(format!(
+                "the ground is {height:.0} m away, nearer than the instrument measures: {:.0} m",
+                self.instrument.range_min
+            ));
+        }
+        let relief = self.level.high - self.level.low;
+        if options.climb.is_none() && relief > 0.1 * height {
+            warn(format!(
+                "the ground differs by {relief:.0} m within the area, and level lines have other swaths and densities over \
+                 it; --follow-terrain keeps the height above it"
+            ));
+        }
+        if self.level.known > 0.0 && self.level.known < 0.99 {
+            warn(format!(
+                "{:.0} % of the area have no ground in the scene",
+                100.0 * (1.0 - self.level.known)
+            ));
+        }
+        let pieces = self.active / speed * swath.fired_rate;
+        if pieces > 1e11 {
+            warn(format!("{} pulses are more than most computers compute", amount(pieces)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::survey::catalogue;
+
+    fn instrument() -> Instrument {
+        let (known, _) = catalogue().unwrap();
+        let found = known.scanners.iter().find(|(reference, _)| reference.ends_with("#riegl_lms-q780"));
+        let (reference, scanner) = found.unwrap();
+        Instrument::new(reference.clone(), scanner)
+    }
+
+    fn options() -> AirborneOptions {
+        AirborneOptions {
+            height: 500.0,
+            speed: Some(60.0),
+            overlap: None,
+            density: None,
+            scan_angle: None,
+            pulse_rate: None,
+            scan_freq: None,
+            heading: None,
+            cross_lines: 0,
+            run_in: None,
+            turn_radius: None,
+            climb: None,
+        }
+    }
+
+    const FLAT: Ground = Ground { height: &|_, _| Some(100.0) };
+
+    #[test]
+    fn lines_are_along_the_longer_side_and_cover_the_area() {
+        let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
+        let plan = plan_airborne(&area, &instrument(), &options(), &FLAT).unwrap();
+        // Swath 577.35 m, spacing 404.15 m: (1000 + 577.35) / 404.15 - 2 = 1.9, so 2 + 1 lines.
+        let starts: Vec<_> = plan.waypoints.iter().filter(|w| w.active).collect();
+        assert_eq!(starts.len(), 3);
+        assert!(plan.waypoints.iter().all(|w| w.position.z == 600.0));
+        let y: Vec<f64> = starts.iter().map(|w| w.position.y).collect();
+        assert!((y.iter().sum::<f64>() / 3.0 - 500.0).abs() < 1e-9, "{y:?}");
+        assert!(y.iter().any(|y| *y - 404.2 <= -577.35 / 2.0 + 1e-6), "{y:?}");
+        // To and fro.
+        assert!(starts[0].position.x < 0.0 && starts[1].position.x > 3000.0);
+    }
+
+    #[test]
+    fn density_yields_speed_or_spacing() {
+        let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
+        let frame = Frame::new(best_heading(&area), [0.0; 2]);
+        let chosen = |options: &AirborneOptions| choose(&area, &frame, &instrument(), options);
+        let with_density = AirborneOptions { density: Some(8.0), speed: None, ..options() };
+        let choice = chosen(&with_density).unwrap();
+        assert!((choice.density - 8.0).abs() < 1e-9);
+        assert!((choice.swath.density(choice.speed, choice.spacing) - 8.0).abs() < 0.8);
+        assert!((choice.spacing / choice.swath.width(500.0) - 0.7).abs() < 1e-12);
+        let both = AirborneOptions { density: Some(12.0), speed: Some(60.0), ..options() };
+        let choice = chosen(&both).unwrap();
+        assert!((choice.density / 12.0 - 1.0).abs() < 0.03, "{}", choice.density);
+        let sparse = AirborneOptions { density: Some(0.1), ..both };
+        assert!(chosen(&sparse).err().unwrap().contains("already"));
+        assert!(
+            plan_airborne(&area, &instrument(), &AirborneOptions { speed: None, ..options() }, &FLAT)
+                .is_err()
+        );
+    }
+
+    #[test]
+    fn lines_follow_the_ground_no_more_steeply_than_allowed() {
+        let area = Area::rectangle([0.0, 0.0], [4000.0, 200.0]).unwrap();
+        // A step of 200 m.
+        let hill = Ground { height: &|x, _| Some(if x > 2000.0 { 200.0 } else { 0.0 }) };
+        let follow = AirborneOptions { climb: Some(10.0), ..options() };
+        let plan = plan_airborne(&area, &instrument(), &follow, &hill).unwrap();
+        let line: Vec<DVec3> = plan.waypoints.iter().map(|w| w.position).take(4).collect();
+        assert!(line.len() > 2);
+        for pair in line.windows(2) {
+            let run = libm::hypot(pair[1].x - pair[0].x, pair[1].y - pair[0].y);
+            assert!((pair[1].z - pair[0].z).abs() <= 10f64.to_radians().tan() * run * 1.05 + 5.0);
+        }
+        for p in &line {
+            assert!(p.z >= (hill.height)(p.x, p.y).unwrap() + 495.0, "{p}");
+        }
+    }
+
+    #[test]
+    fn turns_are_arcs_that_end_where_the_next_line_begins() {
+        let line = Line { from: [0.0, 0.0], to: [1000.0, 0.0] };
+        for spacing in [50.0, 200.0, 399.0, 400.0, 900.0] {
+            let next = Line { from: [1000.0, spacing], to: [0.0, spacing] };
+            let points = turn(&line, &next, 200.0);
+            let mut way = vec![line.to];
+            way.extend(&points);
+            way.push(next.from);
+            // A half circle, or a longer turn where the lines are closer together than its diameter.
+            let length: f64 = way.windows(2).map(|p| libm::hypot(p[1][0] - p[0][0], p[1][1] - p[0][1])).sum();
+            let least = if spacing >= 400.0 { PI * 200.0 + spacing - 400.0 } else { PI * 200.0 };
+            assert!(length > 0.98 * least && length < 1700.0, "{spacing}: {length}");
+            // No corner is sharper than the step.
+            for corner in way.windows(3) {
+                let heading = |a: [f64; 2], b: [f64; 2]| libm::atan2(b[1] - a[1], b[0] - a[0]);
+                let change =
+                    (heading(corner[1], corner[2]) - heading(corner[0], corner[1]) + PI).rem_euclid(TAU) - PI;
+                assert!(change.abs() < TURN_STEP * 1.1, "{spacing}: {change} at {corner:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn cross_lines_are_perpendicular() {
+        let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
+        let plan =
+            plan_airborne(&area, &instrument(), &AirborneOptions { cross_lines: 2, ..options() }, &FLAT)
+                .unwrap();
+        let crossing: Vec<_> = plan
+            .waypoints
+            .iter()
+            .filter(|w| w.strip.as_deref().is_some_and(|s| s.starts_with("cross")))
+            .collect();
+        let mut x: Vec<f64> = crossing.iter().map(|w| w.position.x).collect();
+        x.sort_by(f64::total_cmp);
+        assert!(x.len() == 2 && (x[0] - 750.0).abs() < 1e-6 && (x[1] - 2250.0).abs() < 1e-6, "{x:?}");
+    }
+}

@@ -1,0 +1,41 @@
+//! Loads meshes in memory.
+
+use super::builder::{PartSource, SceneBuilder};
+use super::library::DEFAULT;
+use crate::error::Result;
+use crate::geom::DVec3;
+use crate::survey::Mesh;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Appends the triangles of a mesh to the scene. Triangles without area are left out and counted in a warning.
+pub(super) fn load(scene: &mut SceneBuilder, part: &PartSource, mesh: &Arc<Mesh>) -> Result<()> {
+    let start = scene.end();
+    let (vertices, triangles) = (mesh.vertices(), mesh.triangles());
+    scene.reserve(vertices.len(), triangles.len(), 0, Path::new("a mesh in memory"))?;
+    let materials: Vec<u32> = match mesh.materials() {
+        [] => vec![scene.library.unnamed(DEFAULT)],
+        _ => scene.library.of_mesh(mesh, &mut scene.diagnostics),
+    };
+    let surfaces: Vec<u32> = materials.iter().map(|&material| scene.surface(part.index, material)).collect();
+    let has_area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| vertices[v as usize]);
+        (b - a).cross(c - a) != DVec3::ZERO
+    };
+    scene.geometry.vertices.to_mut().extend_from_slice(vertices);
+    let mut without_area = 0;
+    for (i, triangle) in triangles.iter().enumerate() {
+        if !has_area(triangle) {
+            without_area += 1;
+            continue;
+        }
+        scene.geometry.triangles.to_mut().push(*triangle);
+        let material = mesh.material_of().get(i).map_or(0, |&m| m as usize);
+        scene.triangle_surfaces.push(surfaces[material]);
+    }
+    if without_area > 0 {
+        let message = format!("{without_area} triangles without area are left out");
+        scene.diagnostics.warn(part.place.cloned(), message);
+    }
+    scene.finish_mesh(&start)
+}

@@ -1,0 +1,96 @@
+//! What the parts of a scene are and where: for tables beside labelled points.
+
+use super::Scene;
+use crate::geom::{Aabb, DVec3};
+use crate::tree::Cube;
+use std::collections::BTreeMap;
+
+/// Facts about one part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartFacts {
+    /// Box around its primitives, world frame, m; moving parts are in their initial pose. Empty for a part without primitives.
+    pub bounds: Aabb,
+    /// Number of primitives, including the triangles of instances.
+    pub primitives: u64,
+    /// Indices in [`Scene::materials`], that of most primitives first.
+    pub materials: Vec<u32>,
+}
+
+impl PartFacts {
+    /// Facts about every part of a scene, in order, by visiting every primitive.
+    pub fn of_scene(scene: &Scene) -> Vec<PartFacts> {
+        let mut counts: Vec<BTreeMap<u32, u64>> = vec![BTreeMap::new(); scene.parts.len()];
+        let mut bounds = vec![Aabb::EMPTY; scene.parts.len()];
+        let (triangles, cubes) = (scene.geometry.triangles.len(), &scene.geometry.cubes);
+        for (i, surface) in scene.surface_ids.iter().enumerate() {
+            let surface = scene.surfaces[surface as usize];
+            let part = surface.part as usize;
+            *counts[part].entry(surface.material).or_default() += 1;
+            bounds[part] = match i.checked_sub(triangles) {
+                None => bounds[part].union(Aabb::around(scene.geometry.triangle(i))),
+                Some(cube) => bounds[part].union(around_cube(&cubes[cube])),
+            };
+        }
+        if let Some(set) = &scene.instances {
+            for (instance, &part) in set.instances.all.iter().zip(&set.parts) {
+                let part = part as usize;
+                bounds[part] = bounds[part].union(set.instances.exact_bounds_of(instance));
+                for &material in set.materials[instance.model as usize].iter() {
+                    *counts[part].entry(material).or_default() += 1;
+                }
+            }
+        }
+        let facts = |(counts, bounds): (BTreeMap<u32, u64>, Aabb)| {
+            let primitives = counts.values().sum();
+            let mut counts: Vec<(u32, u64)> = counts.into_iter().collect();
+            counts.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+            let materials = counts.into_iter().map(|(material, _)| material).collect();
+            PartFacts { bounds: bounds.translated(scene.shift), primitives, materials }
+        };
+        counts.into_iter().zip(bounds).map(facts).collect()
+    }
+
+    /// Point class of most of its primitives; 0 for a part without primitives.
+    pub fn class(&self, scene: &Scene) -> i32 {
+        let material = self.materials.first().and_then(|&material| scene.materials.get(material as usize));
+        material.map_or(0, |material| material.classification)
+    }
+
+    /// Names of its materials.
+    pub fn material_names<'a>(&self, scene: &'a Scene) -> Vec<&'a str> {
+        let names = self.materials.iter().filter_map(|&material| scene.materials.get(material as usize));
+        names.map(|material| material.name.as_str()).collect()
+    }
+}
+
+fn around_cube(cube: &Cube) -> Aabb {
+    let half = DVec3::splat(cube.half);
+    Aabb { min: cube.centre - half, max: cube.centre + half }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Sharing;
+    use crate::scene::fixture::Fixture;
+
+    const MESH: &str =
+        "usemtl leaf\nv 0 0 0\nv 1 0 0\nv 0 1 2\nv 1 1 0\nf 1 2 3\nf 2 4 3\nusemtl bark\nf 1 2 4\n";
+
+    #[test]
+    fn facts_are_the_same_for_stored_parts_and_instances() {
+        let mut f = Fixture::new();
+        f.obj("oak.obj", MESH).transform.offset = DVec3::new(500_000.0, 5_000_000.0, 100.0);
+        f.obj("oak.obj", MESH).transform.offset = DVec3::new(500_010.0, 5_000_000.0, 90.0);
+        for sharing in [Sharing::Never, Sharing::Always] {
+            f.options.sharing = sharing;
+            let scene = f.load().unwrap().0;
+            let facts = PartFacts::of_scene(&scene);
+            assert_eq!(facts.iter().map(|f| f.primitives).collect::<Vec<_>>(), [3, 3]);
+            assert_eq!(facts[1].bounds.min, DVec3::new(500_010.0, 5_000_000.0, 90.0));
+            assert_eq!(facts[1].bounds.size(), DVec3::new(1.0, 1.0, 2.0));
+            assert_eq!(scene.parts[1].name, "oak");
+            assert_eq!(facts[1].material_names(&scene).len(), 2);
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! Stands from inventories: trees stand where the table says, as high as it says, and labels lead back to it.
+
+use crate::common::{folder, run, succeed, text};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+/// A slope, two species of tree models (pyramids; the second one away from the origin), an inventory.
+fn write_inputs(folder: &Path) {
+    fs::write(
+        folder.join("slope.obj"),
+        "mtllib slope.mtl\nusemtl soil\nv -60 -60 -6\nv 60 -60 6\nv 60 60 6\nv -60 60 -6\nf 1 2 3\nf 1 3 4\n",
+    )
+    .unwrap();
+    fs::write(folder.join("slope.mtl"), "newmtl soil\nhelios_isGround true\nhelios_classification 2\n")
+        .unwrap();
+    fs::create_dir(folder.join("models")).unwrap();
+    let pyramid = |x: f64, radius: f64, height: f64| {
+        let mut obj = String::new();
+        for (dx, dy, z) in [(-1, -1, 0.0), (1, -1, 0.0), (1, 1, 0.0), (-1, 1, 0.0), (0, 0, height)] {
+            let _ = writeln!(obj, "v {} {} {z}", x + radius * f64::from(dx), radius * f64::from(dy));
+        }
+        obj + "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
+    };
+    fs::write(folder.join("models/spruce_1.obj"), pyramid(0.0, 1.0, 10.0)).unwrap();
+    fs::write(folder.join("models/beech_old.obj"), pyramid(500.0, 3.0, 12.0)).unwrap();
+    let mut inventory = "id,x,y,height,species,dbh\n".to_owned();
+    for i in 0..40 {
+        let species = if i % 4 == 0 { "Beech" } else { "Norway spruce" };
+        let _ = writeln!(
+            inventory,
+            "t{i},{},{},{},{species},30",
+            (i % 8) * 12 - 42,
+            (i / 8) * 12 - 24,
+            8 + i % 5
+        );
+    }
+    fs::write(folder.join("plot.csv"), inventory).unwrap();
+}
+
+fn rows(path: &Path) -> Vec<BTreeMap<String, String>> {
+    let table = fs::read_to_string(path).unwrap();
+    let mut lines = table.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let names = lines.next().unwrap();
+    lines.map(|fields| names.iter().cloned().zip(fields).collect()).collect()
+}
+
+#[test]
+fn trees_stand_on_the_ground_as_high_as_measured() {
+    let dir = folder();
+    write_inputs(dir.path());
+    let args = ["scene", "stand", "plot.csv", "--trees", "models", "--terrain", "slope.obj", "-o", "stand"];
+    let said = text(&succeed(dir.path(), &args).stderr);
+    assert!(said.contains("40 trees of 2 models"), "{said}");
+    let labels = rows(&dir.path().join("stand/labels.csv"));
+    assert_eq!(labels.len(), 40);
+    let number = |row: &BTreeMap<String, String>, key: &str| row[key].parse::<f64>().unwrap();
+    for row in &labels {
+        assert!((number(row, "z") - 0.1 * number(row, "x")).abs() < 1e-3, "{row:?}");
+        let expected = if row["species"] == "Beech" { "beech_old" } else { "spruce_1" };
+        assert_eq!(row["model"], expected);
+    }
+    // Flown over: every tree's highest point is its top.
+    succeed(
+        dir.path(),
+        &[
+            "plan",
+            "airborne",
+            "--scanner",
+            "riegl_vux-1uav",
+            "--scene",
+            "stand/stand.xml",
+            "--height",
+            "60",
+            "--density",
+            "60",
+            "-o",
+            "flight.toml",
+        ],
+    );
+    let args = ["run", "flight.toml", "-o", "-", "--format", "csv", "--columns", "X,Y,Z,Part", "-q"];
+    let table = text(&succeed(dir.path(), &args).stdout);
+    let mut tops: BTreeMap<u32, [f64; 3]> = BTreeMap::new();
+    for line in table.lines().skip(1) {
+        let values: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+        let top = tops.entry(values[3] as u32).or_insert([0.0, 0.0, f64::MIN]);
+        if values[2] > top[2] {
+            *top = [values[0], values[1], values[2]];
+        }
+    }
+    for row in &labels {
+        let top = tops[&row["part"].parse().unwrap()];
+        let aside = (top[0] - number(row, "x")).hypot(top[1] - number(row, "y"));
+        let above = top[2] - number(row, "z");
+        assert!(aside < 0.6 && (above / number(row, "height") - 1.0).abs() < 0.15, "{row:?}: {top:?}");
+    }
+}
+
+#[test]
+fn epochs_are_scenes_and_the_same_seed_gives_the_same_files() {
+    let dir = folder();
+    write_inputs(dir.path());
+    let make = |out: &str, seed: &str| {
+        let args = [
+            "scene",
+            "stand",
+            "plot.csv",
+            "--trees",
+            "models",
+            "--terrain",
+            "slope.obj",
+            "--epochs",
+            "3",
+            "--growth",
+            "10",
+            "--thinning",
+            "20",
+            "--storm",
+            "10",
+            "--seed",
+            seed,
+            "-o",
+            out,
+            "-q",
+        ];
+        succeed(dir.path(), &args);
+        let read = |name: &str| fs::read_to_string(dir.path().join(out).join(name)).unwrap();
+        ["stand.xml", "trees_0.csv", "trees_1.csv", "trees_2.csv", "labels_2.csv"].map(read)
+    };
+    let [first, again, other] = [make("a", "1"), make("b", "1"), make("c", "2")];
+    assert_eq!(first, again);
+    assert_ne!(first[2], other[2]);
+    let counts = [1, 2, 3].map(|i| first[i].lines().count() - 1);
+    assert!(counts[0] == 40 && counts[1] < 38 && counts[2] < counts[1], "{counts:?}");
+    let info = text(&succeed(dir.path(), &["scene", "info", "a/stand.xml#stand_2", "--json"]).stdout);
+    assert!(info.contains("spruce") || !info.is_empty());
+}
+
+#[test]
+fn mistakes_are_answered() {
+    let dir = folder();
+    write_inputs(dir.path());
+    fs::write(dir.path().join("oak.csv"), "x,y,height,species\n0,0,10,oak\n500,0,10,beech\n").unwrap();
+    fs::write(dir.path().join("bad.csv"), "x,y,height\n0,0,tall\n").unwrap();
+    fs::create_dir(dir.path().join("flat")).unwrap();
+    fs::write(dir.path().join("flat/oak.obj"), "v 0 0 1\nv 1 0 1\nv 0 1 1\nf 1 2 3\n").unwrap();
+    let stand = |inventory: &str, rest: &[&str]| {
+        let args = [&["scene", "stand", inventory, "-o", "out", "--force"], rest].concat();
+        let out = run(dir.path(), &args);
+        (out.status.code(), text(&out.stderr))
+    };
+    let (status, said) = stand("oak.csv", &["--trees", "models", "--terrain", "slope.obj"]);
+    assert!(
+        status == Some(0) && said.contains("1 trees of species `oak`") && said.contains("beside the terrain"),
+        "{said}"
+    );
+    for (inventory, rest, expected) in [
+        ("bad.csv", ["--trees", "models"], "bad.csv:2"),
+        ("oak.csv", ["--trees", "flat"], "without height"),
+        ("oak.csv", ["--trees", "out"], "no tree model"),
+        ("none.csv", ["--trees", "models"], "none.csv"),
+    ] {
+        let (status, said) = stand(inventory, &rest);
+        assert!(matches!(status, Some(1 | 2)) && said.contains(expected), "{inventory}: {said}");
+    }
+}
