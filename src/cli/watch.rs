@@ -11,7 +11,7 @@ const BAR_PERIOD: Duration = Duration::from_millis(100);
 const LINE_PERIOD: Duration = Duration::from_secs(2);
 /// Time without a pulse after which the bar disappears until the next one.
 const IDLE_PERIOD: Duration = Duration::from_secs(1);
-const BAR: &str = "{spinner} [{bar:14}] {msg}";
+const BAR: &str = "{spinner} [{bar:6}] {msg}";
 
 /// Runs `work` while another thread shows its progress. `legs` is the number of legs in the survey.
 pub fn watched<T>(
@@ -120,11 +120,11 @@ mod tests {
 
     #[test]
     fn a_bar_fits_into_a_line_of_80_characters() {
-        // Spinner, blanks and brackets take four, the bar fourteen.
+        // Spinner, blanks and brackets take five, the bar six.
         for legs in [1, 9999] {
             let now = Snapshot { pulses: 123_456_789_012, echoes: 0, leg: 8887, done: 0.001 };
             let text = bar_text(&now, legs, 999.0);
-            assert!(4 + 14 + text.chars().count() < 80, "{text}");
+            assert!(5 + 6 + text.chars().count() < 80, "{text}");
         }
     }
 

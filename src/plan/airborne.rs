@@ -334,7 +334,8 @@ fn turn(line: &Line, next: &Line, radius: f64) -> Vec<[f64; 2]> {
         return Vec::new();
     };
     let (mut at, mut angle, mut points) = (line.to, from, Vec::new());
-    for (sense, amount) in path {
+    // Two half turns may have no way between them.
+    for (sense, amount) in path.into_iter().filter(|(_, amount)| *amount > 1e-9) {
         let steps = if sense == 0.0 { 1.0 } else { (amount / TURN_STEP).ceil() };
         let step = amount / steps.max(1.0);
         for _ in 0..steps as usize {

@@ -273,7 +273,7 @@ mod tests {
             {"type":"Polygon","coordinates":[[[0,0],[40,0],[40,10],[10,10],[10,30],[0,30],[0,0]]]}}]}"#;
         std::fs::write(&path, json).unwrap();
         assert_eq!(read_area(path.to_str().unwrap()).unwrap(), l_shape());
-        assert_eq!(read_line("linestring(0 0 5, 3.5 4 5)").unwrap(), [[0.0, 0.0], [3.5, 4.0]]);
+        assert_eq!(read_line("linestring(0 0 5, 30.5 40 5)").unwrap(), [[0.0, 0.0], [30.5, 40.0]]);
     }
 
     #[test]

@@ -313,8 +313,9 @@ fn fullest(points: &Points, extent: &Extent, thickness: f64) -> f64 {
     let off_middle = |first: usize| (2 * first + width).abs_diff(SLICES);
     let best = (0..=SLICES - width).max_by_key(|&first| (seen(first), std::cmp::Reverse(off_middle(first))));
     let middle = (best.unwrap_or(0) as f64 + 0.5 * width as f64) / SLICES as f64 * depth + extent.low[1];
-    let half = 0.5 * thickness;
-    middle.clamp(extent.low[1] + half.min(0.5 * depth), extent.high[1] - half.min(0.5 * depth))
+    let half = 0.5 * thickness.min(depth);
+    // No clamp: rounding may leave the upper limit below the lower one.
+    middle.max(extent.low[1] + half).min(extent.high[1] - half)
 }
 
 /// Whether a ceiling covers most of the floor.

@@ -414,7 +414,7 @@ mod tests {
         let rows: String = (0..6).map(|i| row([i, 0, 0], "1", "0")).collect();
         let (mut f, mut loader) = fixture(&format!("{HEADER}{rows}"), VoxelMode::Fixed);
         loader.material = MaterialChoice {
-            file: Some(f.file("m.mtl", "newmtl leaf\nKd .5 .5 .5\nKs .5 .5 .5\n")),
+            file: Some(f.file("m.mtl", "newmtl leaf\nKd .5 .5 .5\nKs .5 .5 .5\nhelios_reflectance 40\n")),
             random_variants: 2,
             random_range: 0.4,
             name: None,

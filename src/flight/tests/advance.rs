@@ -23,9 +23,12 @@ fn compare(plan: &FlightPlan, limits: &[u32], feed: impl Fn(&mut FlightState)) -
         }
         assert_eq!((count.pulses, count.poses), (u64::from(pulses), 0));
         assert_eq!(format!("{quick:?}"), format!("{single:?}"), "after {steps} steps at once");
-        let step = quick.step(plan, &mut Count::default()).unwrap();
-        assert_eq!(single.step(plan, &mut Count::default()).unwrap(), step);
+        let step = quick.step(plan, &mut Count::default());
+        let expected = single.step(plan, &mut Count::default());
+        assert_eq!(format!("{step:?}"), format!("{expected:?}"));
         (at_once, all) = (at_once + u64::from(steps), all + u64::from(steps) + 1);
+        // A leg between equal waypoints is an error of its first step.
+        let Ok(step) = step else { return at_once as f64 / all as f64 };
         match step {
             Step::Ended => return at_once as f64 / all as f64,
             Step::NeedsPoses => {
@@ -167,7 +170,6 @@ proptest! {
             .collect();
         let s = along(PlatformKind::LinearPath, &points, frequency, deflector, |l| l.platform.speed = speed);
         let kinematics = if corrected { Kinematics::CORRECTED } else { Kinematics::HELIOS };
-        // Repeated waypoints are refused.
         if let Ok((plan, _)) = FlightPlan::new(
             &s,
             DVec3::ZERO,

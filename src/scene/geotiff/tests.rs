@@ -221,7 +221,7 @@ fn every_number_type_and_compression() {
 fn the_material_comes_from_its_file() {
     let mut f = Fixture::new();
     let file = f.file("dem.tif", TiffFile::new(3, &HEIGHTS).bytes());
-    let mtl = f.file("dem.mtl", "newmtl b\nnewmtl meadow\nhelios_isGround 1\n");
+    let mtl = f.file("dem.mtl", "newmtl b\nnewmtl meadow\nhelios_isGround 1\nhelios_reflectance 40\n");
     let material =
         MaterialChoice { file: Some(mtl), name: Some("meadow".to_owned()), ..MaterialChoice::default() };
     f.part(Loader::GeoTiff { file, material });

@@ -143,7 +143,7 @@ fn a_file_cut_anywhere_gives_a_report_and_no_panic() {
 #[test]
 fn latin_1_and_noise_between_good_lines() {
     let mut f = Fixture::new();
-    f.file("b\u{fc}sche.mtl", "newmtl x\nKd 1 1 1\n");
+    f.file("b\u{fc}sche.mtl", "newmtl x\nKd 1 1 1\nhelios_reflectance 40\n");
     f.obj(
         "x.obj",
         b"# Geb\xe4ude\r\nmtllib b\xfcsche.mtl\r\nusemtl x\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n",
@@ -168,7 +168,12 @@ fn materials_are_looked_up_at_the_faces() {
         [("default", 0), ("a", 0), ("a", 1), ("a", 1), ("a", 1), ("b", 2), ("nowhere", 0), ("default", 0)];
     assert_eq!(names, expected);
     let lines: Vec<usize> = d.items().iter().map(|i| i.place.as_ref().unwrap().line).collect();
-    assert_eq!(lines, [5, 15], "two names that nothing defines: {}", d.render(false));
+    assert_eq!(
+        lines,
+        [5, 15, 1],
+        "two names that nothing defines, materials without reflectance: {}",
+        d.render(false)
+    );
     assert_eq!(scene.surfaces.len(), 5);
 }
 

@@ -320,7 +320,8 @@ fn cubes_have_the_class_of_most_of_their_points_unless_a_material_says_otherwise
         assert_eq!((found[0], found.iter().max()), (0, Some(&5)), "{name}");
         let mut f = Fixture::new();
         let mut settings = loader(vec![f.file(name, &bytes)], "", 0.5);
-        settings.material.file = Some(f.file("m.mtl", "newmtl m\nhelios_classification 9\n"));
+        settings.material.file =
+            Some(f.file("m.mtl", "newmtl m\nhelios_classification 9\nhelios_reflectance 40\n"));
         f.part(Loader::Xyz(Box::new(settings)));
         assert!(classes(&f.scene()).iter().all(|c| *c == 9));
     }

@@ -260,7 +260,7 @@ fn wrong_values_are_marked() {
     contains(&wrong("[platform]\nmount = { offset_m = [1, 2] }"), &["expected three numbers"]);
     contains(&wrong("[settings]\nvertical_resolution_deg = 0.1"), &["give both"]);
     contains(&wrong("seed = [1]"), &["is no seed"]);
-    contains(&wrong("crs = 'EPSG:25832'"), &["expected a coordinate reference system"]);
+    contains(&wrong("crs = 'EPSG:99'"), &["EPSG:99"]);
     contains(&wrong("[schedule]\nmax_memory = '5 bananas'"), &["expected a number of bytes"]);
     let limit = read("survey = 'survey.xml'\n[settings]\nscan_freq_hz = 500");
     assert_eq!(limit.unwrap_err().exit_status(), 3);
