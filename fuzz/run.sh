@@ -5,7 +5,14 @@ cd "$(dirname "$0")"
 seconds=${1:?seconds per target}
 shift
 sanitizer=${VLSCAN_FUZZ_SANITIZER:-address}
-cargo +nightly fuzz build --fuzz-dir . --sanitizer "$sanitizer" --release readers
+# The instrumentation is an unstable option of the compiler: of nightly Rust, or of the stable one by this variable.
+if rustup toolchain list 2>/dev/null | grep -q '^nightly'; then
+  build=(cargo +nightly fuzz build)
+else
+  export RUSTC_BOOTSTRAP=1
+  build=(cargo fuzz build)
+fi
+"${build[@]}" --fuzz-dir . --sanitizer "$sanitizer" --release readers
 program=$(ls -t target/*/release/readers | head -1)
 targets=("$@")
 [ "${#targets[@]}" -gt 0 ] || mapfile -t targets < <(VLSCAN_FUZZ=? "$program" -runs=0 2>&1 | sed -n 's/.*there are //p' | tr ' ' '\n')
