@@ -241,13 +241,13 @@ fn damage_packed_scene(bench: &Bench, data: &[u8]) {
 }
 
 /// Flies a survey whose numbers come from the bytes over the small scene. All points lie in the scene, whose largest
-/// coordinate is 10 m, give or take the range noise.
+/// coordinate is 10 m, give or take the range noise, which is therefore never large.
 fn fly_random_survey(bench: &Bench, data: &[u8]) {
     bench.write("random.xml", &[]);
     let mut numbers = Numbers { data: data.iter().copied() };
     let mut text = |template: &str| fill(template, &mut numbers);
     let scanner = text(
-        "<document><scanner id=\"beam\" name=\"b\" optics=\"<rotating|oscillating|conic|line>\" accuracy_m=\"{0|0.01}\" \
+        "<document><scanner id=\"beam\" name=\"b\" optics=\"<rotating|oscillating|conic|line>\" accuracy_m=\"[0|0.01]\" \
          beamDivergence_rad=\"{0.0003|0.01}\" pulseFreqs_Hz=\"[300|1000]\" pulseLength_ns=\"{4|10}\" rangeMin_m=\"{0.1|1}\" \
          wavelength_nm=\"{1064|532}\" scanAngleMax_deg=\"{60|90}\" scanAngleEffectiveMax_deg=\"{60|90}\" scanFreqMin_Hz=\"1\" \
          scanFreqMax_Hz=\"{100|1000}\" headRotatePerSecMax_deg=\"3600\" maxNOR=\"{0|1|5}\"><FWFSettings \
