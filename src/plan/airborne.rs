@@ -2,17 +2,15 @@
 
 use super::area::Area;
 use super::document::{Document, Waypoint};
+use super::height::{Ground, Heights, Level, mean_ground};
+use super::line::{Line, turn};
 use super::swath::{Instrument, Swath};
 use crate::geom::{DVec3, degrees, radians};
 use crate::quantity::{amount, duration};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// Most flight lines of a plan.
 const MAX_LINES: f64 = 10_000.0;
-/// Most waypoints of a line that follows the ground.
-const MAX_STEPS: f64 = 100_000.0;
-/// Angle between the waypoints of a turn, rad.
-const TURN_STEP: f64 = PI / 12.0;
 
 /// What an airborne survey shall be. Of speed, overlap and density at least one is given besides those with defaults;
 /// density with overlap yields the speed, density with speed the distance of the lines.
@@ -42,12 +40,6 @@ pub struct AirborneOptions {
     pub turn_radius: Option<f64>,
     /// Steepest climb of lines that follow the ground, degrees; level lines if `None`.
     pub climb: Option<f64>,
-}
-
-/// The ground below a flight.
-pub struct Ground<'g> {
-    /// Height at x, y, m; `None` where there is none.
-    pub height: &'g dyn Fn(f64, f64) -> Option<f64>,
 }
 
 /// A frame in the direction of the lines.
@@ -84,28 +76,6 @@ impl Frame {
     fn width(&self, area: &Area) -> [f64; 2] {
         let distances = area.corners().iter().map(|p| self.project(self.across, *p));
         distances.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], d| [low.min(d), high.max(d)])
-    }
-}
-
-/// A line from one position to another, m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Line {
-    from: [f64; 2],
-    to: [f64; 2],
-}
-
-impl Line {
-    fn length(&self) -> f64 {
-        libm::hypot(self.to[0] - self.from[0], self.to[1] - self.from[1])
-    }
-
-    fn at(&self, fraction: f64) -> [f64; 2] {
-        [0, 1].map(|i| self.from[i] + fraction * (self.to[i] - self.from[i]))
-    }
-
-    fn direction(&self) -> [f64; 2] {
-        let length = self.length();
-        [0, 1].map(|i| (self.to[i] - self.from[i]) / length)
     }
 }
 
@@ -320,176 +290,6 @@ fn turn_every_second(lines: &mut [Line]) {
     lines.iter_mut().skip(1).step_by(2).for_each(|line| std::mem::swap(&mut line.from, &mut line.to));
 }
 
-/// Waypoints of a turn from the end of one line to the beginning of the next, at most [`TURN_STEP`] apart: the shortest path
-/// of arcs of one radius and straight pieces between two positions with directions (Dubins 1957).
-fn turn(line: &Line, next: &Line, radius: f64) -> Vec<[f64; 2]> {
-    let heading = |d: [f64; 2]| libm::atan2(d[1], d[0]);
-    let (from, to) = (heading(line.direction()), heading(next.direction()));
-    let (dx, dy) = (next.from[0] - line.to[0], next.from[1] - line.to[1]);
-    let distance = libm::hypot(dx, dy) / radius;
-    let bearing = libm::atan2(dy, dx);
-    let Some(path) =
-        shortest_turn(distance, (from - bearing).rem_euclid(TAU), (to - bearing).rem_euclid(TAU))
-    else {
-        return Vec::new();
-    };
-    let (mut at, mut angle, mut points) = (line.to, from, Vec::new());
-    // Two half turns may have no way between them.
-    for (sense, amount) in path.into_iter().filter(|(_, amount)| *amount > 1e-9) {
-        let steps = if sense == 0.0 { 1.0 } else { (amount / TURN_STEP).ceil() };
-        let step = amount / steps.max(1.0);
-        for _ in 0..steps as usize {
-            let chord = match sense == 0.0 {
-                true => step,
-                false => 2.0 * libm::sin(step / 2.0),
-            };
-            let way = angle + sense * step / 2.0;
-            at = [at[0] + radius * chord * libm::cos(way), at[1] + radius * chord * libm::sin(way)];
-            angle += sense * step;
-            points.push(at);
-        }
-    }
-    // The last one is the beginning of the next line.
-    points.pop();
-    points
-}
-
-/// The shortest of the six Dubins paths for unit radius: three pieces, each with its sense (1 left, −1 right, 0 straight) and
-/// its length. `a` and `b` are the headings at beginning and end relative to the way of length `d` between them, rad.
-fn shortest_turn(d: f64, a: f64, b: f64) -> Option<[(f64, f64); 3]> {
-    use libm::{acos, atan2, cos, sin, sqrt};
-    let (sa, ca, sb, cb, cab) = (sin(a), cos(a), sin(b), cos(b), cos(a - b));
-    let turns = |v: f64| v.rem_euclid(TAU);
-    let mut paths: Vec<[(f64, f64); 3]> = Vec::with_capacity(6);
-    let p = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sa - sb);
-    if p >= 0.0 {
-        let t = atan2(cb - ca, d + sa - sb);
-        paths.push([(1.0, turns(t - a)), (0.0, sqrt(p)), (1.0, turns(b - t))]);
-    }
-    let p = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sb - sa);
-    if p >= 0.0 {
-        let t = atan2(ca - cb, d - sa + sb);
-        paths.push([(-1.0, turns(a - t)), (0.0, sqrt(p)), (-1.0, turns(t - b))]);
-    }
-    let p = -2.0 + d * d + 2.0 * cab + 2.0 * d * (sa + sb);
-    if p >= 0.0 {
-        let p = sqrt(p);
-        let t = atan2(-ca - cb, d + sa + sb) - atan2(-2.0, p);
-        paths.push([(1.0, turns(t - a)), (0.0, p), (-1.0, turns(t - b))]);
-    }
-    let p = -2.0 + d * d + 2.0 * cab - 2.0 * d * (sa + sb);
-    if p >= 0.0 {
-        let p = sqrt(p);
-        let t = atan2(ca + cb, d - sa - sb) - atan2(2.0, p);
-        paths.push([(-1.0, turns(a - t)), (0.0, p), (1.0, turns(b - t))]);
-    }
-    let c = (6.0 - d * d + 2.0 * cab + 2.0 * d * (sa - sb)) / 8.0;
-    if c.abs() <= 1.0 {
-        let p = turns(TAU - acos(c));
-        let t = turns(a - atan2(ca - cb, d - sa + sb) + p / 2.0);
-        paths.push([(-1.0, t), (1.0, p), (-1.0, turns(a - b - t + p))]);
-    }
-    let c = (6.0 - d * d + 2.0 * cab + 2.0 * d * (sb - sa)) / 8.0;
-    if c.abs() <= 1.0 {
-        let p = turns(TAU - acos(c));
-        let t = turns(-a + atan2(-ca + cb, d + sa - sb) + p / 2.0);
-        paths.push([(1.0, t), (-1.0, p), (1.0, turns(turns(b) - a - t + p))]);
-    }
-    let length = |path: &[(f64, f64); 3]| path.iter().map(|(_, l)| l).sum::<f64>();
-    paths.into_iter().min_by(|a, b| length(a).total_cmp(&length(b)))
-}
-
-/// Mean and range of the ground below an area, m.
-#[derive(Clone, Copy, Debug, Default)]
-struct Level {
-    mean: f64,
-    low: f64,
-    high: f64,
-    /// Fraction of the positions with ground.
-    known: f64,
-}
-
-fn mean_ground(area: &Area, ground: &Ground) -> Level {
-    const STEPS: u32 = 24;
-    let (low, high) = area.bounds();
-    let at = |i: u32, from: f64, to: f64| from + (to - from) * (f64::from(i) + 0.5) / f64::from(STEPS);
-    let places = (0..STEPS).flat_map(|i| (0..STEPS).map(move |k| (i, k)));
-    let inside: Vec<[f64; 2]> = places
-        .map(|(i, k)| [at(i, low[0], high[0]), at(k, low[1], high[1])])
-        .filter(|p| area.contains(*p))
-        .collect();
-    let heights: Vec<f64> = inside.iter().filter_map(|[x, y]| (ground.height)(*x, *y)).collect();
-    if heights.is_empty() {
-        return Level::default();
-    }
-    Level {
-        mean: heights.iter().sum::<f64>() / heights.len() as f64,
-        low: heights.iter().copied().fold(f64::INFINITY, f64::min),
-        high: heights.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-        known: heights.len() as f64 / inside.len() as f64,
-    }
-}
-
-/// Heights of flight lines.
-struct Heights<'g> {
-    ground: &'g Ground<'g>,
-    /// Where the ground is unknown, m.
-    level: f64,
-    /// Height above the ground, m.
-    above: f64,
-    /// Steepest climb, rad; level lines if `None`.
-    climb: Option<f64>,
-}
-
-impl Heights<'_> {
-    /// The waypoints of a line. A line that follows the ground is nowhere lower above it than wanted at its sampled
-    /// positions, and climbs nowhere more steeply than allowed.
-    fn follow(&self, line: &Line) -> Result<Vec<DVec3>, String> {
-        let place = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
-        let Some(climb) = self.climb else {
-            return Ok([line.from, line.to].map(|p| place(p, self.level + self.above)).to_vec());
-        };
-        let steps = (line.length() / (self.above / 4.0)).ceil().max(1.0);
-        if steps > MAX_STEPS {
-            return Err(format!("a line of {steps:.0} waypoints, expected at most {MAX_STEPS}"));
-        }
-        let count = steps as usize + 1;
-        let at = |i: usize| line.at(i as f64 / steps);
-        let mut z: Vec<f64> = (0..count)
-            .map(|i| (self.ground.height)(at(i)[0], at(i)[1]).unwrap_or(self.level) + self.above)
-            .collect();
-        let rise = climb.tan() * line.length() / steps;
-        for i in 1..count {
-            z[i] = z[i].max(z[i - 1] - rise);
-        }
-        for i in (1..count).rev() {
-            z[i - 1] = z[i - 1].max(z[i] - rise);
-        }
-        let points: Vec<DVec3> = (0..count).map(|i| place(at(i), z[i])).collect();
-        Ok(simplified(&points, 0.01 * self.above))
-    }
-}
-
-/// Leaves out points whose height differs from the line between those that are kept by at most `tolerance` (Ramer 1972,
-/// Douglas and Peucker 1973).
-fn simplified(points: &[DVec3], tolerance: f64) -> Vec<DVec3> {
-    let mut keep = vec![false; points.len()];
-    (keep[0], keep[points.len() - 1]) = (true, true);
-    let mut open = vec![(0, points.len() - 1)];
-    while let Some((from, to)) = open.pop() {
-        let deviation = |i: usize| {
-            let t = (i - from) as f64 / (to - from) as f64;
-            (points[i].z - (points[from].z + t * (points[to].z - points[from].z))).abs()
-        };
-        let worst = (from + 1..to).max_by(|a, b| deviation(*a).total_cmp(&deviation(*b)));
-        if let Some(worst) = worst.filter(|i| deviation(*i) > tolerance) {
-            keep[worst] = true;
-            open.extend([(from, worst), (worst, to)]);
-        }
-    }
-    points.iter().zip(keep).filter(|(_, keep)| *keep).map(|(p, _)| *p).collect()
-}
-
 fn length(points: &[DVec3]) -> f64 {
     points.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
 }
@@ -682,29 +482,6 @@ mod tests {
         }
         for p in &line {
             assert!(p.z >= (hill.height)(p.x, p.y).unwrap() + 495.0, "{p}");
-        }
-    }
-
-    #[test]
-    fn turns_are_arcs_that_end_where_the_next_line_begins() {
-        let line = Line { from: [0.0, 0.0], to: [1000.0, 0.0] };
-        for spacing in [50.0, 200.0, 399.0, 400.0, 900.0] {
-            let next = Line { from: [1000.0, spacing], to: [0.0, spacing] };
-            let points = turn(&line, &next, 200.0);
-            let mut way = vec![line.to];
-            way.extend(&points);
-            way.push(next.from);
-            // A half circle, or a longer turn where the lines are closer together than its diameter.
-            let length: f64 = way.windows(2).map(|p| libm::hypot(p[1][0] - p[0][0], p[1][1] - p[0][1])).sum();
-            let least = if spacing >= 400.0 { PI * 200.0 + spacing - 400.0 } else { PI * 200.0 };
-            assert!(length > 0.98 * least && length < 1700.0, "{spacing}: {length}");
-            // No corner is sharper than the step.
-            for corner in way.windows(3) {
-                let heading = |a: [f64; 2], b: [f64; 2]| libm::atan2(b[1] - a[1], b[0] - a[0]);
-                let change =
-                    (heading(corner[1], corner[2]) - heading(corner[0], corner[1]) + PI).rem_euclid(TAU) - PI;
-                assert!(change.abs() < TURN_STEP * 1.1, "{spacing}: {change} at {corner:?}");
-            }
         }
     }
 

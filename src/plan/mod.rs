@@ -5,7 +5,9 @@
 //! |---|---|
 //! | `area` | polygons and lines, from GeoJSON, well-known text and boxes |
 //! | `swath` | what an instrument does in a straight flight over flat ground: swath, rates, spacing, density |
-//! | `airborne` | parallel flight lines, cross lines, turns, heights that follow the ground |
+//! | `line` | flight lines and the turns between them |
+//! | `height` | the ground below a flight, heights that follow it |
+//! | `airborne` | parallel flight lines, cross lines |
 //! | `terrestrial` | positions of a tripod on a grid or around a plot |
 //! | `mobile` | a vehicle along a line |
 //! | `document` | the pipeline file |
@@ -13,13 +15,16 @@
 mod airborne;
 mod area;
 mod document;
+mod height;
+mod line;
 mod mobile;
 mod swath;
 mod terrestrial;
 
-pub use airborne::{AirborneOptions, Ground, plan_airborne};
+pub use airborne::{AirborneOptions, plan_airborne};
 pub use area::{Area, read_area, read_line};
 pub use document::Document;
+pub use height::Ground;
 pub use mobile::{MobileOptions, plan_mobile};
 pub use swath::Instrument;
 pub use terrestrial::{Arrangement, TerrestrialOptions, plan_terrestrial};
