@@ -49,18 +49,19 @@ impl FlightPlan {
         let (position, pointing) = (platform.position(), platform.mount_attitude(&self.platform));
         let origin = origin_at(position, pointing);
         let (attitude, exact_attitude) = beam(pointing);
-        let (origin_error, reported_attitude) = match &self.navigation {
+        let (origin_error, reported_attitude, reported_pointing) = match &self.navigation {
             Some(navigation) => {
                 let (position, pointing) = navigation.reported(position, pointing, since_start);
-                (origin_at(position, pointing) - origin, beam(pointing).1)
+                (origin_at(position, pointing) - origin, beam(pointing).1, pointing)
             }
-            None => (DVec3::ZERO, exact_attitude),
+            None => (DVec3::ZERO, exact_attitude, pointing),
         };
         Pulse {
             origin: origin + self.noise.position_offset(device, emitted),
             attitude,
             exact_attitude,
             reported_attitude,
+            scanner_attitude: reported_pointing.after(self.mount.rotation),
             origin_error,
             time_ns,
             number: state.pulses,

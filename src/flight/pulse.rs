@@ -16,6 +16,9 @@ pub struct Pulse {
     /// `exact_attitude` relative to the platform attitude that the navigation system reports; determines the reported
     /// direction of points.
     pub reported_attitude: Rotation,
+    /// Reported attitude of the scanner: rotation from the axes of its mount, within which head and deflector turn, to the
+    /// scene. The identity for pulses that are read from a stream.
+    pub scanner_attitude: Rotation,
     /// Reported minus true origin, m.
     pub origin_error: DVec3,
     /// Emission time, ns of the GPS week.

@@ -105,6 +105,9 @@ columns! {
     NormalZ F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels.";
     FootprintFraction F32 6 "" "Share of the beam's subrays that are part of the echo.";
     Subray U32 0 "" "Number of the strongest subray within the beam, from 0.";
+    ScannerX F64 4 "m" "Position relative to the beam's origin, in the axes of the scanner's mount.";
+    ScannerY F64 4 "m" "Position relative to the beam's origin, in the axes of the scanner's mount.";
+    ScannerZ F64 4 "m" "Position relative to the beam's origin, in the axes of the scanner's mount.";
 }
 
 impl Column {

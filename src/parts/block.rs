@@ -26,7 +26,7 @@ columns!(put_echoes, get_echoes, Echo, [
     { .classification } { .incidence_cosine } { .scan_angle } { .time_ns } { .truth_index }
 ]);
 columns!(put_truths, get_truths, EchoTruth, [
-    { .beam[0] } { .beam[1] } { .surface } { .normal } { .fraction } { .subray }
+    { .beam[0] } { .beam[1] } { .surface } { .normal } { .fraction } { .subray } { .in_scanner }
 ]);
 columns!(put_waveforms, get_waveforms, WaveformRecord, [
     { .pulse_number } { .device } { .origin } { .direction } { .start_ns } { .end_ns } { .time_ns }

@@ -155,10 +155,17 @@ impl Detection {
         let origin = pulse.origin + pulse.origin_error;
         let has_navigation_error =
             pulse.origin_error != DVec3::ZERO || pulse.reported_attitude != pulse.exact_attitude;
+        let beam = [pulse.origin, pulse.exact_attitude.forward()];
+        let in_scanner = traced.map_or(DVec3::ZERO, |_| pulse.scanner_attitude.inverse().apply(direction));
         for (number, r) in (1..).zip(&self.returns) {
             let source = if r.is_noise { None } else { self.source_of(r, instrument) };
             let Some(source) = source else {
-                batch.echoes.push(self.false_alarm(pulse, number, r));
+                let mut truth_index = Echo::NO_TRUTH;
+                if traced.is_some() {
+                    truth_index = batch.truths.len() as u32;
+                    batch.truths.push(EchoTruth { beam, in_scanner, ..EchoTruth::default() });
+                }
+                batch.echoes.push(Echo { truth_index, ..self.false_alarm(pulse, number, r) });
                 continue;
             };
             let primitive = self.reflections.primitives()[source];
@@ -173,10 +180,10 @@ impl Detection {
             let mut truth_index = Echo::NO_TRUTH;
             if traced.is_some() || has_navigation_error {
                 truth_index = batch.truths.len() as u32;
-                let beam = [pulse.origin, pulse.exact_attitude.forward()];
                 batch.truths.push(traced.map_or(EchoTruth { beam, ..EchoTruth::default() }, |traced| {
                     let found = (&self.reflections, &mut self.scratch.triangles);
-                    self.sources.of_return(number, source, view, (traced, beam), found)
+                    let truth = self.sources.of_return(number, source, view, (traced, beam), found);
+                    EchoTruth { in_scanner, ..truth }
                 }));
             }
             batch.echoes.push(Echo {
@@ -221,6 +228,7 @@ impl Detection {
             let direction = traced.direction(self.sources.subray_of(i) as usize);
             let found = (&self.reflections, &mut self.scratch.triangles);
             let truth = self.sources.of_reflection(i, view, (traced, [pulse.origin, direction]), found);
+            let in_scanner = pulse.scanner_attitude.inverse().apply(direction);
             let primitive = self.reflections.primitives()[i];
             let (part, classification) = view.part_and_class(primitive);
             let range = self.reflections.ranges()[i];
@@ -239,7 +247,7 @@ impl Detection {
                 truth_index: batch.truths.len() as u32,
                 ..Echo::miss(&pulse_record(pulse))
             });
-            batch.truths.push(truth);
+            batch.truths.push(EchoTruth { in_scanner, ..truth });
         }
     }
 

@@ -55,6 +55,8 @@ pub struct EchoTruth {
     pub fraction: f64,
     /// Number of the strongest subray within the beam, from 0.
     pub subray: u32,
+    /// Reported direction of the beam in the scanner's axes, unit.
+    pub in_scanner: DVec3,
 }
 
 impl Echo {
@@ -88,6 +90,11 @@ impl Echo {
     /// The true cause of the echo, zeros if it is not recorded; `truths` belong to its batch.
     pub fn truth(&self, truths: &[EchoTruth]) -> EchoTruth {
         truths.get(self.truth_index as usize).copied().unwrap_or_default()
+    }
+
+    /// Position relative to the origin of the beam in the scanner's axes, m; `truths` belong to the echo's batch.
+    pub fn position_in_scanner(&self, truths: &[EchoTruth]) -> DVec3 {
+        self.truth(truths).in_scanner * self.range
     }
 
     /// True position, m, scene frame; `truths` belong to the echo's batch.

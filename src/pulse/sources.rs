@@ -48,7 +48,7 @@ impl ReflectionSources {
     }
 
     /// True cause of return `number` (from 1): its strongest subray, or the reflection `source` if it has none. `beam`
-    /// is the beam's origin and direction.
+    /// is the beam's origin and direction. The direction in the scanner's axes is left to the caller.
     pub fn of_return(
         &self,
         number: u32,
@@ -80,6 +80,7 @@ impl ReflectionSources {
             normal: if normal.dot(direction) > 0.0 { -normal } else { normal },
             fraction: 1.0 / traced.primitives.len().max(1) as f64,
             subray,
+            in_scanner: DVec3::ZERO,
         }
     }
 

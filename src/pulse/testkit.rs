@@ -92,6 +92,7 @@ pub fn pulse(attitude: Rotation) -> Pulse {
         attitude,
         exact_attitude: attitude,
         reported_attitude: attitude,
+        scanner_attitude: Rotation::IDENTITY,
         origin_error: DVec3::ZERO,
         time_ns: 0.0,
         number: 1,

@@ -118,3 +118,46 @@ fn las_has_true_positions_on_request() {
         assert!(out.status.success(), "{name}: {}", text(&out.stderr));
     }
 }
+
+#[test]
+fn points_in_the_scanners_axes_do_not_depend_on_the_heading() {
+    let dir = folder();
+    write(dir.path(), "");
+    let columns = "PulseNumber,ScannerX,ScannerY,ScannerZ,Range,ScanAngle";
+    let seen = || -> Vec<[f64; 6]> {
+        let words = [
+            "run",
+            "p.toml",
+            "-q",
+            "-o",
+            "-",
+            "--format",
+            "csv",
+            "--physics",
+            "refined",
+            "--columns",
+            columns,
+        ];
+        let row = |line: &str| -> [f64; 6] {
+            let numbers: Vec<f64> = line.split(',').map(|n| n.parse().unwrap()).collect();
+            numbers.try_into().unwrap()
+        };
+        text(&succeed(dir.path(), &words).stdout).lines().skip(1).map(row).collect()
+    };
+    let north = seen();
+    assert!(north.len() > 1000);
+    for [number, x, y, z, range, angle] in &north {
+        assert!(((x * x + y * y + z * z).sqrt() - range).abs() < 3e-4, "{number}");
+        // The mirror turns the beam off the y axis of the mount, about one other axis.
+        assert!((y - range * angle.to_radians().cos()).abs() < 3e-4, "{number}: {y}, {range} m at {angle}°");
+        assert!(x.abs().min(z.abs()) < 2e-4, "{number}: {x} {z}");
+    }
+    let pipeline = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+    let pipeline = pipeline.replace("[0, -20, 100]", "[-20, 0, 100]").replace("[0, 20, 100]", "[20, 0, 100]");
+    fs::write(dir.path().join("p.toml"), pipeline).unwrap();
+    let east = seen();
+    assert_eq!(east.len(), north.len());
+    for (n, e) in north.iter().zip(&east) {
+        assert!((0..6).all(|i| (n[i] - e[i]).abs() < 2e-3), "{n:?} {e:?}");
+    }
+}
