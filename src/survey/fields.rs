@@ -305,11 +305,18 @@ pub(super) fn read_mount(context: &Context, element: &Element) -> Mount {
 /// The composed `<rot>` children of an element: each about the fixed axes, or (`local`) about the axes as rotated by
 /// the preceding ones.
 pub(super) fn read_rotations(context: &Context, element: &Element, local: bool) -> Rotation {
-    let turns = element.named("rot").filter_map(|rot| read_rotation(context, &rot));
-    turns.fold(Rotation::IDENTITY, |all, turn| if local { all.after(turn) } else { turn.after(all) })
+    let (mut all, mut last) = (Rotation::IDENTITY, Rotation::IDENTITY);
+    for rot in element.named("rot") {
+        let Some(turn) = read_rotation(context, &rot, last) else { continue };
+        all = if local { all.after(turn) } else { turn.after(all) };
+        last = turn;
+    }
+    all
 }
 
-fn read_rotation(context: &Context, rot: &Element) -> Option<Rotation> {
+/// Reads a `<rot>`. With an axis named pitch, roll or yaw it is `before`, the rotation of the element before it, as in
+/// the reference.
+fn read_rotation(context: &Context, rot: &Element, before: Rotation) -> Option<Rotation> {
     let mut fields = Fields::new(context, rot);
     let (axis, angle) = (fields.required("axis"), fields.required("angle_deg"));
     let angle = angle.and_then(|text| {
@@ -319,6 +326,23 @@ fn read_rotation(context: &Context, rot: &Element) -> Option<Rotation> {
         }
         angle
     });
+    if let Some(name @ ("pitch" | "roll" | "yaw")) = axis {
+        let (axis, sense) = match name {
+            "pitch" => ("x", ""),
+            "roll" => ("y", ""),
+            _ => ("z", ", clockwise where `z` is counter-clockwise"),
+        };
+        let effect = if before == Rotation::IDENTITY {
+            "it rotates nothing"
+        } else {
+            "it repeats the rotation before it"
+        };
+        let message = format!("the axis `{name}` is none of x, y and z; {effect}, as in HELIOS++");
+        let help = format!("{name} is the rotation about {axis}{sense}: <rot axis=\"{axis}\" …>");
+        context.warn_help(rot.value_place("axis"), message, help);
+        fields.done(&[]);
+        return angle.filter(|angle| *angle != 0.0).map(|_| before);
+    }
     let about: Option<fn(f64) -> Rotation> = match axis {
         Some("x" | "X") => Some(Rotation::about_x),
         Some("y" | "Y") => Some(Rotation::about_y),

@@ -1,7 +1,7 @@
 //! Moving parts (spec input-formats §3.7).
 
 use super::context::Context;
-use super::fields::Fields;
+use super::fields::{Fields, parse_vector};
 use super::xml::Element;
 use super::{Motion, MotionKind, MotionSequence, MotionTiming};
 use crate::diag::nearest;
@@ -35,9 +35,9 @@ fn read_sequence(context: &Context, element: &Element, ids: &HashMap<&str, usize
             let mut known: Vec<&str> = ids.keys().copied().collect();
             known.sort_unstable();
             let help = nearest(next, known).map_or(String::new(), |n| format!("did you mean `{n}`?"));
-            context.error_help(
+            context.warn_help(
                 element.value_place("next"),
-                format!("there is no motion `{next}` in this part"),
+                format!("there is no motion `{next}` in this part, which stops after `{id}`"),
                 help,
             );
         }
@@ -66,6 +66,11 @@ fn read_kind(context: &Context, fields: &mut Fields, kind: &str) -> Option<Motio
     Some(match kind {
         "identity" => MotionKind::Identity,
         "translation" => MotionKind::Translation { by: required_vector(fields, "vec")? },
+        "rotation" if is_null_rotation(fields) => {
+            let message = "a rotation by 0 about an `axis` without direction moves nothing";
+            context.warn(fields.element.value_place("axis"), message);
+            MotionKind::Identity
+        }
         "rotation" => {
             let (axis, angle) = axis_and_angle(fields);
             MotionKind::Rotation { centre: fields.vector("center"), axis: axis?, angle: angle? }
@@ -101,6 +106,13 @@ fn read_kind(context: &Context, fields: &mut Fields, kind: &str) -> Option<Motio
             return None;
         }
     })
+}
+
+/// Whether the axis is the null vector and the angle 0, as programs write a part that stands still.
+fn is_null_rotation(fields: &Fields) -> bool {
+    let element = &fields.element;
+    let angle = element.value("angle").and_then(|text| text.trim().parse::<f64>().ok());
+    angle == Some(0.0) && element.value("axis").and_then(parse_vector) == Some(DVec3::ZERO)
 }
 
 fn axis_and_angle(fields: &mut Fields) -> (Option<DVec3>, Option<f64>) {

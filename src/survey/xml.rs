@@ -3,6 +3,7 @@
 use super::text::{decode, line_of_bytes};
 use super::xml_limits::{MAX_NODES, check_limits};
 use crate::diag::{Diagnostics, Place};
+use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -62,9 +63,10 @@ impl Document {
             problems.error(Some(Place::in_text(path, &text, at)), message);
             return None;
         }
+        let parsed = without_late_declaration(path, &text, problems);
         let options =
             roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
-        let tree = match roxmltree::Document::parse_with_options(&text, options) {
+        let tree = match roxmltree::Document::parse_with_options(&parsed, options) {
             Ok(tree) => tree,
             Err(roxmltree::Error::NodesLimitReached) => {
                 let message = format!("the document has more than {MAX_NODES} elements, texts and comments");
@@ -104,6 +106,22 @@ impl Document {
         let text = self.text.get(start..end).unwrap_or_default();
         Place::in_line(&self.path, line, text, at.start - start..at.end.min(end) - start)
     }
+}
+
+/// The text without an XML declaration that follows blank lines, which XML forbids and the reference reads: blanks take its
+/// place, so that positions stay the same.
+fn without_late_declaration<'t>(path: &Path, text: &'t str, problems: &mut Diagnostics) -> Cow<'t, str> {
+    let start = text.len() - text.trim_start().len();
+    if start == 0 || !text[start..].starts_with("<?xml ") {
+        return Cow::Borrowed(text);
+    }
+    let Some(length) = text[start..].find("?>") else { return Cow::Borrowed(text) };
+    let end = start + length + 2;
+    let message = "the XML declaration is not at the beginning of the file; what precedes it is skipped";
+    problems.warn(Some(Place::in_text(path, text, start..end)), message);
+    let blank: String =
+        text[start..end].chars().flat_map(|c| std::iter::repeat_n(' ', c.len_utf8())).collect();
+    Cow::Owned(format!("{}{blank}{}", &text[..start], &text[end..]))
 }
 
 fn flatten(tree: &roxmltree::Document) -> Vec<Node> {
@@ -248,6 +266,21 @@ mod tests {
         assert_eq!((leg.value("n"), leg.content()), (Some("a&b"), "12"));
         assert_eq!(leg.value_part_place("z", &(1..2)).column, 12);
         assert_eq!(root.attribute_names().count(), 0);
+    }
+
+    #[test]
+    fn declarations_after_blank_lines_are_skipped_with_a_warning() {
+        let text = "\n <?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<document><leg z='abc'/></document>";
+        let mut problems = Diagnostics::default();
+        let root = Document::parse(Path::new("a.xml"), text.as_bytes(), &mut problems).unwrap().root();
+        let place = root.child("leg").unwrap().value_place("z");
+        assert_eq!((place.line, place.column), (3, 19));
+        let report = problems.render(false);
+        assert!(report.contains("warning: the XML declaration") && report.contains("a.xml:2:2"), "{report}");
+        for wrong in ["\n<?xml version='1.0'", "\n<?xml version='1.0'?>", "x<?xml version='1.0'?><document/>"]
+        {
+            assert!(parse(wrong).unwrap_err().contains("not well-formed"), "{wrong}");
+        }
     }
 
     #[test]

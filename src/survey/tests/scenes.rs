@@ -117,8 +117,10 @@ fn ids_are_running_numbers_of_the_parts() {
     let ids: Vec<_> = scene.parts.iter().map(|p| (p.id.as_deref(), p.number)).collect();
     // each file of a part without an id becomes a part
     assert_eq!(ids, [(None, 0), (Some("x"), 1), (None, 2), (None, 3), (None, 4)]);
-    assert!(matches!(&scene.parts[1].loader, Loader::Obj { files, .. } if files.len() == 2));
-    assert!(matches!(&scene.parts[3].loader, Loader::Obj { files, .. } if files[0].ends_with("b2.obj")));
+    assert!(matches!(&scene.parts[1].loader, Loader::MeshFiles { files, .. } if files.len() == 2));
+    assert!(
+        matches!(&scene.parts[3].loader, Loader::MeshFiles { files, .. } if files[0].ends_with("b2.obj"))
+    );
     let (scene, text) = warned(&format!("<part>{}</part><part>{}</part>", scale("2"), obj()));
     assert_eq!((scene.parts.len(), scene.parts[0].number), (1, 1));
     contains(&text, &["a part without a loader is skipped"]);
@@ -132,7 +134,10 @@ fn obj_and_geotiff() {
         filter("objloader", &(param("string", "filepath", "a.obj") + &param("string", "up", axis)))
     };
     let scene = clean_scene(&format!("<part>{}</part>", up("y")));
-    assert!(matches!(scene.parts[0].loader, Loader::Obj { up: UpAxis::Y, .. }));
+    assert!(matches!(
+        scene.parts[0].loader,
+        Loader::MeshFiles { reading: MeshReading { up: Some(UpAxis::Y), .. }, .. }
+    ));
     let (_, text) = warned(&format!("<part>{}</part>", up("x")));
     contains(&text, &["unknown up axis `x`; z is used"]);
     let tiff = filter(
@@ -236,7 +241,10 @@ fn motions() {
     assert_eq!((scene.parts[0].timing.dyn_step, scene.parts[0].timing.tree_step), (5, 2));
     for (wrong, message) in [
         ("<dmotion id='a' loop='1'/>", "needs at least one <motion>"),
-        ("<dmotion id='a' loop='1' next='b'><motion type='identity'/></dmotion>", "there is no motion `b`"),
+        (
+            "<dmotion id='a' loop='1'><motion type='rotation' axis='0;0;0' angle='1'/></dmotion>",
+            "`axis` must be a direction",
+        ),
         ("<dmotion id='a'><motion type='identity'/></dmotion>", "<dmotion> needs the attribute `loop`"),
         ("<dmotion id='a' loop='1'><motion type='spin'/></dmotion>", "unknown motion type `spin`"),
         (
@@ -250,6 +258,43 @@ fn motions() {
     ] {
         contains(&refused(scene_of(&format!("<part>{}{wrong}</part>", obj()))), &[message]);
     }
+}
+
+#[test]
+fn motions_that_stand_still_or_end_are_pointed_out() {
+    let still = "<dmotion id='a' loop='1'><motion type='rotation' axis='0.0;0;-0.0' angle='0.0' center='1;0;0'/></dmotion>";
+    let (scene, text) = warned(&format!("<part>{}{still}</part>", obj()));
+    assert_eq!(scene.parts[0].motions[0].motions[0].kind, MotionKind::Identity);
+    contains(&text, &["moves nothing", "^^^^^^^^^^"]);
+    let open = "<dmotion id='left' loop='3' next='rihgt'><motion type='identity'/></dmotion>\
+                <dmotion id='right' loop='3'><motion type='identity'/></dmotion>";
+    let (scene, text) = warned(&format!("<part>{}{open}</part>", obj()));
+    assert_eq!(scene.parts[0].motions[0].next, None);
+    contains(
+        &text,
+        &["there is no motion `rihgt` in this part, which stops after `left`", "did you mean `right`?"],
+    );
+}
+
+#[test]
+fn axes_named_after_attitudes_repeat_the_rotation_before() {
+    let rotated = |rots: &str| {
+        let rotate =
+            format!("<filter type='rotate'><param type='rotation' key='rotation'>{rots}</param></filter>");
+        let (scene, text) = warned(&format!("<part>{}{rotate}</part>", obj()));
+        (scene.parts[0].transform.rotation, text)
+    };
+    let (none, text) = rotated("<rot axis='pitch' angle_deg='12.5'/><rot axis='yaw' angle_deg='33'/>");
+    assert_eq!(none, Rotation::IDENTITY);
+    contains(
+        &text,
+        &["the axis `pitch`", "it rotates nothing", "pitch is the rotation about x", "the axis `yaw`"],
+    );
+    let (twice, text) = rotated("<rot axis='z' angle_deg='30'/><rot axis='roll' angle_deg='5'/>");
+    assert!((twice.angles_zyx().unwrap()[0] - radians(60.0)).abs() < 1e-12);
+    contains(&text, &["it repeats the rotation before it", "roll is the rotation about y"]);
+    let (once, _) = rotated("<rot axis='z' angle_deg='30'/><rot axis='roll' angle_deg='0'/>");
+    assert_eq!(once, Rotation::about_z(radians(30.0)));
 }
 
 #[test]
