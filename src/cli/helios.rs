@@ -28,6 +28,7 @@ const PARALLELIZATION: &str = "--parallelization";
 /// HELIOS++ options that `vlscan run` accepts, and the name of each in this program (spec outputs §9.2).
 const NAMES: &[(&str, &str, Takes)] = &[
     ("--assets", "--assets", Values),
+    ("-a", "--assets", Values),
     ("--output", "--output", Value),
     ("--seed", "--seed", Value),
     ("--gpsStartTime", "--gps-start", Value),
@@ -44,6 +45,8 @@ const NAMES: &[(&str, &str, Takes)] = &[
     ("-j", "--threads", Value),
     ("--njobs", "--threads", Value),
     ("--nthreads", "--threads", Value),
+    ("--num-threads", "--threads", Value),
+    ("--numThreads", "--threads", Value),
     ("--parallelization", PARALLELIZATION, Value),
     ("--chunkSize", "--chunk-size", Value),
     ("--warehouseFactor", "--warehouse-factor", Value),
@@ -62,6 +65,8 @@ const NAMES: &[(&str, &str, Takes)] = &[
     ("-q", "--quiet", Nothing),
     ("--quiet", "--quiet", Nothing),
     ("-vt", "--times", Nothing),
+    ("--vt", "--times", Nothing),
+    ("--v2", "-vv", NothingEachTime),
     ("-v", "--verbose", NothingEachTime),
     ("-v2", "-vv", NothingEachTime),
     ("-vv", "-vv", NothingEachTime),
@@ -256,6 +261,7 @@ mod tests {
             "vlscan --njobs 3 --kdt 2 s.xml --writePulse",
             "vlscan -J 3 --writepulse run --KDT 2 s.xml",
             "vlscan run s.xml --writePulse --kdt 2 --nThreads 3",
+            "vlscan s.xml --writePulse --kdt 2 --num-threads 3",
         ] {
             let run = run(line);
             assert_eq!(
@@ -274,7 +280,10 @@ mod tests {
             (run.options.origin.seed, run.options.schedule.threads, run.options.schedule.chunk_size),
             (Some(Seed(1)), Some(3), Some(ChunkSize(32)))
         );
-        assert_eq!(ours("vlscan s.xml --assets a --assets b"), "vlscan run s.xml --assets=a --assets=b");
+        assert_eq!(
+            ours("vlscan s.xml --assets a -a b --vt"),
+            "vlscan run s.xml --assets=a --assets=b --times"
+        );
     }
 
     #[test]

@@ -6,11 +6,12 @@ use super::{Console, Verbosity, interrupt};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched};
-use crate::output::FileKind;
+use crate::output::{FileKind, Target};
 pub use crate::pipeline::Job;
 use crate::pipeline::{Control, PartTable, Progress, Report, Resumption, Session};
 use crate::quantity::{amount, duration};
 use crate::schedule::Recorder;
+use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 
@@ -34,6 +35,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let recorder = schedule_log.is_some().then(Recorder::new);
     let progress = Progress::default();
     let control = Control { recorder: recorder.as_ref(), ..Control::new(&progress, &interrupt::STOP) };
+    let is_helios_layout = output.sinks.iter().all(|(target, _)| matches!(target, Target::Helios(_)));
     let legs = session.survey().legs.len();
     let parts = part_table.is_some().then(|| PartTable::new(session.scene()));
     let report = watched(console, progress_lines, legs, &progress, || match &resumption {
@@ -45,10 +47,22 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     if let (Some(path), Some(parts), true) = (&part_table, parts, is_complete) {
         write_file(path, force, &parts.csv(&report.summary.points_of_part))?;
     }
+    if is_helios_layout && console.shows(Verbosity::Times) {
+        name_directories(&report);
+    }
     if resumption.is_some() {
         warn_of_few_points(console, &report);
     }
     show_report(console, &report, started)
+}
+
+/// Names the run directories on standard output, where programs around HELIOS++ look for this line.
+fn name_directories(report: &Report) {
+    let mut stdout = std::io::stdout().lock();
+    for directory in &report.summary.directories {
+        // Nobody may be reading.
+        let _ = writeln!(stdout, "Output directory: \"{}\"", directory.display());
+    }
 }
 
 /// Writes what the schedule did, unless the run was interrupted.

@@ -4,7 +4,7 @@ use super::outputs::OutputKeys;
 use super::over::group;
 use super::trajectory::TrajectoryOptions;
 use super::values::{Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Seed};
-use crate::output::{PacketPlace, PointFormat};
+use crate::output::{ExtraDimensions, PacketPlace, PointFormat};
 use crate::pulse::PhysicsProfile;
 use crate::scene::Sharing;
 use crate::schedule::PolicyKind;
@@ -152,6 +152,10 @@ pub struct OutputOptions {
     /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser where the scene is too wide for it]
     #[arg(long, value_name = "METRES")]
     pub las_scale: Option<f64>,
+    /// Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that refuse them.
+    /// [default: all]
+    #[arg(long, value_name = "WHICH")]
+    pub las_extra: Option<ExtraDimensions>,
 }
 }
 

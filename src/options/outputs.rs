@@ -76,6 +76,7 @@ impl Options {
                 scale: output.las_scale,
                 at_most: output.las_at_most.map(|count| count.0),
                 packets: output.wave_packets,
+                extra: output.las_extra.unwrap_or_default(),
                 ..LasSettings::default()
             },
             force: output.force,
@@ -151,6 +152,7 @@ fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result
     let format = match (told, asked) {
         // Two formats share an extension.
         (Some(Ok(PointFormat::PlyBinary)), Some(PointFormat::PlyAscii)) => PointFormat::PlyAscii,
+        (Some(Ok(PointFormat::PlyBinary)), Some(PointFormat::RayCloud)) => PointFormat::RayCloud,
         (Some(Ok(PointFormat::Laz)), Some(PointFormat::Copc)) => PointFormat::Copc,
         (Some(Ok(format)), _) => format,
         (_, Some(asked)) => asked,
@@ -172,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_sink_is_a_stream_a_file_or_a_folder() {
-        use PointFormat::{Copc, Las, Laz, PlyAscii, PlyBinary, Xyz};
+        use PointFormat::{Copc, Las, Laz, Pcd, PlyAscii, PlyBinary, RayCloud, Xyz};
         let file = |path: &str| Target::File(path.into());
         let folder = Target::Directory("folder".into());
         for (path, asked, expected) in [
@@ -186,11 +188,14 @@ mod tests {
             // Two formats share an extension.
             ("a.ply", Some(PlyAscii), (file("a.ply"), PlyAscii)),
             ("a.laz", Some(Copc), (file("a.laz"), Copc)),
+            ("a.ply", Some(RayCloud), (file("a.ply"), RayCloud)),
+            ("a.RayCloud.ply", None, (file("a.RayCloud.ply"), RayCloud)),
+            ("a.pcd", None, (file("a.pcd"), Pcd)),
             ("a.dat", Some(Las), (file("a.dat"), Las)),
         ] {
             assert_eq!(sink(Path::new(path), asked, Xyz).unwrap(), expected, "{path}");
         }
-        assert!(sink(Path::new("a.e57"), None, Xyz).is_err());
+        assert!(sink(Path::new("a.e58"), None, Xyz).is_err());
         #[cfg(unix)]
         {
             use std::os::unix::ffi::OsStrExt;

@@ -2,11 +2,14 @@
 
 use super::codec::{LegFacts, Piece, PointCodec, encode_points};
 use super::column_codec::ColumnCodec;
+use super::e57::E57Codec;
 use super::las::{LasCodec, encode_with_packets};
 use super::layout::{Route, Slots};
 use super::memory::{self, TableContent};
+use super::pcd::PcdCodec;
 use super::plan::OutputPlan;
 use super::ply::{PlyCodec, PlyGroups};
+use super::ray_cloud::RayCloudCodec;
 use super::request::{PointFormat, TrajectoryFormat};
 use super::{table, text};
 use crate::geom::DVec3;
@@ -132,6 +135,13 @@ impl OutputPlan {
             }
             PointFormat::PlyBinary => {
                 encode_points(&PlyCodec::<false> { shift, objects, groups }, leg, slots, echoes, pieces);
+            }
+            PointFormat::RayCloud => {
+                encode_points(&RayCloudCodec { shift, las: &self.las }, leg, slots, echoes, pieces);
+            }
+            PointFormat::E57 => encode_points(&E57Codec { shift }, leg, slots, echoes, pieces),
+            PointFormat::Pcd => {
+                encode_points(&PcdCodec { shift: shift - self.pcd_offset }, leg, slots, echoes, pieces);
             }
             PointFormat::PlyAscii => {
                 encode_points(&PlyCodec::<true> { shift, objects, groups }, leg, slots, echoes, pieces);

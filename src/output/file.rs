@@ -4,18 +4,19 @@ use super::archive::ArchiveStream;
 use super::arrow::ArrowStream;
 use super::codec::Piece;
 use super::copc::{self, CopcStream, Octree};
+use super::e57::E57Stream;
 use super::las::{PACKETS_HEADER_BYTES, packets_header, place_packets};
 use super::layout::{Content, FilePlan};
 use super::laz::{self, LazStream};
 use super::offload::Offload;
 use super::parquet::ParquetStream;
 use super::plan::{OutputPlan, packets_path};
-use super::ply;
 use super::request::{PacketPlace, PointFormat, TrajectoryFormat};
 use super::stream::{Destination, OutputStream};
 use super::summary::{COMPLETE, FileKind, FileSummary, PARTIAL, Tally};
 use super::table;
 use super::text::TRAJECTORY_HEADER;
+use super::{pcd, ply, ray_cloud};
 use crate::error::{Error, Result};
 use crate::files::Patched;
 use crate::parts::PartTable;
@@ -50,8 +51,8 @@ enum Head {
     LasStream(u64),
     /// COPC: bounds and counts of points, and the octree.
     Copc(LazVlr),
-    /// PLY: the count of points.
-    Ply(PointFormat),
+    /// PLY, ray clouds and PCD: the count of points.
+    Counted(PointFormat),
 }
 
 /// Processing of records before they are written.
@@ -68,6 +69,8 @@ enum Encoder {
     Arrow(Box<ArrowStream>),
     /// Rows are collected into row groups, which a footer lists.
     Parquet(Box<ParquetStream>),
+    /// Points are collected, and written as scans at the end.
+    E57(E57Stream),
     /// Blocks are written unchanged, and a table lists them.
     Part(PartTable),
 }
@@ -81,7 +84,7 @@ impl Head {
             Content::Points(PointFormat::Las) => Head::Las(None),
             Content::Points(PointFormat::Laz) => Head::Las(Some(laz::laszip(&plan.las)?)),
             Content::Points(PointFormat::Copc) => Head::Copc(copc::laszip(&plan.las)?),
-            Content::Points(format @ (PointFormat::PlyBinary | PointFormat::PlyAscii)) => Head::Ply(format),
+            Content::Points(format) if format.counts() => Head::Counted(format),
             _ => Head::None,
         })
     }
@@ -102,7 +105,9 @@ impl Head {
             Head::Copc(laszip) => {
                 plan.las.octree_head(laszip, tally, &octree.info, octree.hierarchy_at, state)
             }
-            Head::Ply(format) => ply::head(
+            Head::Counted(PointFormat::RayCloud) => ray_cloud::head(tally.records, state),
+            Head::Counted(PointFormat::Pcd) => pcd::head(plan.pcd_offset, tally.records, state),
+            Head::Counted(format) => ply::head(
                 *format,
                 plan.crs_name.as_deref(),
                 &plan.objects,
@@ -145,7 +150,7 @@ impl OutputFile {
         let mut bytes = head.bytes(plan, &Tally::EMPTY, None, &Octree::EMPTY, COMPLETE);
         match head {
             Head::LasStream(_) => {}
-            Head::Ply(_) => bytes.fill(b' '),
+            Head::Counted(_) => bytes.fill(b' '),
             _ => bytes.fill(0),
         }
         match content {
@@ -171,6 +176,7 @@ impl OutputFile {
             (Content::Points(PointFormat::Parquet), _) => {
                 Encoder::Parquet(Box::new(ParquetStream::new(&plan.columns, &plan.schema)?))
             }
+            (Content::Points(PointFormat::E57), _) => Encoder::E57(E57Stream::new()?),
             (Content::Part, _) => Encoder::Part(PartTable::new(out.len())),
             _ => Encoder::Plain,
         };
@@ -199,6 +205,7 @@ impl OutputFile {
             Encoder::Archive(archive) => archive.append(bytes, &mut self.out, offload)?,
             Encoder::Laz(laz) => laz.append(bytes, &mut self.out, offload)?,
             Encoder::Copc(copc) => copc.append(bytes)?,
+            Encoder::E57(points) => points.append(bytes)?,
             Encoder::Arrow(arrow) => arrow.append(bytes, |bytes| self.out.append(bytes))?,
             Encoder::Parquet(parquet) => parquet.append(bytes, |bytes| self.out.append(bytes))?,
             Encoder::Part(table) => {
@@ -261,6 +268,7 @@ impl OutputFile {
             Encoder::Copc(copc) => octree = copc.finish(&plan.las, &self.tally, &mut self.out, offload)?,
             Encoder::Arrow(arrow) => arrow.finish(partial, |bytes| self.out.append(bytes))?,
             Encoder::Parquet(parquet) => parquet.finish(partial, |bytes| self.out.append(bytes))?,
+            Encoder::E57(points) => points.finish(plan.crs_name.as_deref(), &mut self.out)?,
             Encoder::Part(table) => self.out.append(&table.finish())?,
         }
         let packets_at = plan.las.packets_inside().then_some(self.out.len());

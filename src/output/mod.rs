@@ -13,13 +13,14 @@
 //! | `request`, `context` | the request; the facts about survey and scene that outputs depend on |
 //! | `layout`, `plan` | the files that follow from both, checks and formats |
 //! | `codec`, `objects` | definitions shared by the formats of point records; ids of scene parts as integers |
-//! | `text`, `number`, `las`, `ply` | records of text, LAS and PLY |
+//! | `text`, `number`, `las`, `ply`, `ray_cloud`, `pcd` | records of text, LAS, PLY and PCD |
 //! | `columns`, `column_codec`, `table` | columns: definition and values, as text |
 //! | `rows`, `arrow`, `parquet` | columns in groups of rows, as Arrow and as Parquet |
 //! | `memory`, `batches` | tables in memory for the caller |
 //! | `encode` | encoding of batches as bytes for every file, in the worker threads |
 //! | `laz`, `archive`, `blocks` | compression of LAS and of text in blocks; expansion of text |
 //! | `copc` | compressed LAS as an octree |
+//! | `e57` | E57: scans with their poses |
 //! | `join` | LAS and LAZ files of consecutive points as one |
 //! | `writer`, `open`, `file`, `stream` | writing of bytes to files and streams, in the writer thread |
 //! | `offload`, `summary` | jobs for idle workers, summary of the outputs |
@@ -36,6 +37,7 @@ mod column_codec;
 mod columns;
 mod context;
 mod copc;
+mod e57;
 mod encode;
 mod file;
 #[cfg(test)]
@@ -50,8 +52,10 @@ mod objects;
 mod offload;
 mod open;
 mod parquet;
+mod pcd;
 mod plan;
 mod ply;
+mod ray_cloud;
 mod request;
 mod rows;
 mod stream;
@@ -74,7 +78,8 @@ pub use objects::ObjectIds;
 pub use offload::{NoOffload, Offload};
 pub use plan::OutputPlan;
 pub use request::{
-    LasSettings, LasVersion, OutputRequest, PacketPlace, PartOutput, PointFormat, Target, TrajectoryFormat,
+    ExtraDimensions, LasSettings, LasVersion, OutputRequest, PacketPlace, PartOutput, PointFormat, Target,
+    TrajectoryFormat,
 };
 pub use summary::{FileKind, FileSummary, Summary};
 pub use writer::Writer;

@@ -8,6 +8,7 @@ use super::las::LasFormat;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
 use super::memory::{TableContent, TableRequest};
 use super::objects::ObjectIds;
+use super::pcd;
 use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
 use super::stream::Destination;
 use super::summary::FileSummary;
@@ -16,7 +17,7 @@ use crate::crs;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::files::{NewFolder, identity, is_special, remove_litter};
-use crate::geom::DVec3;
+use crate::geom::{Aabb, DVec3};
 use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
@@ -34,6 +35,8 @@ pub struct OutputPlan {
     /// Ids of the scene's parts as integers.
     pub(super) objects: ObjectIds,
     pub(super) las: LasFormat,
+    /// What coordinates of PCD are relative to, m.
+    pub(super) pcd_offset: DVec3,
     pub(super) columns: Vec<Column>,
     /// Whether the user chose the columns.
     pub(super) columns_chosen: bool,
@@ -89,6 +92,8 @@ impl OutputPlan {
             }
         }
         let warnings = problems.finish(false)?;
+        let Aabb { min, max } = context.bounds;
+        let world = Aabb { min: min + context.shift, max: max + context.shift };
         let columns = request.columns.clone().unwrap_or_else(|| Column::default_columns(request.misses));
         let about = About { scanner: &context.scanner, crs: wkt, objects: &objects };
         let schema = schema(&columns, &about);
@@ -99,6 +104,7 @@ impl OutputPlan {
             part_names: context.parts.iter().map(|part| text::label(part)).collect(),
             objects,
             las,
+            pcd_offset: pcd::offset(&world),
             columns,
             columns_chosen: request.columns.is_some(),
             schema,

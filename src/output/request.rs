@@ -37,6 +37,14 @@ pub enum PointFormat {
     PlyBinary,
     /// PLY as text.
     PlyAscii,
+    /// PLY of rays, as raycloudtools reads it; files end in .raycloud.ply.
+    #[value(name = "raycloud", alias = "raycloud.ply")]
+    #[serde(rename = "raycloud")]
+    RayCloud,
+    /// PCD of the Point Cloud Library, binary.
+    Pcd,
+    /// E57 with a scan and its pose for each leg.
+    E57,
     /// Arrow IPC stream with the columns of csv.
     #[value(alias = "arrows")]
     Arrow,
@@ -52,9 +60,13 @@ impl PointFormat {
     pub fn of_file(path: &Path) -> Option<Result<PointFormat, String>> {
         // A name that is no Unicode has an extension, too.
         let name = path.file_name()?.to_string_lossy();
-        let copc = name.len().checked_sub(".copc.laz".len()).and_then(|at| name.get(at..));
-        let extension = match copc {
-            Some(end) if end.eq_ignore_ascii_case(".copc.laz") => "copc.laz",
+        let ends_in = |end: &str| {
+            let found = name.len().checked_sub(end.len()).and_then(|at| name.get(at..));
+            found.is_some_and(|found| found.eq_ignore_ascii_case(end))
+        };
+        let extension = match () {
+            _ if ends_in(".copc.laz") => "copc.laz",
+            _ if ends_in(".raycloud.ply") => "raycloud.ply",
             _ => Path::new(&*name).extension()?.to_str()?,
         };
         Some(PointFormat::from_str(extension, true).map_err(|_| extension.to_owned()))
@@ -75,6 +87,9 @@ impl PointFormat {
             PointFormat::Laz => "laz",
             PointFormat::Copc => "copc.laz",
             PointFormat::PlyBinary | PointFormat::PlyAscii => "ply",
+            PointFormat::RayCloud => "raycloud.ply",
+            PointFormat::Pcd => "pcd",
+            PointFormat::E57 => "e57",
             PointFormat::Csv => "csv",
             PointFormat::Arrow => "arrow",
             PointFormat::Parquet => "parquet",
@@ -83,7 +98,9 @@ impl PointFormat {
 
     /// Whether the header counts the points, so that it can be completed only at the end.
     pub fn counts(self) -> bool {
-        self.is_las() || matches!(self, PointFormat::PlyBinary | PointFormat::PlyAscii)
+        self.is_las()
+            || matches!(self, PointFormat::PlyBinary | PointFormat::PlyAscii)
+            || matches!(self, PointFormat::RayCloud | PointFormat::Pcd)
     }
 
     /// Whether the format is LAS, compressed or not.
@@ -253,14 +270,15 @@ pub enum IntensityMapping {
 }
 
 /// Dimensions in the extra bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum ExtraDimensions {
     /// `echo_width`, `fullwaveIndex`, `hitObjectId`, `heliosAmplitude`, and then `device`, `range`, `incidence_angle`.
     #[default]
     All,
     /// The first four, as HELIOS++.
     Helios,
-    /// None.
+    /// No extra bytes: for programs that refuse them.
     None,
 }
 

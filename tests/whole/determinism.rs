@@ -13,9 +13,20 @@ fn outputs(survey: &Path, extra: &[&str]) -> BTreeMap<PathBuf, Vec<u8>> {
     let dir = folder();
     let survey = survey.to_str().unwrap();
     let mut args = vec!["run", survey, "-q", "--seed", "11", "--waveforms", "--pulses", "--waveform-noise"];
-    for path in
-        ["all.xyz", "all.las", "all.laz", "all.bin", "all.ply", "all.csv", "all.arrow", "all.parquet", "legs"]
-    {
+    for path in [
+        "all.xyz",
+        "all.las",
+        "all.laz",
+        "all.bin",
+        "all.ply",
+        "all.raycloud.ply",
+        "all.pcd",
+        "all.e57",
+        "all.csv",
+        "all.arrow",
+        "all.parquet",
+        "legs",
+    ] {
         args.extend(["-o", path]);
     }
     args.extend(extra);

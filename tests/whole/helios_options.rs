@@ -75,10 +75,15 @@ impl Run {
         let dir = tiny();
         let args: Vec<&str> = line.split_whitespace().map(|w| if w == "''" { "" } else { w }).collect();
         let out = succeed(dir.path(), &args);
-        assert!(out.stdout.is_empty(), "{line}: {}", text(&out.stdout));
         let runs = dir.path().join("out/tiny");
         let home = fs::read_dir(&runs).unwrap().next().unwrap().unwrap().path();
-        Run { home, dir, said: text(&out.stderr) }
+        let name = Path::new("out/tiny").join(home.file_name().unwrap());
+        let said = text(&out.stderr);
+        let is_quiet = said.is_empty() && !line.contains("--logFileOnly");
+        let named = format!("Output directory: \"{}\"\n", name.display());
+        let expected = if is_quiet || line.contains("--silent") { "" } else { &named };
+        assert_eq!(text(&out.stdout), expected, "{line}");
+        Run { home, dir, said }
     }
 
     fn bytes(&self, name: &str) -> Vec<u8> {

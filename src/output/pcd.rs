@@ -1,0 +1,93 @@
+//! PCD 0.7 of the Point Cloud Library, binary. Coordinates are 32-bit floats there, so that points far from the origin are
+//! written relative to a whole thousand metres, which a comment of the header names.
+
+use super::codec::{LegFacts, PointCodec, byte, seconds};
+use crate::geom::{Aabb, DVec3};
+use crate::pulse::Echo;
+
+/// Distance from the origin up to which 32-bit floats resolve a millimetre, m.
+const MAX_EXACT_M: f64 = 8192.0;
+
+/// Names, bytes and kinds of the fields: metres, seconds of the GPS week.
+const FIELDS: [(&str, u8, char); 9] = [
+    ("x", 4, 'F'),
+    ("y", 4, 'F'),
+    ("z", 4, 'F'),
+    ("intensity", 4, 'F'),
+    ("time", 8, 'F'),
+    ("ring", 2, 'U'),
+    ("return_number", 1, 'U'),
+    ("number_of_returns", 1, 'U'),
+    ("label", 4, 'I'),
+];
+
+/// The point that coordinates are relative to, for a scene with this box in the world.
+pub(super) fn offset(world: &Aabb) -> DVec3 {
+    let reach = if world.is_empty() { 0.0 } else { world.min.abs().max(world.max.abs()).max_element() };
+    if reach <= MAX_EXACT_M || !reach.is_finite() {
+        return DVec3::ZERO;
+    }
+    DVec3::from(world.centre().to_array().map(|c| (c / 1000.0).round() * 1000.0))
+}
+
+/// Returns the header of a file with `count` points, whose length does not depend on the count.
+pub(super) fn head(offset: DVec3, count: u64, state: &str) -> Vec<u8> {
+    let list =
+        |text: &dyn Fn(&(&str, u8, char)) -> String| FIELDS.iter().map(text).collect::<Vec<_>>().join(" ");
+    let count = count.to_string();
+    let padding = " ".repeat(2 * (20 - count.len()));
+    let DVec3 { x, y, z } = offset;
+    format!(
+        "# .PCD v0.7 - Point Cloud Data file format\n# vlscan {}; state {state:40}\n# add {x} {y} {z} to x y z{padding}\n\
+         VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n\
+         POINTS {count}\nDATA binary\n",
+        env!("CARGO_PKG_VERSION"),
+        list(&|f| f.0.to_owned()),
+        list(&|f| f.1.to_string()),
+        list(&|f| f.2.to_string()),
+        list(&|_| "1".to_owned()),
+    )
+    .into_bytes()
+}
+
+/// Encoder of echoes as points. `ring` is the channel of the scanner, `label` the class.
+pub(super) struct PcdCodec {
+    /// Scene frame to the frame of the file, m.
+    pub shift: DVec3,
+}
+
+impl PointCodec for PcdCodec {
+    const TYPICAL_BYTES: usize = 32;
+
+    fn push(&self, out: &mut Vec<u8>, _: &LegFacts, echo: &Echo) -> Option<DVec3> {
+        let position = echo.position + self.shift;
+        position.to_array().into_iter().for_each(|c| out.extend((c as f32).to_le_bytes()));
+        out.extend((echo.intensity as f32).to_le_bytes());
+        out.extend(seconds(echo.time_ns).to_le_bytes());
+        out.extend(u16::try_from(echo.device).unwrap_or(u16::MAX).to_le_bytes());
+        out.extend([byte(echo.return_number), byte(echo.number_of_returns)]);
+        out.extend(echo.classification.to_le_bytes());
+        Some(position)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_have_one_length_and_offsets_keep_millimetres() {
+        let near = Aabb { min: DVec3::splat(-100.0), max: DVec3::splat(8000.0) };
+        assert_eq!(offset(&near), DVec3::ZERO);
+        let far = Aabb {
+            min: DVec3::new(476_000.0, 5_429_400.0, 90.0),
+            max: DVec3::new(477_500.0, 5_430_000.0, 200.0),
+        };
+        assert_eq!(offset(&far), DVec3::new(477_000.0, 5_430_000.0, 0.0));
+        assert_eq!(offset(&Aabb::EMPTY), DVec3::ZERO);
+        let length = head(offset(&far), 0, "complete").len();
+        assert_eq!(head(offset(&far), u64::MAX, "partial").len(), length);
+        let sizes: usize = FIELDS.iter().map(|f| usize::from(f.1)).sum();
+        assert_eq!(sizes, PcdCodec::TYPICAL_BYTES);
+    }
+}
