@@ -85,6 +85,7 @@ fn scanner(reference: &str, scanner: &Scanner) -> ScannerRow {
         Deflector::Polygon { effective_max } => ("rotating", effective_max),
         Deflector::Oscillating { .. } => ("oscillating", device.scan_angle_max),
         Deflector::Conic => ("conic", device.scan_angle_max),
+        Deflector::EllipticConic { .. } => ("elliptic", device.scan_angle_max),
         Deflector::Fibres { .. } => ("line", device.scan_angle_max),
         Deflector::Risley { .. } => ("risley", device.scan_angle_max),
     };

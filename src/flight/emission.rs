@@ -1,5 +1,6 @@
 //! Origin and attitude of an emitted pulse (spec kinematics §3, §7.2).
 
+use super::leg::PlannedLeg;
 use super::plan::FlightPlan;
 use super::pulse::Pulse;
 use crate::geom::{DVec3, Rotation};
@@ -11,12 +12,14 @@ impl FlightPlan {
     pub(super) fn pulse(
         &self,
         platform: &PlatformState,
+        leg: &PlannedLeg,
         index: usize,
         state: &DeviceState,
         time_ns: f64,
         since_start: f64,
     ) -> Pulse {
         let plan = &self.devices[index];
+        let mount = leg.mount.as_ref().unwrap_or(&self.mount);
         let (device, emitted) = (index as u32, state.pulses - 1);
         let platform_noise = self.kinematics.attitude_noise_of_platform;
         let with_noise = |attitude: Rotation| self.noise.apply_noise(attitude, device, emitted);
@@ -26,24 +29,24 @@ impl FlightPlan {
             if state.deflector.has_error() { state.deflector.rotation(plan) } else { exact_deflection };
         // Beam attitudes for a platform attitude: with mechanical errors and noise, and without.
         let beam = |pointing: Rotation| {
-            let carrier = noisy_platform(pointing).after(self.mount.rotation);
+            let carrier = noisy_platform(pointing).after(mount.rotation);
             let clean = carrier.after(state.emitter(plan)).after(deflection);
             let attitude = if platform_noise { clean } else { with_noise(clean) };
             let exact = if plan.errors.any() {
-                pointing.after(self.mount.rotation).after(state.exact_emitter(plan)).after(exact_deflection)
+                pointing.after(mount.rotation).after(state.exact_emitter(plan)).after(exact_deflection)
             } else {
                 attitude
             };
             (attitude, exact)
         };
         let origin_at = |position: DVec3, pointing: Rotation| {
-            let (mount, emitter) = (self.mount.offset, plan.beam_origin.offset);
+            let (offset, emitter) = (mount.offset, plan.beam_origin.offset);
             if self.kinematics.mount_offsets_turn {
                 let pointing = noisy_platform(pointing);
-                let head = pointing.after(self.mount.rotation).after(state.head.rotation(plan));
-                position + pointing.apply(mount) + head.apply(emitter)
+                let head = pointing.after(mount.rotation).after(state.head.rotation(plan));
+                position + pointing.apply(offset) + head.apply(emitter)
             } else {
-                position + mount + emitter
+                position + offset + emitter
             }
         };
         let (position, pointing) = (platform.position(), platform.mount_attitude(&self.platform));

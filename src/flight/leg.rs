@@ -5,7 +5,7 @@ use crate::diag::{Diagnostics, Place};
 use crate::geom::DVec3;
 use crate::platform::{LegCourse, MAX_FLOWN_GAP, Span, TrajectoryTable};
 use crate::quantity::MAX_DURATION;
-use crate::survey::{Interpolated, Leg, LegTrajectory, ScannerSettings, Survey};
+use crate::survey::{Interpolated, Leg, LegTrajectory, Mount, ScannerSettings, Survey};
 
 #[derive(Clone, Debug)]
 pub(super) struct PlannedLeg {
@@ -13,6 +13,8 @@ pub(super) struct PlannedLeg {
     pub number: u32,
     pub place: Option<Place>,
     pub settings: ScannerSettings,
+    /// Mount of the scanner, if it is not that of the platform.
+    pub mount: Option<Mount>,
     /// Nothing moves, so that only the maximum duration ends the leg.
     pub still: bool,
     /// Maximum duration, s; 0 = none.
@@ -34,6 +36,7 @@ impl PlannedLeg {
         PlannedLeg {
             number: leg.number,
             place: leg.place.clone(),
+            mount: leg.platform.mount,
             still: false,
             max_duration: settings.max_duration.filter(|d| *d > 0.0).unwrap_or(0.0),
             frequency: f64::from(settings.pulse_freq),

@@ -244,7 +244,7 @@ impl FlightState {
             state.pulses += 1;
             let mut is_sound = true;
             sink.pulse(|| {
-                let pulse = plan.pulse(platform, index, state, *time_ns, since_start);
+                let pulse = plan.pulse(platform, leg, index, state, *time_ns, since_start);
                 is_sound = !device.errors.any() || pulse.is_sound();
                 pulse
             });

@@ -84,12 +84,16 @@ impl Instrument {
 
     /// Whether the instrument sweeps a line, whose spacing along the flight depends on a scan frequency.
     fn sweeps(&self) -> bool {
-        matches!(self.deflector, Deflector::Polygon { .. } | Deflector::Oscillating { .. } | Deflector::Conic)
+        self.is_cone() || matches!(self.deflector, Deflector::Polygon { .. } | Deflector::Oscillating { .. })
+    }
+
+    fn is_cone(&self) -> bool {
+        matches!(self.deflector, Deflector::Conic | Deflector::EllipticConic { .. })
     }
 
     /// Whether points lie ahead of and behind the platform, so that a flight must begin before the area.
     pub fn looks_ahead(&self) -> bool {
-        matches!(self.deflector, Deflector::Conic | Deflector::Risley { .. })
+        self.is_cone() || matches!(self.deflector, Deflector::Risley { .. })
     }
 
     /// The half opening angle, rad, of a request in degrees.
@@ -167,7 +171,7 @@ impl Instrument {
         let edge = height * half_angle.tan();
         match self.deflector {
             _ if x.abs() >= edge => 0.0,
-            Deflector::Conic => 1.0 / (PI * (edge * edge - x * x).sqrt()),
+            Deflector::Conic | Deflector::EllipticConic { .. } => 1.0 / (PI * (edge * edge - x * x).sqrt()),
             _ => height / (height * height + x * x) / (2.0 * half_angle),
         }
     }
@@ -219,7 +223,7 @@ impl Instrument {
         }
         let (least, most) = self.scan_freq_limits(half_angle);
         let per_scan = match self.deflector {
-            Deflector::Oscillating { .. } | Deflector::Conic => 2.0,
+            Deflector::Oscillating { .. } | Deflector::Conic | Deflector::EllipticConic { .. } => 2.0,
             _ => 1.0,
         };
         let scan_freq = match scan_freq {

@@ -23,6 +23,8 @@ pub enum DeflectorState {
         step: f64,
         /// Half opening angle.
         half_angle: f64,
+        /// Tangent of the half angle at right angles to it, for an elliptic cone.
+        along: Option<f64>,
     },
     /// Fibre array.
     Fibres {
@@ -49,7 +51,9 @@ impl DeflectorState {
         match deflector {
             Deflector::Polygon { .. } => DeflectorState::Polygon(Polygon::default()),
             Deflector::Oscillating { .. } => DeflectorState::Oscillating(Oscillating::default()),
-            Deflector::Conic => DeflectorState::Conic { turn: 0.0, step: 0.0, half_angle: 0.0 },
+            Deflector::Conic | Deflector::EllipticConic { .. } => {
+                DeflectorState::Conic { turn: 0.0, step: 0.0, half_angle: 0.0, along: None }
+            }
             Deflector::Fibres { .. } => {
                 DeflectorState::Fibres { angle: 0.0, next: 0, count: 1, half_angle: 0.0 }
             }
@@ -68,11 +72,18 @@ impl DeflectorState {
                 let corrected = plan.kinematics.oscillation_at_leg_frequency;
                 mirror.start_leg(scan_angle, settings.scan_freq, *scan_product, frequency, corrected);
             }
-            (DeflectorState::Conic { step, half_angle, .. }, _) => {
-                let at_leg_frequency = plan.kinematics.conic_at_leg_frequency;
+            (DeflectorState::Conic { step, half_angle, along, .. }, deflector) => {
+                // The reference has no elliptic cones.
+                let is_elliptic = matches!(deflector, Deflector::EllipticConic { .. });
+                let at_leg_frequency = plan.kinematics.conic_at_leg_frequency || is_elliptic;
                 let turns = if at_leg_frequency { settings.scan_freq } else { plan.scan_freq_max };
                 *step = TAU * turns / frequency;
                 *half_angle = scan_angle;
+                if let Deflector::EllipticConic { along_max } = deflector {
+                    // A smaller scan angle shrinks the ellipse as a whole.
+                    *along =
+                        Some(libm::tan(scan_angle) * libm::tan(*along_max) / libm::tan(plan.scan_angle_max));
+                }
             }
             (DeflectorState::Fibres { count, half_angle, next, .. }, Deflector::Fibres { count: fibres }) => {
                 *count = (*fibres).max(1);
@@ -189,6 +200,11 @@ impl DeflectorState {
 
     pub fn exact_rotation(&self, plan: &DevicePlan) -> Rotation {
         match self {
+            DeflectorState::Conic { turn, half_angle, along: Some(along), .. } => {
+                let (sin, cos) = libm::sincos(*turn);
+                let beam = DVec3::new(along * sin, 1.0, libm::tan(*half_angle) * cos);
+                Rotation::between(DVec3::Y, beam)
+            }
             DeflectorState::Conic { turn, half_angle, .. } => {
                 Rotation::about_y(*turn).after(Rotation::about_x(*half_angle))
             }

@@ -46,11 +46,11 @@ mod tests {
     fn every_entry_loads_without_a_warning() {
         let (catalogue, warnings) = catalogue().unwrap_or_else(|e| panic!("{e}"));
         assert!(warnings.is_empty(), "{}", warnings.render(false));
-        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (32, 12));
+        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (41, 12));
         let mut names: Vec<_> = catalogue.scanners.iter().map(|s| &s.0).collect();
         names.sort();
         names.dedup();
-        assert_eq!(names.len(), 32);
+        assert_eq!(names.len(), 41);
     }
 
     #[test]
@@ -78,6 +78,51 @@ mod tests {
         assert_eq!(scanner("#velodyne_hdl-64e").devices[0].beam.divergence, 0.0034);
         let copter = catalogue.platforms.iter().find(|p| p.0.ends_with("#quadcopter")).unwrap();
         assert!(matches!(&copter.1.kind, PlatformKind::Multicopter(m) if m.drag == 0.01));
+    }
+
+    /// Published figures: points per second of all channels, channels, lowest and highest elevation of the channels in degrees
+    /// (or the half angles of a single one), wavelength, nm. Sources: the comments of the catalogue's files.
+    #[test]
+    fn entries_are_within_their_data_sheets() {
+        let (catalogue, _) = catalogue().unwrap();
+        for (name, points_per_s, channels, view, wavelength) in [
+            ("#velodyne_hdl-32e", 695e3, 32, (-30.67, 10.67), 905.0),
+            ("#hesai_xt32", 640e3, 32, (-16.0, 15.0), 905.0),
+            ("#ouster_os0-128", 2_621_440.0, 128, (-45.0, 45.0), 865.0),
+            ("#ouster_os1-128", 2_621_440.0, 128, (-22.5, 22.5), 865.0),
+            ("#leica_rtc360", 2e6, 1, (-150.0, 150.0), 1550.0),
+            ("#leica_blk360", 360e3, 1, (-150.0, 150.0), 830.0),
+            ("#riegl_minivux-3uav", 300e3, 1, (-180.0, 180.0), 905.0),
+            ("#riegl_vq-1560ii", 4e6, 2, (-29.0, 29.0), 1064.0),
+            ("#riegl_vq-840-g", 200e3, 1, (-20.0, 20.0), 532.0),
+        ] {
+            let scanner = &catalogue.scanners.iter().find(|s| s.0.ends_with(name)).unwrap().1;
+            let rate = scanner.pulse_freqs.iter().copied().max().unwrap();
+            let found = f64::from(rate) * scanner.devices.len() as f64;
+            assert!((found / points_per_s - 1.0).abs() < 0.002, "{name}: {found} points/s");
+            assert_eq!(scanner.devices.len(), channels, "{name}");
+            let device = &scanner.devices[0];
+            let angles: Vec<f64> = match device.deflector {
+                Deflector::Polygon { .. } if device.head.max_rate > 0.0 && channels > 1 => {
+                    let elevation = |d: &crate::survey::Device| {
+                        let beam = d.beam_origin.rotation.forward();
+                        libm::asin(beam.z).to_degrees()
+                    };
+                    scanner.devices.iter().map(elevation).collect()
+                }
+                Deflector::Polygon { effective_max } => {
+                    [-1.0, 1.0].map(|s| s * effective_max.to_degrees()).to_vec()
+                }
+                _ => [-1.0, 1.0].map(|s| s * device.scan_angle_max.to_degrees()).to_vec(),
+            };
+            let (low, high) = angles.iter().fold((f64::MAX, f64::MIN), |(l, h), &a| (l.min(a), h.max(a)));
+            assert!((low - view.0).abs() < 1e-9 && (high - view.1).abs() < 1e-9, "{name}: {low} to {high}");
+            assert_eq!(device.beam.wavelength, wavelength, "{name}");
+        }
+        let xt32 = &catalogue.scanners.iter().find(|s| s.0.ends_with("#hesai_xt32")).unwrap().1;
+        let z: Vec<f64> =
+            xt32.devices.iter().map(|d| libm::asin(d.beam_origin.rotation.forward().z)).collect();
+        assert!(z.windows(2).all(|pair| ((pair[0] - pair[1]).to_degrees() - 1.0).abs() < 1e-9));
     }
 
     #[test]

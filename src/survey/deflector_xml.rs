@@ -24,6 +24,8 @@ pub(super) struct DeflectorSettings {
     pub angle_max: f64,
     /// Usable half angle, rad.
     effective_max: f64,
+    /// Usable half angle of a cone at right angles to the other one, rad; 0: circular.
+    along_max: f64,
     /// Limits of the scan frequency, Hz.
     pub scan_freq: (f64, f64),
     scan_product: f64,
@@ -46,6 +48,7 @@ impl DeflectorSettings {
             optics,
             angle_max: 0.0,
             effective_max: 0.0,
+            along_max: 0.0,
             scan_freq: (0.0, 0.0),
             scan_product: 1_000_000.0,
             fibres: 1,
@@ -67,6 +70,7 @@ impl DeflectorSettings {
             optics: self.optics,
             angle_max: fields.angle("scanAngleMax_deg", self.angle_max),
             effective_max: fields.angle("scanAngleEffectiveMax_deg", self.effective_max),
+            along_max: fields.angle("scanAngleAlongMax_deg", self.along_max),
             scan_freq: (
                 fields.not_negative("scanFreqMin_Hz", self.scan_freq.0),
                 fields.not_negative("scanFreqMax_Hz", self.scan_freq.1),
@@ -100,6 +104,7 @@ impl DeflectorSettings {
         match self.optics {
             Optics::Rotating => Deflector::Polygon { effective_max: self.effective_max },
             Optics::Oscillating => Deflector::Oscillating { scan_product: self.scan_product },
+            Optics::Conic if self.along_max > 0.0 => Deflector::EllipticConic { along_max: self.along_max },
             Optics::Conic => Deflector::Conic,
             Optics::Line => Deflector::Fibres { count: self.fibres },
             Optics::Risley => {

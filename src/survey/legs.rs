@@ -1,7 +1,7 @@
 //! The legs of a survey (spec input-formats §2.3).
 
 use super::context::Context;
-use super::fields::Fields;
+use super::fields::{Fields, read_mount};
 use super::settings::{PlatformLayer, ScannerLayer};
 use super::templates::Templates;
 use super::trajectories::Trajectories;
@@ -41,8 +41,9 @@ impl<'c> LegReader<'c> {
         let strip = fields.text("stripId").filter(|s| *s != NO_STRIP).map(str::to_owned);
         let max_duration = fields.number("maxDuration_s", -1.0);
         fields.ignore(&["id"]);
-        fields.done(&["platformSettings", "scannerSettings"]);
-        let platform = self.read_platform(element);
+        fields.done(&["platformSettings", "scannerSettings", "scannerMount"]);
+        let mut platform = self.read_platform(element);
+        platform.mount = element.child("scannerMount").map(|mount| read_mount(self.context, &mount));
         let mut scanner = self.read_scanner(element).resolved();
         if max_duration > 0.0 {
             scanner.max_duration = Some(max_duration);

@@ -8,7 +8,7 @@ use super::xml::Element;
 use super::{
     Beam, BeamProfile, Detector, Device, Head, MechanicalErrors, Mount, Receiver, Scanner, WaveformSettings,
 };
-use crate::geom::{DVec3, radians};
+use crate::geom::{DVec3, Rotation, radians};
 use crate::quantity;
 
 pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scanner> {
@@ -239,7 +239,16 @@ fn read_channels(
     base: &Device,
     deflector: &DeflectorSettings,
 ) -> Vec<Device> {
-    Fields::new(context, channels).done(&["channel"]);
+    let mut fields = Fields::new(context, channels);
+    let table = fields.text("elevations_deg").map(str::to_owned);
+    let devices = table.map(|table| channels_of_table(&fields, &table, base));
+    fields.done(&["channel"]);
+    if let Some(devices) = devices {
+        if let Some(extra) = channels.child("channel") {
+            context.error(extra.place(), "<channels> has either `elevations_deg` or <channel> elements");
+        }
+        return devices;
+    }
     let elements = channels.named("channel").enumerate();
     let devices: Vec<Device> =
         elements.filter_map(|(i, e)| read_channel(context, &e, i, base, deflector)).collect();
@@ -248,6 +257,38 @@ fn read_channels(
     }
     devices
 }
+
+/// Channels that differ by the elevation of their beams: `elevations_deg` lists them, separated by semicolons, from channel
+/// 0 on, or says `first;...;last;count` for evenly spaced ones.
+fn channels_of_table(fields: &Fields, table: &str, base: &Device) -> Vec<Device> {
+    let words: Vec<&str> = table.split(';').map(str::trim).collect();
+    let number = |word: &str| word.parse::<f64>().ok().filter(|angle| (-90.0..=90.0).contains(angle));
+    let elevations: Option<Vec<f64>> = match &words[..] {
+        [first, "...", last, count] => {
+            let count = count.parse::<u32>().ok().filter(|count| (2..=MAX_CHANNELS).contains(count));
+            count.zip(number(first)).zip(number(last)).map(|((count, first), last)| {
+                let step = (last - first) / f64::from(count - 1);
+                (0..count).map(|i| first + f64::from(i) * step).collect()
+            })
+        }
+        list if list.len() <= MAX_CHANNELS as usize => list.iter().map(|word| number(word)).collect(),
+        _ => None,
+    };
+    let Some(elevations) = elevations else {
+        let expected =
+            format!("up to {MAX_CHANNELS} angles from -90 to 90 with semicolons, or first;...;last;count");
+        fields.refuse("elevations_deg", &expected);
+        return Vec::new();
+    };
+    let channel = |(index, elevation): (usize, f64)| {
+        let rotation = base.beam_origin.rotation.after(Rotation::about_x(radians(elevation)));
+        Device { id: index.to_string(), beam_origin: Mount { rotation, ..base.beam_origin }, ..base.clone() }
+    };
+    elevations.into_iter().enumerate().map(channel).collect()
+}
+
+/// Maximum number of channels in a table.
+const MAX_CHANNELS: u32 = 1024;
 
 fn read_channel(
     context: &Context,

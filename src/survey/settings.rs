@@ -292,6 +292,7 @@ impl PlatformLayer {
             slowdown: self.slowdown,
             yaw_at_departure: self.yaw_at_departure,
             trajectory,
+            mount: None,
         }
     }
 }

@@ -15,7 +15,7 @@ fn survey(reference: &str, scanner: &Scanner) -> String {
     let (scene, platform, z) = if airborne {
         let z = (1.3 * device.detector.range_min).max(60.0);
         // The mounts of the UAV scanners already point their profile downwards.
-        let platform = if reference.contains("#riegl_vux") { "copter_linearpath" } else { "sr22" };
+        let platform = if reference.contains("vux-") { "copter_linearpath" } else { "sr22" };
         (fixture("terrain/scene.xml"), platform, z)
     } else {
         (fixture("room/scene.xml"), "tripod", 0.0)

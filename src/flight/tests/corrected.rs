@@ -210,3 +210,27 @@ fn all_channels_restart_after_an_inactive_leg() {
     let of = |device: u32| flown[2].pulses.iter().find(|p| p.device == device).unwrap().attitude;
     assert_ne!(of(0), of(1));
 }
+
+#[test]
+fn a_leg_can_have_a_mount_of_its_own() {
+    // Straight ahead is +y; the second leg's mount turns it to the east and hangs 2 m lower.
+    let own = Mount { offset: DVec3::new(0.0, 0.0, -2.0), rotation: Rotation::about_z(radians(-90.0)) };
+    let stand = |change: fn(&mut Leg, Mount)| {
+        leg([0.0, 0.0, 10.0], 0.0, |l| {
+            l.scanner.max_duration = Some(0.05);
+            change(l, own);
+        })
+    };
+    let legs = vec![stand(|_, _| {}), stand(|l, own| l.platform.mount = Some(own)), stand(|_, _| {})];
+    let flown = fly(&survey(PlatformKind::Static, Mount::IDENTITY, straight(), legs));
+    let first = |leg: usize| (flown[leg].pulses[0].origin, flown[leg].pulses[0].attitude.forward());
+    for (leg, origin, direction) in
+        [(0, [0.0, 0.0, 10.0], DVec3::Y), (1, [0.0, 0.0, 8.0], DVec3::X), (2, [0.0, 0.0, 10.0], DVec3::Y)]
+    {
+        let found = first(leg);
+        assert!(
+            (found.0 - DVec3::from(origin)).length() < 1e-12 && (found.1 - direction).length() < 1e-12,
+            "{found:?}"
+        );
+    }
+}

@@ -51,6 +51,30 @@ fn polygon_lines() {
 }
 
 #[test]
+fn elliptic_cones_have_two_half_angles() {
+    let mut d = device(Deflector::EllipticConic { along_max: radians(14.0) });
+    d.scan_angle_max = radians(20.0);
+    let mut s = settings(400);
+    (s.scan_freq, s.scan_angle) = (100.0, radians(20.0));
+    let beams = |s: &ScannerSettings| -> Vec<DVec3> {
+        let (plan, mut state) = started(&d, s);
+        let mut step = || {
+            state.step(&plan);
+            state.exact_rotation(&plan).forward()
+        };
+        (0..4).map(|_| step()).collect()
+    };
+    // A quarter of a turn per pulse: along, across, along, across.
+    let tilt = |b: &DVec3| [degrees(libm::atan2(b.x, b.y)), degrees(libm::atan2(b.z, b.y))];
+    let found: Vec<f64> = beams(&s).iter().flat_map(tilt).collect();
+    assert_close(&found, &[14.0, 0.0, 0.0, -20.0, -14.0, 0.0, 0.0, 20.0], 1e-9);
+    s.scan_angle = radians(10.0);
+    let along = degrees(libm::atan(radians(10.0).tan() * radians(14.0).tan() / radians(20.0).tan()));
+    let found: Vec<f64> = beams(&s).iter().flat_map(tilt).collect();
+    assert_close(&found, &[along, 0.0, 0.0, -10.0, -along, 0.0, 0.0, 10.0], 1e-9);
+}
+
+#[test]
 fn a_corrected_polygon_has_the_requested_frequency() {
     // 133 lines a second at 1000 Hz: 7.5188 pulses a line, so that the excess counts; the sum of steps is the angle.
     let mut d = device(Deflector::Polygon { effective_max: radians(50.0) });

@@ -211,6 +211,8 @@ pub struct PlatformSettings {
     pub yaw_at_departure: Option<f64>,
     /// Interpolated platforms: the flown part of a trajectory file.
     pub trajectory: Option<LegTrajectory>,
+    /// Mount of the scanner in this leg; `None`: that of the platform.
+    pub mount: Option<Mount>,
 }
 
 /// The part of a trajectory that a leg flies.
@@ -311,6 +313,11 @@ pub enum Deflector {
     },
     /// `conic`: Palmer scanner.
     Conic,
+    /// `conic` with `scanAngleAlongMax_deg`: the cone is elliptic.
+    EllipticConic {
+        /// Largest half angle at right angles to the scan angle, rad.
+        along_max: f64,
+    },
     /// `line`: fibre array.
     Fibres { count: u32 },
     /// `risley` prisms.

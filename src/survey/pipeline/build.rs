@@ -192,6 +192,7 @@ fn read_leg(values: &Values, survey: &Survey, table: &Spanned<LegKeys>, number: 
     let mut platform = PlatformSettings::at(position.unwrap_or(DVec3::ZERO));
     platform.on_ground = keys.on_ground;
     values.number(&mut platform.speed, &keys.speed_m_per_s);
+    platform.mount = keys.mount.as_ref().map(|mount| values.pose(mount));
     let own = survey.scanner.own_settings();
     let scanner = ScannerSettings { active: keys.active.unwrap_or(true), ..own };
     Leg { number, strip: keys.strip.clone(), platform, scanner, place: Some(place) }

@@ -160,6 +160,13 @@ fn change_deflector(values: &Values, device: &mut Device, keys: &InstrumentKeys)
         }
         None => {}
     }
+    if let (Deflector::Conic, Some(_)) = (&device.deflector, &keys.scan_angle_along_max_deg) {
+        device.deflector = Deflector::EllipticConic { along_max: 0.0 };
+    }
+    match &mut device.deflector {
+        Deflector::EllipticConic { along_max } => values.angle(along_max, &keys.scan_angle_along_max_deg),
+        _ => refuse_unused(values, "conic", &keys.scan_angle_along_max_deg),
+    }
     match &mut device.deflector {
         Deflector::Polygon { effective_max } => {
             values.angle(effective_max, &keys.scan_angle_effective_max_deg)

@@ -1,7 +1,7 @@
 //! Scanners and channels.
 
 use super::*;
-use crate::geom::{DVec3, radians};
+use crate::geom::{DVec3, Rotation, radians};
 
 /// Reads a scanner in a survey whose legs are inactive.
 fn scanner_of(scanner: &str) -> crate::Result<(Scanner, Diagnostics)> {
@@ -87,6 +87,37 @@ fn channels_change_what_they_name() {
     assert!(c.errors.range.is_some());
     // a channel's element resets the window; the pulse length assumed there is 4 ns
     assert_eq!((a.waveform.window, b.waveform.window, b.waveform.bin), (3.0, 1.0, 0.5));
+}
+
+#[test]
+fn legs_have_mounts_of_their_own() {
+    let legs = "<leg><platformSettings/><scannerSettings active='0'/></leg>
+        <leg><scannerMount x='1'><rot axis='z' angle_deg='90'/></scannerMount><platformSettings/><scannerSettings active='0'/></leg>";
+    let survey = clean("", legs);
+    let turned = Mount { offset: DVec3::X, rotation: Rotation::about_z(radians(90.0)) };
+    assert_eq!(survey.legs[0].platform.mount, None);
+    assert_eq!(survey.legs[1].platform.mount, Some(turned));
+}
+
+#[test]
+fn channels_are_listed_by_their_elevations() {
+    let with = |table: &str| {
+        scanner_of(&format!(
+            "<scanner id='mine' optics='rotating' pulseFreqs_Hz='1000' scanAngleMax_deg='1' scanAngleEffectiveMax_deg='1'
+               headRotatePerSecMax_deg='3600'><channels elevations_deg='{table}'/></scanner>"
+        ))
+    };
+    let elevations = |table: &str| -> Vec<f64> {
+        let (scanner, _) = with(table).unwrap_or_else(|e| panic!("{}", report(&e)));
+        assert!(scanner.multi_channel);
+        let up = |d: &Device| (d.beam_origin.rotation.forward().z.asin().to_degrees() * 1e9).round() / 1e9;
+        scanner.devices.iter().map(up).collect()
+    };
+    assert_eq!(elevations("-15; 1;0"), [-15.0, 1.0, 0.0]);
+    assert_eq!(elevations("10;...;-5;4"), [10.0, 5.0, 0.0, -5.0]);
+    for wrong in ["1;x", "91", "1;...;2;1", "1;...;2", "1;...;2;5000000000", "nan"] {
+        contains(&refused(with(wrong)), &["`elevations_deg` must be up to 1024 angles"]);
+    }
 }
 
 #[test]
