@@ -123,8 +123,8 @@ pub mod internals {
     pub use crate::rng::{Purpose, Stream};
     pub use crate::scene::{LoadOptions, Scene, load, pack};
     pub use crate::survey::{
-        Loader, MaterialChange, MaterialChoice, MotionTiming, PartRecipe, Replaced, Scanner, SceneRecipe,
-        Survey, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, catalogue,
+        Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, PartRecipe, Replaced, Scanner,
+        SceneRecipe, Survey, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, catalogue,
     };
     pub use crate::tree::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
 }

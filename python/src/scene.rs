@@ -8,8 +8,8 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::internals::{
-    DVec3, Loader, MaterialChange, MaterialChoice, MotionTiming, PartRecipe, Replaced, Rotation, SceneRecipe,
-    Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, pack,
+    DVec3, Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, PartRecipe, Replaced, Rotation,
+    SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, pack,
 };
 use vlscan::{Job, LoadedScene, MaterialDefinition, ReadOptions, Session, read_scene};
 
@@ -73,11 +73,12 @@ impl Part {
         part(Loader::Mesh(mesh.0.clone()), place)
     }
 
-    /// A part of an OBJ file.
+    /// A part of a mesh file: OBJ, PLY, STL or glTF.
     #[staticmethod]
     fn of_obj(path: PathBuf, y_is_up: bool, place: &Bound<'_, PyDict>) -> PyResult<Part> {
-        let up = if y_is_up { UpAxis::Y } else { UpAxis::Z };
-        part(Loader::Obj { files: vec![path], up }, place)
+        let up = y_is_up.then_some(UpAxis::Y);
+        let reading = MeshReading { up, ..MeshReading::default() };
+        part(Loader::MeshFiles { files: vec![path], reading }, place)
     }
 
     /// A part of a terrain raster.

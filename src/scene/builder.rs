@@ -9,6 +9,7 @@ use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 pub(super) use crate::geom::MAX_COORDINATE;
 use crate::geom::{Aabb, DVec3};
+use crate::survey::UpAxis;
 use crate::tree::{Cube, Geometry, Model, Placement};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -70,8 +71,9 @@ pub enum Sharing {
 /// A mesh that several parts can share.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum MeshFile {
-    /// Path of an OBJ file, whether its y axis points up, and the address of the changes of its materials.
-    Obj(PathBuf, bool, usize),
+    /// Path of a mesh file, its up axis, the bits of its unit, its table of materials, and the address of the changes of its
+    /// materials.
+    File(PathBuf, Option<UpAxis>, u64, Option<PathBuf>, usize),
     /// The addresses of a mesh in memory and of the changes of its materials.
     Memory(usize, usize),
 }
@@ -155,7 +157,7 @@ impl Extent {
 }
 
 impl<'a> SceneBuilder<'a> {
-    pub fn new(options: &'a LoadOptions, library: Library, meshes: SharedMeshes) -> SceneBuilder<'a> {
+    pub fn new(options: &'a LoadOptions, library: Library) -> SceneBuilder<'a> {
         SceneBuilder {
             options,
             geometry: Geometry::default(),
@@ -166,7 +168,7 @@ impl<'a> SceneBuilder<'a> {
             parts: Vec::new(),
             moving_parts: Vec::new(),
             library,
-            meshes,
+            meshes: SharedMeshes::default(),
             sources: Vec::new(),
             leaf_table_rules: MaterialRules::default(),
             diagnostics: Diagnostics::default(),

@@ -74,7 +74,7 @@ impl Conditions {
 fn is_random(loader: &Loader) -> bool {
     let varied = |m: &MaterialChoice| m.random_variants > 0;
     match loader {
-        Loader::Obj { .. } | Loader::Mesh(_) => false,
+        Loader::MeshFiles { .. } | Loader::Mesh(_) => false,
         Loader::GeoTiff { material, .. } => varied(material),
         Loader::Xyz(xyz) => varied(&xyz.material),
         Loader::DetailedVoxels(v) => {

@@ -91,7 +91,7 @@ fn apply_swap<'a>(part: &mut PartRecipe, swap: &'a Swap, baseline: &mut Option<&
 mod tests {
     use super::*;
     use crate::scene::fixture::Fixture;
-    use crate::survey::UpAxis;
+    use crate::survey::MeshReading;
     use std::path::PathBuf;
 
     fn swap(epochs: u32) -> Swap {
@@ -99,12 +99,12 @@ mod tests {
     }
 
     fn loader(file: &str) -> Loader {
-        Loader::Obj { files: vec![PathBuf::from(file)], up: UpAxis::Z }
+        Loader::MeshFiles { files: vec![PathBuf::from(file)], reading: MeshReading::default() }
     }
 
     fn file_and_scale(part: &PartRecipe, epoch: u32) -> Option<(String, f64)> {
         part_in_epoch(part, epoch).map(|p| match &p.loader {
-            Loader::Obj { files, .. } => (files[0].display().to_string(), p.transform.scale),
+            Loader::MeshFiles { files, .. } => (files[0].display().to_string(), p.transform.scale),
             _ => unreachable!("only OBJ files here"),
         })
     }

@@ -56,9 +56,9 @@ fn add_loader(sum: &mut Checksum, loader: &Loader) -> Result<()> {
         material.file.as_deref().map_or(Ok(()), |path| file(sum, path))
     };
     match loader {
-        Loader::Obj { files, up } => {
-            sum.debug(up);
-            files.iter().try_for_each(|path| file(sum, path))
+        Loader::MeshFiles { files, reading } => {
+            sum.debug(&(reading.up, reading.unit_m));
+            files.iter().chain(&reading.materials).try_for_each(|path| file(sum, path))
         }
         Loader::Mesh(mesh) => {
             sum.debug(&(mesh.vertices(), mesh.triangles(), mesh.materials(), mesh.material_of()));

@@ -3,7 +3,7 @@
 use super::{LoadOptions, MaterialRules, Scene, load};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use crate::survey::{Loader, MotionTiming, PartRecipe, SceneRecipe, Transform, UpAxis};
+use crate::survey::{Loader, MeshReading, MotionTiming, PartRecipe, SceneRecipe, Transform};
 use std::path::{Path, PathBuf};
 
 /// The rules of the reference: no departures.
@@ -53,7 +53,7 @@ impl Fixture {
     /// Writes an OBJ file and adds it as a part.
     pub fn obj(&mut self, name: &str, content: impl AsRef<[u8]>) -> &mut PartRecipe {
         let files = vec![self.file(name, content)];
-        self.part(Loader::Obj { files, up: UpAxis::Z })
+        self.part(Loader::MeshFiles { files, reading: MeshReading::default() })
     }
 
     pub fn recipe(&self) -> SceneRecipe {

@@ -11,14 +11,11 @@ struct Format {
 }
 
 const CONVERT: &str =
-    "convert it to Wavefront OBJ: assimp export in.ext out.obj, or export it from Blender or MeshLab (z up)";
+    "convert it to glTF: assimp export in.ext out.glb, or export it from Blender or MeshLab";
 const POINTS: &str =
     "a point cloud becomes voxels: a scene of XML with <filter type=\"xyzloader\"> and a voxelSize";
 
-const FORMATS: [Format; 13] = [
-    Format { name: "a PLY mesh", starts: &[b"ply\n", b"ply\r"], endings: &["ply"], help: CONVERT },
-    Format { name: "glTF", starts: &[b"glTF"], endings: &["gltf", "glb"], help: CONVERT },
-    Format { name: "STL", starts: &[b"solid "], endings: &["stl"], help: CONVERT },
+const FORMATS: [Format; 10] = [
     Format { name: "FBX", starts: &[b"Kaydara FBX", b"; FBX"], endings: &["fbx"], help: CONVERT },
     Format { name: "COLLADA", starts: &[], endings: &["dae"], help: CONVERT },
     Format { name: "OFF", starts: &[b"OFF\n", b"OFF ", b"COFF"], endings: &["off"], help: CONVERT },
@@ -56,8 +53,8 @@ mod tests {
     #[test]
     fn formats_are_recognised_by_bytes_and_by_name() {
         let name = |path: &str, bytes: &[u8]| foreign_mesh(Path::new(path), bytes).map(|found| found.0);
-        assert_eq!(name("a.obj", b"ply\nformat ascii 1.0\n"), Some("a PLY mesh"));
-        assert_eq!(name("a.STL", &[0; 84]), Some("STL"));
+        assert_eq!(name("a.obj", b"OFF\n8 6 0\n"), Some("OFF"));
+        assert_eq!(name("a.FBX", &[0; 84]), Some("FBX"));
         assert_eq!(name("a.obj", b"# solid block\nv 0 0 0\n"), None);
         assert_eq!(name("mesh", b"v 0 0 0\n"), None);
     }

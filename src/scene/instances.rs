@@ -4,12 +4,11 @@
 use super::builder::{
     MAX_COORDINATE, MAX_ELEMENTS, MeshFile, SceneBuilder, SharedMeshes, Sharing, bounds_of_points,
 };
-use super::epoch::part_in_epoch;
 use super::instance_set::InstanceSet;
 use crate::error::{Error, Result};
 use crate::geom::{Aabb, DVec3};
 use crate::store::Store;
-use crate::survey::{Loader, PartRecipe, SceneRecipe, Transform, UpAxis};
+use crate::survey::{Loader, PartRecipe, Transform};
 use crate::tree::{Geometry, Instances, Model, Placement};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -21,10 +20,13 @@ const MIN_SHARED_BYTES: u64 = 64 << 20;
 const TRIANGLE_BYTES: u64 = 64;
 
 /// Selects the files whose meshes are shared in an epoch.
-pub(super) fn plan_sharing(recipe: &SceneRecipe, epoch: u32, sharing: Sharing) -> SharedMeshes {
+pub(super) fn plan_sharing<'p>(
+    parts: impl Iterator<Item = &'p PartRecipe>,
+    sharing: Sharing,
+) -> SharedMeshes {
     let mut users: HashMap<MeshFile, (u64, u64)> = HashMap::new();
-    for part in recipe.parts.iter().filter_map(|part| part_in_epoch(part, epoch)) {
-        if let Some(mesh) = shared_mesh(&part) {
+    for part in parts {
+        if let Some(mesh) = shared_mesh(part) {
             users.entry(mesh).or_insert_with(|| (size_of_mesh(&part.loader), 0)).1 += 1;
         }
     }
@@ -38,7 +40,7 @@ pub(super) fn plan_sharing(recipe: &SceneRecipe, epoch: u32, sharing: Sharing) -
     SharedMeshes { files: shared.collect(), ..SharedMeshes::default() }
 }
 
-/// The mesh that a part can share: its only OBJ file, or its mesh in memory, if the part does not move.
+/// The mesh that a part can share: its only mesh file, or its mesh in memory, if the part does not move.
 fn shared_mesh(part: &PartRecipe) -> Option<MeshFile> {
     let changes = match part.changes.is_empty() {
         true => 0,
@@ -46,8 +48,8 @@ fn shared_mesh(part: &PartRecipe) -> Option<MeshFile> {
     };
     match &part.loader {
         _ if !part.motions.is_empty() => None,
-        Loader::Obj { files, up } if files.len() == 1 => {
-            Some(MeshFile::Obj(files[0].clone(), *up == UpAxis::Y, changes))
+        Loader::MeshFiles { files, reading: r } if files.len() == 1 => {
+            Some(MeshFile::File(files[0].clone(), r.up, r.unit_m.to_bits(), r.materials.clone(), changes))
         }
         Loader::Mesh(mesh) => Some(MeshFile::Memory(Arc::as_ptr(mesh) as usize, changes)),
         _ => None,
@@ -57,7 +59,7 @@ fn shared_mesh(part: &PartRecipe) -> Option<MeshFile> {
 /// Size of a mesh as OBJ text, bytes.
 fn size_of_mesh(loader: &Loader) -> u64 {
     match loader {
-        Loader::Obj { files, .. } => {
+        Loader::MeshFiles { files, .. } => {
             files.first().and_then(|path| std::fs::metadata(path).ok()).map_or(0, |about| about.len())
         }
         Loader::Mesh(mesh) => mesh.triangles().len() as u64 * TRIANGLE_BYTES,
@@ -103,7 +105,7 @@ fn read_model(
     let start = scene.end();
     let untransformed = PartRecipe { transform: Transform::IDENTITY, ..part.clone() };
     let files: &[PathBuf] = match file {
-        MeshFile::Obj(path, ..) => std::slice::from_ref(path),
+        MeshFile::File(path, ..) => std::slice::from_ref(path),
         MeshFile::Memory(..) => &[],
     };
     load(scene, &untransformed, files)?;

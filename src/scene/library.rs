@@ -35,6 +35,10 @@ pub(super) struct Library {
     file_of: HashMap<PathBuf, Option<usize>>,
     /// Index in `files` of definitions in memory, by their address.
     in_memory: HashMap<usize, usize>,
+    /// Index in `files` of mesh files, with the tables of materials they are read with, and of those tables.
+    mesh_files: HashMap<(PathBuf, Option<PathBuf>), usize>,
+    /// Definitions without a source, by name, with their materials: meshes with equal ones share them.
+    of_memory: HashMap<String, Vec<(MaterialDefinition, u32)>>,
     index_of: HashMap<Key, u32>,
     /// In the order of first use.
     pub materials: Vec<Material>,
@@ -76,6 +80,8 @@ impl Library {
             files: Vec::new(),
             file_of: HashMap::new(),
             in_memory: HashMap::new(),
+            mesh_files: HashMap::new(),
+            of_memory: HashMap::new(),
             index_of: HashMap::new(),
             materials: Vec::new(),
         }
@@ -140,6 +146,37 @@ impl Library {
         (0..count).map(|index| self.defined(DefinitionId { file, index }, diagnostics)).collect()
     }
 
+    /// The materials of a mesh file and the table of materials that it is read with, in their order.
+    pub fn of_file(
+        &mut self,
+        key: (PathBuf, Option<PathBuf>),
+        definitions: &[MaterialDefinition],
+        diagnostics: &mut Diagnostics,
+    ) -> Vec<u32> {
+        let file = *self.mesh_files.entry(key).or_insert_with(|| {
+            self.files.push(MtlFile { source: None, definitions: definitions.to_vec() });
+            self.files.len() - 1
+        });
+        (0..definitions.len()).map(|index| self.defined(DefinitionId { file, index }, diagnostics)).collect()
+    }
+
+    /// Adds the definitions of a table of materials to `names`, in which they precede those of files added later.
+    pub fn add_definitions(
+        &mut self,
+        path: &Path,
+        definitions: impl FnOnce() -> Vec<MaterialDefinition>,
+        names: &mut Names,
+    ) {
+        let key = (path.to_path_buf(), None);
+        let file = *self.mesh_files.entry(key).or_insert_with(|| {
+            self.files.push(MtlFile { source: None, definitions: definitions() });
+            self.files.len() - 1
+        });
+        for (index, definition) in self.files[file].definitions.iter().enumerate() {
+            names.0.entry(definition.name.clone()).or_insert(DefinitionId { file, index });
+        }
+    }
+
     /// The material for a name that is not defined.
     pub fn unnamed(&mut self, name: &str) -> u32 {
         let (materials, rules) = (&mut self.materials, self.rules);
@@ -173,10 +210,19 @@ impl Library {
         }
         let is_last = known.index + 1 == self.files[known.file].definitions.len();
         let definition = self.files[known.file].definitions[known.index].clone();
+        let is_in_memory = self.files[known.file].source.is_none();
+        let equal = self.of_memory.get(&definition.name).into_iter().flatten();
+        if let Some(&(_, index)) = equal.filter(|_| is_in_memory).find(|(other, _)| *other == definition) {
+            self.index_of.insert(Key::Defined(known), index);
+            return index;
+        }
         let material = self.resolve(&definition, is_last, known.file, diagnostics);
         self.materials.push(material);
         let index = self.materials.len() as u32 - 1;
         self.index_of.insert(Key::Defined(known), index);
+        if is_in_memory {
+            self.of_memory.entry(definition.name.clone()).or_default().push((definition, index));
+        }
         index
     }
 

@@ -3,22 +3,23 @@
 
 use super::builder::{Extent, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
 use super::crs::find_crs;
-use super::epoch::{SceneFrame, keeps_frame, part_in_epoch};
+use super::epoch::{SceneFrame, keeps_frame};
 use super::frames::PartFrames;
 use super::ground::{self, Body, LoadedPart};
 use super::lad::LadTable;
 use super::library::{Library, Names};
+use super::mesh_file::{self, EpochPart};
 use super::model::{MovingPart, Part, Scene};
 use super::pack::Pack;
 use super::spectra::Spectra;
 use super::text::Source;
-use super::{change, geotiff, instances, mesh, obj, vox, xyz};
+use super::{change, geotiff, instances, mesh, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::files::fault;
 use crate::geom::Aabb;
 use crate::machine;
-use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, Transform, UpAxis, VoxelMode};
+use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, Transform, VoxelMode};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -51,17 +52,19 @@ fn load_sources(
 ) -> Result<(Scene, Diagnostics)> {
     let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
     let library = Library::new(spectra, options.rules, options.seed);
-    let meshes = instances::plan_sharing(recipe, epoch, options.sharing);
-    let mut scene = SceneBuilder::new(options, library, meshes);
+    let mut scene = SceneBuilder::new(options, library);
+    let parts = mesh_file::parts_in_epoch(&mut scene, recipe, epoch)?;
+    let present = parts.iter().filter(|part| part.is_present).map(|part| part.recipe.as_ref());
+    scene.meshes = instances::plan_sharing(present, options.sharing);
     let mut loaded = Vec::new();
     let mut ids = Ids::default();
     let mut frames = PartFrames::default();
-    for part in &recipe.parts {
-        match part_in_epoch(part, epoch) {
-            Some(part) => load_part(&mut scene, &part, &mut ids, &mut loaded, &mut frames)?,
-            None => {
-                scene.parts.push(Part { id: ids.single(part), name: name_of(part.loader.files()), lad: None })
-            }
+    for EpochPart { recipe: part, is_present } in &parts {
+        if *is_present {
+            load_part(&mut scene, part, &mut ids, &mut loaded, &mut frames)?;
+        } else {
+            let name = name_of(&part.loader, part.loader.files());
+            scene.parts.push(Part { id: ids.single(part), name, lad: None });
         }
     }
     if loaded.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
@@ -139,7 +142,7 @@ fn load_part(
             let message = format!("part \"{id}\" holds no primitives and is left out");
             scene.diagnostics.warn(part.place.clone(), message);
             if !part.swaps.is_empty() {
-                scene.parts.push(Part { id, name: name_of(files), lad: None });
+                scene.parts.push(Part { id, name: name_of(&part.loader, files), lad: None });
             }
             continue;
         };
@@ -158,14 +161,17 @@ fn load_part(
                 timing: part.timing,
             });
         }
-        scene.parts.push(Part { id: id.clone(), name: name_of(files), lad: lad.clone() });
+        scene.parts.push(Part { id: id.clone(), name: name_of(&part.loader, files), lad: lad.clone() });
         loaded.push(LoadedPart { id, body, on_ground: part.transform.on_ground, place: part.place.clone() });
     }
     Ok(())
 }
 
-/// The name of the first of a part's files, without its extension.
-fn name_of(files: &[PathBuf]) -> String {
+/// The name of a mesh in memory, or of the first of a part's files, without its extension.
+fn name_of(loader: &Loader, files: &[PathBuf]) -> String {
+    if let Loader::Mesh(mesh) = loader {
+        return mesh.name().to_owned();
+    }
     files.first().and_then(|file| file.file_stem()).unwrap_or_default().to_string_lossy().into_owned()
 }
 
@@ -202,7 +208,7 @@ fn load_files(
 ) -> Result<()> {
     let target = PartSource { index: scene.parts.len() as u32, place: part.place.as_ref() };
     let chosen = match &part.loader {
-        Loader::Obj { .. } | Loader::Mesh(_) => Some(Vec::new()),
+        Loader::MeshFiles { .. } | Loader::Mesh(_) => Some(Vec::new()),
         Loader::GeoTiff { material, .. } => choose(scene, &target, material),
         Loader::Xyz(loader) => choose(scene, &target, &loader.material),
         Loader::DetailedVoxels(loader) => choose(scene, &target, &loader.material),
@@ -216,11 +222,7 @@ fn load_files(
     for file in files {
         let Some(source) = open(scene, part, file)? else { continue };
         match &part.loader {
-            Loader::Obj { up, .. } => {
-                let reading =
-                    obj::Reading { y_up: *up == UpAxis::Y, drop_polygons: scene.options.drop_polygons };
-                obj::load(scene, &target, &source, reading, names)?;
-            }
+            Loader::MeshFiles { reading, .. } => mesh_file::load(scene, &target, &source, reading, names)?,
             Loader::Mesh(_) => {}
             Loader::GeoTiff { .. } => geotiff::load(scene, &target, &source, materials[0])?,
             Loader::Xyz(loader) => xyz::load(scene, &target, &source, loader, &materials)?,
@@ -249,7 +251,7 @@ fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transf
     scene.geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| *v = transform.apply(*v));
     let of_centres = match loader {
         Loader::DetailedVoxels(_) => Transform { scale: 1.0, ..*transform },
-        Loader::Obj { .. } | Loader::GeoTiff { .. } | Loader::Xyz(_) | Loader::Mesh(_) => *transform,
+        Loader::MeshFiles { .. } | Loader::GeoTiff { .. } | Loader::Xyz(_) | Loader::Mesh(_) => *transform,
     };
     scene.geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|cube| {
         cube.centre = of_centres.apply(cube.centre);

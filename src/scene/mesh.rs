@@ -10,13 +10,23 @@ use std::sync::Arc;
 
 /// Appends the triangles of a mesh to the scene. Triangles without area are left out and counted in a warning.
 pub(super) fn load(scene: &mut SceneBuilder, part: &PartSource, mesh: &Arc<Mesh>) -> Result<()> {
-    let start = scene.end();
-    let (vertices, triangles) = (mesh.vertices(), mesh.triangles());
-    scene.reserve(vertices.len(), triangles.len(), 0, Path::new("a mesh in memory"))?;
     let materials: Vec<u32> = match mesh.materials() {
         [] => vec![scene.library.unnamed(DEFAULT)],
         _ => scene.library.of_mesh(mesh, &mut scene.diagnostics),
     };
+    load_with(scene, part, mesh, materials)
+}
+
+/// [`load`] with materials of the scene in place of those of the mesh, in its order.
+pub(super) fn load_with(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    mesh: &Mesh,
+    materials: Vec<u32>,
+) -> Result<()> {
+    let start = scene.end();
+    let (vertices, triangles) = (mesh.vertices(), mesh.triangles());
+    scene.reserve(vertices.len(), triangles.len(), 0, Path::new("a mesh in memory"))?;
     let surfaces: Vec<u32> = materials.iter().map(|&material| scene.surface(part.index, material)).collect();
     let has_area = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| vertices[v as usize]);

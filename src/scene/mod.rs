@@ -29,6 +29,7 @@
 //! | `pack` | packed scenes |
 //! | `fingerprint` | checksums of scenes |
 //! | `crs`, `frames` | coordinate reference systems of rasters and meshes; parts in local coordinates beside a grid |
+//! | `mesh_file` | mesh files: PLY, STL, glTF and, by `obj`, OBJ; tables of materials |
 //! | `foreign` | mesh formats that are not read |
 //! | `inventory`, `part_facts` | count the contents of a scene and of its parts |
 
@@ -52,6 +53,7 @@ mod library;
 mod load;
 mod material;
 mod mesh;
+mod mesh_file;
 mod model;
 mod motion;
 mod mtl;

@@ -3,7 +3,7 @@
 use super::fixture::{Fixture, report};
 use super::{Scene, SceneFrame, load_epoch};
 use crate::geom::{Aabb, DVec3};
-use crate::survey::{Loader, MotionSequence, Swap, UpAxis};
+use crate::survey::{Loader, MeshReading, MotionSequence, Swap};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -28,9 +28,9 @@ fn parts_without_id_are_numbered_and_each_of_their_files_is_a_part() {
     f.obj("a.obj", TRIANGLE);
     let files =
         vec![f.file("b.obj", TRIANGLE), f.file("empty.obj", "# nothing\n"), f.file("c.obj", TRIANGLE)];
-    f.part(Loader::Obj { files: files.clone(), up: UpAxis::Z });
+    f.part(Loader::MeshFiles { files: files.clone(), reading: MeshReading::default() });
     f.obj("none.obj", "o nothing\nv 1 1 1\np 1\n");
-    f.part(Loader::Obj { files, up: UpAxis::Z }).id = Some("hedge".to_owned());
+    f.part(Loader::MeshFiles { files, reading: MeshReading::default() }).id = Some("hedge".to_owned());
     f.obj("d.obj", TRIANGLE).id = Some(String::new());
     f.obj("e.obj", TRIANGLE).id = Some("7".to_owned());
     f.obj("g.obj", TRIANGLE);
@@ -57,7 +57,7 @@ fn vertex_numbers_of_later_parts_are_moved_up() {
 fn missing_files_and_an_empty_scene_are_input_errors_with_the_part_s_place() {
     let mut f = Fixture::new();
     let files = vec![f.path().join("gone.obj"), f.path().to_path_buf()];
-    f.part(Loader::Obj { files, up: UpAxis::Z });
+    f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
     let report = f.error();
     assert!(report.contains("gone.obj") && report.matches("scene.xml:10").count() >= 2, "{report}");
     let mut empty = Fixture::new();
@@ -72,7 +72,7 @@ fn parts_keep_their_numbers_and_ids_in_all_plays() {
     let swapped = f.file("wide.obj", "v 0 0 0\nv 30 0 0\nv 0 1 0\nv 0 2 0\nf 1 2 3\nf 1 2 4\n");
     let gate = f.obj("c.obj", TRIANGLE);
     let swap = Swap { epochs: 1, keep_crs: true, vanish: true, loader: None, scale: None, offset: None };
-    let wide = Loader::Obj { files: vec![swapped], up: UpAxis::Z };
+    let wide = Loader::MeshFiles { files: vec![swapped], reading: MeshReading::default() };
     gate.swaps = vec![swap.clone(), Swap { vanish: false, loader: Some(wide), ..swap }];
     f.obj("e.obj", TRIANGLE);
     let first = f.scene();

@@ -11,12 +11,12 @@
 //! header; blank lines and lines that begin with `#` are skipped. Every line becomes a separate part.
 //!
 //! A table is used as a part of a scene (`<filter type="instances">` with the parameter `filepath`) or as a complete
-//! scene (`scene = "trees.csv"`). After an `objloader` an empty `file` means the file of that loader, whose `up`
-//! axis applies to all instances; filters between the loader and the table transform the mesh before it is placed,
+//! scene (`scene = "trees.csv"`). After an `objloader` an empty `file` means the file of that loader, whose
+//! parameters apply to all instances; filters between the loader and the table transform the mesh before it is placed,
 //! filters after the table transform all instances together.
 
 use super::context::Context;
-use super::{Loader, Transform, UpAxis};
+use super::{Loader, MeshReading, Transform};
 use crate::diag::Place;
 use crate::geom::{DVec3, Rotation, radians};
 use crate::quantity;
@@ -33,7 +33,7 @@ pub(super) struct Row {
 pub(super) struct Base {
     /// The file of lines without a file name.
     pub file: Option<PathBuf>,
-    pub up: UpAxis,
+    pub reading: MeshReading,
     /// Applied to the mesh before it is placed.
     pub transform: Transform,
 }
@@ -95,7 +95,7 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
             (name, _) => context.file(name, folder, place(name)),
         });
         if let Some(file) = file {
-            let loader = Loader::Obj { files: vec![file.clone()], up: base.up };
+            let loader = Loader::MeshFiles { files: vec![file.clone()], reading: base.reading.clone() };
             let transform = transform.after(&base.transform);
             rows.push(Row { loader, transform, place: place(fields[0]) });
         }
@@ -143,7 +143,7 @@ fn read_numbers(context: &Context, fields: &[&str], place: &dyn Fn(&str) -> Plac
 
 impl Transform {
     /// The composition `self ∘ first`; the grounding mode is that of `self` unless that is 0.
-    pub(super) fn after(&self, first: &Transform) -> Transform {
+    pub(crate) fn after(&self, first: &Transform) -> Transform {
         Transform {
             rotation: self.rotation.after(first.rotation),
             scale: self.scale * first.scale,
@@ -206,7 +206,7 @@ mod tests {
         assert_eq!(scene.parts[0].transform.apply(DVec3::ZERO), DVec3::new(22.0, 0.0, 0.0));
         let turned = scene.parts[1].transform.apply(DVec3::ZERO);
         assert!((turned - DVec3::new(0.0, 20.0, 0.0)).length() < 1e-14, "{turned}");
-        let Loader::Obj { files, .. } = &scene.parts[0].loader else { panic!() };
+        let Loader::MeshFiles { files, .. } = &scene.parts[0].loader else { panic!() };
         assert!(files[0].ends_with("b.obj"));
     }
 

@@ -2,17 +2,18 @@
 
 use super::assets::NoMatch;
 use super::params::Params;
-use super::{Loader, MaterialChoice, UpAxis, VoxelLoader, VoxelMode, XyzLoader};
+use super::{Loader, MaterialChoice, MeshReading, UpAxis, VoxelLoader, VoxelMode, XyzLoader};
 use crate::geom::{DVec3, unit};
 use std::path::PathBuf;
 
 /// Types of filters that load geometry.
-pub(super) const LOADERS: [&str; 4] = ["objloader", "geotiffloader", "xyzloader", "detailedvoxels"];
+pub(super) const LOADERS: [&str; 5] =
+    ["objloader", "meshloader", "geotiffloader", "xyzloader", "detailedvoxels"];
 
 /// Reads the loader of type `kind` (lower case). `None`: problems have been recorded.
 pub(super) fn read_loader(kind: &str, mut params: Params) -> Option<Loader> {
     let loader = match kind {
-        "objloader" => read_obj(&mut params),
+        "objloader" | "meshloader" => read_meshes(&mut params),
         "geotiffloader" => read_geotiff(&mut params),
         "xyzloader" => read_xyz(&mut params),
         _ => read_voxels(&mut params),
@@ -25,8 +26,9 @@ impl Loader {
     /// Splits the loader into one for each of its files.
     pub(super) fn per_file(self) -> Vec<Loader> {
         match self {
-            Loader::Obj { files, up } => {
-                files.into_iter().map(|f| Loader::Obj { files: vec![f], up }).collect()
+            Loader::MeshFiles { files, reading } => {
+                let one = |f| Loader::MeshFiles { files: vec![f], reading: reading.clone() };
+                files.into_iter().map(one).collect()
             }
             Loader::GeoTiff { .. } | Loader::Mesh(_) => vec![self],
             Loader::Xyz(xyz) => {
@@ -45,19 +47,26 @@ impl Loader {
     }
 }
 
-fn read_obj(params: &mut Params) -> Option<Loader> {
+fn read_meshes(params: &mut Params) -> Option<Loader> {
     let files = read_files(params);
     params.ignore(&["recomputeVertexNormals"]);
     let up = match params.text("up") {
-        Some((text, _)) if text == "y" => UpAxis::Y,
-        Some((text, param)) if text != "z" => {
+        Some((text, _)) if text == "y" => Some(UpAxis::Y),
+        Some((text, _)) if text == "z" => Some(UpAxis::Z),
+        Some((text, param)) => {
             let message = format!("unknown up axis `{text}`; z is used");
             params.context.warn_help(param.value_place("value"), message, "the up axis is y or z");
-            UpAxis::Z
+            Some(UpAxis::Z)
         }
-        _ => UpAxis::Z,
+        None => None,
     };
-    Some(Loader::Obj { files: files?, up })
+    let unit = params.text("unit").map(|(text, _)| MeshReading::unit(&text));
+    if unit == Some(None) {
+        params.refuse("unit", MeshReading::UNITS);
+    }
+    let materials = read_file(params, "materials");
+    let reading = MeshReading { up, unit_m: unit.flatten().unwrap_or(1.0), materials };
+    Some(Loader::MeshFiles { files: files?, reading })
 }
 
 fn read_geotiff(params: &mut Params) -> Option<Loader> {

@@ -8,7 +8,7 @@ use super::scene_xml::read_scene_element;
 use super::shipped::FILES;
 use super::survey_xml::read_survey_document;
 use super::{
-    Loader, MaterialChoice, MotionTiming, PartRecipe, Scanner, SceneRecipe, Survey, Transform, UpAxis,
+    Loader, MaterialChoice, MeshReading, MotionTiming, PartRecipe, Scanner, SceneRecipe, Survey, Transform,
 };
 use super::{VoxelLoader, VoxelMode};
 use crate::diag::{Diagnostics, Place, nearest};
@@ -149,7 +149,7 @@ fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Pla
     let parts = if is_packed(name) {
         Vec::new()
     } else if extension(name) == "csv" {
-        let base = Base { file: None, up: UpAxis::Z, transform: Transform::IDENTITY };
+        let base = Base { file: None, reading: MeshReading::default(), transform: Transform::IDENTITY };
         let rows = read_table(context, &path, &base)?;
         (0..).zip(rows).map(|(n, row)| part(n, row.loader, row.transform, Some(row.place))).collect()
     } else {
@@ -175,6 +175,6 @@ pub(super) fn loader_of_file(path: PathBuf) -> Loader {
             lad_table: None,
             material: MaterialChoice { random_range: 1.0, ..MaterialChoice::default() },
         })),
-        _ => Loader::Obj { files: vec![path], up: UpAxis::Z },
+        _ => Loader::MeshFiles { files: vec![path], reading: MeshReading::default() },
     }
 }

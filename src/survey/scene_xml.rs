@@ -7,7 +7,7 @@ use super::loaders::{LOADERS, read_file, read_loader};
 use super::motions::{positive_time, read_motions, read_timing};
 use super::params::Params;
 use super::xml::Element;
-use super::{Loader, PartRecipe, SceneRecipe, Swap, Transform, UpAxis};
+use super::{Loader, MeshReading, PartRecipe, SceneRecipe, Swap, Transform};
 use crate::diag::nearest;
 use crate::geom::DVec3;
 use std::sync::Arc;
@@ -194,15 +194,15 @@ impl Chain {
         if place != Where::Part || self.rows.is_some() {
             context.error(filter.place(), "a table of instances can stand once in a <part> without <swap>");
         }
-        let (file, up) = match self.loader.take() {
-            Some(Loader::Obj { mut files, up }) if files.len() == 1 => (files.pop(), up),
-            None => (None, UpAxis::Z),
+        let (file, reading) = match self.loader.take() {
+            Some(Loader::MeshFiles { mut files, reading }) if files.len() == 1 => (files.pop(), reading),
+            None => (None, MeshReading::default()),
             Some(_) => {
-                context.error(filter.place(), "instances can be made of one OBJ file");
-                (None, UpAxis::Z)
+                context.error(filter.place(), "instances can be made of one mesh file");
+                (None, MeshReading::default())
             }
         };
-        let base = Base { file, up, transform: self.transform };
+        let base = Base { file, reading, transform: self.transform };
         if !params.has("filepath") {
             params.missing("filepath");
         }

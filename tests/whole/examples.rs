@@ -358,7 +358,7 @@ const MISTAKES: [(&str, &str); 19] = [
         "sed /helios_reflectance/d site.mtl > dull.mtl; sed s/site.mtl/dull.mtl/ house.obj > dull.obj; vlscan scene info dull.obj",
         "no reflectance",
     ),
-    ("printf 'ply\\nformat ascii 1.0\\n' > tree.obj; vlscan scene info tree.obj", "expected an OBJ file"),
+    ("printf 'OFF\\n8 6 0\\n' > tree.obj; vlscan scene info tree.obj", "expected an OBJ file"),
     (
         "mkdir -p sub; cp scene.xml dem.tif dem.tfw house.obj site.mtl sub; vlscan scene info sub/scene.xml",
         "of the working directory is read",

@@ -219,7 +219,6 @@ fn cases() -> Vec<Case> {
                     ("angle=\"3.5\"", "angle=\"1e300\""),
                     ("angle=\"3.5\"", "angle=\"much\""),
                     ("axis=\"0;0;1\"", "axis=\"0;0;0\""),
-                    ("next=\"a\"", "next=\"b\""),
                     ("type=\"rotation\"", "type=\"rotatoin\""),
                     ("value=\"1.5\"", "value=\"nan\""),
                     ("value=\"1.5\"", "value=\"1e300\""),

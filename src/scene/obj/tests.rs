@@ -3,7 +3,7 @@
 use crate::geom::{DVec3, Rotation};
 use crate::scene::fixture::Fixture;
 use crate::scene::{Reflection, Scene};
-use crate::survey::{Loader, UpAxis};
+use crate::survey::{Loader, MeshReading, UpAxis};
 use proptest::prelude::*;
 use std::fmt::Write;
 
@@ -190,7 +190,10 @@ fn a_missing_library_is_a_warning() {
 fn y_up_is_turned_before_the_transforms() {
     let mut f = Fixture::new();
     let files = vec![f.file("x.obj", "v 1 2 3\nv 4 5 6\nv 7 8 10\nf 1 2 3\n")];
-    let part = f.part(Loader::Obj { files, up: UpAxis::Y });
+    let part = f.part(Loader::MeshFiles {
+        files,
+        reading: MeshReading { up: Some(UpAxis::Y), ..MeshReading::default() },
+    });
     part.transform.rotation = Rotation::about_z(std::f64::consts::FRAC_PI_2);
     part.transform.scale = 2.0;
     part.transform.offset = DVec3::new(100.0, 0.0, 0.0);

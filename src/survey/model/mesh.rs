@@ -10,6 +10,7 @@ pub struct Mesh {
     triangles: Vec<[u32; 3]>,
     materials: Vec<MaterialDefinition>,
     material_of: Vec<u32>,
+    name: String,
 }
 
 impl Mesh {
@@ -50,7 +51,17 @@ impl Mesh {
             let (index, count) = (material_of[at], materials.len());
             return Err(Error::input(format!("triangle {at} has material {index}; there are {count}")));
         }
-        Ok(Mesh { vertices, triangles, materials, material_of })
+        Ok(Mesh { vertices, triangles, materials, material_of, name: String::new() })
+    }
+
+    /// The mesh with a name, which its part reports.
+    pub fn with_name(self, name: String) -> Mesh {
+        Mesh { name, ..self }
+    }
+
+    /// Its name; empty unless it has been given one.
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     /// Vertices, m.

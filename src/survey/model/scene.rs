@@ -72,8 +72,44 @@ impl Transform {
     }
 }
 
-/// Up axis of an OBJ file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+/// How mesh files are read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshReading {
+    /// Axis that points up in the files; `None`: that of the format, y for glTF and z for the others.
+    pub up: Option<UpAxis>,
+    /// Length of a unit of their coordinates, m.
+    pub unit_m: f64,
+    /// Table of materials, resolved; `None`: `materials.csv` beside the file, if there is one and it is no OBJ file.
+    pub materials: Option<PathBuf>,
+}
+
+impl Default for MeshReading {
+    fn default() -> MeshReading {
+        MeshReading { up: None, unit_m: 1.0, materials: None }
+    }
+}
+
+impl MeshReading {
+    /// What [`MeshReading::unit`] reads.
+    pub const UNITS: &str = "m, cm, mm, km, ft, us-ft, in, or a number of metres above 0";
+
+    /// The length of a unit of this name, m.
+    pub fn unit(name: &str) -> Option<f64> {
+        Some(match name.trim() {
+            "m" => 1.0,
+            "cm" => 0.01,
+            "mm" => 0.001,
+            "km" => 1000.0,
+            "ft" => 0.3048,
+            "us-ft" => 1200.0 / 3937.0,
+            "in" => 0.0254,
+            number => number.parse().ok().filter(|n: &f64| *n > 0.0 && n.is_finite())?,
+        })
+    }
+}
+
+/// Up axis of a mesh file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
     /// z: coordinates are unchanged.
@@ -98,12 +134,12 @@ pub struct MaterialChoice {
 /// Loaders (spec input-formats §4); no others exist. File paths are resolved; several files come from `efilepath`.
 #[derive(Clone, Debug)]
 pub enum Loader {
-    /// Wavefront OBJ.
-    Obj {
+    /// Meshes: OBJ, PLY, STL, glTF.
+    MeshFiles {
         /// The files.
         files: Vec<PathBuf>,
-        /// Their up axis.
-        up: UpAxis,
+        /// How they are read.
+        reading: MeshReading,
     },
     /// Terrain raster.
     GeoTiff {
@@ -124,7 +160,7 @@ impl Loader {
     /// The files that it reads.
     pub fn files(&self) -> &[PathBuf] {
         match self {
-            Loader::Obj { files, .. } => files,
+            Loader::MeshFiles { files, .. } => files,
             Loader::GeoTiff { file, .. } => std::slice::from_ref(file),
             Loader::Xyz(xyz) => &xyz.files,
             Loader::DetailedVoxels(voxels) => &voxels.files,

@@ -130,12 +130,16 @@ key_table! {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PartKeys = "[[part]]" {
-    /// Geometry file: a mesh (.obj), a terrain raster (.tif) or vegetation voxels (.vox).
+    /// Geometry file: a mesh (.obj, .ply, .stl, .gltf, .glb), a terrain raster (.tif) or vegetation voxels (.vox).
     pub file: Key<String>,
     /// What points report as the id of the object. Default: the number of the part, from 0.
     pub id: Option<String>,
-    /// Axis of a mesh that points up, `z` or `y`. Default: `z`.
+    /// Axis of a mesh that points up, `z` or `y`. Default: `y` for glTF, `z` for other meshes.
     pub up: Key<UpAxis>,
+    /// Unit of the coordinates of a mesh: `m`, `cm`, `mm`, `km`, `ft`, `us-ft`, `in`, or a number of metres. Default: `m`.
+    pub unit: Key<String>,
+    /// Table of the materials of a mesh by name. Default: `materials.csv` beside it, if it is no OBJ file.
+    pub materials: Key<String>,
     /// Scale. Default: 1.
     pub scale: Key<f64>,
     /// Rotations in degrees, one axis each: `[{ z = 90 }]`. Default: none.
@@ -235,6 +239,8 @@ pub struct InstrumentKeys = "[scanner]" {
     pub scan_angle_max_deg: Key<f64>,
     /// Largest usable half angle, degrees; `rotating` only. Default: the mechanical one.
     pub scan_angle_effective_max_deg: Key<f64>,
+    /// Largest half angle of an elliptic cone along the flight, degrees; `conic` only. Default: a circular cone.
+    pub scan_angle_along_max_deg: Key<f64>,
     /// Lowest scan frequency, Hz. Default: 0.
     pub scan_freq_min_hz: Key<f64>,
     /// Highest scan frequency, Hz; 0 is no limit, the default.
@@ -426,6 +432,8 @@ pub struct LegKeys = "[[leg]]" {
     pub speed_m_per_s: Key<f64>,
     /// Whether the scanner fires. Default: true.
     pub active: Option<bool>,
+    /// Mount of the scanner in this leg. Default: that of `[platform]`.
+    pub mount: Option<PoseKeys>,
     /// Legs with the same strip share their output. Default: none.
     pub strip: Option<String>,
     /// What differs from `[settings]`.

@@ -2,7 +2,8 @@
 
 use super::super::read::loader_of_file;
 use super::super::{
-    Loader, MaterialChange, MaterialDefinition, MotionTiming, PartRecipe, Replaced, SceneRecipe, Transform,
+    Loader, MaterialChange, MaterialDefinition, MeshReading, MotionTiming, PartRecipe, Replaced, SceneRecipe,
+    Transform,
 };
 use super::keys::{MaterialKeys, PartKeys, PoseKeys};
 use super::source::near;
@@ -12,7 +13,7 @@ use std::path::Path;
 use toml::Spanned;
 
 /// Extensions of the files that can be parts.
-const EXTENSIONS: [&str; 4] = ["obj", "tif", "tiff", "vox"];
+const EXTENSIONS: [&str; 8] = ["obj", "ply", "stl", "gltf", "glb", "tif", "tiff", "vox"];
 
 const REFLECTANCE: Bounds = Bounds { low: 0.0, high: 1.0, expected: "a reflectance from 0 to 1" };
 const ROUGHNESS: Bounds = Bounds { low: 0.0, high: 90.0, expected: "a roughness of 0 to 90 degrees" };
@@ -41,17 +42,28 @@ fn read_part(values: &Values, table: &Spanned<PartKeys>, number: u32) -> Option<
     let extension =
         Path::new(name.get_ref()).extension().unwrap_or_default().to_string_lossy().to_lowercase();
     if !EXTENSIONS.contains(&extension.as_str()) {
-        values.refuse(name, "a file that ends in .obj, .tif or .vox");
+        values.refuse(name, "a file that ends in .obj, .ply, .stl, .gltf, .glb, .tif or .vox");
         return None;
     }
     let file = near(values.source, name.get_ref());
     let path = values.context.file(&file, values.source.folder(), values.source.place(name.span()))?;
     let mut loader = loader_of_file(path);
-    if let Some(axis) = &keys.up {
-        match &mut loader {
-            Loader::Obj { up, .. } => *up = *axis.get_ref(),
-            _ => values.refuse(axis, "no `up`, which is for meshes"),
+    if let Loader::MeshFiles { reading, .. } = &mut loader {
+        reading.up = keys.up.as_ref().map(|axis| *axis.get_ref());
+        if let Some(unit) = &keys.unit {
+            match MeshReading::unit(unit.get_ref()) {
+                Some(metres) => reading.unit_m = metres,
+                None => values.refuse(unit, MeshReading::UNITS),
+            }
         }
+        reading.materials = keys.materials.as_ref().and_then(|table| {
+            let name = near(values.source, table.get_ref());
+            values.context.file(&name, values.source.folder(), values.source.place(table.span()))
+        });
+    } else {
+        let refuse = |key: &Spanned<String>| values.refuse(key, "nothing here: it is for meshes");
+        keys.unit.iter().chain(&keys.materials).for_each(refuse);
+        keys.up.iter().for_each(|axis| values.refuse(axis, "no `up`, which is for meshes"));
     }
     let pose = PoseKeys {
         offset_m: keys.position_m.clone(),

@@ -138,7 +138,9 @@ fn parts_of_a_scene() {
                 [[part.material]]\nprimitives = [3, 4]\nclassification = 6\n[[part]]\nfile = 'a.obj'\n";
     let scene = fine(&format!("{part}{rest}")).0.scene;
     let (tree, plain) = (&scene.parts[0], &scene.parts[1]);
-    assert!(matches!(&tree.loader, Loader::Obj { up: UpAxis::Y, files } if files[0].ends_with("a.obj")));
+    assert!(
+        matches!(&tree.loader, Loader::MeshFiles { reading: MeshReading { up: Some(UpAxis::Y), .. }, files } if files[0].ends_with("a.obj"))
+    );
     assert_eq!((tree.id.as_deref(), plain.id.as_deref(), plain.number), (Some("tree"), None, 1));
     let Transform { scale, offset, on_ground, .. } = tree.transform;
     assert_eq!(

@@ -1,0 +1,139 @@
+//! glTF files as parts: each mesh that a node places is a part, an instance of its mesh as any other part. A part with an id,
+//! with motions or with swaps stays one part.
+
+use super::gltf::Document;
+use super::gltf_nodes::{PlacedMesh, similarity};
+use super::{FileFrame, Format, finish, whole_file};
+use crate::error::Result;
+use crate::geom::Rotation;
+use crate::scene::builder::SceneBuilder;
+use crate::scene::epoch::part_in_epoch;
+use crate::scene::text::Source;
+use crate::survey::{Loader, Mesh, MeshReading, PartRecipe, SceneRecipe, Transform};
+use glam::{DMat3, DQuat};
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A part as it is in an epoch.
+pub(in crate::scene) struct EpochPart<'r> {
+    pub recipe: Cow<'r, PartRecipe>,
+    /// False for a part that has been swapped away.
+    pub is_present: bool,
+}
+
+/// The parts of a scene in an epoch. Warnings and mistakes of glTF files go to the diagnostics of `scene`.
+pub(in crate::scene) fn parts_in_epoch<'r>(
+    scene: &mut SceneBuilder,
+    recipe: &'r SceneRecipe,
+    epoch: u32,
+) -> Result<Vec<EpochPart<'r>>> {
+    let mut parts = Vec::with_capacity(recipe.parts.len());
+    let mut additional = 0;
+    for part in &recipe.parts {
+        let Some(present) = part_in_epoch(part, epoch) else {
+            parts.push(EpochPart { recipe: Cow::Borrowed(part), is_present: false });
+            continue;
+        };
+        if let Some(placed) = expand(scene, part)? {
+            let first = part.number + additional;
+            additional += (placed.len() as u32).saturating_sub(1);
+            let numbered = (first..).zip(placed).map(|(number, p)| PartRecipe { number, ..p });
+            parts.extend(numbered.map(|p| EpochPart { recipe: Cow::Owned(p), is_present: true }));
+            continue;
+        }
+        let renumbered = match additional {
+            0 => present,
+            n => Cow::Owned(PartRecipe { number: part.number + n, ..present.into_owned() }),
+        };
+        parts.push(EpochPart { recipe: renumbered, is_present: true });
+    }
+    Ok(parts)
+}
+
+/// The parts of a glTF file; `None` for a part that stays as it is.
+fn expand(scene: &mut SceneBuilder, part: &PartRecipe) -> Result<Option<Vec<PartRecipe>>> {
+    let Loader::MeshFiles { files, reading } = &part.loader else { return Ok(None) };
+    let has_id = part.id.as_ref().is_some_and(|id| !id.is_empty());
+    let [file] = &files[..] else { return Ok(None) };
+    if has_id || !part.motions.is_empty() || !part.swaps.is_empty() || !is_gltf(file) {
+        return Ok(None);
+    }
+    let opened = Document::open(file).and_then(|document| Ok((document.placed_meshes()?, document)));
+    let (placed, document) = match opened {
+        Ok(opened) => opened,
+        Err(message) => {
+            scene.diagnostics.error(Some(whole_file(file)), message);
+            return Ok(Some(Vec::new()));
+        }
+    };
+    scene.sources.extend(document.files().map(Path::to_path_buf));
+    let mut meshes = Meshes { document, file, reading, known: HashMap::new() };
+    let mut parts = Vec::with_capacity(placed.len());
+    for placed in placed {
+        let (linear, transform) = meshes.split(&placed);
+        let Some(mesh) = meshes.get(scene, placed.mesh, linear)? else { continue };
+        parts.push(PartRecipe {
+            loader: Loader::Mesh(mesh),
+            transform: part.transform.after(&transform),
+            ..part.clone()
+        });
+    }
+    if parts.is_empty() && !scene.diagnostics.is_fatal(false) {
+        let message = "the glTF file shows no triangles and is left out";
+        scene.diagnostics.warn(Some(whole_file(file)), message);
+    }
+    Ok(Some(parts))
+}
+
+/// Whether a file is glTF, by its name or its first bytes. A file that cannot be opened is reported where it is loaded.
+fn is_gltf(path: &Path) -> bool {
+    Source::open(path).is_ok_and(|source| Format::of(path, source.bytes()) == Format::Gltf)
+}
+
+/// The meshes of a document that have been read.
+struct Meshes<'f> {
+    document: Document,
+    file: &'f Path,
+    reading: &'f MeshReading,
+    /// By index and linear map, as bits; `None` for meshes without triangles.
+    known: HashMap<(usize, [u64; 9]), Option<Arc<Mesh>>>,
+}
+
+impl Meshes<'_> {
+    fn frame(&self) -> FileFrame {
+        FileFrame::new(self.reading, Format::Gltf)
+    }
+
+    /// The linear map that the mesh itself gets, and the transform that places it: all of the linear map is in the transform
+    /// if it rotates and scales equally along all axes.
+    fn split(&self, placed: &PlacedMesh) -> (DMat3, Transform) {
+        let frame = self.frame();
+        let offset = frame.apply(placed.transform.translation);
+        let (linear, rotation, scale) = match similarity(placed.transform.matrix3) {
+            Some((rotation, scale)) => (DMat3::IDENTITY, rotation, scale),
+            None => (placed.transform.matrix3, DQuat::IDENTITY, 1.0),
+        };
+        let rotation = Rotation { w: rotation.w, u: frame.rotate(rotation.xyz()) };
+        (linear, Transform { rotation, scale, offset, on_ground: 0 })
+    }
+
+    fn get(&mut self, scene: &mut SceneBuilder, mesh: usize, linear: DMat3) -> Result<Option<Arc<Mesh>>> {
+        let key = (mesh, linear.to_cols_array().map(f64::to_bits));
+        if let Some(known) = self.known.get(&key) {
+            return Ok(known.clone());
+        }
+        let read = match self.document.mesh(mesh, linear, self.frame()) {
+            Ok(raw) if raw.triangles.is_empty() => None,
+            Ok(raw) => finish(scene, self.file, self.reading, raw)?
+                .map(|m| Arc::new(m.with_name(self.document.mesh_name(mesh)))),
+            Err(message) => {
+                scene.diagnostics.error(Some(whole_file(self.file)), message);
+                None
+            }
+        };
+        self.known.insert(key, read.clone());
+        Ok(read)
+    }
+}

@@ -1,0 +1,138 @@
+//! Tables of materials by name, for mesh formats that have no place for the properties of surfaces:
+//!
+//! ```text
+//! name,reflectance,class,ground,spectrum
+//! bark,0.42,5,false,
+//! soil,,2,true,loam
+//! ```
+//!
+//! The first line names the columns, of which `name` is required, in any order. A table is named by the loader, or is the
+//! file `materials.csv` beside a PLY, STL or glTF file.
+
+use super::{diffuse, whole_file};
+use crate::columns::Separator;
+use crate::diag::{Diagnostics, Place};
+use crate::survey::{MaterialDefinition, MeshReading};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// Name of the table that is looked for beside a mesh file.
+const FILE_NAME: &str = "materials.csv";
+const COLUMNS: [&str; 5] = ["name", "reflectance", "class", "ground", "spectrum"];
+const HELP: &str =
+    "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), spectrum";
+/// Maximum size of a table, bytes.
+const MAX_BYTES: u64 = 1 << 26;
+
+/// The materials of a table.
+pub(super) struct MaterialTable {
+    path: PathBuf,
+    rows: HashMap<String, MaterialDefinition>,
+}
+
+impl MaterialTable {
+    /// The table that the loader names, or the one beside the mesh file `path`; `None` if there is none, and after an error
+    /// in it.
+    pub fn of(path: &Path, reading: &MeshReading, diagnostics: &mut Diagnostics) -> Option<MaterialTable> {
+        let beside = || Some(path.with_file_name(FILE_NAME)).filter(|table| table.is_file());
+        let table = reading.materials.clone().or_else(beside)?;
+        let size = std::fs::metadata(&table).map_or(0, |about| about.len());
+        let text = match std::fs::read_to_string(&table) {
+            _ if size > MAX_BYTES => {
+                let message =
+                    format!("expected a table of materials of at most {MAX_BYTES} bytes, found {size}");
+                diagnostics.error(Some(whole_file(&table)), message);
+                return None;
+            }
+            Ok(text) => text,
+            Err(e) => {
+                diagnostics
+                    .error(None, format!("cannot read the table of materials {}: {e}", table.display()));
+                return None;
+            }
+        };
+        let before = diagnostics.items().len();
+        let rows = read_rows(&table, &text, diagnostics);
+        (diagnostics.items().len() == before).then_some(MaterialTable { path: table, rows })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Gives a material the properties of its row, if there is one.
+    pub fn apply(&self, material: &mut MaterialDefinition) {
+        let Some(row) = self.rows.get(&material.name) else { return };
+        material.reflectance = row.reflectance;
+        material.spectrum = row.spectrum.clone();
+        material.classification = row.classification;
+        material.is_ground = row.is_ground;
+    }
+
+    /// The materials, by name.
+    pub fn definitions(&self) -> Vec<MaterialDefinition> {
+        let mut all: Vec<_> = self.rows.values().cloned().collect();
+        all.sort_by(|a, b| a.name.cmp(&b.name));
+        all
+    }
+}
+
+fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<String, MaterialDefinition> {
+    let mut rows = HashMap::new();
+    let text = text.trim_start_matches('\u{feff}');
+    let mut lines =
+        (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
+    let Some((number, heading)) = lines.next() else {
+        diagnostics.error(Some(whole_file(path)), "the table of materials is empty").help(HELP);
+        return rows;
+    };
+    let separator = Separator::guess(heading);
+    let names: Vec<String> =
+        separator.split(heading).into_iter().map(|at| heading[at].to_ascii_lowercase()).collect();
+    let unknown = names.iter().find(|name| !COLUMNS.contains(&name.as_str()));
+    if !names.iter().any(|n| n == "name") || unknown.is_some() {
+        let what = unknown.map_or("no column \"name\"".to_owned(), |name| format!("the column \"{name}\""));
+        let place = Place::in_line(path, number, heading, 0..heading.len());
+        diagnostics.error(Some(place), format!("expected a table of materials, found {what}")).help(HELP);
+        return rows;
+    }
+    for (number, line) in lines {
+        let mut material = diffuse("");
+        let fields = separator.split(line);
+        for (name, at) in names.iter().zip(fields) {
+            let value = &line[at.clone()];
+            if let Err(expected) = set(&mut material, name, value) {
+                let message = format!("expected {expected}, found \"{value}\"");
+                diagnostics.error(Some(Place::in_line(path, number, line, at)), message).help(HELP);
+            }
+        }
+        let name = material.name.clone();
+        if rows.insert(name.clone(), material).is_some() {
+            let place = Place::in_line(path, number, line, 0..line.len());
+            diagnostics.error(Some(place), format!("the material \"{name}\" is described twice"));
+        }
+    }
+    rows
+}
+
+fn set(material: &mut MaterialDefinition, column: &str, value: &str) -> Result<(), &'static str> {
+    match column {
+        "name" if value.is_empty() => return Err("the name of a material"),
+        "name" => material.name = value.to_owned(),
+        _ if value.is_empty() => {}
+        "reflectance" => {
+            let reflectance = value.parse::<f64>().ok().filter(|r| (0.0..=1.0).contains(r));
+            material.reflectance = Some(reflectance.ok_or("a reflectance from 0 to 1")?);
+        }
+        "class" => material.classification = value.parse::<u8>().map_err(|_| "a class from 0 to 255")?.into(),
+        "ground" => {
+            material.is_ground = match value.to_ascii_lowercase().as_str() {
+                "true" | "1" | "yes" => true,
+                "false" | "0" | "no" => false,
+                _ => return Err("true or false"),
+            }
+        }
+        _ => material.spectrum = Some(value.to_owned()),
+    }
+    Ok(())
+}

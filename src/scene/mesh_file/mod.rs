@@ -1,0 +1,210 @@
+//! Mesh files: OBJ, PLY, STL and glTF, recognised by their contents.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `ply` | PLY |
+//! | `stl` | STL |
+//! | `gltf`, `gltf_buffers` | documents of glTF 2.0: accessors, meshes, materials; their bytes |
+//! | `gltf_nodes` | the nodes of a glTF document with their transforms |
+//! | `expand` | glTF files as parts, one for each mesh that a node places |
+//! | `materials` | tables of materials by name |
+
+mod expand;
+mod gltf;
+mod gltf_buffers;
+mod gltf_nodes;
+mod materials;
+mod ply;
+mod stl;
+#[cfg(test)]
+mod tests;
+
+pub(super) use expand::{EpochPart, parts_in_epoch};
+
+use super::builder::{PartSource, SceneBuilder};
+use super::library::Names;
+use super::text::Source;
+use super::{mesh, obj};
+use crate::diag::Place;
+use crate::error::{Error, Result};
+use crate::geom::DVec3;
+use crate::survey::{MaterialDefinition, Mesh, MeshReading, UpAxis};
+use materials::MaterialTable;
+use std::path::Path;
+
+/// Formats of mesh files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Obj,
+    Ply,
+    Stl,
+    Gltf,
+}
+
+impl Format {
+    fn of(path: &Path, bytes: &[u8]) -> Format {
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        match ending.as_str() {
+            _ if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") => Format::Ply,
+            _ if bytes.starts_with(b"glTF") => Format::Gltf,
+            "gltf" | "glb" => Format::Gltf,
+            "ply" => Format::Ply,
+            "stl" => Format::Stl,
+            _ if stl::is_stl(bytes) => Format::Stl,
+            _ => Format::Obj,
+        }
+    }
+
+    fn up(self) -> UpAxis {
+        if self == Format::Gltf { UpAxis::Y } else { UpAxis::Z }
+    }
+}
+
+/// The frame of a file's coordinates.
+#[derive(Clone, Copy, Debug)]
+struct FileFrame {
+    up: UpAxis,
+    unit_m: f64,
+}
+
+impl FileFrame {
+    fn new(reading: &MeshReading, format: Format) -> FileFrame {
+        FileFrame { up: reading.up.unwrap_or(format.up()), unit_m: reading.unit_m }
+    }
+
+    /// A direction of the file in the frame of the scene, z up.
+    fn rotate(&self, v: DVec3) -> DVec3 {
+        match self.up {
+            UpAxis::Z => v,
+            UpAxis::Y => DVec3::new(v.x, -v.z, v.y),
+        }
+    }
+
+    /// A point of the file in metres, z up.
+    fn apply(&self, v: DVec3) -> DVec3 {
+        self.rotate(v) * self.unit_m
+    }
+}
+
+/// A mesh as a file holds it.
+#[derive(Debug, Default)]
+struct RawMesh {
+    /// Metres, z up.
+    vertices: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    materials: Vec<MaterialDefinition>,
+    /// Index in `materials` of each triangle.
+    material_of: Vec<u32>,
+}
+
+impl RawMesh {
+    /// Adds a polygon as triangles around its first corner.
+    fn add_polygon(&mut self, corners: &[u32], material: u32) {
+        for pair in corners.get(1..).unwrap_or_default().windows(2) {
+            self.triangles.push([corners[0], pair[0], pair[1]]);
+            self.material_of.push(material);
+        }
+    }
+}
+
+/// A material of a mesh file: it reflects diffusely.
+fn diffuse(name: impl Into<String>) -> MaterialDefinition {
+    MaterialDefinition { kd: [1.0; 3], ..MaterialDefinition::new(name) }
+}
+
+/// A file without a line, for messages.
+fn whole_file(path: &Path) -> Place {
+    Place::in_line(path, 0, "", 0..0)
+}
+
+/// Appends the triangles of a mesh file to the scene. `names` holds the materials known to the part's OBJ files.
+pub(super) fn load(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    source: &Source,
+    reading: &MeshReading,
+    names: &mut Names,
+) -> Result<()> {
+    let format = Format::of(source.path(), source.bytes());
+    let frame = FileFrame::new(reading, format);
+    let found = match format {
+        Format::Obj => return load_obj(scene, part, source, reading, names),
+        Format::Ply => ply::read(source),
+        Format::Stl => stl::read(source),
+        Format::Gltf => gltf::Document::open(source.path()).and_then(|document| {
+            scene.sources.extend(document.files().map(Path::to_path_buf));
+            document.whole(frame)
+        }),
+    };
+    let mut raw = match found {
+        Ok(raw) => raw,
+        Err(message) => {
+            scene.diagnostics.error(Some(whole_file(source.path())), message);
+            return Ok(());
+        }
+    };
+    if format != Format::Gltf {
+        raw.vertices.iter_mut().for_each(|v| *v = frame.apply(*v));
+    }
+    let Some(mesh) = finish(scene, source.path(), reading, raw)? else { return Ok(()) };
+    let key = (source.path().to_path_buf(), reading.materials.clone());
+    let materials = scene.library.of_file(key, mesh.materials(), &mut scene.diagnostics);
+    mesh::load_with(scene, part, &mesh, materials)
+}
+
+/// Gives the materials of a mesh the properties of its table, and checks the mesh; `None` after an error in the input.
+fn finish(
+    scene: &mut SceneBuilder,
+    path: &Path,
+    reading: &MeshReading,
+    mut raw: RawMesh,
+) -> Result<Option<Mesh>> {
+    if let Some(table) = MaterialTable::of(path, reading, &mut scene.diagnostics) {
+        scene.sources.push(table.path().to_path_buf());
+        raw.materials.iter_mut().for_each(|material| table.apply(material));
+    }
+    let unknown: Vec<&str> = (raw.materials.iter())
+        .filter(|m| m.reflectance.is_none() && m.spectrum.is_none())
+        .map(|m| m.name.as_str())
+        .collect();
+    if !unknown.is_empty() {
+        let names = unknown.iter().take(5).map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ");
+        let more = if unknown.len() > 5 { format!(" and {} more", unknown.len() - 5) } else { String::new() };
+        let message = format!("no reflectance for the material {names}{more}; it reflects 50 per cent");
+        let help = "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each material";
+        scene.diagnostics.warn(Some(whole_file(path)), message).help(help);
+    }
+    match Mesh::new(raw.vertices, raw.triangles, raw.materials, raw.material_of) {
+        Ok(mesh) => Ok(Some(mesh)),
+        Err(Error::Input(problems)) => {
+            let message = problems.items().first().map_or_else(String::new, |p| p.message.clone());
+            scene.diagnostics.error(Some(whole_file(path)), message);
+            Ok(None)
+        }
+        Err(e) => Err(e),
+    }
+}
+
+fn load_obj(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    source: &Source,
+    reading: &MeshReading,
+    names: &mut Names,
+) -> Result<()> {
+    if reading.materials.is_some()
+        && let Some(table) = MaterialTable::of(source.path(), reading, &mut scene.diagnostics)
+    {
+        scene.sources.push(table.path().to_path_buf());
+        scene.library.add_definitions(table.path(), || table.definitions(), names);
+    }
+    let start = scene.end();
+    let y_up = reading.up == Some(UpAxis::Y);
+    let lines = obj::Reading { y_up, drop_polygons: scene.options.drop_polygons };
+    obj::load(scene, part, source, lines, names)?;
+    if reading.unit_m != 1.0 {
+        let vertices = scene.since(&start).vertices;
+        scene.geometry.vertices[vertices].iter_mut().for_each(|v| *v *= reading.unit_m);
+    }
+    Ok(())
+}
