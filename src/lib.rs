@@ -42,6 +42,7 @@
 //! | `compare` | two point clouds of one place: density, heights, distances, voxels | preview, geom |
 //! | `options` | the options of a run, for the command line and pipeline files alike | output, pulse, schedule, survey, tree |
 //! | `pipeline` | the session that joins all of them | all above |
+//! | `campaign` | many runs: scenes × variants × seeds, shared by processes without a server | plan, store |
 //! | `cli` | the command line | all above |
 //!
 //! No module imports one from a row below its own; `tests/whole/structure.rs` holds it.
@@ -57,6 +58,7 @@
 
 #![deny(unsafe_code)]
 
+mod campaign;
 mod cli;
 mod columns;
 mod compare;

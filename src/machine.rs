@@ -32,6 +32,13 @@ pub fn memory() -> Option<u64> {
     [total, group, space].into_iter().flatten().min()
 }
 
+/// The most memory that this process has had so far, bytes; `None` where the system does not state it.
+pub fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib.saturating_mul(1024))
+}
+
 /// Starts the thread pool that all parallel iterators share, unless it is running; it can be started only once.
 ///
 /// # Errors

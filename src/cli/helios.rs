@@ -50,6 +50,7 @@ const NAMES: &[(&str, &str, Takes)] = &[
     ("--parallelization", PARALLELIZATION, Value),
     ("--chunkSize", "--chunk-size", Value),
     ("--warehouseFactor", "--warehouse-factor", Value),
+    ("--dryrun", "--dry-run", Nothing),
     ("--rebuildScene", "", NothingIgnored),
     ("--noSceneWriting", "", NothingIgnored),
     ("--kdt", "--tree", Value),

@@ -7,22 +7,27 @@
 //! | `args` | the command line of every subcommand |
 //! | `helios` | command lines of HELIOS++ |
 //! | `run` | `vlscan run`; conversion of arguments and files to a session's settings |
+//! | `dry_run` | `vlscan run --dry-run` |
 //! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
 //! | `parts` | `vlscan run --part`, `vlscan plan-parts`, `vlscan merge` |
 //! | `plan` | `vlscan plan` |
+//! | `campaign` | `vlscan campaign` |
 //! | `bench` | `vlscan bench` |
 //! | `scene`, `stand`, `info`, `pack` | `vlscan scene make`, `stand`, `info` and `pack` |
 //! | `ground` | the ground of a scene |
+//! | `sketch` | a survey over its scene as points, for previews |
 //! | `preview`, `compare`, `unzip`, `catalogue` | the subcommands of these names |
 //! | `completions`, `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
 mod args;
 mod bench;
+mod campaign;
 mod catalogue;
 mod compare;
 mod completions;
 mod console;
+mod dry_run;
 mod ground;
 mod helios;
 mod info;
@@ -34,6 +39,7 @@ mod plan;
 mod preview;
 mod run;
 mod scene;
+mod sketch;
 mod stages;
 mod stand;
 mod unzip;
@@ -108,6 +114,7 @@ fn dispatch(command: &Command, console: &Console) -> Result<()> {
         Command::Run(args) => run::run(args, console),
         Command::PlanParts(args) => parts::plan(args, console),
         Command::Merge(args) => parts::merge(args, console),
+        Command::Campaign(args) => campaign::run(args, console),
         Command::Bench(args) => bench::run(args, console),
         Command::Trajectory(args) => stages::trajectory(args, console),
         Command::Pulses(args) => stages::pulses(args, console),

@@ -18,14 +18,19 @@ const DRONE_HEIGHT: f64 = 150.0;
 const CLIMB: f64 = 10.0;
 
 pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
+    make(args, &command_line(), console)
+}
+
+/// Makes a plan that names `command` as what made it.
+pub fn make(args: &PlanArgs, command: &str, console: &Console) -> Result<()> {
     match &args.command {
-        PlanCommand::Airborne(args) => airborne(args, console),
-        PlanCommand::Terrestrial(args) => terrestrial(args, console),
-        PlanCommand::Mobile(args) => mobile(args, console),
+        PlanCommand::Airborne(args) => airborne(args, command, console),
+        PlanCommand::Terrestrial(args) => terrestrial(args, command, console),
+        PlanCommand::Mobile(args) => mobile(args, command, console),
     }
 }
 
-fn airborne(args: &AirborneArgs, console: &Console) -> Result<()> {
+fn airborne(args: &AirborneArgs, command: &str, console: &Console) -> Result<()> {
     let site = Site::read(&args.common, console)?;
     let area = site.area(args.area.as_deref())?;
     let instrument = instrument(&args.common)?;
@@ -50,10 +55,10 @@ fn airborne(args: &AirborneArgs, console: &Console) -> Result<()> {
     };
     let plan = plan::plan_airborne(&area, &instrument, &options, &Ground { height: &height });
     let platform = if args.height.0 < DRONE_HEIGHT { "copter_linearpath" } else { "sr22" };
-    finish(plan.map_err(Error::input)?, &args.common, &site, platform, console)
+    finish(plan.map_err(Error::input)?, &args.common, &site, platform, command, console)
 }
 
-fn terrestrial(args: &TerrestrialArgs, console: &Console) -> Result<()> {
+fn terrestrial(args: &TerrestrialArgs, command: &str, console: &Console) -> Result<()> {
     let site = Site::read(&args.common, console)?;
     let arrangement = match (args.around, args.spacing) {
         (Some(centre), _) => Arrangement::Around {
@@ -76,10 +81,10 @@ fn terrestrial(args: &TerrestrialArgs, console: &Console) -> Result<()> {
         on_ground: site.ground.is_some(),
     };
     let plan = plan::plan_terrestrial(&instrument(&args.common)?, &options).map_err(Error::input)?;
-    finish(plan, &args.common, &site, "tripod", console)
+    finish(plan, &args.common, &site, "tripod", command, console)
 }
 
-fn mobile(args: &MobileArgs, console: &Console) -> Result<()> {
+fn mobile(args: &MobileArgs, command: &str, console: &Console) -> Result<()> {
     let site = Site::read(&args.common, console)?;
     let line = plan::read_line(&args.along)?;
     let options = MobileOptions {
@@ -92,7 +97,7 @@ fn mobile(args: &MobileArgs, console: &Console) -> Result<()> {
         on_ground: site.ground.is_some(),
     };
     let plan = plan::plan_mobile(&line, &instrument(&args.common)?, &options).map_err(Error::input)?;
-    finish(plan, &args.common, &site, "vehicle_linearpath", console)
+    finish(plan, &args.common, &site, "vehicle_linearpath", command, console)
 }
 
 /// Where a survey takes place.
@@ -166,6 +171,7 @@ fn finish(
     args: &CommonPlanArgs,
     site: &Site,
     platform: &str,
+    command: &str,
     console: &Console,
 ) -> Result<()> {
     let (known, _) = catalogue()?;
@@ -185,7 +191,7 @@ fn finish(
         warnings.warn(None, warning.clone());
     }
     console.warnings(&warnings);
-    let text = plan.text(&command_line());
+    let text = plan.text(command);
     let Some(path) = &args.out else { return write_stdout(&text) };
     if path.exists() && !args.force {
         return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));

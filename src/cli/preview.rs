@@ -2,8 +2,10 @@
 
 use super::Console;
 use super::args::{Colour, PreviewArgs};
+use super::sketch::survey_points;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched, identity, is_special};
+use crate::options::holds_survey;
 use crate::output::expand;
 use crate::preview::{
     Chart, ColourBy, PageOptions, PreviewOptions, Wave, draw, read_packet, read_points, read_wave, write_page,
@@ -17,8 +19,10 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     if let Some(pulse) = args.pulse {
         return plot(args, pulse, console);
     }
-    let points = read_points(&args.points)?;
-    let colour = match args.colour {
+    let is_survey = holds_survey(&args.points);
+    let points = if is_survey { survey_points(args, console)? } else { read_points(&args.points)? };
+    let usual = if is_survey { Colour::Leg } else { Colour::Height };
+    let colour = match args.colour.unwrap_or(usual) {
         Colour::Height => ColourBy::Height,
         Colour::Class => ColourBy::Class,
         Colour::Intensity => ColourBy::Intensity,
@@ -81,11 +85,10 @@ fn check(args: &PreviewArgs) -> Result<()> {
     if points.is_dir() {
         return Err(Error::input(format!("{} is a folder; name a file of points in it", points.display())));
     }
-    if points.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml") || e.eq_ignore_ascii_case("toml")) {
-        let shown = points.display();
-        return Err(Error::input(format!(
-            "{shown} holds no points; measure some first: vlscan run {shown} -o points.laz"
-        )));
+    let is_xml = points.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
+    if (is_xml && !holds_survey(points)) || (args.pulse.is_some() && holds_survey(points)) {
+        let what = if args.pulse.is_some() { "pulses" } else { "points and no survey" };
+        return Err(Error::input(format!("{} holds no {what}", points.display())));
     }
     if is_stdout(out) {
         if std::io::stdout().is_terminal() && !args.force {

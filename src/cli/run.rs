@@ -16,6 +16,9 @@ use std::path::Path;
 use std::time::Instant;
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
+    if args.dry.dry_run {
+        return super::dry_run::run(args, console);
+    }
     if let Some(part) = args.parts.part {
         return super::parts::run_part(args, part, console);
     }

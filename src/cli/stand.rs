@@ -11,7 +11,13 @@ use crate::scene::LoadOptions;
 use crate::survey::{ReadOptions, read_scene};
 
 pub fn run(args: &StandArgs, console: &Console) -> Result<()> {
-    let inventory = Inventory::read(&args.inventory)?;
+    make(args, &|_| true, console)
+}
+
+/// Makes a stand of the trees of the inventory at places that `stands` accepts.
+pub fn make(args: &StandArgs, stands: &dyn Fn([f64; 2]) -> bool, console: &Console) -> Result<()> {
+    let mut inventory = Inventory::read(&args.inventory)?;
+    inventory.trees.retain(|tree| stands([tree.position[0], tree.position[1]]));
     let models = Models::read(&args.trees)?;
     let mut terrain = Vec::new();
     for path in &args.terrain {

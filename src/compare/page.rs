@@ -54,9 +54,13 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
 /// Both histograms as steps.
 fn chart(title: &str, histogram: &Histogram) -> String {
     let [width, height] = CHART;
-    let most = histogram.fractions.iter().flatten().copied().fold(1e-9, f64::max);
+    let (most, cut) = scale(histogram);
+    let note = match cut {
+        true => format!("; bars above {:.0} % are cut", 100.0 * most),
+        false => String::new(),
+    };
     let mut out = format!(
-        "<figure><figcaption>{title}</figcaption><svg width=\"{width}\" height=\"{}\" viewBox=\"0 0 {width} {}\" role=\"img\">",
+        "<figure><figcaption>{title}{note}</figcaption><svg width=\"{width}\" height=\"{}\" viewBox=\"0 0 {width} {}\" role=\"img\">",
         height + 20.0,
         height + 20.0
     );
@@ -64,7 +68,7 @@ fn chart(title: &str, histogram: &Histogram) -> String {
         let step = width / fractions.len() as f64;
         let mut path = format!("M0 {height}");
         for (i, fraction) in fractions.iter().enumerate() {
-            let y = height * (1.0 - fraction / most);
+            let y = height * (1.0 - (fraction / most).min(1.0));
             let _ = write!(path, "L{:.1} {y:.1}L{:.1} {y:.1}", step * i as f64, step * (i + 1) as f64);
         }
         let _ = write!(
@@ -83,6 +87,19 @@ fn chart(title: &str, histogram: &Histogram) -> String {
     out += &label(width / 2.0, "middle", middle);
     out += &label(width, "end", histogram.to);
     out + "</svg></figure>\n"
+}
+
+/// The fraction at the top of a chart, and whether bars are cut there: the ground of a forest has so many points that nothing
+/// else would be seen.
+fn scale(histogram: &Histogram) -> (f64, bool) {
+    const MAX_RATIO: f64 = 4.0;
+    let mut heights: Vec<f64> = Vec::new();
+    for i in 0..histogram.fractions[0].len() {
+        heights.push(histogram.fractions.iter().map(|f| f[i]).fold(0.0, f64::max));
+    }
+    heights.sort_by(|a, b| b.total_cmp(a));
+    let [first, second] = [0, 1].map(|i| heights.get(i).copied().unwrap_or_default());
+    if second > 0.0 && first > MAX_RATIO * second { (1.5 * second, true) } else { (first.max(1e-9), false) }
 }
 
 fn escaped(text: &str) -> String {

@@ -32,7 +32,7 @@ pub fn table(c: &Comparison) -> String {
     );
     for (i, percent) in PERCENTILES.iter().enumerate() {
         let (a, b, x, y) = both(&|cloud| cloud.height_percentiles_m[i], 2);
-        line(&format!("height, {percent:.0} %, m"), a, b, format!("{:+.2}", y - x));
+        line(&format!("height, {percent:.0} %, m"), a, b, signed(y - x));
     }
     line("height histogram", none(), none(), format!("overlap {:.3}", c.heights.overlap));
     line(
@@ -58,12 +58,7 @@ pub fn table(c: &Comparison) -> String {
         for (i, (a, b)) in a.iter().zip(b).enumerate().filter(|(_, (a, b))| **a > 0.0 || *b > 0.0) {
             let name =
                 if i == 6 { "returns 7 and later, %".to_owned() } else { format!("returns {}, %", i + 1) };
-            line(
-                &name,
-                format!("{:.2}", 100.0 * a),
-                format!("{:.2}", 100.0 * b),
-                format!("{:+.2}", 100.0 * (b - a)),
-            );
+            line(&name, format!("{:.2}", 100.0 * a), format!("{:.2}", 100.0 * b), signed(100.0 * (b - a)));
         }
     }
     let to = |d: &Distances| format!("{:.3}", d.mean_m);
@@ -82,6 +77,12 @@ pub fn table(c: &Comparison) -> String {
         format!("{} in both, agreement {:.3}", v.both, v.agreement),
     );
     out
+}
+
+/// A difference with its sign, without that of a zero.
+fn signed(value: f64) -> String {
+    let text = format!("{value:+.2}");
+    if text.trim_start_matches(['+', '-']) == "0.00" { "0.00".to_owned() } else { text }
 }
 
 fn ratio(a: f64, b: f64) -> String {

@@ -12,12 +12,13 @@
 //! | `guard` | detects legs that never end |
 //! | `pulse`, `emission` | pulses and trajectory samples; how a pulse is composed |
 //! | `noise`, `navigation` | noise of the pose, errors of the reported pose |
-//! | `positions` | positions along a flight before it is flown |
+//! | `positions`, `jump` | positions along a flight before it is flown; states far ahead for forecasts |
 
 mod advance;
 mod clock;
 mod emission;
 mod guard;
+mod jump;
 mod leg;
 mod navigation;
 mod noise;
@@ -33,6 +34,7 @@ mod tests;
 
 pub use advance::Skipped;
 pub use clock::{calendar_day, gps_start};
+pub use jump::LegFacts;
 pub use plan::{FlightOptions, FlightPlan};
 pub use pulse::{FlightSink, PoseSample, Pulse};
 pub use state::{FlightState, Step};

@@ -6,6 +6,7 @@ use super::leg::PlannedLeg;
 use super::plan::FlightPlan;
 use super::pulse::{FlightSink, PoseSample};
 use crate::error::{Error, Result};
+use crate::geom::DVec3;
 use crate::platform::{LegEntry, PlatformState, Pose, Readiness};
 use crate::scanner::{DevicePlan, DeviceState};
 use crate::survey::Kinematics;
@@ -290,7 +291,7 @@ impl FlightState {
         (elapsed_ns(self.time_ns, self.timer_start_ns) + slack) * 1e-9 >= leg.max_duration
     }
 
-    fn change_leg(&mut self, plan: &FlightPlan) -> Step {
+    pub(super) fn change_leg(&mut self, plan: &FlightPlan) -> Step {
         let next = self.leg + 1;
         if next >= plan.legs.len() {
             self.ended = true;
@@ -373,6 +374,11 @@ impl FlightState {
     /// Steps since the start of the run without changes of legs; scenes move with them.
     pub fn steps(&self) -> u64 {
         self.ticks - self.leg as u64
+    }
+
+    /// Position of the platform, m, scene frame.
+    pub fn position(&self) -> DVec3 {
+        self.platform.position()
     }
 
     /// GPS time of the next step, ns of the week.

@@ -3,7 +3,9 @@
 use super::outputs::OutputKeys;
 use super::over::group;
 use super::trajectory::TrajectoryOptions;
-use super::values::{Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Seed};
+use super::values::{
+    Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Positive, Seed,
+};
 use crate::output::{ExtraDimensions, PacketPlace, PointFormat};
 use crate::pulse::PhysicsProfile;
 use crate::scene::Sharing;
@@ -115,6 +117,16 @@ pub struct OutputOptions {
     /// parquet are chosen with --columns.
     #[arg(long)]
     pub true_positions: bool,
+    /// Write the height above the ground (HeightAboveGround), into las, laz and ply as well. The ground is the surfaces whose
+    /// material is ground (helios_isGround), or the lowest ones of a scene without such a material.
+    #[arg(long)]
+    pub height_above_ground: bool,
+    /// Divide the points of a folder (-o DIR) among square tiles of this edge length in metres, tile_X_Y, instead of legs.
+    #[arg(long, value_name = "METRES", conflicts_with = "per_object")]
+    pub tile: Option<Positive>,
+    /// Divide the points of a folder (-o DIR) among the objects that were hit, object_N, instead of legs.
+    #[arg(long)]
+    pub per_object: bool,
     /// Write what each subray met instead of points, at its place on the surface, with the number of the return that it is part
     /// of (0 = none): for leaf area and machine learning. The columns Subray, SurfaceX, NormalX, FootprintFraction and their
     /// like are chosen with --columns, with and without this.

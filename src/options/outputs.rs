@@ -4,7 +4,9 @@ use super::groups::{Options, OutputOptions};
 use super::values::Crs;
 use crate::error::{Error, Result};
 use crate::files;
-use crate::output::{LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat};
+use crate::output::{
+    Division, LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat,
+};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -71,6 +73,11 @@ impl Options {
             misses: output.misses,
             labels: output.labels,
             true_positions: output.true_positions,
+            heights: output.height_above_ground,
+            division: match output.tile {
+                Some(size) => Some(Division::Tiles(size.0)),
+                None => output.per_object.then_some(Division::Objects),
+            },
             las: LasSettings {
                 version: if output.las10 { LasVersion::V10 } else { LasVersion::V14 },
                 scale: output.las_scale,

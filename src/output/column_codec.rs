@@ -2,10 +2,12 @@
 
 use super::codec::{LegFacts, byte, incidence_degrees, seconds};
 use super::columns::Column;
+use super::ground::{Ground, height_above};
 use super::las::LasFormat;
 use super::objects::ObjectIds;
 use crate::geom::{DVec3, degrees};
 use crate::pulse::{Echo, EchoTruth};
+use std::sync::Arc;
 
 pub(super) struct ColumnCodec<'a> {
     pub columns: &'a [Column],
@@ -14,6 +16,7 @@ pub(super) struct ColumnCodec<'a> {
     pub las: &'a LasFormat,
     /// True causes of the echoes of the batch.
     pub truths: &'a [EchoTruth],
+    pub ground: Option<&'a Arc<dyn Ground>>,
 }
 
 impl ColumnCodec<'_> {
@@ -58,6 +61,7 @@ impl ColumnCodec<'_> {
             Column::BeamDirectionX => f64s(out, echoes, |e| e.direction.x),
             Column::BeamDirectionY => f64s(out, echoes, |e| e.direction.y),
             Column::BeamDirectionZ => f64s(out, echoes, |e| e.direction.z),
+            Column::HeightAboveGround => f32s(out, echoes, |e| height_above(self.ground, e.position)),
             Column::TrueX => f64s(out, echoes, |e| e.true_position(truths).x + shift.x),
             Column::TrueY => f64s(out, echoes, |e| e.true_position(truths).y + shift.y),
             Column::TrueZ => f64s(out, echoes, |e| e.true_position(truths).z + shift.z),

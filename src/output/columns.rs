@@ -94,6 +94,7 @@ columns! {
     BeamDirectionX F64 9 "" "Direction of the beam, unit vector.";
     BeamDirectionY F64 9 "" "Direction of the beam, unit vector.";
     BeamDirectionZ F64 9 "" "Direction of the beam, unit vector.";
+    HeightAboveGround F32 3 "m" "Height above the ground; NaN where there is none.";
     TrueX F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
     TrueY F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
     TrueZ F64 4 "m" "Position with the pose that was flown, without errors of navigation.";

@@ -2,6 +2,7 @@
 
 use super::codec::{LegFacts, Piece, PointCodec, encode_points};
 use super::column_codec::ColumnCodec;
+use super::division::contains;
 use super::e57::E57Codec;
 use super::las::{LasCodec, encode_with_packets};
 use super::layout::{Route, Slots};
@@ -17,6 +18,7 @@ use crate::parts;
 use crate::pulse::Batch;
 use crate::pulse::Echo;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// The encoded pieces of a batch for all files; input of [`Writer::append`](super::Writer::append).
 #[derive(Debug)]
@@ -75,11 +77,20 @@ impl PointCodec for XyzCodec<'_> {
 impl OutputPlan {
     /// Encodes a batch for every file. Called by the worker threads.
     pub fn encode(&self, batch: &Batch) -> Encoded {
-        let echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
+        let mut echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
+        if let Some(ring) = &self.clip {
+            let keeps = |p: DVec3| contains(ring, p.x + self.shift.x, p.y + self.shift.y);
+            echoes.to_mut().retain(|echo| keeps(echo.position));
+        }
         let routes = self.layout.routes.get(batch.leg as usize).map_or(&[][..], |r| r);
         let mut pieces = Vec::with_capacity(routes.len());
         for route in routes {
             match route {
+                Route::Points(format, Slots::Divided(slots)) => {
+                    for (file, own) in self.divided(&echoes) {
+                        self.points(*format, &Slots::One(slots[file]), batch, &own, &mut pieces);
+                    }
+                }
                 Route::Points(format, slots) => self.points(*format, slots, batch, &echoes, &mut pieces),
                 Route::Trajectory(format, slot) => pieces.push(self.trajectory(*format, *slot, batch)),
                 Route::Waveforms(slot) => pieces.push(self.waveforms(*slot, batch)),
@@ -97,6 +108,17 @@ impl OutputPlan {
         Encoded { leg: batch.leg, pieces, points_of_part }
     }
 
+    /// Echoes by the index of their file, ascending.
+    fn divided(&self, echoes: &[Echo]) -> BTreeMap<usize, Vec<Echo>> {
+        let mut files: BTreeMap<usize, Vec<Echo>> = BTreeMap::new();
+        for echo in echoes {
+            if let Some(file) = self.divider.as_ref().and_then(|d| d.file_of(echo, self.shift)) {
+                files.entry(file).or_default().push(*echo);
+            }
+        }
+        files
+    }
+
     fn points(
         &self,
         format: PointFormat,
@@ -108,6 +130,7 @@ impl OutputPlan {
         let own = batch.leg_number.map(LegFacts::new);
         let Some(leg) = own.as_ref().or(self.legs.get(batch.leg as usize)) else { return };
         let (shift, objects, groups) = (self.shift, &self.objects, self.ply_groups());
+        let ground = self.ground.as_ref();
         match format {
             PointFormat::Xyz if self.columns_chosen => {
                 self.tables(leg, slots, batch, echoes, pieces, |out, rows, block| {
@@ -127,14 +150,20 @@ impl OutputPlan {
                 encode_points(&codec, leg, slots, echoes, pieces);
             }
             PointFormat::Las | PointFormat::Laz | PointFormat::Copc => {
-                let codec = LasCodec { format: &self.las, objects, truths: &batch.truths };
+                let codec = LasCodec { format: &self.las, objects, truths: &batch.truths, ground };
                 match &self.las.packets {
                     None => encode_points(&codec, leg, slots, echoes, pieces),
                     Some(packets) => encode_with_packets(&codec, packets, leg, slots, echoes, batch, pieces),
                 }
             }
             PointFormat::PlyBinary => {
-                encode_points(&PlyCodec::<false> { shift, objects, groups }, leg, slots, echoes, pieces);
+                encode_points(
+                    &PlyCodec::<false> { shift, objects, groups, ground },
+                    leg,
+                    slots,
+                    echoes,
+                    pieces,
+                );
             }
             PointFormat::RayCloud => {
                 encode_points(&RayCloudCodec { shift, las: &self.las }, leg, slots, echoes, pieces);
@@ -144,7 +173,13 @@ impl OutputPlan {
                 encode_points(&PcdCodec { shift: shift - self.pcd_offset }, leg, slots, echoes, pieces);
             }
             PointFormat::PlyAscii => {
-                encode_points(&PlyCodec::<true> { shift, objects, groups }, leg, slots, echoes, pieces);
+                encode_points(
+                    &PlyCodec::<true> { shift, objects, groups, ground },
+                    leg,
+                    slots,
+                    echoes,
+                    pieces,
+                );
             }
         }
     }
@@ -165,6 +200,7 @@ impl OutputPlan {
             objects: &self.objects,
             las: &self.las,
             truths: &batch.truths,
+            ground: self.ground.as_ref(),
         };
         for (index, &slot) in slots.as_slice().iter().enumerate() {
             let own: Vec<&Echo> = echoes.iter().filter(|echo| slots.index_of(echo.device) == index).collect();
@@ -180,7 +216,7 @@ impl OutputPlan {
 
     /// Returns the requested groups of PLY properties.
     pub(super) fn ply_groups(&self) -> PlyGroups {
-        PlyGroups { labels: self.labels, directions: self.misses }
+        PlyGroups { labels: self.labels, directions: self.misses, heights: self.heights }
     }
 
     fn trajectory(&self, format: TrajectoryFormat, slot: u32, batch: &Batch) -> Piece {

@@ -75,20 +75,22 @@ pub(super) enum Slots {
     One(u32),
     /// One file per device, by index of the device.
     PerDevice(Vec<u32>),
+    /// One file per tile or object, see [`super::division`].
+    Divided(Vec<u32>),
 }
 
 impl Slots {
     pub fn as_slice(&self) -> &[u32] {
         match self {
             Slots::One(slot) => std::slice::from_ref(slot),
-            Slots::PerDevice(slots) => slots,
+            Slots::PerDevice(slots) | Slots::Divided(slots) => slots,
         }
     }
 
     /// Returns the index, within these files, of the one with the points of a device.
     pub fn index_of(&self, device: u32) -> usize {
         match self {
-            Slots::One(_) => 0,
+            Slots::One(_) | Slots::Divided(_) => 0,
             Slots::PerDevice(_) => device as usize,
         }
     }
@@ -148,7 +150,9 @@ enum Base {
 
 impl OutputLayout {
     /// Computes the layout of all requested outputs.
-    pub fn new(request: &OutputRequest, context: &OutputContext) -> OutputLayout {
+    ///
+    /// `divided` are the names of files that folders have instead of those of legs.
+    pub fn new(request: &OutputRequest, context: &OutputContext, divided: Option<&[String]>) -> OutputLayout {
         let mut layout = OutputLayout {
             routes: vec![Vec::new(); context.legs.len()],
             zip: request.zip,
@@ -164,7 +168,10 @@ impl OutputLayout {
         for (sink, (target, format)) in request.sinks.iter().enumerate() {
             let runs = layout.runs.len();
             let base = layout.base(target, context);
-            layout.points(sink, &base, *format, context, split);
+            match (&base, divided) {
+                (Base::Folder(_), Some(names)) => layout.divided(sink, &base, *format, context, names),
+                _ => layout.points(sink, &base, *format, context, split),
+            }
             // Sinks with the same run directory share its trajectories.
             if layout.runs.len() > runs {
                 let trajectory = Content::Trajectory(TrajectoryFormat::Helios);
@@ -244,6 +251,25 @@ impl OutputLayout {
                 (_, ids) => Slots::PerDevice(ids.iter().map(|id| slot(&format!("_dev{id}"))).collect()),
             };
             self.routes[index].push(Route::Points(format, slots));
+        }
+    }
+
+    /// Adds the files of a folder whose points are divided, to which all legs contribute.
+    fn divided(
+        &mut self,
+        sink: usize,
+        base: &Base,
+        format: PointFormat,
+        context: &OutputContext,
+        names: &[String],
+    ) {
+        for index in 0..context.legs.len() {
+            let file = |layout: &mut OutputLayout, name: &String| {
+                let location = base.inside(format!("{name}.{}", format.extension()));
+                layout.slot(sink, location, Content::Points(format), index)
+            };
+            let slots = names.iter().map(|name| file(self, name)).collect();
+            self.routes[index].push(Route::Points(format, Slots::Divided(slots)));
         }
     }
 

@@ -11,7 +11,8 @@
 //! | file | contents |
 //! |---|---|
 //! | `request`, `context` | the request; the facts about survey and scene that outputs depend on |
-//! | `layout`, `plan` | the files that follow from both, checks and formats |
+//! | `layout`, `plan`, `division` | the files that follow from both, checks and formats; points divided by tile or object |
+//! | `ground` | heights above the ground |
 //! | `codec`, `objects` | definitions shared by the formats of point records; ids of scene parts as integers |
 //! | `text`, `number`, `las`, `ply`, `ray_cloud`, `pcd` | records of text, LAS, PLY and PCD |
 //! | `columns`, `column_codec`, `table` | columns: definition and values, as text |
@@ -37,11 +38,13 @@ mod column_codec;
 mod columns;
 mod context;
 mod copc;
+mod division;
 mod e57;
 mod encode;
 mod file;
 #[cfg(test)]
 mod format_tests;
+mod ground;
 mod join;
 mod las;
 mod layout;
@@ -71,7 +74,9 @@ mod writer;
 pub use archive::{expand, unzip};
 pub use columns::Column;
 pub use context::OutputContext;
+pub use division::{Division, Ring};
 pub use encode::Encoded;
+pub use ground::Ground;
 pub use join::{JOINED_POINTS, join};
 pub use memory::{TableContent, TableRequest, TableSink};
 pub use objects::ObjectIds;

@@ -42,6 +42,11 @@ impl ObjectIds {
         ObjectIds { ids, names: named.map(|(number, id)| (number, id.to_owned())).collect() }
     }
 
+    /// Number of parts.
+    pub fn count(&self) -> usize {
+        self.ids.len()
+    }
+
     /// Returns the integer of a part; 0 if the part does not exist.
     pub fn of_part(&self, part: u32) -> i32 {
         self.ids.get(part as usize).copied().unwrap_or(0)

@@ -4,6 +4,8 @@ use super::arrow::{About, schema};
 use super::codec::LegFacts;
 use super::columns::Column;
 use super::context::OutputContext;
+use super::division::{Divider, Ring};
+use super::ground::Ground;
 use super::las::LasFormat;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
 use super::memory::{TableContent, TableRequest};
@@ -22,7 +24,7 @@ use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 /// All outputs of a run: files, contents and formats. Immutable and shared by the workers.
 #[derive(Debug)]
@@ -48,6 +50,14 @@ pub struct OutputPlan {
     pub(super) counts_parts: bool,
     /// Whether PLY has the labels part, primitive and true range.
     pub(super) labels: bool,
+    /// Whether LAS and PLY have the height above the ground.
+    pub(super) heights: bool,
+    /// The ground that heights count from.
+    pub(super) ground: Option<Arc<dyn Ground>>,
+    /// The division of points among the files of folders.
+    pub(super) divider: Option<Divider>,
+    /// Where points are kept.
+    pub(super) clip: Option<Ring>,
     pub(super) live: bool,
     /// Name of the coordinate reference system: its EPSG code, if it has one.
     pub(super) crs_name: Option<String>,
@@ -70,12 +80,13 @@ impl OutputPlan {
     /// [`Error::Input`].
     pub fn new(request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
         let mut problems = Diagnostics::default();
-        let layout = OutputLayout::new(&request, context);
+        let objects = ObjectIds::new(&context.parts);
+        let divider = divider(&request, context, &objects, &mut problems);
+        let layout = OutputLayout::new(&request, context, divider.as_ref().map(|d| &d.names[..]));
         check_requests(&request, context.devices.len(), &mut problems);
         let inputs = Inputs::of(&request);
         check_files(&layout, &request, &inputs, &mut problems);
         let mut las_problems = Diagnostics::default();
-        let objects = ObjectIds::new(&context.parts);
         let wkt = request.crs_wkt.as_deref().or(context.crs.as_deref());
         if let (Some(chosen), Some(named)) = (&request.crs_wkt, &context.crs)
             && crs::differ(chosen, named)
@@ -94,7 +105,11 @@ impl OutputPlan {
         let warnings = problems.finish(false)?;
         let Aabb { min, max } = context.bounds;
         let world = Aabb { min: min + context.shift, max: max + context.shift };
-        let columns = request.columns.clone().unwrap_or_else(|| Column::default_columns(request.misses));
+        let columns = request.columns.clone().unwrap_or_else(|| {
+            let mut columns = Column::default_columns(request.misses);
+            columns.extend(request.heights.then_some(Column::HeightAboveGround));
+            columns
+        });
         let about = About { scanner: &context.scanner, crs: wkt, objects: &objects };
         let schema = schema(&columns, &about);
         Ok(OutputPlan {
@@ -111,6 +126,10 @@ impl OutputPlan {
             misses: request.misses,
             counts_parts: request.counts_parts,
             labels: request.labels,
+            heights: request.heights,
+            ground: request.ground,
+            divider,
+            clip: request.clip,
             live: request.live,
             crs_name: wkt.map(crs::short_name),
             warnings,
@@ -134,6 +153,31 @@ impl OutputPlan {
     }
 }
 
+/// Plans the division of points, which takes folders and whole points.
+fn divider(
+    request: &OutputRequest,
+    context: &OutputContext,
+    objects: &ObjectIds,
+    problems: &mut Diagnostics,
+) -> Option<Divider> {
+    let division = request.division.as_ref()?;
+    if !request.sinks.iter().any(|(target, _)| matches!(target, Target::Directory(_))) {
+        problems
+            .error(None, "points are divided among the files of a folder, and there is none")
+            .help("-o DIR, with --format");
+        return None;
+    }
+    if request.las.packets.is_some() || request.split_by_channel || request.misses {
+        problems.error(
+            None,
+            "divided points have neither waveform packets nor files per channel, and missed pulses have no place",
+        );
+        return None;
+    }
+    let made = Divider::new(division, &context.bounds, context.shift, objects);
+    made.map_err(|message| problems.error(None, message)).ok()
+}
+
 fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagnostics) {
     let streams = |target: &Target| *target == Target::Stdout;
     for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
@@ -148,6 +192,11 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
             None,
             "a run directory has its trajectories already; name a file or a directory for others",
         );
+    }
+    let wants_heights = request.heights
+        || request.columns.iter().flatten().any(|column| *column == Column::HeightAboveGround);
+    if wants_heights && request.ground.is_none() {
+        problems.error(None, "heights above the ground need the scene: merges and streams have none");
     }
     let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
     let has_columns = has_table || request.sinks.iter().any(|(_, format)| format.has_columns());

@@ -1,11 +1,13 @@
 //! PLY: a header that counts the vertices, then one record per echo, binary (little-endian) or text.
 
 use super::codec::{LegFacts, PointCodec, byte, incidence_degrees, seconds};
+use super::ground::{Ground, height_above};
 use super::number::{push_fixed, push_integer};
 use super::objects::ObjectIds;
 use super::request::PointFormat;
 use crate::geom::{DVec3, degrees};
 use crate::pulse::Echo;
+use std::sync::Arc;
 
 /// Types and names of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees. CloudCompare keeps
 /// what its names call scalar; the rest of a name is that of the column in other formats.
@@ -37,19 +39,24 @@ const DIRECTIONS: [(&str, &str); 3] = [
     ("float", "scalar_BeamDirectionZ"),
 ];
 
+const HEIGHTS: [(&str, &str); 1] = [("float", "scalar_HeightAboveGround")];
+
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PlyGroups {
     /// Part, primitive, true range: labels for machine learning.
     pub labels: bool,
     /// The beam's direction, which missed pulses have instead of a position.
     pub directions: bool,
+    /// Height above the ground.
+    pub heights: bool,
 }
 
 impl PlyGroups {
     fn properties(self) -> impl Iterator<Item = &'static (&'static str, &'static str)> {
         let labels = if self.labels { &LABELS[..] } else { &[] };
         let directions = if self.directions { &DIRECTIONS[..] } else { &[] };
-        labels.iter().chain(directions)
+        let heights = if self.heights { &HEIGHTS[..] } else { &[] };
+        labels.iter().chain(directions).chain(heights)
     }
 }
 
@@ -91,6 +98,7 @@ pub(super) struct PlyCodec<'a, const ASCII: bool> {
     pub shift: DVec3,
     pub objects: &'a ObjectIds,
     pub groups: PlyGroups,
+    pub ground: Option<&'a Arc<dyn Ground>>,
 }
 
 impl<const ASCII: bool> PointCodec for PlyCodec<'_, ASCII> {
@@ -121,6 +129,9 @@ impl<const ASCII: bool> PointCodec for PlyCodec<'_, ASCII> {
         }
         if self.groups.directions {
             echo.direction.to_array().into_iter().for_each(|d| vertex.float::<9>(d));
+        }
+        if self.groups.heights {
+            vertex.float::<3>(f64::from(height_above(self.ground, echo.position)));
         }
         vertex.end();
         Some(position)

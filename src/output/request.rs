@@ -1,9 +1,10 @@
 //! Specification of the outputs of a run.
 
-use super::{Column, TableRequest};
+use super::{Column, Division, Ground, Ring, TableRequest};
 use clap::ValueEnum;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Format of a point file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ValueEnum, Deserialize)]
@@ -188,6 +189,14 @@ pub struct OutputRequest {
     pub labels: bool,
     /// Whether LAS and LAZ contain positions without navigation errors. Column formats have them as columns.
     pub true_positions: bool,
+    /// Whether points have their height above the ground.
+    pub heights: bool,
+    /// The ground that heights count from.
+    pub ground: Option<Arc<dyn Ground>>,
+    /// How the points of folders are divided among files, instead of by leg.
+    pub division: Option<Division>,
+    /// Where points are kept; everywhere if `None`.
+    pub clip: Option<Ring>,
     /// Whether poses arrive during the run, so that Arrow streams must not wait for full batches.
     pub live: bool,
     /// Settings of LAS and LAZ.
@@ -227,6 +236,10 @@ impl Default for OutputRequest {
             misses: false,
             labels: false,
             true_positions: false,
+            heights: false,
+            ground: None,
+            division: None,
+            clip: None,
             live: false,
             las: LasSettings::default(),
             force: false,

@@ -6,6 +6,7 @@ use super::layout::{Content, OutputLocation};
 use super::memory::TableContent;
 use super::open::OpenOutput;
 use super::plan::{OutputPlan, create_run_directory, stamp};
+use super::summary::FileKind;
 use super::summary::Summary;
 use crate::error::{Error, Result};
 use crate::files::NewFolder;
@@ -36,6 +37,9 @@ pub struct Writer {
     /// Folders that were made for the outputs, inner ones first.
     folders: Vec<NewFolder>,
 }
+
+/// Files of a run up to which their handles stay open.
+const MAX_OPEN_FILES: usize = 256;
 
 impl OutputPlan {
     /// Creates run directories and opens every output. Called before the first pulse is emitted.
@@ -109,7 +113,10 @@ impl Writer {
             let file = self.files.get_mut(piece.slot as usize).and_then(Option::as_mut);
             let file =
                 file.ok_or_else(|| Error::Internal(format!("leg {} writes a closed file", encoded.leg)))?;
-            let appended = file.append(&self.plan, piece, &*self.offload);
+            let mut appended = file.append(&self.plan, piece, &*self.offload);
+            if self.plan.layout.files.len() > MAX_OPEN_FILES {
+                appended = appended.and_then(|()| file.close_handle());
+            }
             self.drop_closed_pipe(slot, appended)?;
         }
         Ok(())
@@ -258,7 +265,10 @@ impl Writer {
                 continue;
             }
             let Some(open) = self.files[slot as usize].take() else { continue };
-            if self.partial && open.is_file() && !open.has_records() {
+            // Tiles beyond the flight and objects that nothing hit have no files.
+            let is_needless =
+                self.partial || plan.divider.is_some() && file.content.kind() == FileKind::Points;
+            if is_needless && open.is_file() && !open.has_records() {
                 continue;
             }
             let done = match open.finish(&plan, &*self.offload, self.partial) {

@@ -50,6 +50,27 @@ impl Chunk {
         }
     }
 
+    /// Takes up to `pulses` pulses of one leg from a flight; `None` at its end.
+    pub fn take(
+        plan: &FlightPlan,
+        state: &mut FlightState,
+        motion: Option<&MotionState>,
+        pulses: u32,
+    ) -> Result<Option<Chunk>> {
+        loop {
+            let mut chunk = Chunk::begin(plan, state, motion);
+            let skipped = state.skip(plan, pulses, MAX_STEPS)?;
+            (chunk.steps, chunk.pulses, chunk.poses) = (skipped.steps, skipped.pulses, skipped.poses);
+            chunk.done = done(plan, state);
+            if chunk.pulses > 0 {
+                return Ok(Some(chunk));
+            }
+            if skipped.last == Step::Ended || skipped.last == Step::NeedsPoses {
+                return Ok(None);
+            }
+        }
+    }
+
     fn has_content(&self) -> bool {
         self.pulses > 0 || self.poses > 0
     }
@@ -192,7 +213,8 @@ fn feed_poses_within(
     true
 }
 
-fn wait_for_poses(
+/// Waits for poses and appends them, or ends the flight where none are to come.
+pub(super) fn wait_for_poses(
     plan: &FlightPlan,
     poses: &mut Option<PoseReader>,
     state: &mut FlightState,

@@ -12,7 +12,9 @@
 //! |---|---|
 //! | `settings`, `job` | everything that is chosen before the start; its resolution from options and files |
 //! | `session` | loading, the loop over epochs, the report |
+//! | `dry_run` | what a run will cost and give, from a measured sample |
 //! | `sample` | facts about a loaded scene, points on its surfaces |
+//! | `heights` | the ground that heights of points count from |
 //! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
 //! | `load` | scene and tree of an epoch, refused if they exceed the memory limit |
 //! | `chunk` | the producer of a flight: steps become chunks |
@@ -31,8 +33,10 @@ mod aim;
 mod chunk;
 mod collector;
 mod crs;
+mod dry_run;
 mod emit;
 mod fly;
+mod heights;
 mod job;
 mod load;
 mod merge;
@@ -51,6 +55,7 @@ mod stream;
 mod worker;
 
 pub use collector::Ended;
+pub use dry_run::{Forecast, LegForecast, Sketch};
 pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
 pub use job::{Job, material_rules, policy, schedule_of};

@@ -4,6 +4,7 @@ use super::collector::Ended;
 use super::crs;
 use super::emit::Emission;
 use super::fly::{fly, trace};
+use super::heights::with_ground;
 use super::load::{build_tree, check_raster_memory, load_scene};
 use super::pass::{Control, Pass};
 use super::plausibility::{self, PoseCheck, YieldCheck};
@@ -242,6 +243,14 @@ impl Session {
         self.settings.physics = self.settings.physics_for(outputs);
     }
 
+    /// The outputs with the ground under the scene of this epoch if they need it.
+    pub(super) fn with_ground(&self, outputs: OutputRequest) -> OutputRequest {
+        match &self.tree {
+            Some(tree) => with_ground(outputs, &self.scene, tree),
+            None => outputs,
+        }
+    }
+
     /// Frees the tree, which is built again when it is needed.
     pub(super) fn drop_tree(&mut self) {
         self.tree = None;
@@ -280,6 +289,7 @@ impl Session {
 
     fn fly(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
         self.enter_epoch(0, control.stop)?;
+        let outputs = self.with_ground(outputs);
         let flight = self.plan_flight()?;
         let Session { settings, scene, .. } = &*self;
         if let Some(note) = plausibility::describe_idle_mirror(&settings.survey) {
@@ -336,6 +346,7 @@ impl Session {
     ) -> Result<Report> {
         let mut source = PulseSource::new(pulses);
         self.enter_epoch(0, control.stop)?;
+        let outputs = self.with_ground(outputs);
         let context = OutputContext::new(self.survey(), self.scene());
         let (output, epochs) = self.plan_outputs(outputs, &context, false)?;
         let options = epochs.options;
@@ -391,7 +402,7 @@ impl Session {
     }
 
     /// The files of survey and scene.
-    pub(super) fn inputs(&self) -> impl Iterator<Item = PathBuf> {
+    pub fn inputs(&self) -> impl Iterator<Item = PathBuf> {
         let Survey { path, scene, platform, .. } = &self.settings.survey;
         let poses: Vec<&PathBuf> = match &platform.kind {
             PlatformKind::Interpolated(recorded) => recorded.files.iter().map(|file| &file.path).collect(),

@@ -7,7 +7,7 @@ use super::pass::Pass;
 use crate::error::Result;
 use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
 use crate::output::Encoded;
-use crate::pulse::{Batch, PulseSimulator};
+use crate::pulse::{Batch, Echo, PulseSimulator};
 use crate::schedule::Outcome;
 
 /// Result of consecutive pulses of a leg.
@@ -134,6 +134,21 @@ impl<'a> FlightWorker<'a> {
         self.worker.batch.clear(leg);
         self.replay(chunk)?;
         Ok(vec![self.worker.measure(leg, leg, done)])
+    }
+
+    /// Measures a chunk whatever the order of the legs, for outputs that are one file for all legs.
+    pub fn measure_in_any_order(&mut self, chunk: Chunk) -> Result<Pieces> {
+        let (leg, done) = (chunk.leg, chunk.done);
+        self.worker.pulses.clear();
+        self.worker.batch.clear(0);
+        self.worker.batch.leg_number = Some(leg);
+        self.replay(chunk)?;
+        Ok(vec![self.worker.measure(leg, leg, done)])
+    }
+
+    /// Pulses and echoes of the last chunk.
+    pub fn measured(&self) -> (&[Pulse], &[Echo]) {
+        (&self.worker.pulses, &self.worker.batch.echoes)
     }
 
     /// Replays the chunk's steps, with the motions of the scene between them.

@@ -12,6 +12,9 @@ use std::f64::consts::PI;
 /// Most flight lines of a plan.
 const MAX_LINES: f64 = 10_000.0;
 
+/// Departure from the density that is asked for from which it is told.
+const MAX_DENSITY_ERROR: f64 = 0.03;
+
 /// What an airborne survey shall be. Of speed, overlap and density at least one is given besides those with defaults;
 /// density with overlap yields the speed, density with speed the distance of the lines.
 #[derive(Clone, Debug)]
@@ -176,10 +179,15 @@ fn choose(
         (Some(density), Some(speed), None) => {
             let mut spacing = swath.fired_rate / (density * speed);
             // Edges and the number of lines change the density over the area a little.
+            // Where it jumps there may be no such spacing: the nearest one counts.
+            let mut best = (f64::INFINITY, spacing);
             for _ in 0..12 {
                 let found = slow_density(spacing)? / speed;
+                let off = (found / density - 1.0).abs();
+                best = if off < best.0 { (off, spacing) } else { best };
                 spacing *= (found / density).clamp(0.5, 2.0);
             }
+            let spacing = best.1;
             if spacing > width * 1.001 {
                 return Err(format!(
                     "at {speed} m/s one strip has {:.2} pulses/m² already, more than {density}; fly higher or faster, or \
@@ -368,6 +376,16 @@ impl Facts<'_> {
         }
         lines.push(format!("footprint  {footprint:.3} m below the platform; range at the edge {range:.0} m"));
         let mut warn = |text: String| document.warnings.push(text);
+        if let Some(asked) = options.density
+            && (self.choice.density / asked - 1.0).abs() > MAX_DENSITY_ERROR
+        {
+            warn(format!(
+                "the density over the area is {:.3} pulses/m² and not {asked}: the number of lines jumps there; at {:.3} m/s it \
+                 would be {asked}",
+                self.choice.density,
+                speed * self.choice.density / asked
+            ));
+        }
         if range > self.instrument.range_max {
             warn(format!(
                 "the edge of the swath is {range:.0} m away, farther than the instrument's {:.0} m",
@@ -459,6 +477,19 @@ mod tests {
         let both = AirborneOptions { density: Some(12.0), speed: Some(60.0), ..options() };
         let choice = chosen(&both).unwrap();
         assert!((choice.density / 12.0 - 1.0).abs() < 0.03, "{}", choice.density);
+        // Of small areas the number of lines decides: what is missed is told, with the speed that would not miss it.
+        let tiny = Area::rectangle([0.0, 0.0], [900.0, 600.0]).unwrap();
+        let mut told = 0;
+        for density in [3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0] {
+            let options = AirborneOptions { density: Some(density), ..both.clone() };
+            let Ok(plan) = plan_airborne(&tiny, &instrument(), &options, &FLAT) else { continue };
+            let found = plan.comments.iter().find(|line| line.starts_with("density")).unwrap();
+            let found: f64 = found.split_whitespace().nth(1).unwrap().parse().unwrap();
+            let is_told = plan.warnings.iter().any(|text| text.contains("lines jumps"));
+            assert_eq!(is_told, (found / density - 1.0).abs() > MAX_DENSITY_ERROR, "{density}: {found}");
+            told += usize::from(is_told);
+        }
+        assert!(told > 0);
         let sparse = AirborneOptions { density: Some(0.1), ..both };
         assert!(chosen(&sparse).err().unwrap().contains("already"));
         assert!(

@@ -7,7 +7,7 @@ use super::linear::LinearPath;
 use super::multicopter::MulticopterState;
 use super::plan::{Motion, PlatformPlan};
 use super::stream::{Readiness, StreamState};
-use crate::geom::{DVec3, Rotation};
+use crate::geom::{DVec3, Rotation, unit};
 use serde::{Deserialize, Serialize};
 
 /// State of a platform; small and cheap to clone.
@@ -128,6 +128,28 @@ impl PlatformState {
         None
     }
 
+    /// Moves on by `steps` steps of leg `leg` at once, after which the step clock is at `clock` seconds: straight towards
+    /// the waypoint at the leg's speed, up to a step before it. Near what single steps give.
+    pub fn jump(&mut self, plan: &PlatformPlan, leg: usize, steps: f64, clock: f64) {
+        if let (PlatformState::Interpolated(s), Motion::Interpolated(table)) = (&mut *self, &plan.motion) {
+            s.step(table, clock);
+        }
+        let Some(course) = self.course_mut() else { return };
+        let (way, step) = (course.to_target(), plan.legs[leg].step_length);
+        let far = (steps * step).min(way.length() - 2.0 * step);
+        if far > 0.0 {
+            course.position += unit(way) * far;
+            course.velocity = unit(way) * step;
+        }
+    }
+
+    /// Puts a platform with waypoints to the start of leg `leg`, for a leg that is about to begin.
+    pub fn jump_to_leg(&mut self, plan: &PlatformPlan, leg: usize) {
+        if let Some(course) = self.course_mut() {
+            course.position = plan.legs[leg].position;
+        }
+    }
+
     /// Checks whether the end of the leg is reached (spec kinematics §1.5). Each check counts down a multicopter's
     /// smooth turn.
     #[inline]
@@ -219,6 +241,15 @@ impl PlatformState {
                 s.attitude = start.attitude;
             }
             (s, start) => *s = start.clone(),
+        }
+    }
+
+    fn course_mut(&mut self) -> Option<&mut Course> {
+        match self {
+            PlatformState::Linear(s) => Some(&mut s.course),
+            PlatformState::GroundVehicle(s) => Some(&mut s.course),
+            PlatformState::Multicopter(s) => Some(&mut s.course),
+            _ => None,
         }
     }
 

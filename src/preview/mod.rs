@@ -28,9 +28,7 @@ mod wave;
 pub use chart::Chart;
 pub use page::{PageOptions, write_page};
 pub use picture::Picture;
-pub use points::Points;
-#[cfg(test)]
-pub use points::{Attributes, Point};
+pub use points::{Attributes, Point, Points};
 pub use read::read_points;
 pub use read_packets::read_packet;
 pub use read_table::points_of_table;

@@ -77,6 +77,13 @@ impl HeadState {
         }
     }
 
+    /// Turns by `steps` steps at once, which rounds otherwise than single steps.
+    pub fn jump(&mut self, steps: f64) {
+        if self.rate != 0.0 {
+            self.angle += self.step * steps;
+        }
+    }
+
     #[inline]
     pub fn is_completed(&self) -> bool {
         if self.rate < 0.0 { self.angle <= self.stop } else { self.angle >= self.stop }

@@ -5,6 +5,7 @@ mod common;
 
 mod bench;
 mod campaign;
+mod campaigns;
 mod catalogue;
 mod citations;
 mod closed_form;
@@ -14,6 +15,7 @@ mod crs;
 mod damage;
 mod dependencies;
 mod determinism;
+mod dry_run;
 mod endurance;
 mod examples;
 mod faults;

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `simulate` | `run` and its stages: `trajectory`, `pulses`, `trace` |
 //! | `plan` | `plan airborne`, `plan terrestrial`, `plan mobile` |
-//! | `compare` | `compare` |
+//! | `campaign`, `compare` | `campaign`, `compare` |
 //! | `scenes` | `scene make`, `scene stand`, `scene info`, `scene pack` |
 //! | `tools` | everything else |
 
@@ -13,12 +13,14 @@
     reason = "comments are shown as help, where units stand in brackets"
 )]
 
+mod campaign;
 mod compare;
 mod plan;
 mod scenes;
 mod simulate;
 mod tools;
 
+pub use campaign::CampaignArgs;
 pub use compare::CompareArgs;
 pub use plan::{AirborneArgs, CommonPlanArgs, MobileArgs, PlanArgs, PlanCommand, TerrestrialArgs};
 pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, SceneKind, StandArgs};
@@ -103,6 +105,12 @@ pub enum Command {
     /// HELIOS++'s layout, waveforms and pulses if the parts hold them, trajectories. Neither survey nor scene are needed. Parts
     /// of another version, survey, scene, seed or options are refused, and missing ones are named as an array job takes them.
     Merge(Box<MergeArgs>),
+    /// Make a data set: a run for every scene, variant and seed of a matrix.
+    ///
+    /// Any number of processes can be started on the same file, on one machine or many that share the folder; each takes
+    /// cells that no other has taken. What is complete stays: the same command goes on where it was ended. A cell that fails
+    /// is kept with its message and stops no other. The data set has the same bytes wherever its cells were computed.
+    Campaign(CampaignArgs),
     /// Compare trees, schedules, chunk sizes and numbers of threads on a survey.
     Bench(Box<BenchArgs>),
     /// Fly a survey or pipeline and write the platform's poses to stdout.

@@ -55,6 +55,25 @@ pub struct RunArgs {
     /// Parts.
     #[command(flatten)]
     pub parts: PartArgs,
+    /// Dry run.
+    #[command(flatten)]
+    pub dry: DryRunArgs,
+}
+
+/// A forecast instead of a run.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Dry run")]
+pub struct DryRunArgs {
+    /// Write no points; tell what the run would cost and give: legs, duration, pulses, points, density, footprint, spacing,
+    /// sizes of the outputs, memory and time on this machine, and what it would miss.
+    ///
+    /// Legs and pulses are counted or, of long flights, computed. The rest comes from a sample that is measured and written to
+    /// a temporary folder, with twice its standard error as uncertainty.
+    #[arg(long, alias = "dryrun", conflicts_with_all = ["part", "resume"])]
+    pub dry_run: bool,
+    /// The forecast as JSON.
+    #[arg(long, requires = "dry_run")]
+    pub json: bool,
 }
 
 /// Parts of a run.

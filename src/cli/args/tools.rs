@@ -209,7 +209,7 @@ pub enum Colour {
 /// `vlscan preview`.
 #[derive(Debug, Args)]
 pub struct PreviewArgs {
-    /// The points: .xyz, .csv, .las, .laz, .ply, .arrow, .parquet, or - for text or an Arrow stream on stdin; with --pulse
+    /// A survey (.xml) or pipeline (.toml), whose scene, flight lines and swaths are drawn; or points: .xyz, .csv, .las, .laz, .ply, .arrow, .parquet, or - for text or an Arrow stream on stdin; with --pulse
     /// waveforms (*_fullwave.txt, also .gz or .bin) or LAS and LAZ with waveform packets.
     pub points: PathBuf,
     /// A picture (.png), or a page to turn the points around in a browser (.html); - for stdout, which gets the picture.
@@ -219,9 +219,9 @@ pub struct PreviewArgs {
     /// point files.
     #[arg(long, value_name = "N")]
     pub pulse: Option<u64>,
-    /// What colours the points.
-    #[arg(long, value_enum, default_value = "height")]
-    pub colour: Colour,
+    /// What colours the points. [default: height; of a survey the leg that covers them, where 0 is none and N + 1 leg N]
+    #[arg(long, value_enum)]
+    pub colour: Option<Colour>,
     /// Width of the picture in pixels.
     #[arg(long, value_name = "PIXELS", default_value_t = 1600)]
     pub width: u32,
@@ -231,6 +231,9 @@ pub struct PreviewArgs {
     /// Points that a page shows at most; of more, an even sample is taken. 500k is understood.
     #[arg(long, value_name = "N", default_value = "5M")]
     pub most_points: Count<1>,
+    /// Of a survey: folder to look for files in; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub assets: Vec<PathBuf>,
     /// Overwrite a file that exists, and write a picture to a terminal.
     #[arg(long)]
     pub force: bool,

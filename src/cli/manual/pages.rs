@@ -64,6 +64,12 @@ vlscan run forest/survey.xml --output out --waveforms
 vlscan run forest/survey.xml -o - --format xyz -q |
   awk '!($9 in z) || $3 > z[$9] { z[$9] = $3 } END { for (o in z) print o, z[o] }' | sort
 
+# legs, points, sizes, memory and time, before it runs
+vlscan run forest/survey.xml -o forest.laz --dry-run --force
+
+# tiles of 10 m with heights above the ground
+vlscan run forest/survey.xml -o tiles --format laz --tile 10 --height-above-ground
+
 # the reference's known weaknesses switched off, another seed
 vlscan run forest/survey.xml -o refined.laz --physics refined --seed 7",
         files: &[
@@ -241,6 +247,34 @@ vlscan scene info forest.vlscene --verify",
         files: &[],
     },
     Page {
+        path: "vlscan campaign",
+        examples: "\
+vlscan scene make forest -n 20k -o forest
+
+# the forest from two heights, with three seeds each
+cat > campaign.toml << 'END'
+out = \"dataset\"
+seeds = 3
+[[scene]]
+name = \"forest\"
+file = \"forest/scene.xml#forest\"
+area = \"POLYGON ((-10 -10, 10 -10, 10 10, -10 10))\"
+[[variant]]
+name = \"low\"
+plan = \"airborne --scanner riegl_vux-1uav --height 50 --density 20\"
+[[variant]]
+name = \"high\"
+plan = \"airborne --scanner riegl_vux-1uav --height 90 --density 20\"
+END
+vlscan campaign campaign.toml",
+        files: &[
+            ("OUT/manifest.jsonl", "A line per cell: inputs, options, counts, density, bounds, files, or why it failed."),
+            ("OUT/cells/NAME/", "The points of a cell, objects.csv, record.json; complete or absent."),
+            ("OUT/times.jsonl", "Seconds of each cell; not part of the data set."),
+            ("OUT/.campaign/", "Locks, unfinished files, failures."),
+        ],
+    },
+    Page {
         path: "vlscan bench",
         examples:
             "\
@@ -337,6 +371,9 @@ vlscan run forest/survey.xml -o forest.laz
 # a picture from above and from the side
 vlscan preview forest.laz -o forest.png
 vlscan preview forest.laz -o classes.png --colour class
+
+# a survey before it is flown: flight lines, and what they cover of the scene
+vlscan preview forest/survey.xml -o flight.png
 
 # one file to turn around in a browser, also without a network; a smaller one to mail
 vlscan preview forest.laz -o forest.html

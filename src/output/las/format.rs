@@ -58,6 +58,7 @@ impl LasFormat {
             labels: request.labels,
             directions: request.misses,
             true_positions: request.true_positions,
+            heights: request.heights,
         };
         let mut vlrs = Vec::new();
         if settings.extra != ExtraDimensions::None {

@@ -3,9 +3,11 @@
 use super::format::LasFormat;
 use crate::geom::{DVec3, degrees};
 use crate::output::codec::{LegFacts, PointCodec, incidence_degrees, seconds};
+use crate::output::ground::{Ground, height_above};
 use crate::output::objects::ObjectIds;
 use crate::output::request::{ExtraDimensions, IntensityMapping, LasVersion};
 use crate::pulse::{Echo, EchoTruth};
+use std::sync::Arc;
 
 /// Encoder of echoes as point data records, without the fields of waveform packets.
 pub(in crate::output) struct LasCodec<'a> {
@@ -13,6 +15,7 @@ pub(in crate::output) struct LasCodec<'a> {
     pub objects: &'a ObjectIds,
     /// True causes of the echoes of the batch.
     pub truths: &'a [EchoTruth],
+    pub ground: Option<&'a Arc<dyn Ground>>,
 }
 
 /// `1000·log10(a) = DECIBEL·ln(a)`.
@@ -22,7 +25,7 @@ const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
 const WITHHELD_6: u8 = 1 << 2;
 const WITHHELD_1: u8 = 1 << 7;
 
-const MAX_RECORD_BYTES: usize = 112;
+const MAX_RECORD_BYTES: usize = 116;
 
 /// Equivalent of `f64::round_ties_even` for magnitudes below 2^51, without the function call on processors that lack
 /// the instruction. Larger numbers keep about their magnitude.
@@ -134,6 +137,10 @@ impl LasCodec<'_> {
             // TrueX, TrueY, TrueZ; offset and shift of the format add up to the scene's shift.
             let position = echo.true_position(self.truths) + self.format.offset + self.format.shift;
             position.to_array().into_iter().for_each(|c| record.put(c.to_le_bytes()));
+        }
+        if groups.heights {
+            // HeightAboveGround
+            record.put(height_above(self.ground, echo.position).to_le_bytes());
         }
     }
 }

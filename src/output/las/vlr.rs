@@ -40,6 +40,8 @@ const TRUE_POSITIONS: [(u8, u16, &str, &str); 3] = [
     (F64, 8, "TrueZ", "position without navigation errors"),
 ];
 
+const HEIGHTS: [(u8, u16, &str, &str); 1] = [(F32, 4, "HeightAboveGround", "height above the ground, m")];
+
 /// Optional groups of extra dimensions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Groups {
@@ -49,6 +51,8 @@ pub struct Groups {
     pub directions: bool,
     /// Position computed with the true pose, without navigation errors.
     pub true_positions: bool,
+    /// Height above the ground.
+    pub heights: bool,
 }
 
 fn dimensions(
@@ -64,7 +68,8 @@ fn dimensions(
     let of = |wanted: bool, group: &'static [_]| if all && wanted { group } else { &[] };
     let labels = of(groups.labels, &LABELS);
     let directions = of(groups.directions, &DIRECTIONS);
-    base.iter().chain(labels).chain(directions).chain(of(groups.true_positions, &TRUE_POSITIONS))
+    let positions = of(groups.true_positions, &TRUE_POSITIONS);
+    base.iter().chain(labels).chain(directions).chain(positions).chain(of(groups.heights, &HEIGHTS))
 }
 
 /// Total extra bytes of a point.

@@ -1,0 +1,160 @@
+//! The matrix of a campaign: scenes × variants × seeds.
+
+use super::file::{File, GroupBy, SceneEntry, Split, VariantEntry};
+use super::plots;
+use crate::error::{Error, Result};
+use crate::plan::{Area, read_area};
+use crate::rng::{Purpose, Stream};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// Maximum number of cells.
+const MAX_CELLS: usize = 1_000_000;
+
+/// One run of the campaign.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// Its folder in the data set: SCENE-VARIANT-SEED.
+    pub name: String,
+    pub scene: Arc<SceneEntry>,
+    /// Name of the scene, or of the plot.
+    pub scene_name: String,
+    /// What is scanned and kept.
+    pub area: Option<Arc<Area>>,
+    pub variant: Arc<VariantEntry>,
+    pub seed: u64,
+    /// The group that it belongs to, and what that group is for: train, validation or test; empty without a split.
+    pub group: String,
+    pub split: &'static str,
+}
+
+/// All cells, scene by scene.
+#[derive(Clone, Debug)]
+pub struct Cells(pub Vec<Cell>);
+
+impl Cells {
+    /// The cells of a campaign; areas are read.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for areas that cannot be read, plots that do not fit and names that are there twice.
+    pub fn of(file: &File) -> Result<Cells> {
+        let mut scenes = Vec::new();
+        for scene in &file.scenes {
+            let scene = Arc::new(scene.clone());
+            let area = scene.area.as_deref().map(read_area).transpose()?;
+            match (scene.plots, area) {
+                (Some(count), Some(area)) => {
+                    let plots = plots::draw(&area, count as usize, scene.plot_m, 0)
+                        .map_err(|message| Error::input(format!("scene {}: {message}", scene.name)))?;
+                    let digits = count.to_string().len();
+                    for (number, plot) in (1..).zip(plots) {
+                        let name = format!("{}_{number:0digits$}", scene.name);
+                        scenes.push((scene.clone(), name, Some(Arc::new(plot))));
+                    }
+                }
+                (_, area) => scenes.push((scene.clone(), scene.name.clone(), area.map(Arc::new))),
+            }
+        }
+        let seeds = file.seeds.all();
+        let count = scenes.len().saturating_mul(file.variants.len()).saturating_mul(seeds.len());
+        if count > MAX_CELLS {
+            return Err(Error::input(format!("{count} cells, expected at most {MAX_CELLS}")));
+        }
+        let variants: Vec<Arc<VariantEntry>> = file.variants.iter().cloned().map(Arc::new).collect();
+        let mut cells = Vec::with_capacity(count);
+        for (scene, scene_name, area) in &scenes {
+            for &seed in &seeds {
+                for variant in &variants {
+                    let name = format!("{}-{}-{seed}", file_name(scene_name), file_name(&variant.name));
+                    let by = file.split.as_ref().map_or(GroupBy::Scene, |split| split.by);
+                    let group = match by {
+                        GroupBy::Scene => scene_name.clone(),
+                        GroupBy::Variant => variant.name.clone(),
+                        GroupBy::Seed => seed.to_string(),
+                        GroupBy::Cell => name.clone(),
+                    };
+                    cells.push(Cell {
+                        name,
+                        scene: scene.clone(),
+                        scene_name: scene_name.clone(),
+                        area: area.clone(),
+                        variant: variant.clone(),
+                        seed,
+                        group,
+                        split: "",
+                    });
+                }
+            }
+        }
+        let mut names = BTreeSet::new();
+        if let Some(cell) = cells.iter().find(|cell| !names.insert(cell.name.as_str())) {
+            return Err(Error::input(format!("two cells are called {}: names must differ", cell.name)));
+        }
+        if let Some(split) = &file.split {
+            assign(&mut cells, split);
+        }
+        Ok(Cells(cells))
+    }
+}
+
+/// A name without characters that separate folders or words.
+fn file_name(name: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.' | '+');
+    let clean: String = name.chars().map(|c| if is_plain(c) { c } else { '_' }).collect();
+    if clean.chars().all(|c| c == '.') { format!("_{clean}") } else { clean }
+}
+
+/// Assigns groups to training, validation and test: in an order drawn by the seed, each gets its share of the groups.
+fn assign(cells: &mut [Cell], split: &Split) {
+    let groups: BTreeSet<&str> = cells.iter().map(|cell| cell.group.as_str()).collect();
+    let stream = Stream::new(split.seed, Purpose::SceneMaking);
+    let mut order: Vec<(f64, String)> =
+        (0..).zip(&groups).map(|(i, group)| (stream.uniform(i, 1, 0), (*group).to_owned())).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let count = order.len() as f64;
+    let sum = split.train + split.validation + split.test;
+    let bounds =
+        [split.train, split.train + split.validation].map(|share| (share / sum * count).round() as usize);
+    let kind = |i: usize| match i {
+        i if i < bounds[0] => "train",
+        i if i < bounds[1] => "validation",
+        _ => "test",
+    };
+    let kinds: std::collections::BTreeMap<String, &'static str> =
+        order.into_iter().enumerate().map(|(i, (_, group))| (group, kind(i))).collect();
+    for cell in cells {
+        cell.split = kinds.get(&cell.group).copied().unwrap_or_default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cells(text: &str) -> Vec<Cell> {
+        Cells::of(&toml::from_str(text).unwrap()).unwrap().0
+    }
+
+    #[test]
+    fn every_scene_variant_and_seed_is_a_cell_and_groups_stay_together() {
+        let text = "out = \"o\"\nseeds = 3\nsplit = { train = 6, validation = 2, test = 2 }\n\
+            [[scene]]\nname = \"s/t\"\nstand = \"x\"\narea = \"POLYGON ((0 0, 200 0, 200 200, 0 200))\"\nplots = 10\n\
+            [[variant]]\nname = \"a\"\nplan = \"p\"\n[[variant]]\nname = \"b\"\nplan = \"p\"\n";
+        let all = cells(text);
+        assert_eq!((all.len(), all[0].name.as_str()), (60, "s_t_01-a-1"));
+        let of = |kind: &str| all.iter().filter(|cell| cell.split == kind).count();
+        assert_eq!((of("train"), of("validation"), of("test")), (36, 12, 12));
+        for cell in &all {
+            assert!(
+                all.iter().filter(|other| other.group == cell.group).all(|other| other.split == cell.split)
+            );
+        }
+    }
+
+    #[test]
+    fn equal_names_are_refused() {
+        let text = "out = \"o\"\n[[scene]]\nname = \"a b\"\nfile = \"x\"\n[[scene]]\nname = \"a_b\"\nfile = \"x\"\n\
+            [[variant]]\nname = \"v\"\nplan = \"p\"\n";
+        assert!(Cells::of(&toml::from_str(text).unwrap()).is_err());
+    }
+}

@@ -1,0 +1,273 @@
+//! The file of a campaign.
+
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Maximum size of the file, bytes.
+const MAX_BYTES: u64 = 16 << 20;
+const MAX_SEEDS: usize = 1_000_000;
+
+/// A campaign as written. Paths are relative to the file's folder; options are those of the commands that they are for, as
+/// typed.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct File {
+    /// The folder of the data set.
+    pub out: PathBuf,
+    /// Seeds: a list, or how many, from 1.
+    #[serde(default = "Seeds::one")]
+    pub seeds: Seeds,
+    /// Format of the points.
+    #[serde(default = "laz")]
+    pub format: String,
+    /// Options of vlscan run for all variants.
+    #[serde(default)]
+    pub run: String,
+    /// Training, validation and test.
+    #[serde(default)]
+    pub split: Option<Split>,
+    #[serde(default, rename = "scene")]
+    pub scenes: Vec<SceneEntry>,
+    #[serde(default, rename = "variant")]
+    pub variants: Vec<VariantEntry>,
+}
+
+/// Seeds as written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "expected a number of seeds or a list of seeds")]
+pub enum Seeds {
+    Count(u32),
+    List(Vec<u64>),
+}
+
+impl Seeds {
+    fn one() -> Seeds {
+        Seeds::Count(1)
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Seeds::Count(count) => *count as usize,
+            Seeds::List(seeds) => seeds.len(),
+        }
+    }
+
+    pub fn all(&self) -> Vec<u64> {
+        match self {
+            Seeds::Count(count) => (1..=u64::from(*count)).collect(),
+            Seeds::List(seeds) => seeds.clone(),
+        }
+    }
+}
+
+fn laz() -> String {
+    "laz".to_owned()
+}
+
+/// What the groups of a split are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum GroupBy {
+    /// The scene; a plot is a scene.
+    #[default]
+    Scene,
+    Variant,
+    Seed,
+    /// Every cell is a group of its own.
+    Cell,
+}
+
+/// Shares of groups for training, validation and test; they are taken in proportion to their sum.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Split {
+    #[serde(default)]
+    pub by: GroupBy,
+    #[serde(default)]
+    pub train: f64,
+    #[serde(default)]
+    pub validation: f64,
+    #[serde(default)]
+    pub test: f64,
+    /// Another seed, another split.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+/// A scene, or plots of a stand, each of which is a scene.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneEntry {
+    pub name: String,
+    /// A scene (file.xml#id) or a file of geometry.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Words of vlscan scene make.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub make: Option<String>,
+    /// Words of vlscan scene stand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand: Option<String>,
+    /// The polygon that is scanned and within which points are kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub area: Option<String>,
+    /// Number of square plots within the area, each of which is a scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plots: Option<u32>,
+    /// Edge length of a plot, m.
+    #[serde(default = "plot_size")]
+    pub plot_m: f64,
+    /// Trees up to this distance from the area stand, too, m.
+    #[serde(default = "margin")]
+    pub margin_m: f64,
+}
+
+fn plot_size() -> f64 {
+    30.0
+}
+
+fn margin() -> f64 {
+    10.0
+}
+
+/// How scenes are scanned.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct VariantEntry {
+    pub name: String,
+    /// Words of vlscan plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plan: Option<String>,
+    /// A survey (.xml) or pipeline (.toml), whose scene is replaced.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub survey: Option<PathBuf>,
+    /// Options of vlscan run.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub run: String,
+}
+
+impl File {
+    /// Reads a campaign.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the line of what is wrong, [`Error::Io`].
+    pub fn read(path: &Path) -> Result<File> {
+        let size = std::fs::metadata(path).map_err(|e| Error::open(path, e))?.len();
+        if size > MAX_BYTES {
+            return Err(Error::input(format!(
+                "{}: {size} bytes, expected at most {MAX_BYTES}",
+                path.display()
+            )));
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io("read", path, e))?;
+        File::parse(&text).map_err(|message| Error::input(format!("{}: {message}", path.display())))
+    }
+
+    fn parse(text: &str) -> Result<File, String> {
+        let file: File = toml::from_str(text).map_err(|e| e.to_string())?;
+        file.check()?;
+        Ok(file)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        for (what, count) in [
+            ("[[scene]]", self.scenes.len()),
+            ("[[variant]]", self.variants.len()),
+            ("seed", self.seeds.len()),
+        ] {
+            if count == 0 {
+                return Err(format!("a campaign needs a {what} at least"));
+            }
+        }
+        if self.seeds.len() > MAX_SEEDS {
+            return Err(format!("more than {MAX_SEEDS} seeds are more cells than a campaign can have"));
+        }
+        for scene in &self.scenes {
+            let name = &scene.name;
+            let sources = [scene.file.is_some(), scene.make.is_some(), scene.stand.is_some()];
+            if sources.iter().filter(|given| **given).count() != 1 {
+                return Err(format!("scene {name}: expected one of `file`, `make` and `stand`"));
+            }
+            if scene.plots.is_some() && (scene.area.is_none() || scene.stand.is_none()) {
+                return Err(format!("scene {name}: `plots` lie within the `area` of a `stand`"));
+            }
+            if !(scene.plot_m > 0.0 && scene.plot_m <= 1e5 && (0.0..=1e4).contains(&scene.margin_m)) {
+                return Err(format!("scene {name}: plot_m and margin_m are metres, plot_m above 0"));
+            }
+            if scene.plots.is_some_and(|count| count == 0 || count > 100_000) {
+                return Err(format!("scene {name}: expected 1 to 100000 plots"));
+            }
+        }
+        for variant in &self.variants {
+            if variant.plan.is_some() == variant.survey.is_some() {
+                return Err(format!("variant {}: expected either `plan` or `survey`", variant.name));
+            }
+        }
+        if let Some(split) = &self.split {
+            let shares = [split.train, split.validation, split.test];
+            let sum: f64 = shares.iter().sum();
+            if !(sum > 0.0 && sum.is_finite() && shares.iter().all(|share| *share >= 0.0)) {
+                return Err(
+                    "split: train, validation and test are shares of at least 0, not all 0".to_owned()
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The words of a command line; single and double quotes keep blanks.
+///
+/// # Errors
+/// A sentence about a quote that does not end.
+pub fn words(line: &str) -> Result<Vec<String>, String> {
+    let mut all = Vec::new();
+    let mut word: Option<String> = None;
+    let mut quote = None;
+    for c in line.chars() {
+        match (quote, c) {
+            (Some(end), c) if c == end => quote = None,
+            (None, '\'' | '"') => {
+                quote = Some(c);
+                word.get_or_insert_default();
+            }
+            (None, c) if c.is_whitespace() => all.extend(word.take()),
+            (_, c) => word.get_or_insert_default().push(c),
+        }
+    }
+    if quote.is_some() {
+        return Err(format!("a quote does not end in: {line}"));
+    }
+    all.extend(word);
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_those_of_a_shell() {
+        assert_eq!(words("a  'b c' d\"e f\"g ''").unwrap(), ["a", "b c", "de fg", ""]);
+        assert!(words("a 'b").unwrap_err().contains("quote"));
+        assert!(words(" ").unwrap().is_empty());
+    }
+
+    #[test]
+    fn mistakes_are_told() {
+        let wrong = |text: &str| File::parse(text).unwrap_err();
+        assert!(wrong("out = \"a\"\nseedz = 3").contains("seedz"));
+        assert!(wrong("out = \"a\"").contains("[[scene]]"));
+        let scene = "out = \"a\"\n[[scene]]\nname = \"s\"\n";
+        let variant = "[[variant]]\nname = \"v\"\n";
+        assert!(wrong(&format!("{scene}{variant}plan = \"p\"")).contains("expected one of `file`"));
+        let scene = format!("{scene}file = \"s.obj\"\n");
+        assert!(wrong(&format!("{scene}{variant}")).contains("either `plan` or `survey`"));
+        assert!(wrong(&format!("{scene}plots = 3\n{variant}plan = \"p\"")).contains("`plots` lie within"));
+        let split = "split = { train = -1 }\n";
+        assert!(wrong(&format!("{split}{scene}{variant}plan = \"p\"")).contains("shares"));
+        let file = File::parse(&format!("seeds = [7, 9]\n{scene}{variant}plan = \"p\"")).unwrap();
+        assert_eq!((file.seeds.all(), file.format.as_str()), (vec![7, 9], "laz"));
+    }
+}

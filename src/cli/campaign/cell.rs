@@ -1,0 +1,293 @@
+//! Computes a cell: its scene, its survey, its points and the table of its objects.
+
+use super::super::args::{Cli, Command, PlanArgs, PlanCommand, RunArgs, SceneArgs, SceneCommand};
+use super::super::{Console, interrupt, plan, scene, stand};
+use super::labels::{Labels, objects};
+use crate::campaign::{Cell, File, FileRecord, Inputs, Record, SceneEntry, checksum, words};
+use crate::error::{Error, Result};
+use crate::files::{FileWriter, Patched};
+use crate::geom::Aabb;
+use crate::options::Seed;
+use crate::output::{FileKind, PointFormat};
+use crate::pipeline::{Control, Job, LoadedScene, PartTable, Progress, Report, Session};
+use clap::{Parser, ValueEnum};
+use std::path::{Path, PathBuf};
+
+/// What the cells of a campaign have in common.
+pub struct Laboratory<'c> {
+    file: &'c File,
+    format: PointFormat,
+    threads: Option<usize>,
+    console: &'c Console,
+    folder: PathBuf,
+    /// The last scene from a file, which the next cell may scan, too.
+    loaded: Option<(String, LoadedScene)>,
+}
+
+/// A scene that is ready to be scanned.
+struct Site {
+    /// As `--scene` takes it.
+    name: String,
+    /// Whether other cells scan the same.
+    is_shared: bool,
+    labels: Labels,
+}
+
+impl<'c> Laboratory<'c> {
+    /// # Errors
+    /// An unknown format.
+    pub fn new(file: &'c File, threads: Option<usize>, console: &'c Console) -> Result<Laboratory<'c>> {
+        let format = PointFormat::from_str(&file.format, true).map_err(|_| {
+            Error::input(format!("no format is called {}; choose {}", file.format, PointFormat::names()))
+        })?;
+        let folder = std::env::current_dir().map_err(|e| Error::open(Path::new("."), e))?;
+        Ok(Laboratory { file, format, threads, console, folder, loaded: None })
+    }
+
+    /// Threads of this process.
+    pub fn threads(&self) -> usize {
+        let all = || std::thread::available_parallelism().map_or(1, usize::from);
+        self.threads.filter(|threads| *threads > 0).unwrap_or_else(all)
+    }
+
+    /// Computes a cell into the folder `out` within `work` and completes its record.
+    ///
+    /// # Errors
+    /// Those of the commands that the campaign names.
+    pub fn compute(
+        &mut self,
+        cell: &Cell,
+        record: &mut Record,
+        work: &Path,
+        inputs: &mut Inputs,
+    ) -> Result<()> {
+        let site = self.site(cell, work)?;
+        let survey = self.survey(cell, &site, work)?;
+        let run = self.run_args(cell, &site, survey, work)?;
+        let out = work.join("out");
+        let (session, report, table) = self.measure(cell, &site, &run)?;
+        for path in session.inputs() {
+            self.note_input(&path, work, record, inputs);
+        }
+        let csv = objects(&table.csv(&report.summary.points_of_part), &site.labels, cell)?;
+        let mut file = FileWriter::create(&out.join("objects.csv"), true, Patched::Never)?;
+        file.append(csv.text.as_bytes())?;
+        file.finish()?;
+        drop(session);
+        describe(cell, &report, record);
+        record.files = files(cell, &report, csv.rows, &out)?;
+        Ok(())
+    }
+
+    /// Makes the scene of a cell, unless it is a file.
+    fn site(&self, cell: &Cell, work: &Path) -> Result<Site> {
+        let SceneEntry { name, file, make, stand: placed, margin_m, .. } = &*cell.scene;
+        let folder = work.join("scene");
+        if let Some(line) = make {
+            let options = ["-o".into(), text(&folder)?, "--seed".into(), cell.seed.to_string()];
+            let args = scene_args(&["make"], line, &options)?;
+            let SceneCommand::Make(made) = &args.command else { return Err(unexpected(name, "scene make")) };
+            let id = made.kind.to_possible_value().map(|value| value.get_name().to_owned());
+            let scene_file = format!("{}#{}", text(&folder.join("scene.xml"))?, id.unwrap_or_default());
+            scene::run(&args, self.console)?;
+            return Ok(Site { name: scene_file, is_shared: false, labels: Labels::default() });
+        }
+        if let Some(line) = placed {
+            let options = ["-o".into(), text(&folder)?, "--seed".into(), cell.seed.to_string()];
+            let args = scene_args(&["stand"], line, &options)?;
+            let SceneCommand::Stand(args) = args.command else { return Err(unexpected(name, "scene stand")) };
+            if args.epochs > 1 {
+                return Err(Error::input(format!("scene {name}: a campaign scans one epoch of a stand")));
+            }
+            let stands = |[x, y]: [f64; 2]| match &cell.area {
+                None => true,
+                Some(area) => {
+                    let (low, high) = area.bounds();
+                    let reaches =
+                        |v: f64, axis: usize| v >= low[axis] - margin_m && v <= high[axis] + margin_m;
+                    reaches(x, 0) && reaches(y, 1)
+                }
+            };
+            stand::make(&args, &stands, self.console)?;
+            let labels = Labels::read(&folder.join("labels.csv"))?;
+            let name = format!("{}#stand", text(&folder.join("stand.xml"))?);
+            return Ok(Site { name, is_shared: false, labels });
+        }
+        let file = file.clone().unwrap_or_default();
+        let (path, id) = file.split_once('#').map_or((file.as_str(), None), |(path, id)| (path, Some(id)));
+        let path = text(&self.folder.join(path))?;
+        let name = id.map_or(path.clone(), |id| format!("{path}#{id}"));
+        Ok(Site { name, is_shared: true, labels: Labels::default() })
+    }
+
+    /// The survey of a cell: planned, or the variant's file.
+    fn survey(&self, cell: &Cell, site: &Site, work: &Path) -> Result<PathBuf> {
+        let Some(line) = &cell.variant.plan else {
+            return Ok(cell.variant.survey.clone().unwrap_or_default());
+        };
+        let path = work.join("plan.toml");
+        let mut options = vec!["--scene".to_owned(), site.name.clone(), "-o".to_owned(), text(&path)?];
+        let typed = words(line).map_err(Error::input)?;
+        let takes_area = typed.first().is_some_and(|kind| kind == "airborne" || kind == "terrestrial")
+            && !typed.iter().any(|word| word.starts_with("--area") || word.starts_with("--around"));
+        if let (Some(area), true) = (&cell.area, takes_area) {
+            let corner = |[x, y]: &[f64; 2]| format!("{x} {y}");
+            let corners: Vec<String> =
+                area.corners().iter().chain(area.corners().first()).map(corner).collect();
+            options.extend(["--area".to_owned(), format!("POLYGON (({}))", corners.join(", "))]);
+        }
+        let Command::Plan(args) = parsed(&["plan"], line, &options)? else {
+            return Err(unexpected(&cell.variant.name, "plan"));
+        };
+        let planned: PlanArgs = args;
+        let is_around = matches!(&planned.command, PlanCommand::Terrestrial(args) if args.around.is_some());
+        let what = if is_around { "around a place" } else { "over its area" };
+        plan::make(&planned, &format!("vlscan plan {line} ({what})"), self.console)?;
+        Ok(path)
+    }
+
+    fn run_args(&self, cell: &Cell, site: &Site, survey: PathBuf, work: &Path) -> Result<RunArgs> {
+        let line = format!("{} {}", self.file.run, cell.variant.run);
+        let Command::Run(args) = parsed(&["run", &text(&survey)?], &line, &[])? else {
+            return Err(unexpected(&cell.variant.name, "run"));
+        };
+        let mut run = *args;
+        let output = &mut run.options.output;
+        let has_outputs =
+            !output.out.is_empty() || output.output.is_some() || run.options.trajectory_out.is_some();
+        if has_outputs || run.parts.part.is_some() || run.parts.resume.is_some() || run.dry.dry_run {
+            return Err(Error::input(format!(
+                "run = \"{}\": outputs, parts and dry runs are not for campaigns, which name the files of cells themselves",
+                line.trim()
+            )));
+        }
+        let is_divided = output.tile.is_some() || output.per_object;
+        let out = work.join("out");
+        output.out = vec![match is_divided {
+            true => out.join("points"),
+            false => out.join(format!("points.{}", self.format.extension())),
+        }];
+        output.format = Some(self.format);
+        run.options.input.scene = Some(site.name.clone());
+        run.options.origin.seed = Some(Seed(cell.seed));
+        if self.threads.is_some() {
+            run.options.schedule.threads = self.threads;
+        }
+        Ok(run)
+    }
+
+    /// Flies the survey.
+    fn measure(&mut self, cell: &Cell, site: &Site, run: &RunArgs) -> Result<(Session, Report, PartTable)> {
+        let (job, warnings) = Job::resolve(&run.file, &run.options)?;
+        self.console.warnings(&warnings);
+        let Job { settings, mut output, .. } = job;
+        output.counts_parts = true;
+        output.clip = cell.area.as_ref().map(|area| area.corners().to_vec());
+        let known = self.loaded.as_ref().filter(|(name, _)| site.is_shared && *name == site.name);
+        let shared = match known {
+            Some((_, loaded)) => Session::open_loaded(settings.clone(), loaded, self.console.observer())?,
+            None => None,
+        };
+        let mut session = match shared {
+            Some(session) => session,
+            None => {
+                self.loaded = None;
+                Session::open(settings, self.console.observer())?
+            }
+        };
+        if site.is_shared && self.loaded.is_none() {
+            self.loaded = session.loaded().map(|loaded| (site.name.clone(), loaded));
+        }
+        let table = PartTable::new(session.scene());
+        let progress = Progress::default();
+        let report = session.run(output, Control::new(&progress, &interrupt::STOP))?;
+        if report.interrupted {
+            return Err(Error::Interrupted);
+        }
+        Ok((session, report, table))
+    }
+
+    /// Notes a file that was read, unless it is one of the cell's own.
+    fn note_input(&self, path: &Path, work: &Path, record: &mut Record, inputs: &mut Inputs) {
+        if path.starts_with(work) {
+            return;
+        }
+        let near = path.strip_prefix(&self.folder).unwrap_or(path);
+        if let (true, Some(name)) = (near.is_file(), near.to_str())
+            && let Some(sum) = inputs.sum(near)
+        {
+            record.inputs.insert(name.to_owned(), sum);
+        }
+    }
+}
+
+/// Parses the words of a command as the command line does.
+fn parsed(before: &[&str], line: &str, after: &[String]) -> Result<Command> {
+    let typed = words(line).map_err(Error::input)?;
+    let all = ["vlscan"].into_iter().chain(before.iter().copied()).map(str::to_owned);
+    let all = all.chain(typed).chain(after.iter().cloned());
+    let cli = Cli::try_parse_from(all).map_err(|e| {
+        let message = e.to_string();
+        let first = message.trim_start_matches("error: ").lines().take_while(|l| !l.is_empty());
+        Error::input(format!("{} {line}: {}", before[0], first.collect::<Vec<_>>().join(" ")))
+    })?;
+    Ok(cli.command)
+}
+
+fn scene_args(kind: &[&str], line: &str, after: &[String]) -> Result<SceneArgs> {
+    let before: Vec<&str> = ["scene"].into_iter().chain(kind.iter().copied()).collect();
+    match parsed(&before, line, after)? {
+        Command::Scene(args) => Ok(args),
+        _ => Err(unexpected(line, "scene")),
+    }
+}
+
+fn unexpected(name: &str, command: &str) -> Error {
+    Error::input(format!("{name}: expected the options of vlscan {command}"))
+}
+
+/// A path in words.
+fn text(path: &Path) -> Result<String> {
+    let text = path.to_str().map(str::to_owned);
+    text.ok_or_else(|| Error::input(format!("{}: its name is not UTF-8", path.display())))
+}
+
+/// Completes the counts of a record.
+fn describe(cell: &Cell, report: &Report, record: &mut Record) {
+    let is_points = |file: &&crate::output::FileSummary| file.kind == FileKind::Points;
+    let of_points = report.summary.files.iter().filter(is_points);
+    let bounds = of_points.fold(Aabb::EMPTY, |all, file| all.union(file.bounds));
+    record.pulses = report.pulses;
+    record.points = report.summary.points;
+    let size = bounds.size();
+    if record.points > 0 {
+        record.bounds = Some([bounds.min.to_array(), bounds.max.to_array()]);
+        record.area_m2 = size.x * size.y;
+    }
+    if let Some(area) = &cell.area {
+        record.area_m2 = area.square_metres();
+    }
+    if record.area_m2 > 0.0 {
+        record.points_per_m2 = record.points as f64 / record.area_m2;
+    }
+}
+
+/// The files of a cell with their checksums, in order of their names.
+fn files(cell: &Cell, report: &Report, rows: u64, out: &Path) -> Result<Vec<FileRecord>> {
+    let mut all = Vec::new();
+    let mut add = |path: &Path, records: u64| -> Result<()> {
+        let near = path.strip_prefix(out).unwrap_or(path);
+        let bytes = std::fs::metadata(path).map_err(|e| Error::open(path, e))?.len();
+        let path = format!("cells/{}/{}", cell.name, near.display());
+        all.push(FileRecord { path, records, bytes, sum: checksum(&out.join(near))? });
+        Ok(())
+    };
+    for file in &report.summary.files {
+        if let Some(path) = &file.path {
+            add(path, file.records)?;
+        }
+    }
+    add(&out.join("objects.csv"), rows)?;
+    all.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(all)
+}

@@ -1,0 +1,140 @@
+//! `vlscan run --dry-run`: what a run will cost and give.
+
+use super::args::RunArgs;
+use super::{Console, interrupt};
+use crate::error::{Error, Result};
+use crate::files::write_stdout;
+use crate::pipeline::{Control, Forecast, Job, LegForecast, Progress, Session};
+use crate::quantity::{amount, duration, metres};
+use std::fmt::Write as _;
+use std::time::Instant;
+
+/// Legs that are listed as text; `--json` lists all.
+const MAX_LISTED_LEGS: usize = 20;
+
+pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
+    let started = Instant::now();
+    let (job, warnings) = Job::resolve(&args.file, &args.options)?;
+    console.warnings(&warnings);
+    let Job { settings, mut output, schedule_log, part_table, .. } = job;
+    output.inputs.push(args.file.clone());
+    output.companions.extend(schedule_log.into_iter().chain(part_table));
+    let mut session = Session::open(settings, console.observer())?;
+    let progress = Progress::default();
+    let forecast = session.dry_run(&output, started, Control::new(&progress, &interrupt::STOP))?;
+    let text = match args.dry.json {
+        true => serde_json::to_string_pretty(&forecast).map_err(|e| Error::Internal(e.to_string()))? + "\n",
+        false => text(&forecast),
+    };
+    write_stdout(&text)
+}
+
+fn text(f: &Forecast) -> String {
+    let mut out = String::new();
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(out, "{name:<12}{value}");
+    };
+    let flown = if f.epochs > 1 { format!(", flown {} times", f.epochs) } else { String::new() };
+    let firing = f.legs.iter().filter(|leg| leg.pulses > 0.0).count();
+    line("legs", format!("{} of which {firing} fire{flown}, {}", f.legs.len(), duration(f.duration_s)));
+    let about = if f.pulses_are_counted { "" } else { "about " };
+    line("pulses", format!("{about}{}", amount(f.pulses)));
+    let per_pulse = f.points.value / f.pulses.max(1.0);
+    let points = format!("{}{}", amount(f.points.value), percent_off(f.points.uncertainty));
+    line("points", format!("{points}, {per_pulse:.2} per pulse"));
+    if let (Some(points), Some(pulses)) = (f.points_per_m2, f.pulses_per_m2) {
+        let area = area(f.covered_m2);
+        line(
+            "density",
+            format!("{points:.1} points and {pulses:.1} pulses per m² of {area} that are covered"),
+        );
+    }
+    let memory = amount(f.memory_bytes as f64);
+    line("memory", format!("{memory}B"));
+    let time = &f.time;
+    line(
+        "time",
+        format!(
+            "{}{} on {} threads of this machine, {} of it for loading",
+            duration(time.total_s),
+            percent_off(time.uncertainty),
+            time.threads,
+            duration(time.loading_s)
+        ),
+    );
+    for file in &f.files {
+        line("writes", format!("{}  {}B of {}", file.name, amount(file.bytes), file.content));
+    }
+    missed(f, &mut line);
+    legs(&f.legs, &mut out);
+    out
+}
+
+fn missed(f: &Forecast, line: &mut impl FnMut(&str, String)) {
+    let missed = &f.missed;
+    let mut reasons = Vec::new();
+    if missed.beside_scene > 0.005 {
+        reasons.push(format!("{} pass beside the scene", percent(missed.beside_scene)));
+    }
+    if missed.out_of_range > 0.005 {
+        reasons.push(format!("of {} the scene is out of the scanner's range", percent(missed.out_of_range)));
+    }
+    let reasons = if reasons.is_empty() { String::new() } else { format!(": {}", reasons.join(", ")) };
+    line("misses", format!("{} of the pulses have no echo{reasons}", percent(missed.pulses)));
+    if missed.area > 0.005 {
+        line("", format!("{} of the scene's box is outside of all swaths", percent(missed.area)));
+    }
+    if !missed.legs.is_empty() {
+        let all: Vec<String> = missed.legs.iter().take(MAX_LISTED_LEGS).map(u32::to_string).collect();
+        line("", format!("legs without points: {}", all.join(", ")));
+    }
+}
+
+fn legs(legs: &[LegForecast], out: &mut String) {
+    let _ = writeln!(
+        out,
+        "\n{:>5} {:>9} {:>9} {:>9} {:>8} {:>10} {:>8} {:>8}",
+        "leg", "time", "pulses", "points", "range", "footprint", "along", "across"
+    );
+    let count = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), amount);
+    let far = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), metres);
+    let near = |value: Option<f64>| match value {
+        Some(length) if length < 1.0 => format!("{:.1} cm", length * 100.0),
+        Some(length) => format!("{length:.2} m"),
+        None => "-".to_owned(),
+    };
+    for leg in legs.iter().take(MAX_LISTED_LEGS) {
+        let _ = writeln!(
+            out,
+            "{:>5} {:>9} {:>9} {:>9} {:>8} {:>10} {:>8} {:>8}",
+            leg.leg,
+            duration(leg.seconds),
+            amount(leg.pulses),
+            count(leg.points),
+            far(leg.range_m),
+            near(leg.footprint_m),
+            near(leg.along_m),
+            near(leg.across_m)
+        );
+    }
+    if legs.len() > MAX_LISTED_LEGS {
+        let _ = writeln!(out, "      and {} more; --json lists all", legs.len() - MAX_LISTED_LEGS);
+    }
+}
+
+fn percent(fraction: f64) -> String {
+    format!("{:.0} %", fraction * 100.0)
+}
+
+/// An uncertainty, unless it is too small to tell.
+fn percent_off(fraction: f64) -> String {
+    if fraction < 0.0005 { String::new() } else { format!(" ± {:.1} %", fraction * 100.0) }
+}
+
+fn area(m2: f64) -> String {
+    match m2 {
+        m2 if m2 >= 1e6 => format!("{:.2} km²", m2 / 1e6),
+        m2 if m2 >= 1e4 => format!("{:.2} ha", m2 / 1e4),
+        m2 => format!("{m2:.0} m²"),
+    }
+}

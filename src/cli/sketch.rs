@@ -1,0 +1,133 @@
+//! A survey over its scene as points: surfaces with the leg that covers them, and the flight lines.
+
+use super::args::PreviewArgs;
+use super::{Console, interrupt};
+use crate::error::{Error, Result};
+use crate::geom::DVec3;
+use crate::options::{InputOptions, Options};
+use crate::pipeline::{Control, Job, Progress, Session, Sketch};
+use crate::preview::{Attributes, Point, Points};
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float64Type, Int32Type};
+
+/// Points on the surfaces of the scene.
+const SURFACE_POINTS: usize = 1_000_000;
+/// Dots along the larger extent of the picture, at most.
+const DOTS: f64 = 2000.0;
+/// Lines of dots beside each other that a flight line consists of.
+const LINE_WIDTH: i32 = 3;
+
+/// The scene of a survey as points, whose leg is the first one that covers them plus one, or 0, and the flight lines.
+pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
+    let input = InputOptions { assets: args.assets.clone(), ..InputOptions::default() };
+    let (job, warnings) = Job::resolve(&args.points, &Options { input, ..Options::default() })?;
+    console.warnings(&warnings);
+    let mut session = Session::open(job.settings, console.observer())?;
+    let progress = Progress::default();
+    let sketch = session.sketch(Control::new(&progress, &interrupt::STOP))?;
+    let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
+    let mut points = Points::new(Attributes { class: true, leg: true, ..Attributes::default() });
+    let table = loaded.sample(SURFACE_POINTS)?;
+    let axis = |i: usize| table.column(i).as_primitive::<Float64Type>().values();
+    let classes = table.column(3).as_primitive::<Int32Type>().values();
+    let (x, y, z) = (axis(0), axis(1), axis(2));
+    let cover = Cover::of(&sketch);
+    for i in 0..table.num_rows() {
+        let position = DVec3::new(x[i], y[i], z[i]);
+        points.push(&Point { position, class: classes[i], leg: cover.leg(position), ..Point::default() });
+    }
+    draw_tracks(&sketch, &mut points);
+    Ok(points)
+}
+
+/// Adds dots along the flight lines.
+fn draw_tracks(sketch: &Sketch, points: &mut Points) {
+    let all = sketch.tracks.iter().flat_map(|(_, track)| track);
+    let bounds = all.fold(points.bounds(), |bounds, position| bounds.with(*position));
+    let step = bounds.size().max_element().max(1e-3) / DOTS;
+    for (leg, track) in &sketch.tracks {
+        let mut dot = |position: DVec3| {
+            for i in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {
+                for j in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {
+                    let beside = DVec3::new(f64::from(i), f64::from(j), 0.0) * step;
+                    points.push(&Point { position: position + beside, leg: shown(*leg), ..Point::default() });
+                }
+            }
+        };
+        track.iter().for_each(|position| dot(*position));
+        for pair in track.windows(2) {
+            let count = (pair[0].distance(pair[1]) / step).ceil().min(DOTS * 10.0) as u32;
+            (1..count).for_each(|i| dot(pair[0].lerp(pair[1], f64::from(i) / f64::from(count))));
+        }
+    }
+}
+
+/// The number of a leg in the picture; 0 is none.
+fn shown(leg: u32) -> u16 {
+    u16::try_from(leg).unwrap_or(u16::MAX - 1) + 1
+}
+
+/// Swaths, sorted into the columns of a grid.
+struct Cover<'s> {
+    sketch: &'s Sketch,
+    low: f64,
+    width: f64,
+    /// Indices of the swaths that reach into each column.
+    columns: Vec<Vec<u32>>,
+}
+
+const COLUMNS: usize = 512;
+
+impl<'s> Cover<'s> {
+    fn of(sketch: &'s Sketch) -> Cover<'s> {
+        let corners = || sketch.swaths.iter().flat_map(|(_, quad)| quad).map(|corner| corner.x);
+        let (low, high) =
+            corners().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        let width = ((high - low) / COLUMNS as f64).max(1e-9);
+        let mut columns = vec![Vec::new(); COLUMNS];
+        for (index, (_, quad)) in (0..).zip(&sketch.swaths) {
+            let of = |x: f64| (((x - low) / width).max(0.0) as usize).min(COLUMNS - 1);
+            let (from, to) = quad.iter().fold((COLUMNS - 1, 0), |(a, b), p| (a.min(of(p.x)), b.max(of(p.x))));
+            columns[from..=to].iter_mut().for_each(|column| column.push(index));
+        }
+        Cover { sketch, low, width, columns }
+    }
+
+    /// The number in the picture of the first leg that covers a place.
+    fn leg(&self, place: DVec3) -> u16 {
+        let column = (place.x - self.low) / self.width;
+        let swaths =
+            if (0.0..COLUMNS as f64).contains(&column) { &self.columns[column as usize][..] } else { &[] };
+        let covering = swaths.iter().map(|i| &self.sketch.swaths[*i as usize]);
+        let mut covering = covering.filter(|(_, quad)| contains(quad, place));
+        covering.next().map_or(0, |(leg, _)| shown(*leg))
+    }
+}
+
+/// Whether a place is within four corners, seen from above (even-odd rule).
+fn contains(quad: &[DVec3; 4], place: DVec3) -> bool {
+    let sides = (0..4).map(|i| (quad[i], quad[(i + 1) % 4]));
+    let crosses = |(a, b): &(DVec3, DVec3)| {
+        (a.y > place.y) != (b.y > place.y) && place.x < a.x + (place.y - a.y) / (b.y - a.y) * (b.x - a.x)
+    };
+    sides.filter(crosses).count() % 2 == 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_have_the_first_leg_that_covers_them() {
+        let strip = |x: f64| {
+            let p = |x: f64, y: f64| DVec3::new(x, y, 50.0);
+            [p(x, 0.0), p(x + 10.0, 0.0), p(x + 10.0, 100.0), p(x, 100.0)]
+        };
+        let sketch = Sketch { tracks: Vec::new(), swaths: vec![(3, strip(0.0)), (4, strip(5.0))] };
+        let cover = Cover::of(&sketch);
+        let leg = |x: f64, y: f64| cover.leg(DVec3::new(x, y, 0.0));
+        assert_eq!([leg(2.0, 50.0), leg(7.0, 50.0), leg(12.0, 50.0)], [4, 4, 5]);
+        assert_eq!([leg(2.0, 150.0), leg(-1.0, 50.0), leg(16.0, 50.0)], [0, 0, 0]);
+        assert_eq!(Cover::of(&Sketch::default()).leg(DVec3::ZERO), 0);
+    }
+}

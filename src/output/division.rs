@@ -1,0 +1,155 @@
+//! Points divided among files by where they are or what they hit, instead of by leg.
+
+use super::ObjectIds;
+use crate::geom::{Aabb, DVec3};
+use crate::pulse::Echo;
+
+/// Files that a division can have at most.
+pub(super) const MAX_FILES: usize = 10_000;
+
+/// How points are divided among the files of a folder.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Division {
+    /// Squares of this edge length, m, from multiples of it on, in world coordinates: `tile_X_Y`, named by their lower left
+    /// corners.
+    Tiles(f64),
+    /// A file per part of the scene: `object_N`, with the number of the object in the points.
+    Objects,
+}
+
+/// Where points are kept: within a polygon, world coordinates, m; its last corner is joined to the first one.
+pub type Ring = Vec<[f64; 2]>;
+
+/// A division of the points of a scene.
+#[derive(Clone, Debug)]
+pub(super) struct Divider {
+    kind: Kind,
+    /// Names of the files without extension.
+    pub names: Vec<String>,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Tiles {
+        size: f64,
+        first: [i64; 2],
+        columns: usize,
+    },
+    /// Index of the file by part.
+    Objects(Vec<usize>),
+}
+
+impl Divider {
+    /// # Errors
+    /// A sentence if there would be too many files.
+    pub fn new(
+        division: &Division,
+        bounds: &Aabb,
+        shift: DVec3,
+        parts: &ObjectIds,
+    ) -> Result<Divider, String> {
+        let too_many = |count: f64| format!("{count:.0} files are too many, at most {MAX_FILES} are written");
+        match division {
+            Division::Tiles(size) => {
+                let world = bounds.translated(shift);
+                let cell = |value: f64| (value / size).floor();
+                // Echoes lie a little beside the surfaces that they come from.
+                let (low, high) = (world.min - DVec3::ONE, world.max + DVec3::ONE);
+                let counts = [cell(high.x) - cell(low.x) + 1.0, cell(high.y) - cell(low.y) + 1.0];
+                let count = counts[0] * counts[1];
+                if !(1.0..=MAX_FILES as f64).contains(&count) {
+                    return Err(too_many(count));
+                }
+                let first = [cell(low.x) as i64, cell(low.y) as i64];
+                let (columns, rows) = (counts[0] as usize, counts[1] as usize);
+                let corner = |index: i64| {
+                    let metres = index as f64 * size;
+                    if metres.fract() == 0.0 { format!("{metres:.0}") } else { format!("{metres:.2}") }
+                };
+                let names = (0..columns * rows)
+                    .map(|i| {
+                        let (x, y) = (first[0] + (i % columns) as i64, first[1] + (i / columns) as i64);
+                        format!("tile_{}_{}", corner(x), corner(y))
+                    })
+                    .collect();
+                Ok(Divider { kind: Kind::Tiles { size: *size, first, columns }, names })
+            }
+            Division::Objects => {
+                let mut numbers: Vec<i32> = Vec::new();
+                let mut of_part = Vec::with_capacity(parts.count());
+                let mut known = std::collections::BTreeMap::new();
+                for part in 0..parts.count() as u32 {
+                    let number = parts.of_part(part);
+                    of_part.push(*known.entry(number).or_insert_with(|| {
+                        numbers.push(number);
+                        numbers.len() - 1
+                    }));
+                }
+                if numbers.len() > MAX_FILES {
+                    return Err(too_many(numbers.len() as f64));
+                }
+                let names = numbers.iter().map(|number| format!("object_{number}")).collect();
+                Ok(Divider { kind: Kind::Objects(of_part), names })
+            }
+        }
+    }
+
+    /// Index of the file of an echo; `None` for echoes beyond the scene and those of no part. `shift` is the position of
+    /// the scene frame's origin.
+    pub fn file_of(&self, echo: &Echo, shift: DVec3) -> Option<usize> {
+        match &self.kind {
+            Kind::Tiles { size, first, columns } => {
+                let at = echo.position + shift;
+                let column = usize::try_from((at.x / size).floor() as i64 - first[0]).ok()?;
+                let row = usize::try_from((at.y / size).floor() as i64 - first[1]).ok()?;
+                let index = row * columns + column;
+                (column < *columns && index < self.names.len()).then_some(index)
+            }
+            Kind::Objects(of_part) => of_part.get(echo.part as usize).copied(),
+        }
+    }
+}
+
+/// Whether a point is within a ring (even-odd rule).
+pub(super) fn contains(ring: &Ring, x: f64, y: f64) -> bool {
+    let mut inside = false;
+    let mut before = ring.last().copied().unwrap_or_default();
+    for &here in ring {
+        let [(x1, y1), (x2, y2)] = [(before[0], before[1]), (here[0], here[1])];
+        if (y1 > y) != (y2 > y) && x < x1 + (y - y1) / (y2 - y1) * (x2 - x1) {
+            inside = !inside;
+        }
+        before = here;
+    }
+    inside
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_begin_at_multiples_of_their_size() {
+        let bounds = Aabb { min: DVec3::new(-15.0, -5.0, 0.0), max: DVec3::new(15.0, 14.0, 9.0) };
+        let shift = DVec3::new(1000.0, 0.0, 0.0);
+        let divider = Divider::new(&Division::Tiles(10.0), &bounds, shift, &ObjectIds::default()).unwrap();
+        let name = |x: f64, y: f64| {
+            let echo = Echo { position: DVec3::new(x, y, 1.0), ..crate::output::testing::echo(1, 1) };
+            divider.file_of(&echo, shift).map(|i| divider.names[i].as_str())
+        };
+        assert_eq!(name(-15.0, -5.0), Some("tile_980_-10"));
+        assert_eq!(name(0.0, 0.0), Some("tile_1000_0"));
+        assert_eq!((name(500.0, 0.0), name(0.0, -500.0)), (None, None));
+        let many = Divider::new(&Division::Tiles(1e-3), &bounds, shift, &ObjectIds::default());
+        assert!(many.unwrap_err().contains("too many"));
+    }
+
+    #[test]
+    fn a_ring_contains_what_is_within_it() {
+        let ring = vec![[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [5.0, 5.0], [0.0, 10.0]];
+        assert!(contains(&ring, 5.0, 2.0) && contains(&ring, 1.0, 8.0));
+        assert!(
+            !contains(&ring, 5.0, 8.0) && !contains(&ring, 11.0, 2.0) && !contains(&Vec::new(), 0.0, 0.0)
+        );
+    }
+}

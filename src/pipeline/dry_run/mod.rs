@@ -1,0 +1,443 @@
+//! What a run will cost and give, before it runs: [`Session::dry_run`].
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `timeline` | legs, duration, pulses; states along the flight |
+//! | `sample` | a few chunks of each stratum, measured and written as the run would |
+//! | `area` | the ground that is covered |
+//! | `spacing` | footprint, distance of points along and across |
+//!
+//! Points, sizes and time are those of the sample in proportion to the pulses, with twice the standard error of the mean over
+//! the strata as uncertainty.
+
+mod area;
+mod sample;
+mod spacing;
+mod timeline;
+
+use super::pass::Control;
+use super::plausibility;
+use super::session::{Epochs, Session};
+use crate::diag::Notice;
+use crate::error::{Error, Result};
+use crate::flight::{FlightOptions, FlightPlan};
+use crate::geom::DVec3;
+use crate::machine;
+use crate::output::{
+    FileKind, FileSummary, NoOffload, OutputContext, OutputPlan, OutputRequest, Summary, Target,
+};
+use crate::store::catch_loss;
+use crate::survey::{PlatformKind, Survey};
+use sample::{Sample, Stratum};
+use serde::Serialize;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+use timeline::{LegTime, Timeline};
+
+/// Positions of a leg in a sketch.
+const PLACES_PER_TRACK: u32 = 33;
+/// Steps per second of the coarse clock that long flights are timed with, Hz.
+const COARSE_FREQUENCY: u32 = 200;
+/// Bytes of a sample of the trajectory as text, about.
+const BYTES_PER_POSE: f64 = 95.0;
+/// Uncertainty of times beside that of the sample: the machine's own ups and downs.
+const MIN_TIME_UNCERTAINTY: f64 = 0.1;
+
+/// A number with its relative uncertainty (two standard errors).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Estimate {
+    pub value: f64,
+    /// Fraction of the value.
+    pub uncertainty: f64,
+}
+
+/// A leg of the survey.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct LegForecast {
+    /// Number of the leg in the survey.
+    pub leg: u32,
+    pub seconds: f64,
+    pub pulses: f64,
+    /// `None` where the sample has no pulse of the leg.
+    pub points: Option<f64>,
+    /// Mean range of first echoes, m.
+    pub range_m: Option<f64>,
+    /// Diameter of the beam there, m.
+    pub footprint_m: Option<f64>,
+    /// Distance of points along the flight, of scan lines of a scanner that stands, m.
+    pub along_m: Option<f64>,
+    /// Distance of successive points, m.
+    pub across_m: Option<f64>,
+}
+
+/// A file that the run will write.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FileForecast {
+    pub name: String,
+    pub content: &'static str,
+    pub bytes: f64,
+}
+
+/// What the run will not measure.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Missed {
+    /// Fraction of the pulses without an echo.
+    pub pulses: f64,
+    /// Fraction of the pulses that pass beside the scene's box.
+    pub beside_scene: f64,
+    /// Fraction of the pulses for which the scene's box is nearer or farther than the scanner measures.
+    pub out_of_range: f64,
+    /// Fraction of the scene's box, seen from above, that no swath covers.
+    pub area: f64,
+    /// Legs that fire and of which the sample has no point.
+    pub legs: Vec<u32>,
+}
+
+/// The time of the run on this machine, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct TimeForecast {
+    /// Loading of scene and tree, measured.
+    pub loading_s: f64,
+    /// From the first pulse to the last byte.
+    pub simulation_s: f64,
+    pub total_s: f64,
+    /// Fraction of the total (two standard errors).
+    pub uncertainty: f64,
+    pub threads: usize,
+}
+
+/// What a run will cost and give.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Forecast {
+    pub legs: Vec<LegForecast>,
+    /// Number of times that the survey is flown, once for each state of a scene with swapped parts.
+    pub epochs: u32,
+    /// Time of the survey, s.
+    pub duration_s: f64,
+    pub pulses: f64,
+    /// Whether the pulses were counted and not estimated.
+    pub pulses_are_counted: bool,
+    pub points: Estimate,
+    pub covered_m2: f64,
+    /// Points per m² of the covered ground.
+    pub points_per_m2: Option<f64>,
+    /// Pulses with echoes per m² of the covered ground.
+    pub pulses_per_m2: Option<f64>,
+    pub files: Vec<FileForecast>,
+    /// The most memory that loading and sample have needed, bytes.
+    pub memory_bytes: u64,
+    pub time: TimeForecast,
+    pub missed: Missed,
+    /// Pulses of the sample.
+    pub sampled_pulses: f64,
+}
+
+/// Where a survey is flown and what it covers, world coordinates, m.
+#[derive(Clone, Debug, Default)]
+pub struct Sketch {
+    /// Positions along each leg, by its number in the survey.
+    pub tracks: Vec<(u32, Vec<DVec3>)>,
+    /// Strips and sectors of ground by leg, four corners each; only x and y of corners count.
+    pub swaths: Vec<(u32, [DVec3; 4])>,
+}
+
+impl Session {
+    /// Flies a sample of the survey and foretells what [`Session::run`] will do. Outputs are checked and not touched: the
+    /// sample is written to a folder that is removed. `started` is when the program began to load the scene.
+    ///
+    /// # Errors
+    /// As for [`Session::run`].
+    pub fn dry_run(
+        &mut self,
+        outputs: &OutputRequest,
+        started: Instant,
+        control: Control<'_>,
+    ) -> Result<Forecast> {
+        control.stop.begin_run();
+        catch_loss(|| self.foretell(outputs, started, control))
+    }
+
+    fn foretell(
+        &mut self,
+        outputs: &OutputRequest,
+        started: Instant,
+        control: Control<'_>,
+    ) -> Result<Forecast> {
+        self.enter_epoch(0, control.stop)?;
+        let outputs = &self.with_ground(outputs.clone());
+        let flight = self.plan_flight()?;
+        let found = plausibility::check_flight(self.survey(), self.scene(), self.tree()?, &flight);
+        self.notify(Notice::Warnings(found));
+        let context = OutputContext::new(self.survey(), self.scene());
+        let inputs = self.inputs().chain(outputs.inputs.iter().cloned()).collect();
+        let request = OutputRequest { epochs: self.epochs(), inputs, ..outputs.clone() };
+        let planned = OutputPlan::new(request, &context)?;
+        self.notify(Notice::Warnings(planned.warnings().clone()));
+        let loading_s = started.elapsed().as_secs_f64();
+        let (timeline, sample, summary) = self.sample_flight(&flight, outputs, &context, control)?;
+        let seen = Seen { session: self, flight: &flight, timeline: &timeline, sample: &sample, outputs };
+        Ok(seen.forecast(&summary, loading_s, control))
+    }
+
+    /// Measures a sample of the flight over the first epoch, whose outputs are removed.
+    fn sample_flight(
+        &mut self,
+        flight: &FlightPlan,
+        outputs: &OutputRequest,
+        context: &OutputContext,
+        control: Control<'_>,
+    ) -> Result<(Timeline, Sample, [Summary; 2])> {
+        let timeline = self.timeline(flight, control)?;
+        let folder = tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir(), e))?;
+        let sinks = outputs.sinks.iter().enumerate().map(|(i, (_, format))| {
+            (Target::File(folder.path().join(format!("{i}.{}", format.extension()))), *format)
+        });
+        let output = OutputRequest {
+            sinks: sinks.collect(),
+            trajectory: None,
+            companions: Vec::new(),
+            counts_parts: false,
+            division: None,
+            tables: Vec::new(),
+            inputs: Vec::new(),
+            force: true,
+            ..outputs.clone()
+        };
+        let epochs = Epochs {
+            range: 0..=0,
+            options: self.settings().physics_for(outputs),
+            is_live: false,
+            is_checked: false,
+        };
+        let output = Arc::new(OutputPlan::new(output, context)?);
+        // Headers do not grow with the points.
+        let empty = output.open(Arc::new(NoOffload))?.finish()?;
+        let mut sample = Sample::default();
+        let report = self.run_epochs(output, epochs, control, &AtomicBool::new(true), |_, pass, _, _| {
+            let (ended, measured) = sample::measure(pass, flight, &timeline)?;
+            sample = measured;
+            Ok(ended)
+        })?;
+        if report.interrupted {
+            return Err(Error::Interrupted);
+        }
+        Ok((timeline, sample, [empty, report.summary]))
+    }
+
+    /// Where the survey is flown and what it covers, from a sample of the flight.
+    ///
+    /// # Errors
+    /// As for [`Session::run`].
+    pub fn sketch(&mut self, control: Control<'_>) -> Result<Sketch> {
+        control.stop.begin_run();
+        catch_loss(|| {
+            self.enter_epoch(0, control.stop)?;
+            let flight = self.plan_flight()?;
+            let context = OutputContext::new(self.survey(), self.scene());
+            let nothing = OutputRequest::default();
+            let (_, sample, _) = self.sample_flight(&flight, &nothing, &context, control)?;
+            let shift = self.scene().shift;
+            let mut tracks: Vec<(u32, Vec<DVec3>)> = Vec::new();
+            let planned = flight.planned_positions(PLACES_PER_TRACK).into_iter().map(|p| (p.leg, p.position));
+            let seen = sample.strata.iter().map(|stratum| (stratum.leg, stratum.view.origin));
+            let places: Vec<(u32, DVec3)> =
+                if flight.is_stream() { seen.collect() } else { planned.collect() };
+            for (leg, position) in places {
+                match tracks.last_mut().filter(|(last, _)| *last == leg) {
+                    Some((_, track)) => track.push(position + shift),
+                    None => tracks.push((leg, vec![position + shift])),
+                }
+            }
+            let quads = area::swaths(&flight, &sample.strata).into_iter();
+            let swaths = quads.map(|(leg, quad)| (leg, quad.map(|corner| corner + shift))).collect();
+            Ok(Sketch { tracks, swaths })
+        })
+    }
+
+    /// Legs, duration and pulses of the flight.
+    fn timeline(&self, flight: &FlightPlan, control: Control<'_>) -> Result<Timeline> {
+        if let PlatformKind::Stream(stream) = &self.survey().platform.kind {
+            let Some(mut poses) = self.open_poses()? else { return Ok(Timeline::default()) };
+            return timeline::follow(flight, &mut poses, stream.max_gap, control.stop);
+        }
+        if let Some(timeline) = timeline::step_through(flight, control.stop)? {
+            return Ok(timeline);
+        }
+        if control.stop.is_requested() {
+            return Err(Error::Interrupted);
+        }
+        let mut coarse: Survey = self.survey().clone();
+        for leg in &mut coarse.legs {
+            leg.scanner.pulse_freq = COARSE_FREQUENCY;
+            leg.scanner.active = false;
+        }
+        let (scene, options) = (self.scene(), &self.settings().flight);
+        let ground = |x, y| scene.ground_height(x, y);
+        let (coarse, _) =
+            FlightPlan::new(&coarse, scene.shift, &ground, &FlightOptions { ..options.clone() })?;
+        timeline::estimate(flight, &coarse)
+    }
+}
+
+/// Everything that a forecast is made from.
+struct Seen<'a> {
+    session: &'a Session,
+    flight: &'a FlightPlan,
+    timeline: &'a Timeline,
+    sample: &'a Sample,
+    outputs: &'a OutputRequest,
+}
+
+impl Seen<'_> {
+    fn forecast(&self, written: &[Summary; 2], loading_s: f64, control: Control<'_>) -> Forecast {
+        let Seen { session, timeline, sample, .. } = self;
+        let epochs = f64::from(session.epochs());
+        let pulses = timeline.pulses() * epochs;
+        let sum = |of: fn(&Stratum) -> f64| sample.strata.iter().map(of).sum::<f64>();
+        let sampled_pulses = sum(|s| s.pulses);
+        let scale = if sampled_pulses > 0.0 { pulses / sampled_pulses } else { 0.0 };
+        // What has been measured completely is certain.
+        let share_left = (1.0 - sampled_pulses / timeline.pulses().max(1.0)).max(0.0).sqrt();
+        let uncertainty = |of: fn(&Stratum) -> f64| share_left * relative_error(&sample.strata, of);
+        let points = Estimate {
+            value: sum(if self.outputs.misses { |s| s.points + s.pulses - s.hits } else { |s| s.points })
+                * scale,
+            uncertainty: uncertainty(|s| s.points),
+        };
+        let quads = area::swaths(self.flight, &sample.strata);
+        let coverage = area::coverage(&quads, &session.scene().bounds);
+        let per_area = |value: f64| (coverage.covered > 0.0).then(|| value / epochs / coverage.covered);
+        let [before, simulated] = sample.seconds;
+        let simulation_s = simulated * scale;
+        let total_s = loading_s + before + simulation_s;
+        let share = if total_s > 0.0 { simulation_s / total_s } else { 0.0 };
+        let time = TimeForecast {
+            loading_s,
+            simulation_s,
+            total_s,
+            uncertainty: (share * uncertainty(|s| s.seconds)).hypot(MIN_TIME_UNCERTAINTY),
+            threads: session.settings().schedule.threads,
+        };
+        let legs = self.legs();
+        let aim = control.progress.aim().sum;
+        let of_aim = |count: u64| if aim.sampled > 0 { count as f64 / aim.sampled as f64 } else { 0.0 };
+        let is_empty = |leg: &&LegForecast| leg.pulses > 0.0 && leg.points == Some(0.0);
+        let missed = Missed {
+            pulses: if sampled_pulses > 0.0 { 1.0 - sum(|s| s.hits) / sampled_pulses } else { 0.0 },
+            beside_scene: of_aim(aim.sampled - aim.towards),
+            out_of_range: of_aim(aim.towards - aim.within),
+            area: if coverage.scene > 0.0 { 1.0 - coverage.covered / coverage.scene } else { 0.0 },
+            legs: legs.iter().filter(is_empty).map(|leg| leg.leg).collect(),
+        };
+        let memory = session.loaded().map_or(0, |loaded| loaded.facts().memory);
+        Forecast {
+            epochs: session.epochs(),
+            duration_s: timeline.seconds() * epochs,
+            pulses,
+            pulses_are_counted: timeline.is_exact,
+            points_per_m2: per_area(points.value),
+            pulses_per_m2: per_area(sum(|s| s.hits) * scale),
+            points,
+            covered_m2: coverage.covered,
+            files: self.files(written, scale),
+            memory_bytes: machine::peak_memory().unwrap_or(memory),
+            time,
+            missed,
+            sampled_pulses,
+            legs,
+        }
+    }
+
+    /// The survey's legs that take time, added ones with those that they belong to.
+    fn legs(&self) -> Vec<LegForecast> {
+        let mut legs: Vec<LegForecast> = Vec::new();
+        for LegTime { facts, seconds, pulses } in &self.timeline.legs {
+            match legs.last_mut().filter(|last| last.leg == facts.number) {
+                Some(last) => (last.seconds, last.pulses) = (last.seconds + seconds, last.pulses + pulses),
+                None => {
+                    let (leg, seconds, pulses) = (facts.number, *seconds, *pulses);
+                    legs.push(LegForecast { leg, seconds, pulses, ..LegForecast::default() });
+                }
+            }
+        }
+        legs.retain(|leg| leg.seconds > 0.0);
+        let shares = self.sample.strata.chunk_by(|a, b| a.leg == b.leg);
+        for strata in shares {
+            let Some(leg) = legs.iter_mut().find(|leg| leg.leg == strata[0].leg) else { continue };
+            let (points, pulses) =
+                strata.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.points, sum.1 + s.pulses));
+            leg.points = Some(points / pulses * leg.pulses);
+            let found = spacing::of_leg(self.session.survey(), leg.leg, strata);
+            leg.range_m = found.range;
+            (leg.footprint_m, leg.along_m, leg.across_m) = (found.footprint, found.along, found.across);
+        }
+        legs
+    }
+
+    /// The files with their sizes, in proportion to those of the sample.
+    fn files(&self, [empty, written]: &[Summary; 2], scale: f64) -> Vec<FileForecast> {
+        // A file of the sample, scaled but for what an empty one has already.
+        let bytes_of = |is_wanted: &dyn Fn(&FileSummary) -> bool| {
+            let sum =
+                |of: &Summary| of.files.iter().filter(|f| is_wanted(f)).map(|f| f.bytes as f64).sum::<f64>();
+            let (fixed, all) = (sum(empty), sum(written));
+            fixed + (all - fixed).max(0.0) * scale
+        };
+        let is_points_of = |i: usize, file: &FileSummary| {
+            let path = file.path.as_deref().and_then(Path::file_name).unwrap_or_default();
+            let name = path.to_string_lossy();
+            file.kind == FileKind::Points && name.split(['.', '_']).next() == Some(i.to_string().as_str())
+        };
+        let mut files = Vec::new();
+        for (i, (target, format)) in self.outputs.sinks.iter().enumerate() {
+            let name = match target {
+                Target::Stdout => "standard output".to_owned(),
+                Target::File(path) => path.display().to_string(),
+                Target::Directory(path) | Target::Helios(path) => {
+                    format!("{}/…/*.{}", path.display(), format.extension())
+                }
+            };
+            let bytes = bytes_of(&|file| is_points_of(i, file));
+            files.push(FileForecast { name, content: "points", bytes });
+        }
+        for (kind, content) in [
+            (FileKind::Waveforms, "waveforms"),
+            (FileKind::Pulses, "pulses"),
+            (FileKind::Packets, "waveform packets"),
+        ] {
+            if written.files.iter().any(|file| file.kind == kind) {
+                let name = format!("{content} beside the points");
+                files.push(FileForecast { name, content, bytes: bytes_of(&|file| file.kind == kind) });
+            }
+        }
+        let is_helios = |(target, _): &(Target, _)| matches!(target, Target::Helios(_));
+        let poses: f64 = self.timeline.legs.iter().map(LegTime::poses).sum();
+        if poses > 0.0 && (self.outputs.trajectory.is_some() || self.outputs.sinks.iter().any(is_helios)) {
+            let bytes = poses * BYTES_PER_POSE * f64::from(self.session.epochs());
+            files.push(FileForecast { name: "the trajectory".to_owned(), content: "poses", bytes });
+        }
+        files
+    }
+}
+
+impl LegTime {
+    /// Samples of the trajectory.
+    fn poses(&self) -> f64 {
+        let is_sampled = self.facts.active && self.facts.sample_interval > 0.0;
+        if is_sampled { (self.seconds / self.facts.sample_interval).ceil() } else { 0.0 }
+    }
+}
+
+/// Twice the standard error of the mean of a rate per pulse, as a fraction of the mean.
+fn relative_error(strata: &[Stratum], of: fn(&Stratum) -> f64) -> f64 {
+    let n = strata.len() as f64;
+    if n < 2.0 {
+        return 1.0;
+    }
+    let rates = strata.iter().map(|s| of(s) / s.pulses);
+    let mean = rates.clone().sum::<f64>() / n;
+    let variance = rates.map(|rate| (rate - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    if mean > 0.0 { 2.0 * (variance / n).sqrt() / mean } else { 0.0 }
+}

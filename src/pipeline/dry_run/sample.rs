@@ -1,0 +1,193 @@
+//! The sample of a dry run: a few chunks of each stratum are measured and written as the run would do it.
+
+use super::super::chunk::Chunk;
+use super::super::collector::{Ended, PassEnd};
+use super::super::fly::run_stages;
+use super::super::pass::Pass;
+use super::super::worker::{FlightWorker, Pieces};
+use super::timeline::{MAX_STRATUM_PULSES, Timeline};
+use crate::error::{Error, Result};
+use crate::flight::{FlightPlan, Pulse};
+use crate::geom::DVec3;
+use crate::pulse::Echo;
+use crate::scene::MotionState;
+use crate::schedule::Tasks;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// Time after which no further stratum is begun.
+const MAX_SAMPLING: Duration = Duration::from_millis(400);
+const PULSES_PER_CHUNK: u32 = 1024;
+/// Steps of a moving scene up to which its state is computed.
+const MAX_MOTION_STEPS: u64 = 5_000_000;
+
+/// What a stratum of the flight has measured.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stratum {
+    /// Number of the leg in the survey.
+    pub leg: u32,
+    pub pulses: f64,
+    pub points: f64,
+    /// Pulses with an echo.
+    pub hits: f64,
+    /// Time of the worker, s.
+    pub seconds: f64,
+    /// Sum of the ranges of first echoes, m.
+    pub ranges: f64,
+    /// Typical angle between successive beams of a device, rad.
+    pub beam_angle: f64,
+    /// Horizontal way, m, and time, s, that the platform took.
+    pub way: f64,
+    pub flown_s: f64,
+    pub view: View,
+}
+
+/// The ground that a stratum sees, scene frame, m.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct View {
+    /// Where the first pulse came from.
+    pub origin: DVec3,
+    /// Horizontal unit vector to the right of the way; 0 if the platform stands.
+    pub right: DVec3,
+    /// How far to the left and to the right echoes are.
+    pub across: [f64; 2],
+    /// The farthest echo.
+    pub farthest: DVec3,
+}
+
+/// A sample that was measured.
+#[derive(Debug, Default)]
+pub struct Sample {
+    /// Strata with pulses, in the order of the flight.
+    pub strata: Vec<Stratum>,
+    /// Time before the first pulse and from then to the last byte, s.
+    pub seconds: [f64; 2],
+}
+
+struct SampleChunk {
+    stratum: usize,
+    chunk: Chunk,
+}
+
+impl Tasks for SampleChunk {
+    fn tasks(&self) -> u32 {
+        self.chunk.pulses
+    }
+}
+
+/// Measures strata in an order in which those so far are always evenly spread, until all are done or the time is up.
+pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Result<(Ended, Sample)> {
+    let started = Instant::now();
+    let begun = Mutex::new(None);
+    let log: Mutex<BTreeMap<(usize, u32), Stratum>> = Mutex::default();
+    let poisoned = || Error::Internal("a worker has panicked".to_owned());
+    let make_worker = || {
+        let mut worker = FlightWorker::new(pass, flight);
+        let (begun, log) = (&begun, &log);
+        move |work: SampleChunk| -> Result<Pieces> {
+            let now = Instant::now();
+            begun.lock().map_err(|_| poisoned())?.get_or_insert(now);
+            let leg = work.chunk.leg;
+            let pieces = worker.measure_in_any_order(work.chunk)?;
+            let seconds = now.elapsed().as_secs_f64();
+            let (pulses, echoes) = worker.measured();
+            let mut log = log.lock().map_err(|_| poisoned())?;
+            log.entry((work.stratum, leg)).or_default().add(leg, pulses, echoes, seconds);
+            Ok(pieces)
+        }
+    };
+    let end = PassEnd { check: None, is_last: true, keeps_partial: false };
+    let ended = run_stages(pass.schedule, pass.control, &pass.output, None, end, make_worker, |feed| {
+        for (count, stratum) in spread(timeline.starts.len()).enumerate() {
+            if count > 0 && (started.elapsed() > MAX_SAMPLING || pass.control.stop.is_requested()) {
+                break;
+            }
+            let mut state = timeline.starts[stratum].clone();
+            let steps = state.steps().min(MAX_MOTION_STEPS);
+            let mut moving = pass.motion.map(|motion| MotionState::after_steps(motion, steps));
+            let mut left = timeline.interval.clamp(1.0, MAX_STRATUM_PULSES as f64) as u32;
+            while left > 0 {
+                let size = left.min(PULSES_PER_CHUNK);
+                let taken = Chunk::take(flight, &mut state, moving.as_ref(), size)?;
+                let Some(chunk) = taken.filter(|chunk| chunk.pulses > 0) else { break };
+                left = left.saturating_sub(chunk.pulses);
+                if let (Some(state), Some(motion)) = (&mut moving, pass.motion) {
+                    (0..chunk.steps).for_each(|_| state.step(motion, |_, _| ()));
+                }
+                feed.put(SampleChunk { stratum, chunk })?;
+            }
+        }
+        feed.end_leg()
+    })?;
+    let first = begun.into_inner().map_err(|_| poisoned())?.unwrap_or_else(Instant::now);
+    let seconds = [first.duration_since(started).as_secs_f64(), first.elapsed().as_secs_f64()];
+    let strata = log.into_inner().map_err(|_| poisoned())?.into_values().collect();
+    Ok((ended, Sample { strata, seconds }))
+}
+
+/// The numbers from 0 to `count` - 1 with reversed bits.
+fn spread(count: usize) -> impl Iterator<Item = usize> {
+    let bits = usize::BITS - count.saturating_sub(1).leading_zeros();
+    (0..1usize << bits)
+        .map(move |i| if bits == 0 { 0 } else { i.reverse_bits() >> (usize::BITS - bits) })
+        .filter(move |i| *i < count)
+}
+
+impl Stratum {
+    fn add(&mut self, leg: u32, pulses: &[Pulse], echoes: &[Echo], seconds: f64) {
+        let (Some(first), Some(last)) = (pulses.first(), pulses.last()) else { return };
+        self.leg = leg;
+        self.pulses += pulses.len() as f64;
+        self.points += echoes.len() as f64;
+        self.seconds += seconds;
+        if self.beam_angle == 0.0 {
+            self.beam_angle = beam_angle(pulses);
+        }
+        let way = last.origin - first.origin;
+        self.way += way.x.hypot(way.y);
+        self.flown_s += ((last.time_ns - first.time_ns) * 1e-9).max(0.0);
+        let way = DVec3::new(way.x, way.y, 0.0).normalize_or_zero();
+        if self.view.right == DVec3::ZERO {
+            (self.view.origin, self.view.right) = (first.origin, DVec3::new(way.y, -way.x, 0.0));
+        }
+        let View { origin, right, across, farthest } = &mut self.view;
+        let distance = |p: DVec3| (p.x - origin.x).hypot(p.y - origin.y);
+        for echo in echoes.iter().filter(|echo| echo.return_number == 1) {
+            self.hits += 1.0;
+            self.ranges += echo.range;
+            let off = (echo.position - *origin).dot(*right);
+            *across = [across[0].min(off), across[1].max(off)];
+            if *farthest == DVec3::ZERO || distance(echo.position) > distance(*farthest) {
+                *farthest = echo.position;
+            }
+        }
+    }
+}
+
+/// The median angle between successive beams of the first device, rad.
+fn beam_angle(pulses: &[Pulse]) -> f64 {
+    let beams: Vec<DVec3> = pulses.iter().filter(|p| p.device == 0).map(|p| p.attitude.forward()).collect();
+    let mut angles: Vec<f64> = beams.windows(2).map(|b| b[0].cross(b[1]).length().min(1.0).asin()).collect();
+    angles.sort_by(f64::total_cmp);
+    angles.get(angles.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::spread;
+
+    #[test]
+    fn strata_are_all_measured_and_evenly_spread() {
+        for count in [0, 1, 2, 5, 128, 200] {
+            let mut order: Vec<usize> = spread(count).collect();
+            if count == 128 {
+                let mut few = order[..8].to_vec();
+                few.sort_unstable();
+                assert_eq!(few, [0, 16, 32, 48, 64, 80, 96, 112]);
+            }
+            order.sort_unstable();
+            assert_eq!(order, (0..count).collect::<Vec<_>>());
+        }
+    }
+}
