@@ -203,7 +203,7 @@ fn hostile_files_are_refused_with_a_reason() {
         (format!("out = \"o\"\nseeds = nan\n{scene}"), "seeds"),
         (format!("out = \"o\"\nsplit = {{ train = nan }}\n{scene}"), "split"),
         (format!("out = \"o\"\nrun = \"'x\"\n{scene}"), "quote"),
-        (format!("out = \"o\"\nformat = \"e57\"\n{scene}"), "format"),
+        (format!("out = \"o\"\nformat = \"shp\"\n{scene}"), "format"),
         (format!("out = \"o\"\n{stand}"), "fit into the area"),
         (format!("out = \"o\"\n{scene}"), "failed"),
     ] {
