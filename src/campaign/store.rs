@@ -145,7 +145,7 @@ impl Store {
         fs::remove_dir_all(&taken.work).map_err(|e| Error::io("remove", &taken.work, e))
     }
 
-    /// Writes the manifest, which is the same whoever writes it.
+    /// Writes the manifest, the same bytes from any process.
     ///
     /// # Errors
     /// [`Error::Io`].

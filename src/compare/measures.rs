@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::HashSet;
 
-/// Percentiles of heights and intensities that are told.
+/// Percentiles of heights and intensities that are reported.
 pub(super) const PERCENTILES: [f64; 7] = [1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0];
 /// Bins of histograms.
 const BINS: usize = 40;

@@ -309,7 +309,7 @@ impl Session {
         let mut state = FlightState::start(&flight);
         let mut context = OutputContext::new(self.survey(), self.scene());
         if context.crs.is_none() && outputs.sinks.iter().any(|(_, format)| format.holds_crs()) {
-            // Mistakes in the outputs are told before the first pose is waited for.
+            // Mistakes in the outputs are reported before the first pose is waited for.
             OutputPlan::new(OutputRequest { epochs: self.epochs, ..outputs.clone() }, &context)?;
             context.crs = crs::of_flight(&flight, poses.as_mut(), control.stop);
         }

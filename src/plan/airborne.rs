@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 /// Most flight lines of a plan.
 const MAX_LINES: f64 = 10_000.0;
 
-/// Departure from the density that is asked for from which it is told.
+/// Relative departure from the requested density above which a plan warns.
 const MAX_DENSITY_ERROR: f64 = 0.03;
 
 /// What an airborne survey shall be. Of speed, overlap and density at least one is given besides those with defaults;
@@ -146,8 +146,9 @@ pub fn plan_airborne(
         }
     }
     settings(&mut document, instrument, swath);
-    let facts = Facts { area, instrument, choice: &choice, height, heading, run_in, parallel, active, level };
-    facts.tell(&mut document, options);
+    let report =
+        PlanReport { area, instrument, choice: &choice, height, heading, run_in, parallel, active, level };
+    report.describe(&mut document, options);
     Ok(document)
 }
 
@@ -314,8 +315,8 @@ pub(super) fn settings(document: &mut Document, instrument: &Instrument, swath: 
     document.setting("scan_angle_deg", degrees(swath.half_angle));
 }
 
-/// What is told of a plan.
-struct Facts<'f> {
+/// What the comments of a plan report.
+struct PlanReport<'f> {
     area: &'f Area,
     instrument: &'f Instrument,
     choice: &'f Choice,
@@ -328,8 +329,8 @@ struct Facts<'f> {
     level: Level,
 }
 
-impl Facts<'_> {
-    fn tell(&self, document: &mut Document, options: &AirborneOptions) {
+impl PlanReport<'_> {
+    fn describe(&self, document: &mut Document, options: &AirborneOptions) {
         let Choice { swath, speed, spacing, .. } = self.choice;
         let (height, width) = (self.height, swath.width(self.height));
         let hectares = self.area.square_metres() / 1e4;
@@ -477,19 +478,19 @@ mod tests {
         let both = AirborneOptions { density: Some(12.0), speed: Some(60.0), ..options() };
         let choice = chosen(&both).unwrap();
         assert!((choice.density / 12.0 - 1.0).abs() < 0.03, "{}", choice.density);
-        // Of small areas the number of lines decides: what is missed is told, with the speed that would not miss it.
+        // Of small areas the number of lines decides: a density that is missed is a warning, with the speed that would meet it.
         let tiny = Area::rectangle([0.0, 0.0], [900.0, 600.0]).unwrap();
-        let mut told = 0;
+        let mut warnings = 0;
         for density in [3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0] {
             let options = AirborneOptions { density: Some(density), ..both.clone() };
             let Ok(plan) = plan_airborne(&tiny, &instrument(), &options, &FLAT) else { continue };
             let found = plan.comments.iter().find(|line| line.starts_with("density")).unwrap();
             let found: f64 = found.split_whitespace().nth(1).unwrap().parse().unwrap();
-            let is_told = plan.warnings.iter().any(|text| text.contains("lines jumps"));
-            assert_eq!(is_told, (found / density - 1.0).abs() > MAX_DENSITY_ERROR, "{density}: {found}");
-            told += usize::from(is_told);
+            let has_warned = plan.warnings.iter().any(|text| text.contains("lines jumps"));
+            assert_eq!(has_warned, (found / density - 1.0).abs() > MAX_DENSITY_ERROR, "{density}: {found}");
+            warnings += usize::from(has_warned);
         }
-        assert!(told > 0);
+        assert!(warnings > 0);
         let sparse = AirborneOptions { density: Some(0.1), ..both };
         assert!(chosen(&sparse).err().unwrap().contains("already"));
         assert!(

@@ -63,7 +63,7 @@ pub fn plan_terrestrial(instrument: &Instrument, options: &TerrestrialOptions) -
             speed: None,
         })
         .collect();
-    tell(&mut document, instrument, options, pulse_rate);
+    describe(&mut document, instrument, options, pulse_rate);
     Ok(document)
 }
 
@@ -103,7 +103,7 @@ fn positions(arrangement: &Arrangement) -> Result<Vec<[f64; 2]>, String> {
     }
 }
 
-fn tell(document: &mut Document, instrument: &Instrument, options: &TerrestrialOptions, pulse_rate: u32) {
+fn describe(document: &mut Document, instrument: &Instrument, options: &TerrestrialOptions, pulse_rate: u32) {
     let count = document.waypoints.len();
     // Lines of one turn of the head, and the time that the mirror takes for each (spec kinematics §4.2): pulses are counted
     // over its whole mechanical angle.

@@ -140,7 +140,7 @@ fn compute(
         Err(Error::Interrupted) => Err(Error::Interrupted),
         Err(_) if interrupt::STOP.is_requested() => Err(Error::Interrupted),
         Err(error) => {
-            let message = told(&error, &taken.work);
+            let message = message_of(&error, &taken.work);
             console.say(format!("{}  failed: {}", cell.name, message.lines().next().unwrap_or_default()));
             record.error = Some(message);
             store.fail(cell, taken, &record)
@@ -148,8 +148,8 @@ fn compute(
     }
 }
 
-/// The message of an error without the name of the folder that is about to vanish.
-fn told(error: &Error, work: &Path) -> String {
+/// The message of an error without the name of the folder that is removed next.
+fn message_of(error: &Error, work: &Path) -> String {
     let message = match error {
         Error::Input(found) | Error::Limits(found) => found.render(false),
         other => other.to_string(),

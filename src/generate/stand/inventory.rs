@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// Maximum size of an inventory, bytes.
 const MAX_BYTES: u64 = 256 << 20;
-/// Maximum number of problems that are told.
+/// Maximum number of problems that are reported.
 const MAX_PROBLEMS: usize = 5;
 /// Heights and diameters of trees, m.
 const SIZE: Bounds = Bounds { low: 0.01, high: 200.0, expected: "metres from 0.01 to 200" };

@@ -144,7 +144,7 @@ pub struct Sketch {
 }
 
 impl Session {
-    /// Flies a sample of the survey and foretells what [`Session::run`] will do. Outputs are checked and not touched: the
+    /// Flies a sample of the survey and estimates what [`Session::run`] will do. Outputs are checked and not touched: the
     /// sample is written to a folder that is removed. `started` is when the program began to load the scene.
     ///
     /// # Errors
@@ -156,10 +156,10 @@ impl Session {
         control: Control<'_>,
     ) -> Result<Forecast> {
         control.stop.begin_run();
-        catch_loss(|| self.foretell(outputs, started, control))
+        catch_loss(|| self.estimate(outputs, started, control))
     }
 
-    fn foretell(
+    fn estimate(
         &mut self,
         outputs: &OutputRequest,
         started: Instant,

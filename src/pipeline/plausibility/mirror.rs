@@ -3,10 +3,10 @@
 use crate::quantity::amount;
 use crate::survey::{Deflector, Survey};
 
-/// Share of a mirror's turn without pulses from which it is told.
-const MIN_TOLD_IDLE_SHARE: f64 = 0.25;
+/// Share of a mirror's turn without pulses above which a note is given.
+const MIN_IDLE_SHARE: f64 = 0.25;
 
-/// Tells how many pulses a pipeline fires where its mirror turns farther than the scan angle: the pulse frequency counts over
+/// Notes how many pulses a pipeline fires where its mirror turns farther than the scan angle: the pulse frequency counts over
 /// the complete turn.
 pub fn describe_idle_mirror(survey: &Survey) -> Option<String> {
     let leg = survey.legs.iter().find(|leg| leg.scanner.active)?;
@@ -16,7 +16,7 @@ pub fn describe_idle_mirror(survey: &Survey) -> Option<String> {
     let usable = if wanted > 0.0 { effective_max.min(wanted) } else { effective_max };
     let share = usable / all;
     let is_pipeline = survey.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    if !(is_pipeline && share > 0.0 && share <= 1.0 - MIN_TOLD_IDLE_SHARE) {
+    if !(is_pipeline && share > 0.0 && share <= 1.0 - MIN_IDLE_SHARE) {
         return None;
     }
     let frequency = f64::from(leg.scanner.pulse_freq);
