@@ -530,7 +530,7 @@ fn errors_say_what_to_do() {
         ("run forest/scene.xml", "it holds a <scene>"),
         ("scene make forest -o forest", "--force"),
         ("scene info forest", "name ./forest/survey.xml"),
-        ("preview forest/survey.xml -o a.png", "vlscan run forest/survey.xml -o points.laz"),
+        ("preview forest/scene.xml -o a.png", "holds no points and no survey"),
         ("preview forest -o a.png", "name a file of points"),
         ("preview none.laz -o a.png", "there is no such file"),
         ("run forest/survey.xml --trajectory none.csv -o a.xyz", "none.csv: there is no such file"),

@@ -425,7 +425,6 @@ fn words_and_files() -> Vec<Mistake> {
         ),
         typed("a zone that is none", "run survey.xml --trajectory - --utm-zone 77X -o a.xyz", "77X"),
         typed("a file that exists", "run survey.xml -o taken.xyz", "--force"),
-        typed("a survey for points", "preview survey.xml -o a.png", "vlscan run"),
         typed("pulses without a scanner's scene", "trace - --scanner riegl_vz400", "--scene is missing"),
         written(
             "a misspelt attribute",

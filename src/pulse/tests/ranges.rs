@@ -17,7 +17,6 @@ riegl_vux-1uav | 50000 0.2 550, 50000 0.6 920, 100000 0.2 400, 100000 0.6 660, 2
 riegl_vux-1uav22 | 50000 0.8 1415 | RIEGL VUX-1UAV22, data sheet
 riegl_minivux-3uav | 100000 0.8 330 | RIEGL miniVUX-3UAV, data sheet: 330 m at 100 kHz and 80 %
 riegl_vux-1ha22 | 300000 0.8 475 | RIEGL VUX-1HA22, data sheet
-riegl_vq-840-g | 50000 0.8 260 | RIEGL VQ-840-G, data sheet, topographic range
 optech_3100 | 33000 0.2 3500 | Optech ALTM 3100, data sheet: operating altitude 80 to 3500 m, taken for 33 kHz and 20 %
 optech_galaxy | 35000 0.2 4700 | Teledyne Optech Galaxy, data sheet: operating altitude 150 to 4700 m, taken for 35 kHz and 20 %
 livox_mid-40 livox_mid-70 livox-mid-100 livox_mid-100 | 100000 0.1 90, 100000 0.2 130, 100000 0.8 260 | Livox Mid-40, Mid-70 and Mid-100, user manuals: 100 klx
@@ -28,7 +27,7 @@ velodyne_hdl-64e | 20833 0.8 120, 20833 0.1 50 | Velodyne HDL-64E, data sheet: 1
 vlp16 | 18750 0.8 100 | Velodyne VLP-16, data sheet: up to 100 m, no reflectance stated; the entry's range gate alone
 leica_als50 leica_als50-ii optech_2033 | | flying heights alone are published, without reflectance; the entries are left as they are
 riegl_vq_780i riegl_vq-1560i riegl_vq-880g riegl_vq-880g-infrared | | no figures at hand that are certain; the entries are left as they are
-riegl_vq-1560ii velodyne_hdl-32e hesai_xt32 ouster_os0-128 ouster_os1-128 leica_rtc360 leica_blk360 | | no figures at hand that are certain; the entries have range gates alone
+riegl_vq-1560ii riegl_vq-840-g velodyne_hdl-32e hesai_xt32 ouster_os0-128 ouster_os1-128 leica_rtc360 leica_blk360 | | no figures at hand that are certain; the entries have range gates alone
 tractorscanner panoscanner | | prototypes without a data sheet; the entries are left as they are";
 
 /// Distance of the farthest wall of that reflectance that the scanner's first device detects at a pulse rate, m.
