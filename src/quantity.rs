@@ -35,6 +35,8 @@ pub const DIVERGENCE: Bounds = Bounds::new(1e-9, 1.5, "a number above 0, from 1e
 pub const STREAMED_DIVERGENCE: Bounds = Bounds::new(0.0, 1.5, "a number of at least 0, at most 1.5 rad");
 /// Maximum range of a scanner, m; any large number means none.
 pub const MAX_RANGE: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0");
+/// Atmospheric visibility, km; any large number means air without extinction.
+pub const VISIBILITY: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0");
 pub const FRACTION: Bounds = Bounds::new(1e-15, 1.0, "a fraction above 0, at most 1");
 /// Coordinates and differences of them, m: also of places on Earth that were written in millimetres.
 pub const COORDINATE: Bounds = Bounds::new(-1e10, 1e10, "metres from -1e10 to 1e10");

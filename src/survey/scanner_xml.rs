@@ -132,7 +132,7 @@ fn read_beam(fields: &mut Fields) -> Beam {
         quality: fields.positive("beamQualityFactor", base.quality),
         efficiency: fields.positive("opticalEfficiency", base.efficiency),
         receiver_diameter: fields.positive("receiverDiameter_m", base.receiver_diameter),
-        visibility: fields.positive("atmosphericVisibility_km", base.visibility),
+        visibility: fields.within("atmosphericVisibility_km", base.visibility, &quantity::VISIBILITY),
         ..base
     };
     read_emission(fields, beam)

@@ -136,7 +136,7 @@ fn change_beam(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     values.positive(&mut beam.quality, &keys.beam_quality);
     values.positive(&mut beam.efficiency, &keys.optical_efficiency);
     values.positive(&mut beam.receiver_diameter, &keys.receiver_diameter_m);
-    values.positive(&mut beam.visibility, &keys.visibility_km);
+    values.set(&mut beam.visibility, &keys.visibility_km, &quantity::VISIBILITY);
     if let Some(wavelength) = &keys.wavelength_nm {
         if !WAVELENGTHS.contains(wavelength.get_ref()) {
             let expected = format!("a whole number from {} to {}", WAVELENGTHS.start(), WAVELENGTHS.end());
