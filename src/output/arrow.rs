@@ -69,9 +69,9 @@ pub(super) fn data_type(kind: Kind) -> DataType {
 }
 
 /// Returns the collected rows as a batch.
-fn batch(rows: &mut Rows, schema: &SchemaRef) -> Result<RecordBatch> {
+pub(super) fn batch(rows: &mut Rows, schema: &SchemaRef) -> Result<RecordBatch> {
     let count = rows.len();
-    let columns = rows.take().map(|(column, values)| array(column.kind(), values.into(), count));
+    let columns = rows.take().map(|(kind, values)| array(kind, values.into(), count));
     RecordBatch::try_new(schema.clone(), columns.collect())
         .map_err(|e| Error::Internal(format!("Arrow: {e}")))
 }
@@ -100,7 +100,8 @@ pub(super) struct ArrowStream {
 impl ArrowStream {
     pub fn new(columns: &[Column], schema: SchemaRef) -> Result<ArrowStream> {
         let encoder = StreamEncoder::try_new(&schema).map_err(|e| Error::Internal(format!("Arrow: {e}")))?;
-        Ok(ArrowStream { rows: Rows::new(columns, BATCH_ROWS), schema, encoder })
+        let kinds = columns.iter().map(|column| column.kind()).collect();
+        Ok(ArrowStream { rows: Rows::new(kinds, BATCH_ROWS), schema, encoder })
     }
 
     /// Appends a block of columns and writes every complete batch.

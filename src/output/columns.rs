@@ -149,10 +149,14 @@ impl Column {
 
 /// Splits a block written by [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) into the bytes of each
 /// column.
-pub(super) fn slices<'b>(columns: &[Column], rows: usize, block: &'b [u8]) -> impl Iterator<Item = &'b [u8]> {
+pub(super) fn slices<'b>(
+    kinds: impl Iterator<Item = Kind>,
+    rows: usize,
+    block: &'b [u8],
+) -> impl Iterator<Item = &'b [u8]> {
     let mut rest = block;
-    columns.iter().map(move |column| {
-        let (head, tail) = rest.split_at((column.kind().width() * rows).min(rest.len()));
+    kinds.map(move |kind| {
+        let (head, tail) = rest.split_at((kind.width() * rows).min(rest.len()));
         rest = tail;
         head
     })

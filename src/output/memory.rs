@@ -1,8 +1,8 @@
 //! Tables in memory: points, poses, pulses and waveforms as Arrow record batches for the caller of a run.
 
-use super::arrow::data_type;
-use super::batches::Batches;
+use super::arrow::{batch, data_type};
 use super::columns::Kind;
+use super::rows::Rows;
 use super::summary::Tally;
 use crate::error::{Error, Result};
 use crate::geom::{DVec3, degrees};
@@ -175,7 +175,8 @@ impl Block {
 
 /// A table that is being collected.
 pub(super) struct OpenTable {
-    rows: Batches,
+    rows: Rows,
+    schema: SchemaRef,
     /// Samples of the collected waveforms, and where each begins.
     samples: Option<Samples>,
     sink: Arc<dyn TableSink>,
@@ -203,7 +204,8 @@ impl OpenTable {
             schema: with_samples(&schema),
         });
         OpenTable {
-            rows: Batches::new(kinds, schema, *batch_rows),
+            rows: Rows::new(kinds, *batch_rows),
+            schema,
             samples,
             sink: sink.clone(),
             tally: Tally::EMPTY,
@@ -219,7 +221,7 @@ impl OpenTable {
     /// Appends a block of columns and passes every complete batch.
     pub fn append(&mut self, bytes: &[u8], tally: &Tally) -> Result<()> {
         self.tally.add(tally);
-        let OpenTable { rows, samples, sink, has_passed, .. } = self;
+        let OpenTable { rows, schema, samples, sink, has_passed, .. } = self;
         let mut block = bytes;
         if let Some(samples) = samples {
             let width: usize = WAVEFORMS.iter().map(|column| column.1.width()).sum();
@@ -227,8 +229,9 @@ impl OpenTable {
             block = columns;
             samples.append(columns, values, tally.records as usize);
         }
-        rows.append(block, |batch| {
+        rows.append(block, |rows| {
             *has_passed = true;
+            let batch = batch(rows, schema)?;
             sink.take(match samples {
                 Some(samples) => samples.join(batch)?,
                 None => batch,
@@ -239,7 +242,7 @@ impl OpenTable {
     /// Passes the remaining rows.
     pub fn finish(mut self) -> Result<Tally> {
         if self.rows.len() > 0 || !self.has_passed {
-            let mut batch = self.rows.batch()?;
+            let mut batch = batch(&mut self.rows, &self.schema)?;
             if let Some(samples) = &mut self.samples {
                 batch = samples.join(batch)?;
             }

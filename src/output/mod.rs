@@ -17,7 +17,7 @@
 //! | `text`, `number`, `las`, `ply`, `ray_cloud`, `pcd` | records of text, LAS, PLY and PCD |
 //! | `columns`, `column_codec`, `table` | columns: definition and values, as text |
 //! | `rows`, `arrow`, `parquet` | columns in groups of rows, as Arrow and as Parquet |
-//! | `memory`, `batches` | tables in memory for the caller |
+//! | `memory` | tables in memory for the caller |
 //! | `encode` | encoding of batches as bytes for every file, in the worker threads |
 //! | `laz`, `archive`, `blocks` | compression of LAS and of text in blocks; expansion of text |
 //! | `copc` | compressed LAS as an octree |
@@ -31,7 +31,6 @@
 
 mod archive;
 mod arrow;
-mod batches;
 mod blocks;
 mod codec;
 mod column_codec;

@@ -72,7 +72,11 @@ impl ParquetStream {
         let fields = columns.iter().map(|column| Ok(Arc::new(field(*column)?))).collect::<Result<_>>()?;
         let root = Type::group_type_builder("arrow_schema").with_fields(fields).build().map_err(failed)?;
         let writer = SerializedFileWriter::new(buffer.clone(), Arc::new(root), Arc::new(properties.build()));
-        Ok(ParquetStream { rows: Rows::new(columns, GROUP_ROWS), writer: writer.map_err(failed)?, buffer })
+        Ok(ParquetStream {
+            rows: Rows::new(columns.iter().map(|column| column.kind()).collect(), GROUP_ROWS),
+            writer: writer.map_err(failed)?,
+            buffer,
+        })
     }
 
     /// Appends a block of columns and writes every complete row group.
@@ -137,10 +141,10 @@ fn write_group(
     rows: &mut Rows,
 ) -> std::result::Result<(), ParquetError> {
     let mut group = writer.next_row_group()?;
-    for (column, values) in rows.take() {
+    for (kind, values) in rows.take() {
         let mut out =
             group.next_column()?.ok_or_else(|| ParquetError::General("a column too many".into()))?;
-        write_column(&mut out, column.kind(), &values)?;
+        write_column(&mut out, kind, &values)?;
         out.close()?;
     }
     group.close().map(|_| ())

@@ -1,43 +1,41 @@
 //! Rows collected column by column into groups of fixed size, so that the bytes of a file do not depend on how its rows
 //! arrived.
 
-use super::columns::{Column, slices};
+use super::columns::{Kind, slices};
 use crate::error::Result;
 use ::arrow_buffer::MutableBuffer;
 
 /// Rows per batch of an Arrow stream: a few megabytes.
 pub(super) const BATCH_ROWS: usize = 16_384;
 
-/// The rows of one group, at most `full` of them.
+/// The rows of one group, at most `full` of them. A group may hold all rows of a run, so columns grow as vectors do.
 pub(super) struct Rows {
-    columns: Vec<Column>,
+    kinds: Vec<Kind>,
     values: Vec<MutableBuffer>,
     rows: usize,
     full: usize,
 }
 
 impl Rows {
-    pub fn new(columns: &[Column], full: usize) -> Rows {
-        let values = columns.iter().map(|_| MutableBuffer::new(0)).collect();
-        Rows { columns: columns.to_vec(), values, rows: 0, full }
+    pub fn new(kinds: Vec<Kind>, full: usize) -> Rows {
+        let values = kinds.iter().map(|_| MutableBuffer::new(0)).collect();
+        Rows { kinds, values, rows: 0, full: full.max(1) }
     }
 
     pub fn len(&self) -> usize {
         self.rows
     }
 
-    /// Appends a block written by [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) and calls `full` for every
-    /// complete group, which it has to [`take`](Rows::take).
+    /// Appends a block of columns, all values of the first column first, and calls `full` for every complete group, which it has to [`take`](Rows::take).
     pub fn append(&mut self, block: &[u8], mut full: impl FnMut(&mut Rows) -> Result<()>) -> Result<()> {
-        let width: usize = self.columns.iter().map(|c| c.kind().width()).sum();
+        let width: usize = self.kinds.iter().map(|kind| kind.width()).sum();
         let rows = block.len() / width.max(1);
         let mut from = 0;
         while from < rows {
             let now = (rows - from).min(self.full - self.rows);
-            for ((column, values), bytes) in
-                self.columns.iter().zip(&mut self.values).zip(slices(&self.columns, rows, block))
-            {
-                let width = column.kind().width();
+            let columns = slices(self.kinds.iter().copied(), rows, block);
+            for ((kind, values), bytes) in self.kinds.iter().zip(&mut self.values).zip(columns) {
+                let width = kind.width();
                 values.extend_from_slice(&bytes[from * width..(from + now) * width]);
             }
             (from, self.rows) = (from + now, self.rows + now);
@@ -49,9 +47,52 @@ impl Rows {
     }
 
     /// Takes the columns with their values in the machine's byte order, and begins a new group.
-    pub fn take(&mut self) -> impl Iterator<Item = (Column, MutableBuffer)> {
+    pub fn take(&mut self) -> impl Iterator<Item = (Kind, MutableBuffer)> {
         self.rows = 0;
         let values = self.values.iter_mut().map(|values| std::mem::replace(values, MutableBuffer::new(0)));
-        self.columns.iter().copied().zip(values)
+        self.kinds.iter().copied().zip(values)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::arrow::{batch, data_type};
+    use ::arrow_array::{RecordBatch, cast::AsArray, types::*};
+    use ::arrow_schema::{Field, Schema};
+    use std::sync::Arc;
+
+    fn block(from: u32, rows: u32) -> Vec<u8> {
+        let mut bytes: Vec<u8> =
+            (from..from + rows).flat_map(|i| (f64::from(i) / 8.0).to_le_bytes()).collect();
+        bytes.extend((from..from + rows).map(|i| i as u8));
+        bytes
+    }
+
+    fn collected(blocks: &[u32], max_rows: usize) -> Vec<RecordBatch> {
+        let kinds = vec![Kind::F64, Kind::U8];
+        let fields: Vec<Field> = kinds.iter().map(|kind| Field::new("c", data_type(*kind), false)).collect();
+        let (schema, mut rows) = (Arc::new(Schema::new(fields)), Rows::new(kinds, max_rows));
+        let (mut batches, mut from) = (Vec::new(), 0);
+        for &count in blocks {
+            rows.append(&block(from, count), |rows| {
+                batches.push(batch(rows, &schema)?);
+                Ok(())
+            })
+            .unwrap();
+            from += count;
+        }
+        batches.push(batch(&mut rows, &schema).unwrap());
+        batches
+    }
+
+    #[test]
+    fn batches_do_not_depend_on_the_blocks() {
+        assert_eq!(collected(&[3, 0, 7, 2], 5), collected(&[12], 5));
+        let sizes: Vec<usize> = collected(&[12], 5).iter().map(RecordBatch::num_rows).collect();
+        assert_eq!(sizes, [5, 5, 2]);
+        let whole = collected(&[1, 2, 300], usize::MAX).remove(0);
+        assert_eq!(whole.column(0).as_primitive::<Float64Type>().value(302), 302.0 / 8.0);
+        assert_eq!(whole.column(1).as_primitive::<UInt8Type>().value(302), 46);
     }
 }

@@ -13,7 +13,11 @@ pub(super) fn header(columns: &[Column], separator: u8) -> Vec<u8> {
 /// Appends the rows of a block written by [`ColumnCodec::push`](super::column_codec::ColumnCodec::push), one line
 /// each.
 pub(super) fn push_rows(out: &mut Vec<u8>, columns: &[Column], rows: usize, block: &[u8], separator: u8) {
-    let slices: Vec<(Column, &[u8])> = columns.iter().copied().zip(slices(columns, rows, block)).collect();
+    let slices: Vec<(Column, &[u8])> = columns
+        .iter()
+        .copied()
+        .zip(slices(columns.iter().map(|column| column.kind()), rows, block))
+        .collect();
     for row in 0..rows {
         for (at, (column, bytes)) in slices.iter().enumerate() {
             if at > 0 {
