@@ -149,11 +149,11 @@ impl Column {
 
 /// Splits a block written by [`ColumnCodec::push`](super::column_codec::ColumnCodec::push) into the bytes of each
 /// column.
-pub(super) fn slices<'b>(
+pub(super) fn slices(
     kinds: impl Iterator<Item = Kind>,
     rows: usize,
-    block: &'b [u8],
-) -> impl Iterator<Item = &'b [u8]> {
+    block: &[u8],
+) -> impl Iterator<Item = &[u8]> {
     let mut rest = block;
     kinds.map(move |kind| {
         let (head, tail) = rest.split_at((kind.width() * rows).min(rest.len()));
