@@ -2,17 +2,14 @@
 
 use crate::errors::{Notices, exception};
 use crate::table::Table;
+use crate::watch::{Interruption, POLL_INTERVAL};
 use arrow_array::RecordBatch;
 use flume::{Receiver, RecvTimeoutError, Sender};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
-use vlscan::{Error, Report, Stop, TableSink};
-
-/// Time between two checks of signals.
-const POLL_INTERVAL: Duration = Duration::from_millis(50);
+use vlscan::{Error, Report, TableSink};
 
 /// Passes the batches of a run to another thread.
 #[derive(Debug)]
@@ -36,7 +33,7 @@ impl TableSink for Channel {
 #[pyclass(frozen, module = "vlscan")]
 pub struct BatchIterator {
     state: Mutex<State>,
-    stop: Arc<Stop>,
+    interruption: Arc<Interruption>,
     notices: Notices,
 }
 
@@ -51,26 +48,28 @@ impl BatchIterator {
     pub fn new(
         batches: Receiver<RecordBatch>,
         worker: JoinHandle<vlscan::Result<Report>>,
-        stop: Arc<Stop>,
+        interruption: Arc<Interruption>,
         notices: Notices,
     ) -> BatchIterator {
         let state = State { batches: Some(batches), worker: Some(worker) };
-        BatchIterator { state: Mutex::new(state), stop, notices }
+        BatchIterator { state: Mutex::new(state), interruption, notices }
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Ends the run and waits for its end.
-    fn end(&self) -> Option<vlscan::Result<Report>> {
-        self.stop.request();
+    /// Ends the run, and waits for the end of one that measures.
+    fn end(&self) {
+        self.interruption.request();
         let (batches, worker) = {
             let mut state = self.state();
             (state.batches.take(), state.worker.take())
         };
         drop(batches);
-        worker.map(joined)
+        if let Some(worker) = worker.filter(|_| self.interruption.is_awaited()) {
+            let _ = worker.join();
+        }
     }
 }
 

@@ -10,6 +10,7 @@
 //! | `batches` | runs whose points are taken while they are measured |
 //! | `catalogue` | lists of instruments, options and columns |
 //! | `preview` | pictures and pages of points |
+//! | `watch` | work on another thread, which Ctrl-C ends |
 
 use pyo3::prelude::*;
 
@@ -20,6 +21,7 @@ mod preview;
 mod run;
 mod scene;
 mod table;
+mod watch;
 
 /// The engine of vlscan; use the package `vlscan`.
 #[pymodule]

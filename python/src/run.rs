@@ -5,22 +5,19 @@ use crate::batches::{BatchIterator, Channel};
 use crate::errors::{Notices, exception};
 use crate::scene::Scene;
 use crate::table::{Table, batches};
+use crate::watch::{Interruption, watched};
 use arrow_array::RecordBatch;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 use vlscan::internals::encode_stream;
 use vlscan::{
-    Control, Error, Job, LegRule, OutputRequest, Progress, PulseReader, Report, Session, Stop, TableContent,
-    TableRequest, TableSink,
+    Control, Job, LegRule, OutputRequest, Progress, PulseReader, Report, Session, TableContent, TableRequest,
+    TableSink,
 };
 
-/// Time between two checks of signals and reports of progress.
-const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Rows of pulses that are traced together.
 const PULSE_ROWS: usize = 4096;
 
@@ -33,7 +30,7 @@ pub struct Request {
     words: Vec<String>,
     scene: Option<Py<Scene>>,
     trajectory: Option<Arc<[u8]>>,
-    pulses: Option<Vec<u8>>,
+    pulses: Option<Arc<[u8]>>,
     streamed_divergence: bool,
 }
 
@@ -56,7 +53,7 @@ impl Request {
             py.detach(|| encode_stream(&schema, &batches)).map_err(|error| exception(py, error))
         };
         let trajectory = trajectory.map(stream).transpose()?.map(Arc::from);
-        let pulses = pulses.map(stream).transpose()?;
+        let pulses = pulses.map(stream).transpose()?.map(Arc::from);
         Ok(Request { file, document, words, scene, trajectory, pulses, streamed_divergence: true })
     }
 }
@@ -97,11 +94,12 @@ impl Request {
         tables: Vec<TableRequest>,
         notices: &Notices,
         progress: &Progress,
-        stop: &Stop,
+        interruption: &Interruption,
     ) -> vlscan::Result<Report> {
-        let job = self.job(notices)?;
+        let mut job = self.job(notices)?;
+        interruption.watch(&mut job.settings);
         let outputs = OutputRequest { tables, ..job.output.clone() };
-        let control = Control::new(progress, stop);
+        let control = Control::new(progress, &interruption.stop);
         let Some(pulses) = &self.pulses else {
             return self.session(job, notices)?.run(outputs, control);
         };
@@ -206,7 +204,7 @@ fn content(name: &str) -> PyResult<TableContent> {
 #[pyo3(signature = (request, tables, progress=None))]
 pub fn run(
     py: Python<'_>,
-    request: &Request,
+    request: Py<Request>,
     tables: Vec<String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Outcome> {
@@ -218,24 +216,10 @@ pub fn run(
     }
     let requests: Vec<TableRequest> = sinks.iter().map(|(_, request)| request.clone()).collect();
     let notices = Notices::default();
-    let (counters, stop) = (Progress::default(), Stop::new());
-    let mut failure = None;
-    let done = py.detach(|| {
-        watched(
-            || request.execute(requests, &notices, &counters, &stop),
-            || {
-                if failure.is_none() {
-                    failure = Python::attach(|py| tell(py, progress.as_ref(), &counters)).err();
-                    if failure.is_some() {
-                        stop.request();
-                    }
-                }
-            },
-        )
-    });
-    if let Some(failure) = failure {
-        return Err(failure);
-    }
+    let (counters, interruption) = (Arc::new(Progress::default()), Arc::new(Interruption::default()));
+    let (own_notices, own_counters, own) = (notices.clone(), counters.clone(), interruption.clone());
+    let work = move || request.get().execute(requests, &own_notices, &own_counters, &own);
+    let done = watched(py, &interruption, work, || tell(py, progress.as_ref(), &counters))?;
     let issued = notices.issue(py)?;
     let report = done.map_err(|error| exception(py, error))?;
     tell(py, progress.as_ref(), &counters)?;
@@ -246,25 +230,6 @@ pub fn run(
         found.push((name, Py::new(py, Table(batch))?));
     }
     Ok(Outcome { tables: found, report, notices: issued.unbind() })
-}
-
-/// Calls `work` on another thread, and `check` from time to time until it is done.
-fn watched<T: Send>(
-    work: impl FnOnce() -> vlscan::Result<T> + Send,
-    mut check: impl FnMut(),
-) -> vlscan::Result<T> {
-    std::thread::scope(|scope| {
-        let (done, wait) = sync_channel::<()>(1);
-        let worker = scope.spawn(move || {
-            // Dropped at the end, also of a panic.
-            let _done = done;
-            work()
-        });
-        while wait.recv_timeout(POLL_INTERVAL) == Err(RecvTimeoutError::Timeout) {
-            check();
-        }
-        worker.join().unwrap_or_else(|_| Err(Error::Internal("a thread of the run has failed".to_owned())))
-    })
 }
 
 /// Lets Python handle signals, and tells the progress.
@@ -287,11 +252,11 @@ pub fn run_batches(request: Py<Request>, rows: usize, waiting: usize) -> BatchIt
     let (sink, batches) = Channel::new(waiting);
     let table = TableRequest { content: TableContent::Points, batch_rows: rows.max(1), sink: Arc::new(sink) };
     let notices = Notices::default();
-    let stop = Arc::new(Stop::new());
-    let (own_notices, own_stop) = (notices.clone(), stop.clone());
+    let interruption = Arc::new(Interruption::default());
+    let (own_notices, own) = (notices.clone(), interruption.clone());
     let worker = std::thread::spawn(move || {
         let request = request.get();
-        request.execute(vec![table], &own_notices, &Progress::default(), &own_stop)
+        request.execute(vec![table], &own_notices, &Progress::default(), &own)
     });
-    BatchIterator::new(batches, worker, stop, notices)
+    BatchIterator::new(batches, worker, interruption, notices)
 }

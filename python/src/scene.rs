@@ -2,6 +2,7 @@
 
 use crate::errors::{Notices, exception};
 use crate::table::Table;
+use crate::watch::{Interruption, watched};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
@@ -29,13 +30,10 @@ impl Mesh {
         materials: Vec<Bound<'_, PyDict>>,
         material_of: &[u8],
     ) -> PyResult<Mesh> {
-        let (vertices, _) = vertices.as_chunks::<24>();
-        let number = |bytes: &[u8]| f64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|i| bytes[i]));
-        let vertices = vertices
-            .iter()
-            .map(|v| DVec3::new(number(&v[..8]), number(&v[8..16]), number(&v[16..])))
-            .collect();
-        let triangles = indices(triangles).as_chunks().0.to_vec();
+        let vertices = vertices.as_chunks::<8>().0.as_chunks::<3>().0.iter();
+        let vertices = vertices.map(|v| DVec3::from(v.map(f64::from_le_bytes))).collect();
+        let triangles = triangles.as_chunks::<4>().0.as_chunks::<3>().0.iter();
+        let triangles = triangles.map(|t| t.map(u32::from_le_bytes)).collect();
         let materials = materials.iter().map(material).collect::<PyResult<Vec<_>>>()?;
         let mesh = vlscan::Mesh::new(vertices, triangles, materials, indices(material_of));
         mesh.map(|mesh| Mesh(Arc::new(mesh))).map_err(|error| exception(py, error))
@@ -44,9 +42,7 @@ impl Mesh {
 
 /// A material from a dictionary whose keys the class `Material` of the package sets.
 fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
-    let get = |key: &str| {
-        fields.get_item(key)?.ok_or_else(|| PyTypeError::new_err(format!("a material needs {key}")))
-    };
+    let get = |key: &str| item(fields, key);
     Ok(MaterialDefinition {
         name: get("name")?.extract()?,
         kd: get("diffuse")?.extract()?,
@@ -73,11 +69,27 @@ impl Part {
         part(Loader::Mesh(mesh.0.clone()), place)
     }
 
-    /// A part of a mesh file: OBJ, PLY, STL or glTF.
+    /// A part of a mesh file: OBJ, PLY, STL or glTF. `up`: `y` or `z`, none for that of the format. `unit`: of coordinates.
+    /// `materials`: a table of materials.
     #[staticmethod]
-    fn of_obj(path: PathBuf, y_is_up: bool, place: &Bound<'_, PyDict>) -> PyResult<Part> {
-        let up = y_is_up.then_some(UpAxis::Y);
-        let reading = MeshReading { up, ..MeshReading::default() };
+    fn of_mesh_file(
+        path: PathBuf,
+        up: Option<&str>,
+        unit: &str,
+        materials: Option<PathBuf>,
+        place: &Bound<'_, PyDict>,
+    ) -> PyResult<Part> {
+        let up = match up {
+            None => None,
+            Some("y") => Some(UpAxis::Y),
+            Some("z") => Some(UpAxis::Z),
+            Some(other) => {
+                return Err(PyValueError::new_err(format!("up is {other:?}; expected 'y' or 'z'")));
+            }
+        };
+        let expected = || PyValueError::new_err(format!("unit is {unit:?}; expected {}", MeshReading::UNITS));
+        let unit_m = MeshReading::unit(unit).ok_or_else(expected)?;
+        let reading = MeshReading { up, unit_m, materials };
         part(Loader::MeshFiles { files: vec![path], reading }, place)
     }
 
@@ -175,7 +187,7 @@ impl Changes {
         } else if let Ok(name) = which.extract::<String>() {
             Replaced::Named(name)
         } else {
-            Replaced::Primitives(indices(which.cast::<PyBytes>()?.as_bytes()))
+            Replaced::Faces(indices(which.cast::<PyBytes>()?.as_bytes()))
         };
         let last = MaterialChange { replaced, material: material(fields)? };
         Ok(Changes(self.0.iter().cloned().chain([last]).collect()))
@@ -258,22 +270,26 @@ impl Scene {
     }
 
     /// Loads scene and tree now; otherwise the first run does. `words` are options of a run, `document` is a pipeline.
-    fn load(&self, py: Python<'_>, document: String, words: Vec<String>) -> PyResult<()> {
-        let notices = Notices::default();
-        let done = py.detach(|| self.session(self.job(document, words)?, &notices).map(drop));
+    fn load(own: Py<Self>, py: Python<'_>, document: String, words: Vec<String>) -> PyResult<()> {
+        let (notices, interruption) = (Notices::default(), Interruption::default());
+        let mut job = own.get().job(document, words).map_err(|error| exception(py, error))?;
+        interruption.watch(&mut job.settings);
+        let own_notices = notices.clone();
+        let work = move || own.get().session(job, &own_notices).map(drop);
+        let done = watched(py, &interruption, work, || py.check_signals())?;
         notices.issue(py)?;
         done.map_err(|error| exception(py, error))
     }
 
     /// Writes scene and tree to a packed scene; the other arguments are those of `load`.
     fn pack(&self, py: Python<'_>, path: PathBuf, document: String, words: Vec<String>) -> PyResult<()> {
-        let notices = Notices::default();
-        let done = py.detach(|| {
-            let settings = self.job(document, words)?.settings;
-            let (_, warnings) = pack(&self.recipe, &settings.load, &settings.tree, &path)?;
-            notices.add(vlscan::Notice::Warnings(warnings));
-            Ok(())
-        });
+        let (notices, interruption) = (Notices::default(), Interruption::of_writing());
+        let mut settings = self.job(document, words).map_err(|error| exception(py, error))?.settings;
+        interruption.watch(&mut settings);
+        let recipe = self.recipe.clone();
+        let work = move || pack(&recipe, &settings.load, &settings.tree, &path);
+        let done = watched(py, &interruption, work, || py.check_signals())?;
+        let done = done.map(|(_, warnings)| notices.add(vlscan::Notice::Warnings(warnings)));
         notices.issue(py)?;
         done.map_err(|error| exception(py, error))
     }

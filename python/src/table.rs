@@ -177,9 +177,8 @@ pub fn batches(object: &Bound<'_, PyAny>) -> PyResult<(SchemaRef, Vec<RecordBatc
         for (name, values) in columns {
             let values = values.cast_into::<PyBytes>()?;
             let (numbers, _) = values.as_bytes().as_chunks();
-            let numbers: Float64Array = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
-            // Without nulls.
-            let numbers = Float64Array::new(numbers.values().clone(), None);
+            let numbers =
+                Float64Array::from_iter_values(numbers.iter().map(|number| f64::from_le_bytes(*number)));
             fields.push(Field::new(name.extract::<String>()?, DataType::Float64, false));
             arrays.push(Arc::new(numbers));
         }

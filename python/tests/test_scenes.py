@@ -42,7 +42,7 @@ def test_materials_belong_to_faces():
 
 
 def test_materials_of_parts_are_replaced():
-    vertices, faces = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2, 3]]
+    vertices, faces = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]
     part = Part.mesh(vertices, faces, Material("leaf", classification=1))
     bark = Material("bark", classification=2)
     for changed, expected in [
@@ -54,6 +54,82 @@ def test_materials_of_parts_are_replaced():
     ]:
         points = heights([changed], [[0.2, 0.7, 10], [0.7, 0.2, 10]])
         assert points["Classification"].tolist() == expected
+
+
+def strip(count=4):
+    """Squares in a row along x, and a beam into both triangles of each."""
+    vertices = [[x, y, 0] for x in range(count + 1) for y in (0, 1)]
+    faces = np.array([[2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1] for i in range(count)])
+    return vertices, faces, [[i + x, y, 10] for i in range(count) for x, y in [(0.7, 0.2), (0.2, 0.7)]]
+
+
+ROOF = Material("roof", classification=6)
+
+
+def test_indices_of_quadrilaterals_are_those_of_the_faces_given():
+    vertices, faces, above = strip()
+    part = Part.mesh(vertices, faces)
+    for of in ([1, 3], np.array([3, 1, 1]), np.array([False, True, False, True])):
+        points = heights([part.translate(0, 0, 1).with_material(ROOF, of=of)], above)
+        assert points["Classification"].tolist() == [0, 0, 6, 6, 0, 0, 6, 6]
+
+
+def test_indices_count_faces_without_area(tmp_path):
+    vertices, faces, above = strip()
+    triangles = faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    triangles = np.insert(triangles, [0, 3, 3], [5, 5, 6], axis=0)
+    file = tmp_path / "strip.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles]
+    file.write_text("\n".join(lines) + "\n")
+    for part in (Part.mesh(vertices, triangles), Part.obj(file)):
+        for index, hit in [(1, 0), (3, 2), (6, 3), (10, 7)]:
+            with pytest.warns(vlscan.VlscanWarning, match="3 triangles without area"):
+                points = heights([part.with_material(ROOF, of=[index])], above)
+            assert np.flatnonzero(points["Classification"]).tolist() == [hit]
+        with pytest.warns(vlscan.VlscanWarning):
+            points = heights([part.with_material(ROOF, of=[0, 4, 5])], above)
+        assert not points["Classification"].any()
+
+
+def test_indices_count_the_faces_of_a_file(tmp_path):
+    vertices, faces, above = strip()
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + ["f " + " ".join(str(corner + 1) for corner in face) for face in faces]
+    (tmp_path / "strip.obj").write_text("\n".join(lines) + "\n")
+    part = Part.file(tmp_path / "strip.obj")
+    for index in range(4):
+        points = heights([part.with_material(ROOF, of=[index])], above)
+        assert np.flatnonzero(points["Classification"]).tolist() == [2 * index, 2 * index + 1]
+    with pytest.raises(vlscan.InputError, match="face 4, but the part has 4"):
+        Scene([part.with_material(ROOF, of=[4])]).load()
+
+
+def test_odd_indices_of_faces_are_refused():
+    vertices, faces, above = strip()
+    part = Part.mesh(vertices, faces)
+    for of, message in [
+        ([-1], "-1 to -1, expected 0 to 3"), ([0, 4], "0 to 4"), ([0.5], "indices of faces"), ([[1]], "indices of faces"),
+        ([True, False], "one per face"), (np.ones(8, bool), "one per face"),
+    ]:  # fmt: skip
+        with pytest.raises(ValueError, match=message):
+            part.with_material(ROOF, of=of)
+    assert not heights([part.with_material(ROOF, of=[])], above)["Classification"].any()
+    tree = Part.obj(FIXTURES / "forest/beech.obj")
+    with pytest.raises(ValueError, match="mask"):
+        tree.with_material(ROOF, of=[True])
+    with pytest.raises(vlscan.InputError, match="face 4000000, but the part has"):
+        Scene([tree.with_material(ROOF, of=[4_000_000])]).load()
+
+
+def test_materials_are_checked():
+    assert Material().reflectance == 0.5 and Material(spectrum="grass").reflectance is None
+    for wrong in (
+        {"reflectance": 1.5}, {"reflectance": float("nan")}, {"reflectance": -0.1}, {"roughness_deg": 91}, {"classification": 256},
+        {"classification": -1},
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=f"{next(iter(wrong))} of the material 'a' is"):
+            Material("a", **wrong)
+    scene = Scene([Part.mesh(*square(), materials=Material("plain"))])
+    assert scene.materials["plain"] == (0.5, 0)
 
 
 def test_parts_stand_where_they_are_put():
@@ -90,16 +166,21 @@ def test_copies_share_their_mesh():
     assert len(a) > 1000 and np.allclose(a.xyz, b.xyz, atol=1e-9)
 
 
-def test_a_scene_is_loaded_once(monkeypatch):
+def test_a_scene_is_loaded_once(tmp_path):
     scene = Scene([Part.mesh(*square())])
     assert not scene.is_loaded
-    heights(scene, [[0, 0, 1]])
+    heights(scene, [[0, 0, 5]])
     assert scene.is_loaded
-    from vlscan import _vlscan
-
-    monkeypatch.setattr(_vlscan.Scene, "load", None, raising=False)
-    heights(scene, [[0, 0, 1]], seed=5, physics="refined")
+    file = tmp_path / "a.obj"
+    file.write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n")
+    scene = Scene([Part.obj(file)])
+    first = heights(scene, [[0, 0, 5]])
+    file.unlink()
+    again = heights(scene, [[0, 0, 5]], seed=5, threads=1)
+    assert len(first) == 1 and np.allclose(first.xyz, again.xyz, atol=0.01)
     scene.unload()
+    with pytest.raises(vlscan.InputError, match="a.obj"):
+        heights(scene, [[0, 0, 5]])
     assert not scene.is_loaded
 
 
@@ -114,6 +195,28 @@ def test_files_are_scenes():
         Scene("nowhere.obj")
     with pytest.raises(ValueError, match="ends in"):
         Part.file("a.e57")
+
+
+def test_mesh_files_of_any_format_are_parts(tmp_path):
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 100 0 0\nvertex 0 200 50\nendloop\nendfacet\n"
+    (tmp_path / "a.stl").write_text(f"solid a\n{facet}endsolid a\n")
+    corners = "0 0 0\n100 0 0\n0 200 50\n"
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    (tmp_path / "a.ply").write_text(header + f"element face 1\nproperty list uchar int vertex_indices\nend_header\n{corners}3 0 1 2\n")
+    for name in ("a.stl", "a.ply"):
+        assert Scene([Part.file(tmp_path / name)]).bounds.tolist() == [[0, 0, 0], [100, 200, 50]]
+        turned = Scene([Part.mesh_file(tmp_path / name, up="y", unit="cm")])
+        assert np.allclose(turned.bounds, [[0, -0.5, 0], [1, 0, 2]])
+        assert np.allclose(Scene([Part.file(tmp_path / name, unit=2)]).bounds[1], [200, 400, 100])
+    with pytest.raises(ValueError, match="unit is"):
+        Scene([Part.mesh_file(tmp_path / "a.stl", unit="furlong")])
+    with pytest.raises(ValueError, match="up is"):
+        Part.file(tmp_path / "a.stl", up="x")
+    for odd in (b"", b"ply\nformat ascii 1.0\nelement vertex 999999999999\nproperty float x\nend_header\n", b"solid\nvertex nan"):
+        for name in ("b.stl", "b.ply", "b.glb", "b.gltf"):
+            (tmp_path / name).write_bytes(odd)
+            with pytest.raises(vlscan.Error):
+                Scene([Part.file(tmp_path / name)]).load()
 
 
 def test_meshes_of_other_libraries():
@@ -141,5 +244,8 @@ def test_pictures_and_pages(tmp_path):
     points.save_preview(tmp_path / "a.png")
     points.save_preview(tmp_path / "a.html", "class")
     assert (tmp_path / "a.png").stat().st_size > 1000 and (tmp_path / "a.html").stat().st_size > 10_000
+    with pytest.raises(ValueError, match="png or .html"):
+        points.save_preview(tmp_path / "a.jpg")
+    assert not (tmp_path / "a.jpg").exists()
     with pytest.raises(ValueError, match="height, class"):
         points.png("colour")

@@ -26,9 +26,9 @@ class Material:
     """How a surface reflects, and which class its points get."""
 
     name: str = "material"
-    #: Reflectance, 0 to 1. ``None``: that of ``spectrum``, else 0.5.
+    #: Reflectance, 0 to 1; 0.5 by default. ``None`` with a ``spectrum``, which has it.
     reflectance: float | None = None
-    #: Class of the points.
+    #: Class of the points, 0 to 255.
     classification: int = 0
     #: Name of a spectrum in a ``spectra`` folder of the assets; its reflectance at the scanner's wavelength.
     spectrum: str | None = None
@@ -40,8 +40,20 @@ class Material:
     specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
     #: Exponent of the specular lobe.
     specular_exponent: float = 10.0
-    #: Roughness of the surface, degrees; refined physics.
+    #: Roughness of the surface, 0 to 90 degrees; refined physics.
     roughness_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.reflectance is None and self.spectrum is None:
+            object.__setattr__(self, "reflectance", 0.5)
+        self._check("reflectance", 1)
+        self._check("roughness_deg", 90)
+        self._check("classification", 255)
+
+    def _check(self, name: str, highest: float) -> None:
+        value = getattr(self, name)
+        if value is not None and not 0 <= value <= highest:
+            raise ValueError(f"{name} of the material {self.name!r} is {value}, expected 0 to {highest}")
 
 
 @dataclass(frozen=True)
@@ -84,8 +96,10 @@ class Part:
     """A part of a scene: geometry and where it stands. Parts do not change; :meth:`translate` and the others return new ones,
     which share the geometry, so a thousand copies of a tree take the memory of one."""
 
-    def __init__(self, kind: str, arguments: tuple[Any, ...], place: _Place) -> None:
+    def __init__(self, kind: str, arguments: tuple[Any, ...], place: _Place, faces: tuple[int, int] | None = None) -> None:
         self._kind, self._arguments, self._place = kind, arguments, place
+        # Number of faces and of triangles in each, if known.
+        self._faces = faces
 
     @staticmethod
     def mesh(
@@ -98,9 +112,10 @@ class Part:
         """A part of triangles (or quadrilaterals) in memory.
 
         ``vertices``: n by 3, m. ``faces``: indices of vertices, m by 3 or m by 4. ``materials``: one for all faces, or several,
-        and ``material_of`` the index of the one of each face. ``id``: what the column ``ObjectId`` reports; a number by default.
+        and ``material_of`` then is the index of the one of each face. ``id``: what the column ``ObjectId`` reports; a number by
+        default.
         """
-        points = np.ascontiguousarray(vertices, dtype="<f8")
+        points = np.asarray(vertices, dtype="<f8")
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"vertices has the shape {points.shape}, expected n by 3")
         corners = np.asarray(faces)
@@ -109,36 +124,58 @@ class Part:
         if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
             raise ValueError(f"faces has indices beyond the {len(points)} vertices")
         known = [materials] if isinstance(materials, Material) else list(materials or [])
+        if len(known) > 1 and material_of is None:
+            raise ValueError(f"there are {len(known)} materials, expected material_of with the index of the one of each face")
         index = np.asarray([] if material_of is None else material_of)
         if index.size and (index.min() < 0 or index.shape != (len(corners),)):
             raise ValueError(f"material_of has the shape {index.shape}, expected an index per face, ({len(corners)},)")
-        if corners.shape[1] == 4:
+        count, per_face = len(corners), corners.shape[1] - 2
+        if per_face == 2:
             corners = corners[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
             index = np.repeat(index, 2)
         made = _vlscan.Mesh(
             points.tobytes(),
-            np.ascontiguousarray(corners, dtype="<u4").tobytes(),
+            np.asarray(corners, dtype="<u4").tobytes(),
             [_fields(material) for material in known],
-            np.ascontiguousarray(index, dtype="<u4").tobytes(),
+            np.asarray(index, dtype="<u4").tobytes(),
         )
-        return Part("of_mesh", (made,), _Place(id=id))
+        return Part("of_mesh", (made,), _Place(id=id), (count, per_face))
 
     @staticmethod
-    def of(mesh: Any, materials: Material | Iterable[Material] | None = None, id: str | None = None) -> Part:
+    def of(
+        mesh: Any, materials: Material | Iterable[Material] | None = None, material_of: Any = None, id: str | None = None
+    ) -> Part:
         """A part of a mesh of another library: of anything with ``vertices`` and ``faces`` (trimesh) or ``triangles``
-        (Open3D)."""
+        (Open3D). ``materials`` and ``material_of``: as in :meth:`mesh`."""
         faces = getattr(mesh, "faces", None)
         faces = getattr(mesh, "triangles", None) if faces is None else faces
         if faces is None or not hasattr(mesh, "vertices"):
             raise TypeError(f"{type(mesh).__name__} has no vertices and faces")
-        return Part.mesh(np.asarray(mesh.vertices), np.asarray(faces), materials, id=id)
+        return Part.mesh(np.asarray(mesh.vertices), np.asarray(faces), materials, material_of, id)
 
     @staticmethod
     def obj(path: PathLike, up: str = "z", id: str | None = None) -> Part:
         """A part of a Wavefront OBJ file and the materials that it names. ``up``: the axis that points up, ``z`` or ``y``."""
-        if up not in ("y", "z"):
+        return Part.mesh_file(path, up, id=id)
+
+    @staticmethod
+    def mesh_file(
+        path: PathLike,
+        up: str | None = None,
+        unit: str | float = "m",
+        materials: PathLike | None = None,
+        id: str | None = None,
+    ) -> Part:
+        """A part of a mesh file: OBJ, PLY, STL or glTF (``.gltf``, ``.glb``).
+
+        ``up``: the axis that points up, ``z`` or ``y``; by default that of the format, y for glTF and z for the others. ``unit``
+        of its coordinates: m, cm, mm, km, ft, us-ft, in, or a number of metres. ``materials``: a table of materials
+        (docs/scenes.md).
+        """
+        if up not in (None, "y", "z"):
             raise ValueError(f"up is {up!r}, expected 'y' or 'z'")
-        return Part("of_obj", (os.fspath(path), up == "y"), _Place(id=id))
+        table = None if materials is None else os.fspath(materials)
+        return Part("of_mesh_file", (os.fspath(path), up, str(unit), table), _Place(id=id))
 
     @staticmethod
     def raster(
@@ -201,13 +238,16 @@ class Part:
         return Part("of_voxels", (os.fspath(path), settings, _choice(material_file, material)), _Place(id=id))
 
     @staticmethod
-    def file(path: PathLike, id: str | None = None) -> Part:
-        """A part of a file; its extension tells the format: ``.obj``, ``.tif``, ``.vox``."""
+    def file(path: PathLike, id: str | None = None, **settings: Any) -> Part:
+        """A part of a file; its extension tells the format: ``.obj``, ``.ply``, ``.stl``, ``.gltf``, ``.glb``, ``.tif``,
+        ``.vox``. ``settings``: keywords of :meth:`mesh_file`, :meth:`raster` or :meth:`voxels`."""
         extension = os.path.splitext(os.fspath(path))[1].lower()
-        makers: dict[str, Callable[..., Part]] = {".obj": Part.obj, ".tif": Part.raster, ".tiff": Part.raster, ".vox": Part.voxels}
+        meshes = (".obj", ".ply", ".stl", ".gltf", ".glb")
+        makers: dict[str, Callable[..., Part]] = dict.fromkeys(meshes, Part.mesh_file)
+        makers |= {".tif": Part.raster, ".tiff": Part.raster, ".vox": Part.voxels}
         if extension not in makers:
             raise ValueError(f"{os.fspath(path)}: expected a file that ends in {', '.join(makers)}")
-        return makers[extension](path, id=id)
+        return makers[extension](path, id=id, **settings)
 
     def translate(self, x: float, y: float, z: float = 0.0) -> Part:
         """The part moved by metres."""
@@ -243,18 +283,42 @@ class Part:
 
     def with_material(self, material: Material, of: str | Any = None) -> Part:
         """The part with another material: of all faces, of those whose material has the name ``of``, or of those with the
-        indices ``of`` (of triangles, then voxels)."""
+        indices ``of``. Indices count the faces as they were given or as the file has them, from 0; a polygon is one, and voxels
+        follow them. For a part of :meth:`mesh` ``of`` may be a mask, too. An index beyond is an error: of a mesh a ``ValueError``,
+        of a file when the scene is loaded."""
         which = of
         if of is not None and not isinstance(of, str):
-            which = np.ascontiguousarray(of, dtype="<u4").tobytes()
+            indices, per_face = self._face_numbers(of), self._faces[1] if self._faces else 1
+            # A quadrilateral is two triangles.
+            triangles = (indices[:, None] * per_face + np.arange(per_face)).ravel()
+            which = triangles.astype("<u4").tobytes()
         return self._placed(changes=self._place.changes.then(which, _fields(material)))
+
+    def _face_numbers(self, of: Any) -> np.ndarray:
+        """Indices of faces, which a mask or indices choose."""
+        chosen = np.atleast_1d(np.asarray(of))
+        count = self._faces[0] if self._faces else None
+        if chosen.dtype == bool:
+            if count is None:
+                raise ValueError("the number of faces of a file is not known yet, so a mask cannot be checked; give indices")
+            if chosen.shape != (count,):
+                raise ValueError(f"a mask of faces has the shape {chosen.shape}, expected one per face, ({count},)")
+            return np.flatnonzero(chosen)
+        if chosen.size == 0:
+            return np.zeros(0, np.int64)
+        if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
+            raise ValueError(f"expected a list of indices of faces, found the shape {chosen.shape} of {chosen.dtype}")
+        highest = (2**32 if count is None else count) - 1
+        if chosen.min() < 0 or chosen.max() > highest:
+            raise ValueError(f"indices of faces are {chosen.min()} to {chosen.max()}, expected 0 to {highest}")
+        return chosen.astype(np.int64)
 
     def named(self, id: str) -> Part:
         """The part with an id, which the column ``ObjectId`` reports."""
         return self._placed(id=id)
 
     def _placed(self, **changes: Any) -> Part:
-        return Part(self._kind, self._arguments, replace(self._place, **changes))
+        return Part(self._kind, self._arguments, replace(self._place, **changes), self._faces)
 
     def _made(self) -> _vlscan.Part:
         return getattr(_vlscan.Part, self._kind)(*self._arguments, self._place.fields())
@@ -360,7 +424,9 @@ class Scene:
     def sample(self, count: int = 200_000) -> Points:
         """About ``count`` points on the surfaces, evenly by area. Loads the scene."""
         self._facts()
-        return Points(self._scene.sample(count))
+        table = self._scene.sample(count)
+        assert table is not None
+        return Points(table)
 
     def show(self, colour: str = "height", max_points: int = 200_000) -> Any:
         """Shows the scene as points on its surfaces: in a notebook as a view to turn around, otherwise in the browser."""

@@ -147,8 +147,10 @@ class Points(Table):
         name = os.fspath(path)
         if name.lower().endswith((".html", ".htm")):
             content = self.html(colour, title).encode()
-        else:
+        elif name.lower().endswith(".png"):
             content = self.png(colour, title)
+        else:
+            raise ValueError(f"{name}: expected a name that ends in .png or .html")
         with open(name, "wb") as file:
             file.write(content)
 

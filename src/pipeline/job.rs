@@ -86,6 +86,7 @@ impl Job {
                 sharing: options.tree.instances.unwrap_or_default(),
                 rules: material_rules(&physics.corrections),
                 drop_polygons: options.input.drop_polygons,
+                stop: None,
             },
             tree: tree(options, threads),
             flight: FlightOptions {

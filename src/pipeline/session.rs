@@ -122,6 +122,7 @@ impl Session {
     /// [`Error::Input`] for scenes that are invalid or exceed the memory limit; [`Error::Io`].
     pub fn open(settings: Settings, observer: impl Fn(Notice) + Send + Sync + 'static) -> Result<Session> {
         let mut session = Session::open_without_tree(settings, observer)?;
+        session.settings.load.check_stop()?;
         session.tree = Some(Arc::new(catch_loss(|| session.build_tree(&session.settings.tree))?));
         Ok(session)
     }

@@ -17,6 +17,7 @@ use std::mem::size_of;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means "none".
 pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
@@ -38,6 +39,17 @@ pub struct LoadOptions {
     pub jobs: usize,
     /// When parts share meshes.
     pub sharing: Sharing,
+    /// Ends the loading soon after it is set, with [`Error::Interrupted`].
+    pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl LoadOptions {
+    /// # Errors
+    /// [`Error::Interrupted`] after a request to stop.
+    pub fn check_stop(&self) -> Result<()> {
+        let is_requested = self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
+        if is_requested { Err(Error::Interrupted) } else { Ok(()) }
+    }
 }
 
 impl Default for LoadOptions {
@@ -51,6 +63,7 @@ impl Default for LoadOptions {
             max_memory: None,
             jobs: 0,
             sharing: Sharing::Auto,
+            stop: None,
         }
     }
 }
@@ -131,6 +144,8 @@ pub(super) struct SceneBuilder<'a> {
     /// Rules that change some leaf angle table.
     pub leaf_table_rules: MaterialRules,
     pub diagnostics: Diagnostics,
+    /// Numbers of the faces of the part being loaded.
+    pub faces: FaceNumbers,
     surface_numbers: HashMap<Surface, u32>,
 }
 
@@ -140,6 +155,17 @@ pub(super) struct PartSource<'a> {
     pub index: u32,
     /// Position in the scene's file.
     pub place: Option<&'a Place>,
+}
+
+/// Which faces the triangles of a part come from. A face of its files can become several triangles, or none.
+#[derive(Default)]
+pub(super) struct FaceNumbers {
+    /// Whether they are recorded: a material is for faces by their numbers.
+    pub are_wanted: bool,
+    /// The face of each triangle of the part, in the order of its files.
+    pub of_triangles: Vec<u32>,
+    /// Number of faces.
+    pub count: usize,
 }
 
 /// The primitives of one part, as index ranges.
@@ -172,6 +198,7 @@ impl<'a> SceneBuilder<'a> {
             sources: Vec::new(),
             leaf_table_rules: MaterialRules::default(),
             diagnostics: Diagnostics::default(),
+            faces: FaceNumbers::default(),
             surface_numbers: HashMap::new(),
         }
     }
@@ -276,8 +303,10 @@ impl<'a> SceneBuilder<'a> {
     /// Makes room for more primitives of `source`.
     ///
     /// # Errors
-    /// [`Error::Input`] if the scene then exceeds the memory limit, [`Error::Io`] if the system has no more memory.
+    /// [`Error::Input`] if the scene then exceeds the memory limit, [`Error::Io`] if the system has no more memory,
+    /// [`Error::Interrupted`] after a request to stop.
     pub fn reserve(&mut self, vertices: usize, triangles: usize, cubes: usize, source: &Path) -> Result<()> {
+        self.options.check_stop()?;
         self.check_memory(memory_of(vertices, triangles, cubes), source)?;
         let Geometry { vertices: all_vertices, triangles: all_triangles, cubes: all_cubes } =
             &mut self.geometry;

@@ -1,20 +1,31 @@
 //! Replaces materials of a part after its files are loaded.
 
-use super::builder::{Extent, SceneBuilder};
+use super::builder::{Extent, PartSource, SceneBuilder};
 use crate::survey::{MaterialChange, Replaced};
 use std::sync::Arc;
 
-/// Applies the changes in their order to the primitives of `extent`, which are those of part `part`.
-pub(super) fn apply(scene: &mut SceneBuilder, part: u32, changes: &Arc<[MaterialChange]>, extent: &Extent) {
+/// Applies the changes in their order to the primitives of `extent`, which are those of `part`. An index beyond them is an
+/// error.
+pub(super) fn apply(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    changes: &Arc<[MaterialChange]>,
+    extent: &Extent,
+) {
     if changes.is_empty() {
         return;
     }
     let definitions = || changes.iter().map(|change| change.material.clone()).collect();
     let address = Arc::as_ptr(changes).cast::<u8>() as usize;
     let materials = scene.library.of_definitions(address, definitions, &mut scene.diagnostics);
-    let triangles = extent.triangles.len();
+    let faces = &mut scene.faces;
+    if faces.are_wanted && faces.count == 0 {
+        // The triangles of rasters and voxels have no numbers.
+        faces.count = extent.triangles.len();
+        faces.of_triangles = (0..faces.count as u32).collect();
+    }
     for (change, material) in changes.iter().zip(materials) {
-        let surface = scene.surface(part, material);
+        let surface = scene.surface(part.index, material);
         let (triangle_surfaces, cube_surfaces) = (
             &mut scene.triangle_surfaces[extent.triangles.clone()],
             &mut scene.cube_surfaces[extent.cubes.clone()],
@@ -31,13 +42,30 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: u32, changes: &Arc<[Material
                 let all = triangle_surfaces.iter_mut().chain(cube_surfaces);
                 all.filter(|own| is_named(**own)).for_each(|own| *own = surface);
             }
-            Replaced::Primitives(indices) => {
+            Replaced::Faces(indices) => {
+                let (faces, count) = (scene.faces.count, scene.faces.count + cube_surfaces.len());
+                let mut is_chosen = vec![false; count];
                 for &i in indices {
-                    let own = match (i as usize).checked_sub(triangles) {
-                        None => triangle_surfaces.get_mut(i as usize),
-                        Some(cube) => cube_surfaces.get_mut(cube),
+                    let Some(face) = is_chosen.get_mut(i as usize) else {
+                        if !scene.diagnostics.is_fatal(false) {
+                            let message = format!(
+                                "a material is for face {i}, but the part has {count}, counted from 0"
+                            );
+                            scene.diagnostics.error(part.place.cloned(), message);
+                        }
+                        break;
                     };
-                    own.map(|own| *own = surface).unwrap_or_default();
+                    *face = true;
+                }
+                for (own, &face) in triangle_surfaces.iter_mut().zip(&scene.faces.of_triangles) {
+                    if is_chosen[face as usize] {
+                        *own = surface;
+                    }
+                }
+                for (own, chosen) in cube_surfaces.iter_mut().zip(&is_chosen[faces..]) {
+                    if *chosen {
+                        *own = surface;
+                    }
                 }
             }
         }
@@ -70,7 +98,52 @@ mod tests {
         part.id = Some("tree".to_owned());
         assert_eq!(classes(vec![], &mut f), [1, 1, 2]);
         assert_eq!(classes(vec![change(Replaced::Named("bark".to_owned()), 7)], &mut f), [7, 7, 2]);
-        let second = change(Replaced::Primitives(vec![1, 9]), 8);
+        let second = change(Replaced::Faces(vec![1]), 8);
         assert_eq!(classes(vec![change(Replaced::All, 7), second], &mut f), [7, 8, 7]);
+    }
+
+    #[test]
+    fn indices_count_triangles_that_are_left_out() {
+        let mut f = Fixture::new();
+        let part = f.obj("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 1 2\nf 1 2 3\nf 1 2 2\nf 1 3 4\n");
+        part.id = Some("tree".to_owned());
+        for (index, expected) in [(0, [0, 0]), (1, [8, 0]), (2, [0, 0]), (3, [0, 8])] {
+            let material = MaterialDefinition { classification: 8, ..MaterialDefinition::new("new") };
+            f.parts[0].changes = [MaterialChange { replaced: Replaced::Faces(vec![index]), material }].into();
+            let (scene, _) = f.load().unwrap();
+            assert_eq!([0, 1].map(|i| scene.material_of(i).classification), expected, "{index}");
+        }
+        let material = MaterialDefinition::new("new");
+        f.parts[0].changes = [MaterialChange { replaced: Replaced::Faces(vec![2, 4]), material }].into();
+        assert!(f.load().unwrap_err().to_string().contains("face 4, but the part has 4"));
+    }
+
+    #[test]
+    fn indices_count_the_faces_of_the_file() {
+        let vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]];
+        let text = |v: [i32; 3]| v.map(|c| c.to_string()).join(" ");
+        let obj: String = vertices.iter().map(|v| format!("v {}\n", text(*v))).collect();
+        let ply: String = vertices.iter().map(|v| format!("{}\n", text(*v))).collect();
+        let obj = format!("{obj}f 1 2 3 4\nf 1 1 2\nf 2 5 6 3\nf 1 2 5 6 4\nf 1 2 3\n");
+        let ply = format!(
+            "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n\
+             element face 5\nproperty list uchar int vertex_indices\nend_header\n\
+             {ply}4 0 1 2 3\n3 0 0 1\n4 1 4 5 2\n5 0 1 4 5 3\n3 0 1 2\n"
+        );
+        for (name, content) in [("a.obj", obj), ("a.ply", ply)] {
+            let mut f = Fixture::new();
+            f.obj(name, &content);
+            // One triangle of face 3 has no area.
+            for (index, expected) in
+                [(0, vec![0, 1]), (1, vec![]), (2, vec![2, 3]), (3, vec![4, 5]), (4, vec![6])]
+            {
+                let material = MaterialDefinition { classification: 8, ..MaterialDefinition::new("new") };
+                f.parts[0].changes =
+                    [MaterialChange { replaced: Replaced::Faces(vec![index]), material }].into();
+                let (scene, _) = f.load().unwrap();
+                let changed = (0..7).filter(|&i| scene.material_of(i).classification == 8);
+                assert_eq!(changed.collect::<Vec<_>>(), expected, "{name} {index}");
+            }
+        }
     }
 }

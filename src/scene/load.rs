@@ -1,7 +1,7 @@
 //! Builds the finished scene from its description (spec input-formats §3.6): loads and transforms all parts, drops
 //! those with `onGround` to the ground, and moves the origin to the centre of the scene.
 
-use super::builder::{Extent, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
+use super::builder::{Extent, FaceNumbers, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
 use super::crs::find_crs;
 use super::epoch::{SceneFrame, keeps_frame};
 use super::frames::PartFrames;
@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 use crate::files::fault;
 use crate::geom::Aabb;
 use crate::machine;
-use crate::survey::{Loader, MaterialChoice, PartRecipe, SceneRecipe, Transform, VoxelMode};
+use crate::survey::{Loader, MaterialChoice, PartRecipe, Replaced, SceneRecipe, Transform, VoxelMode};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -215,6 +215,8 @@ fn load_files(
     };
     let Some(materials) = chosen else { return Ok(()) };
     let start = scene.end();
+    let are_wanted = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
+    scene.faces = FaceNumbers { are_wanted, ..FaceNumbers::default() };
     let mut densities = Vec::new();
     if let Loader::Mesh(triangles) = &part.loader {
         mesh::load(scene, &target, triangles)?;
@@ -232,7 +234,7 @@ fn load_files(
         }
     }
     let extent = scene.since(&start);
-    change::apply(scene, target.index, &part.changes, &extent);
+    change::apply(scene, &target, &part.changes, &extent);
     apply_transform(scene, &part.loader, &part.transform, &extent);
     if let Loader::DetailedVoxels(loader) = &part.loader
         && let VoxelMode::Scaled(exponent) = loader.mode

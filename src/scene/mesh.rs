@@ -14,15 +14,17 @@ pub(super) fn load(scene: &mut SceneBuilder, part: &PartSource, mesh: &Arc<Mesh>
         [] => vec![scene.library.unnamed(DEFAULT)],
         _ => scene.library.of_mesh(mesh, &mut scene.diagnostics),
     };
-    load_with(scene, part, mesh, materials)
+    load_with(scene, part, mesh, materials, &[])
 }
 
-/// [`load`] with materials of the scene in place of those of the mesh, in its order.
+/// [`load`] with materials of the scene in place of those of the mesh, in its order. `face_of` is the face of each triangle,
+/// from 0; without it each triangle is a face.
 pub(super) fn load_with(
     scene: &mut SceneBuilder,
     part: &PartSource,
     mesh: &Mesh,
     materials: Vec<u32>,
+    face_of: &[u32],
 ) -> Result<()> {
     let start = scene.end();
     let (vertices, triangles) = (mesh.vertices(), mesh.triangles());
@@ -33,11 +35,17 @@ pub(super) fn load_with(
         (b - a).cross(c - a) != DVec3::ZERO
     };
     scene.geometry.vertices.to_mut().extend_from_slice(vertices);
+    let first_face = scene.faces.count;
+    scene.faces.count += face_of.last().map_or(triangles.len(), |last| *last as usize + 1);
     let mut without_area = 0;
     for (i, triangle) in triangles.iter().enumerate() {
         if !has_area(triangle) {
             without_area += 1;
             continue;
+        }
+        if scene.faces.are_wanted {
+            let face = face_of.get(i).map_or(i, |&face| face as usize);
+            scene.faces.of_triangles.push((first_face + face) as u32);
         }
         scene.geometry.triangles.to_mut().push(*triangle);
         let material = mesh.material_of().get(i).map_or(0, |&m| m as usize);

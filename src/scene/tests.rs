@@ -2,8 +2,11 @@
 
 use super::fixture::{Fixture, report};
 use super::{Scene, SceneFrame, load_epoch};
+use crate::error::Error;
 use crate::geom::{Aabb, DVec3};
 use crate::survey::{Loader, MeshReading, MotionSequence, Swap};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -20,6 +23,17 @@ fn the_shift_is_the_centre_of_the_box_and_keeps_utm_coordinates_exact() {
     let half = offset(5.0, 15.0, 20.25);
     assert_eq!(scene.bounds, Aabb { min: -half, max: half });
     assert_eq!(scene.geometry.vertices, [-half, offset(5.0, -15.0, -20.25), offset(-5.0, 15.0, 20.25)]);
+}
+
+#[test]
+fn a_request_to_stop_ends_the_loading() {
+    let mut f = Fixture::new();
+    f.obj("a.obj", TRIANGLE);
+    let stop = Arc::new(AtomicBool::new(false));
+    f.options.stop = Some(stop.clone());
+    f.load().unwrap();
+    stop.store(true, Ordering::Relaxed);
+    assert!(matches!(f.load(), Err(Error::Interrupted)));
 }
 
 #[test]

@@ -39,7 +39,7 @@ impl Stop {
 
     /// Whether a request ends the run in order. Before that nothing has been measured, and the process can just be
     /// ended.
-    pub(crate) fn is_heeded(&self) -> bool {
+    pub fn is_heeded(&self) -> bool {
         self.heeded.load(Ordering::Relaxed)
     }
 

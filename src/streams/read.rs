@@ -60,7 +60,7 @@ impl PulseReader {
     }
 
     /// Reads a stream in memory; `name` is its name in messages.
-    pub fn of_bytes(bytes: Vec<u8>, name: &Path, max_rows: usize) -> PulseReader {
+    pub fn of_bytes(bytes: impl AsRef<[u8]> + Send + 'static, name: &Path, max_rows: usize) -> PulseReader {
         PulseReader::of(InputStream::from_reader(std::io::Cursor::new(bytes)), name, max_rows)
     }
 

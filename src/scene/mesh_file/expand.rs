@@ -1,5 +1,5 @@
 //! glTF files as parts: each mesh that a node places is a part, an instance of its mesh as any other part. A part with an id,
-//! with motions or with swaps stays one part.
+//! with motions, with swaps or with materials for faces by their numbers stays one part.
 
 use super::gltf::Document;
 use super::gltf_nodes::{PlacedMesh, similarity};
@@ -9,7 +9,7 @@ use crate::geom::Rotation;
 use crate::scene::builder::SceneBuilder;
 use crate::scene::epoch::part_in_epoch;
 use crate::scene::text::Source;
-use crate::survey::{Loader, Mesh, MeshReading, PartRecipe, SceneRecipe, Transform};
+use crate::survey::{Loader, Mesh, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform};
 use glam::{DMat3, DQuat};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -57,7 +57,8 @@ fn expand(scene: &mut SceneBuilder, part: &PartRecipe) -> Result<Option<Vec<Part
     let Loader::MeshFiles { files, reading } = &part.loader else { return Ok(None) };
     let has_id = part.id.as_ref().is_some_and(|id| !id.is_empty());
     let [file] = &files[..] else { return Ok(None) };
-    if has_id || !part.motions.is_empty() || !part.swaps.is_empty() || !is_gltf(file) {
+    let has_numbers = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
+    if has_id || has_numbers || !part.motions.is_empty() || !part.swaps.is_empty() || !is_gltf(file) {
         return Ok(None);
     }
     let opened = Document::open(file).and_then(|document| Ok((document.placed_meshes()?, document)));

@@ -95,6 +95,10 @@ struct RawMesh {
     materials: Vec<MaterialDefinition>,
     /// Index in `materials` of each triangle.
     material_of: Vec<u32>,
+    /// The face of each triangle, as the file has them.
+    face_of: Vec<u32>,
+    /// Number of faces.
+    faces: u32,
 }
 
 impl RawMesh {
@@ -103,7 +107,9 @@ impl RawMesh {
         for pair in corners.get(1..).unwrap_or_default().windows(2) {
             self.triangles.push([corners[0], pair[0], pair[1]]);
             self.material_of.push(material);
+            self.face_of.push(self.faces);
         }
+        self.faces += 1;
     }
 }
 
@@ -146,10 +152,11 @@ pub(super) fn load(
     if format != Format::Gltf {
         raw.vertices.iter_mut().for_each(|v| *v = frame.apply(*v));
     }
+    let face_of = std::mem::take(&mut raw.face_of);
     let Some(mesh) = finish(scene, source.path(), reading, raw)? else { return Ok(()) };
     let key = (source.path().to_path_buf(), reading.materials.clone());
     let materials = scene.library.of_file(key, mesh.materials(), &mut scene.diagnostics);
-    mesh::load_with(scene, part, &mesh, materials)
+    mesh::load_with(scene, part, &mesh, materials, &face_of)
 }
 
 /// Gives the materials of a mesh the properties of its table, and checks the mesh; `None` after an error in the input.
@@ -200,7 +207,8 @@ fn load_obj(
     }
     let start = scene.end();
     let y_up = reading.up == Some(UpAxis::Y);
-    let lines = obj::Reading { y_up, drop_polygons: scene.options.drop_polygons };
+    let (drop_polygons, number_faces) = (scene.options.drop_polygons, scene.faces.are_wanted);
+    let lines = obj::Reading { y_up, drop_polygons, number_faces };
     obj::load(scene, part, source, lines, names)?;
     if reading.unit_m != 1.0 {
         let vertices = scene.since(&start).vertices;

@@ -152,6 +152,9 @@ fn append(
     mesh.elements += slice.elements;
     mesh.unknown += slice.unknown;
     mesh.pieces.push(Piece { first_triangle, first_line: lines, bytes });
+    let faces = &mut scene.faces;
+    faces.of_triangles.extend(slice.face_of.iter().map(|face| face + faces.count as u32));
+    faces.count += slice.faces;
     scene.geometry.vertices.append(&mut slice.vertices);
     scene.geometry.triangles.append(&mut slice.triangles);
 }
@@ -280,12 +283,21 @@ fn leave_out_faults(scene: &mut SceneBuilder, source: &Source, reading: Reading,
         scene.diagnostics.warn(Some(source.place(line, at)), message);
     }
     let mut kept = first;
+    let faces = &mut scene.faces.of_triangles;
+    // Not recorded unless they are wanted.
+    let first_face = faces.len().checked_sub(faults.len());
     for (i, fault) in faults.iter().enumerate() {
         if fault.is_none() {
             scene.geometry.triangles[kept] = scene.geometry.triangles[first + i];
             scene.triangle_surfaces[kept] = scene.triangle_surfaces[first + i];
+            if let Some(first_face) = first_face {
+                faces[first_face + kept - first] = faces[first_face + i];
+            }
             kept += 1;
         }
+    }
+    if let Some(first_face) = first_face {
+        faces.truncate(first_face + kept - first);
     }
     scene.geometry.triangles.truncate(kept);
     scene.triangle_surfaces.truncate(kept);

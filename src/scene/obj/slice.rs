@@ -15,6 +15,10 @@ pub(super) struct Slice {
     /// Vertices; an unreadable one is NaN, so that the indices of later ones remain valid.
     pub vertices: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
+    /// The face of each triangle, from 0, if [`Reading::number_faces`] asks for it.
+    pub face_of: Vec<u32>,
+    /// Number of faces.
+    pub faces: usize,
     /// Corners (3·triangle + corner) whose index counts from the first vertex of this piece, as a wrapped `i32`.
     pub relative: Vec<u32>,
     pub switches: Vec<Switch>,
@@ -56,6 +60,8 @@ pub(in crate::scene) struct Reading {
     pub y_up: bool,
     /// Whether faces with more than four corners are omitted.
     pub drop_polygons: bool,
+    /// Whether the face of each triangle is recorded.
+    pub number_faces: bool,
 }
 
 /// Reads a piece that consists of complete logical lines.
@@ -145,6 +151,7 @@ impl Slice {
                 format!("expected a face of three or more vertices, found {}", corners.len())
             });
         }
+        self.faces += 1;
         if corners.len() > 4 {
             self.polygons += 1;
             if reading.drop_polygons {
@@ -159,6 +166,9 @@ impl Slice {
                 }
             }
             self.triangles.push(fan.map(|(number, _)| number));
+            if reading.number_faces {
+                self.face_of.push(self.faces as u32 - 1);
+            }
         }
     }
 
@@ -261,7 +271,7 @@ fn is_among(keyword: &[u8], statements: &str) -> bool {
 mod tests {
     use super::*;
 
-    const PLAIN: Reading = Reading { y_up: false, drop_polygons: false };
+    const PLAIN: Reading = Reading { y_up: false, drop_polygons: false, number_faces: false };
 
     #[test]
     fn every_form_of_a_face() {
@@ -276,6 +286,9 @@ mod tests {
         assert_eq!((s.polygons, s.lines), (1, 5));
         let dropped = read(b"f 1 2 3 4 5\n", Reading { drop_polygons: true, ..PLAIN });
         assert!(dropped.triangles.is_empty() && dropped.polygons == 1);
+        let faces = b"f 1 2 3\nf 1 2 3 4\nf 1 2 3 4 5\nf 1 2 3\n";
+        let numbered = Reading { drop_polygons: true, number_faces: true, ..PLAIN };
+        assert_eq!(read(faces, numbered).face_of, [0, 1, 1, 3]);
     }
 
     #[test]

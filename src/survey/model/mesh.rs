@@ -144,8 +144,9 @@ pub enum Replaced {
     All,
     /// Those whose material has this name.
     Named(String),
-    /// Those with these indices within the part, voxels after triangles; indices out of range are ignored.
-    Primitives(Vec<u32>),
+    /// Those of the faces with these indices within the part, as its file or its mesh has them; voxels follow them. An index
+    /// beyond is an error.
+    Faces(Vec<u32>),
 }
 
 #[cfg(test)]

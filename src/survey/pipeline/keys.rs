@@ -160,11 +160,11 @@ key_table! {
 pub struct MaterialKeys = "[[part.material]]" {
     /// Name of the material that is replaced. Default: all of the part.
     pub of: Option<String>,
-    /// Indices of the triangles (then voxels) of the part whose material is replaced, from 0, instead of `of`.
+    /// Numbers of the faces (then voxels) of the part whose material is replaced, from 0, as its file has them, instead of `of`.
     pub primitives: Vec<u32>,
     /// Its name. Default: `of`, else `material`.
     pub name: Option<String>,
-    /// Reflectance, 0 to 1. Default: that of `spectrum`, else 0.5.
+    /// Reflectance, 0 to 1. Default: that of `spectrum`, else 50 as of files, or 0.5 with `--physics refined`.
     pub reflectance: Key<f64>,
     /// Name of a spectrum in a `spectra` folder of the assets.
     pub spectrum: Option<String>,

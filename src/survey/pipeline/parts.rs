@@ -94,7 +94,7 @@ fn read_change(values: &Values, keys: &MaterialKeys) -> MaterialChange {
     let mut reflectance = 0.0;
     values.set(&mut reflectance, &keys.reflectance, &REFLECTANCE);
     let replaced = match (&keys.of, keys.primitives.is_empty()) {
-        (_, false) => Replaced::Primitives(keys.primitives.clone()),
+        (_, false) => Replaced::Faces(keys.primitives.clone()),
         (Some(name), true) => Replaced::Named(name.clone()),
         (None, true) => Replaced::All,
     };

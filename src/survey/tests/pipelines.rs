@@ -150,7 +150,7 @@ fn parts_of_a_scene() {
     assert!((tree.transform.rotation.apply(DVec3::X) - DVec3::Y).length() < 1e-12);
     let [leaf, some] = &tree.changes[..] else { panic!("{:?}", tree.changes) };
     assert_eq!((&leaf.replaced, leaf.material.reflectance), (&Replaced::Named("leaf".to_owned()), Some(0.4)));
-    assert_eq!((&some.replaced, some.material.classification), (&Replaced::Primitives(vec![3, 4]), 6));
+    assert_eq!((&some.replaced, some.material.classification), (&Replaced::Faces(vec![3, 4]), 6));
     let wrong = "[[part]]\nid = 'a'\n[[part]]\nfile = 'a.e57'\n[[part]]\nfile = 'b.obj'\n[[part]]\nfile = 'a.obj'\n\
                  scale = 0\n[[part.material]]\nreflectance = 2\n";
     let report = refused(read(&format!("scene = 'a.obj'\n{rest}{wrong}")));
