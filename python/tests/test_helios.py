@@ -1,5 +1,10 @@
 """The names of HELIOS++ 3 and the SimulationBuilder of version 2."""
 
+import re
+import shutil
+import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -58,6 +63,84 @@ def test_the_same_survey_as_file_gives_the_same(tmp_path):
     laspy = pytest.importorskip("laspy")
     las, _ = survey.run(format=helios.OutputFormat.LASPY)
     assert isinstance(las, laspy.LasData) and np.allclose(las.xyz, points["position"], atol=1e-4)
+    written = [laspy.read(file) for file in sorted(survey.run(format="las", output_dir=tmp_path).glob("*.las"))]
+    for name in ("intensity", "scan_angle", "return_number", "number_of_returns", "classification", "gps_time"):
+        expected = np.concatenate([np.asarray(each[name]) for each in written])
+        assert np.array_equal(np.asarray(las[name]), expected), name
+    assert las.intensity.max() > 0 and len(set(las.scan_angle)) > 10
+
+
+def test_the_survey_of_a_file_is_run_as_it_is_or_refused(tmp_path):
+    fine = helios.Survey.from_xml("survey.xml", full_waveform_settings=helios.FullWaveformSettings(beam_sample_quality=1, bin_size=1.0))
+    plain = helios.Survey.from_xml("survey.xml")
+    assert fine.full_waveform_settings.beam_sample_quality == 1
+    for name in ("name", "legs", "scanner", "platform", "full_waveform_settings"):
+        with pytest.raises(NotImplementedError, match=f"^{name} of the survey of a file is not read"):
+            getattr(plain.clone(), name)
+    with pytest.raises(AttributeError, match="'nothing'"):
+        plain.nothing
+    assert "survey.xml" in repr(plain) and plain.scene is None
+    assert helios.display_xml(plain) == plain.to_xml() == (FIXTURES / "room/survey.xml").read_text()
+    a, b = fine.run()[0], plain.run()[0]
+    assert len(a) > 10_000 and (len(a) != len(b) or (a["intensity"] != b["intensity"]).any())
+    own = '<FWFSettings binSize_ns="1" beamSampleQuality="1" winSize_ns="1"/><leg>'
+    (tmp_path / "own.xml").write_text(plain.to_xml().replace("<leg>", own, 1))
+    assert helios.Survey.from_xml(tmp_path / "own.xml").run()[0].tobytes() == a.tobytes()
+    for change in (
+        {"name": "other"}, {"legs": [helios.Leg()]}, {"scanner": helios.scanner.riegl_vz_400()}, {"platform": helios.platforms.tripod()},
+    ):  # fmt: skip
+        with pytest.raises(NotImplementedError, match=f"^{next(iter(change))} of the survey of a file cannot be replaced"):
+            helios.Survey.from_xml("survey.xml", **change)
+        survey = plain.clone()
+        setattr(survey, *next(iter(change.items())))
+        with pytest.raises(NotImplementedError, match="cannot be replaced"):
+            survey.run()
+
+
+def test_keywords_without_effect_are_refused():
+    for form in (helios.OutputFormat.NPY, "laspy"):
+        for name in ("write_waveform", "write_pulse"):
+            with pytest.raises(NotImplementedError, match=f"^{name} needs a format of files"):
+                static_survey().run(format=form, **{name: True})
+    for form, name, value in (("npy", "las_scale", 0.01), ("laspy", "split_by_channel", True), ("npy", "output_dir", "elsewhere")):
+        with pytest.warns(vlscan.VlscanWarning, match=f"^{name} has no effect") as caught:
+            static_survey().run(format=form, **{name: value})
+        assert caught[0].filename == __file__
+    for wrong in ({"parallelization": 7}, {"parallelization": "chunk"}, {"verbosity": 6}):
+        with pytest.raises(ValueError, match="is not a valid"):
+            static_survey().run(**wrong)
+    survey = static_survey()
+    survey.legs[0].trajectory_settings.start_time = 3
+    with pytest.raises(ValueError, match="start_time, but the platform has no trajectory"):
+        survey.run()
+    with pytest.raises(ValueError, match="no scanner or no platform"):
+        helios.display_xml(helios.Survey())
+
+
+def test_the_clock_starts_at_a_time_of_any_zone():
+    from datetime import datetime, timedelta, timezone
+
+    def first(gps_time):
+        survey = static_survey()
+        survey.gps_time = gps_time
+        return survey.run()[0]["gps_time"][0]
+
+    expected = first("2024-06-05 10:00:00")
+    assert first(datetime(2024, 6, 5, 12, tzinfo=timezone(timedelta(hours=2)))) == expected == first(datetime(2024, 6, 5, 10))
+    assert first("2024-06-05 12:00:00") == expected + 7200
+
+
+def test_a_folder_added_for_good_stays_after_a_block(tmp_path):
+    from vlscan.helios.settings import asset_directories
+
+    before = asset_directories()
+    helios.add_asset_directory(tmp_path)
+    with helios.add_asset_directory(tmp_path):
+        assert asset_directories() == [*before, str(tmp_path)]
+    assert asset_directories() == [*before, str(tmp_path)]
+    with helios.add_asset_directory(tmp_path / "other"):
+        assert asset_directories() == [*before, str(tmp_path), str(tmp_path / "other")]
+    assert asset_directories() == [*before, str(tmp_path)]
 
 
 def test_units():
@@ -113,6 +196,17 @@ def test_materials_can_be_changed():
     other = plane().update_material(helios.Material("roof", reflectance=0.9, classification=6), indices=[1])
     points, _ = static_survey(other).run()
     assert set(points["classification"]) <= {0, 6} and 6 in points["classification"]
+    vertices, quads = [[-9, -9, 0], [0, -9, 0], [9, -9, 0], [9, 9, 0], [0, 9, 0], [-9, 9, 0]], [[0, 1, 4, 5], [1, 2, 3, 4]]
+    for chosen in ({"indices": [1]}, {"indices": np.array([False, True])}, {"range_start": 1, "range_stop": 2}):
+        field = helios.ScenePart.from_numpy_array(vertices, quads)
+        field.update_material(helios.Material("a", reflectance=0.9, classification=6), **chosen)
+        points, _ = static_survey(field).run()
+        assert ((points["classification"] == 6) == (points["position"][:, 0] > 0)).mean() > 0.99 and len(points) > 1000
+    for wrong in ({"indices": [-1]}, {"indices": [2]}, {"indices": [True]}, {"range_stop": 3}):
+        with pytest.raises(ValueError, match="expected"):
+            helios.ScenePart.from_numpy_array(vertices, quads).update_material(helios.Material("a"), **wrong)
+    with pytest.warns(vlscan.VlscanWarning, match="'bright' is 1.5"):
+        helios.Material("bright", reflectance=1.5)
     read = helios.Material.from_file(FIXTURES / "forest/forest.mtl")
     assert helios.Material.from_file(FIXTURES / "forest/forest.mtl", next(iter(read))) in read.values()
 
@@ -191,3 +285,29 @@ def test_the_simulation_builder_of_version_2(tmp_path):
     assert any(path.endswith(".laz") for path in output.outpaths) and output.outpath.startswith(str(tmp_path))
     with pytest.raises(NotImplementedError):
         builder.setCallback(print)
+
+
+def test_ctrl_c_ends_a_simulation_of_version_2(tmp_path):
+    survey = (FIXTURES / "room/survey.xml").read_text()
+    stop = re.search(r'headRotatePerSec_deg="[^"]*"', survey)
+    (tmp_path / "survey.xml").write_text(survey.replace(stop[0], 'headRotatePerSec_deg="0.001"'))
+    for file in (FIXTURES / "room").iterdir():
+        if file.name != "survey.xml":
+            shutil.copy(file, tmp_path)
+    text = (
+        "import sys, threading, time\n"
+        "from vlscan import pyhelios\n"
+        "simulation = pyhelios.SimulationBuilder(sys.argv[1] + '/survey.xml', [sys.argv[1]], sys.argv[1] + '/out').build()\n"
+        "simulation.start()\n"
+        "print('started', flush=True)\n"
+        "try:\n"
+        "    simulation.join()\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted', simulation.isRunning(), simulation.isFinished(), threading.active_count(), flush=True)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", text, tmp_path], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    assert process.stdout.readline() == "started\n"
+    time.sleep(1)
+    process.send_signal(signal.SIGINT)
+    rest, _ = process.communicate(timeout=60)
+    assert process.returncode == 0 and rest.startswith("interrupted False True")

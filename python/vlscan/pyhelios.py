@@ -130,6 +130,7 @@ class Simulation:
     def __init__(self, request: _vlscan.Request) -> None:
         self._request = request
         self._thread: threading.Thread | None = None
+        self._done, self._is_stopped = threading.Event(), threading.Event()
         self._outcome: _vlscan.Outcome | None = None
         self._failure: BaseException | None = None
 
@@ -142,9 +143,15 @@ class Simulation:
 
     def _run(self) -> None:
         try:
-            self._outcome = _vlscan.run(self._request, ["points", "trajectory"], None)
+            self._outcome = _vlscan.run(self._request, ["points", "trajectory"], self._check)
         except BaseException as failure:
             self._failure = failure
+        finally:
+            self._done.set()
+
+    def _check(self, **_progress: Any) -> None:
+        if self._is_stopped.is_set():
+            raise KeyboardInterrupt
 
     def isStarted(self) -> bool:  # noqa: N802
         """Whether it has been started."""
@@ -152,19 +159,24 @@ class Simulation:
 
     def isRunning(self) -> bool:  # noqa: N802
         """Whether it runs."""
-        return self._thread is not None and self._thread.is_alive()
+        return self._thread is not None and not self._done.is_set()
 
     def isFinished(self) -> bool:  # noqa: N802
         """Whether it has ended."""
-        return self._thread is not None and not self._thread.is_alive()
+        return self._done.is_set()
 
     def join(self) -> Output:
-        """Waits for the end, raises what went wrong, and returns the output."""
+        """Waits for the end, raises what went wrong, and returns the output. Ctrl-C ends the simulation."""
         if self._thread is None:
             raise RuntimeError("the simulation has not been started")
-        while self._thread.is_alive():
+        try:
             # With a timeout, so that Ctrl-C is handled.
-            self._thread.join(0.1)
+            while not self._done.wait(0.1):
+                pass
+        except KeyboardInterrupt:
+            self._is_stopped.set()
+            self._done.wait()
+            raise
         if self._failure is not None:
             raise self._failure
         assert self._outcome is not None
@@ -182,10 +194,9 @@ class Output:
         #: Points and poses as tables of vlscan.
         self.points, self.trajectory = Points(points), Table(poses)
         folder = Path(outcome.directories[0])
-        #: Path of the folder that was written.
-        self.outpath = str(folder)
+        #: Path of the folder that was written; two names of it.
+        self.outpath = self.filepath = str(folder)
         #: Paths of the files that were written.
-        self.filepath = str(folder)
         self.outpaths = [path for path, *_ in outcome.files]
 
     @property

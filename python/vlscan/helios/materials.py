@@ -6,12 +6,21 @@ import os
 from copy import copy
 from typing import Any
 
+from ..errors import warn
 from ..scene import Material as EngineMaterial
 from .settings import find_asset
 
 
+class _UncheckedMaterial(EngineMaterial):
+    """A material as it is: HELIOS++ takes any reflectance, and has its own default."""
+
+    def __post_init__(self) -> None:
+        pass
+
+
 class Material:
-    """How a surface reflects. ``reflectance``: 0 to 1; ``spectra``: the name of a spectrum; ``classification``: class of points."""
+    """How a surface reflects. ``reflectance``: 0 to 1; ``None`` is that of ``spectra``, the name of a spectrum, else 50 as in
+    HELIOS++. ``classification``: class of points."""
 
     def __init__(
         self,
@@ -29,6 +38,8 @@ class Material:
     ) -> None:
         if unknown:
             raise ValueError(f"Material has no {', '.join(map(repr, unknown))}")
+        if reflectance is not None and not 0 <= reflectance <= 1:
+            warn(f"reflectance of the material {name!r} is {reflectance}, expected 0 to 1")
         self.name, self.is_ground, self.reflectance = name, is_ground, reflectance
         self.classification, self.spectra = classification, spectra
         self.ambient_components, self.diffuse_components = ambient_components, diffuse_components
@@ -50,7 +61,7 @@ class Material:
 
     def engine(self) -> EngineMaterial:
         """The material for the engine."""
-        return EngineMaterial(
+        return _UncheckedMaterial(
             self.name,
             reflectance=self.reflectance,
             classification=int(self.classification),

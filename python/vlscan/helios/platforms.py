@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from copy import copy
 from typing import Any
 
 import numpy as np
 
 from .. import catalogue
-from .scanner import find
+from .scanner import by_attribute, find
 from .settings import find_asset
 
 #: Fields of a trajectory.
@@ -107,11 +106,4 @@ def list_platforms() -> list[str]:
     return catalogue.platforms()
 
 
-def __getattr__(name: str) -> Callable[[], Platform]:
-    if name.startswith("_"):
-        raise AttributeError(name)
-    try:
-        found = platform_from_name(name)
-    except ValueError as failure:
-        raise AttributeError(str(failure)) from None
-    return lambda: found.clone()
+__getattr__ = by_attribute(platform_from_name)

@@ -60,14 +60,22 @@ def list_scanners() -> list[str]:
     return list(catalogue.scanners())
 
 
-def __getattr__(name: str) -> Callable[[], Scanner]:
-    if name.startswith("_"):
-        raise AttributeError(name)
-    try:
-        found = scanner_from_name(name)
-    except ValueError as failure:
-        raise AttributeError(str(failure)) from None
-    return lambda: found.clone()
+def by_attribute(from_name: Callable[[str], Any]) -> Callable[[str], Callable[[], Any]]:
+    """``__getattr__`` of a module with a function for each instrument that ships."""
+
+    def get(name: str) -> Callable[[], Any]:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            found = from_name(name)
+        except ValueError as failure:
+            raise AttributeError(str(failure)) from None
+        return lambda: found.clone()
+
+    return get
+
+
+__getattr__ = by_attribute(scanner_from_name)
 
 
 __all__ = ["FullWaveformSettings", "Scanner", "list_scanners", "scanner_from_name"]

@@ -204,15 +204,16 @@ class ScenePart:
         range_stop: int | None = None,
         **unknown: Any,
     ) -> ScenePart:
-        """Gives primitives another material: all, those with ``indices``, or those from ``range_start`` to before
-        ``range_stop``."""
+        """Gives faces another material: all, those with ``indices`` (or a mask, for arrays), or those from ``range_start`` to
+        before ``range_stop``. A polygon of a file is one face; voxels follow the faces."""
         if unknown:
             raise ValueError(f"update_material() has no {', '.join(map(repr, unknown))}")
         if indices is None and (range_start is not None or range_stop is not None):
             if range_stop is None:
                 raise ValueError("update_material() needs range_stop with range_start")
             indices = np.arange(range_start or 0, range_stop)
-        self._updates.append((material.clone(), indices))
+        chosen = None if indices is None else self._part._face_numbers(indices)
+        self._updates.append((material.clone(), chosen))
         return self
 
     @property

@@ -199,6 +199,7 @@ class _AssetDirectory(contextlib.AbstractContextManager):
         self._path = path
 
     def __exit__(self, *_: object) -> None:
+        # Of this call only: the same folder may have been added before.
         if self._path in _asset_directories:
             _asset_directories.remove(self._path)
 
@@ -206,14 +207,13 @@ class _AssetDirectory(contextlib.AbstractContextManager):
 def add_asset_directory(path: str | os.PathLike[str]) -> contextlib.AbstractContextManager:
     """Adds a folder in which files are searched; as a context manager, within its block."""
     name = os.fspath(path)
-    if name not in _asset_directories:
-        _asset_directories.append(name)
+    _asset_directories.append(name)
     return _AssetDirectory(name)
 
 
 def asset_directories() -> list[str]:
     """The folders in which files are searched."""
-    return list(_asset_directories)
+    return list(dict.fromkeys(_asset_directories))
 
 
 def find_asset(path: str | os.PathLike[str]) -> str:

@@ -13,6 +13,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from .. import Survey as EngineSurvey
+from ..errors import warn
 from .platforms import FIELDS, Platform
 from .scanner import Scanner
 from .scene import StaticScene
@@ -137,15 +138,34 @@ class Survey:
 
     @classmethod
     def from_xml(cls, survey_file: str | os.PathLike[str], **unknown: Any) -> Survey:
-        """The survey of a file. It is run as it is; ``scene`` and ``full_waveform_settings`` can be replaced."""
+        """The survey of a file. It is run as it is; ``scene``, ``full_waveform_settings`` and ``gps_time`` can be replaced."""
         survey = cls(**unknown)
         survey._file = find_asset(survey_file)
+        for name in ("scanner", "platform", "legs", "name", "full_waveform_settings"):
+            if not getattr(survey, name):
+                delattr(survey, name)
+        survey._check_file()
         return survey
+
+    def _check_file(self) -> None:
+        for name in ("scanner", "platform", "legs", "name"):
+            if name in vars(self):
+                raise NotImplementedError(
+                    f"{name} of the survey of a file cannot be replaced; change the file, or build a Survey of its scene with "
+                    "StaticScene.from_xml()"
+                )
+
+    def __getattr__(self, name: str) -> Any:
+        # Only the survey of a file lacks attributes.
+        if name in ("scanner", "platform", "legs", "name", "full_waveform_settings"):
+            raise NotImplementedError(f"{name} of the survey of a file is not read from it; display_xml() shows the file")
+        raise AttributeError(f"a Survey has no {name!r}")
 
     def clone(self) -> Survey:
         """A copy, which shares scanner, platform and scene."""
         twin = copy(self)
-        twin.legs = [leg.clone() for leg in self.legs]
+        if self._file is None:
+            twin.legs = [leg.clone() for leg in self.legs]
         return twin
 
     def add_leg(
@@ -158,7 +178,7 @@ class Survey:
     ) -> None:
         """Adds a leg: a :class:`Leg`, settings, keywords of settings, or all of them."""
         if self._file is not None:
-            raise NotImplementedError("legs cannot be added to the survey of a file; add them to the file, or build the survey of its scene")
+            raise NotImplementedError("legs cannot be added to the survey of a file; change the file, or build a Survey of its scene")
         if leg is not None:
             platform_settings = platform_settings or leg.platform_settings
             scanner_settings = scanner_settings or leg.scanner_settings
@@ -186,18 +206,31 @@ class Survey:
         execution = _with(execution_settings or ExecutionSettings(), execution_values)
         output = _with(output_settings or OutputSettings(), output_values)
         form = OutputFormat(getattr(output.format, "value", output.format))
-        options = self._options(execution, output)
+        is_folder = form in (OutputFormat.LAS, OutputFormat.LAZ, OutputFormat.XYZ)
+        for name in ("write_waveform", "write_pulse"):
+            if getattr(output, name) and not is_folder:
+                raise NotImplementedError(
+                    f"{name} needs a format of files: LAS, LAZ or XYZ; vlscan.Survey.run(waveforms=True, pulses=True) has them in "
+                    "memory"
+                )
+        for name in ("output_dir", "split_by_channel", *["las_scale"] * (form == OutputFormat.NPY)):
+            if name in output.changed() and not is_folder:
+                warn(f"{name} has no effect on the format {form.name}")
+        verbosity = LogVerbosity(execution.verbosity)
+        options = self._options(execution)
         with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-            if execution.verbosity == LogVerbosity.SILENT:
+            if verbosity == LogVerbosity.SILENT:
                 warnings.simplefilter("ignore")
             survey = self._engine(Path(folder))
-            if form in (OutputFormat.LAS, OutputFormat.LAZ, OutputFormat.XYZ):
+            if is_folder:
                 words = {"las_output": form != OutputFormat.XYZ, "zip_output": form == OutputFormat.LAZ}
                 return self._run_to_folder(survey, output, {**options, **words})
             columns = [name for names in _COLUMNS.values() for name in ([names] if isinstance(names, str) else names)]
-            result = survey.run(columns=columns, waveforms=output.write_waveform, pulses=output.write_pulse, **options)
+            result = survey.run(columns=[*columns, "Intensity", "ScanAngle"], **options)
         points, poses = point_records(result.points), pose_records(result.trajectory)
-        return (_laspy(points, output.las_scale) if form == OutputFormat.LASPY else points), poses
+        if form == OutputFormat.LASPY:
+            return _laspy(points, result.points, output.las_scale), poses
+        return points, poses
 
     def _run_to_folder(self, survey: EngineSurvey, output: OutputSettings, options: dict[str, Any]) -> Path:
         from .. import _vlscan
@@ -209,8 +242,9 @@ class Survey:
         outcome = _vlscan.run(request, [], None)
         return Path(outcome.directories[0])
 
-    def _options(self, execution: ExecutionSettings, output: OutputSettings) -> dict[str, Any]:
-        schedule = "dynamic" if execution.parallelization == ParallelizationStrategy.CHUNK else "warehouse"
+    def _options(self, execution: ExecutionSettings) -> dict[str, Any]:
+        strategy = ParallelizationStrategy(execution.parallelization)
+        schedule = "dynamic" if strategy == ParallelizationStrategy.CHUNK else "warehouse"
         options: dict[str, Any] = {
             "threads": int(execution.num_threads) or None,
             "chunk_size": execution.chunk_size,
@@ -226,7 +260,8 @@ class Survey:
         """The survey for the engine: its file, or one that is written to ``folder``."""
         scene = None if self.scene is None else self.scene.engine()
         if self._file is not None:
-            return EngineSurvey.open(self._file, scene)
+            self._check_file()
+            return EngineSurvey.open(self._file, scene, waveform=self._waveform())
         missing = [name for name in ("scanner", "platform", "scene") if getattr(self, name) is None]
         if missing:
             raise ValueError(f"the survey has no {' and no '.join(missing)}")
@@ -234,11 +269,24 @@ class Survey:
         file.write_text(self.to_xml(folder), encoding="utf-8")
         return EngineSurvey.open(file, scene)
 
+    def _waveform(self) -> dict[str, Any] | None:
+        fwf = vars(self).get("full_waveform_settings")
+        if fwf is None:
+            return None
+        keys = {"bin_ns": fwf.bin_size, "window_ns": fwf.win_size, "quality": int(fwf.beam_sample_quality)}
+        return {**keys, "max_range_ns": fwf.max_fullwave_range}
+
     def to_xml(self, folder: Path | None = None) -> str:
-        """The survey as XML; a trajectory is written to ``folder``."""
+        """The survey as XML, that of its file if it has one; a trajectory is written to ``folder``."""
+        if self._file is not None:
+            return Path(self._file).read_text(encoding="utf-8")
         platform, scanner = self.platform, self.scanner
-        assert platform is not None and scanner is not None
+        if platform is None or scanner is None:
+            raise ValueError("the survey has no scanner or no platform")
         follows = platform.trajectory is not None
+        for leg in [] if follows else self.legs:
+            if changed := leg.trajectory_settings.changed():
+                raise ValueError(f"a leg has {', '.join(changed)}, but the platform has no trajectory")
         about: dict[str, Any] = {"name": self.name or "survey", "scene": "in memory", "scanner": scanner.reference}
         if follows:
             about |= {"platform": "interpolated", "basePlatform": platform.reference or None}
@@ -281,7 +329,7 @@ class Survey:
         }
 
     def __repr__(self) -> str:
-        return f"<Survey {self.name or self._file or ''}: {len(self.legs)} legs>"
+        return f"<Survey {self._file}>" if self._file is not None else f"<Survey {self.name}: {len(self.legs)} legs>"
 
 
 def _where(settings: PlatformSettings) -> dict[str, Any]:
@@ -347,7 +395,7 @@ def pose_records(poses: Any) -> np.ndarray:
     return records
 
 
-def _laspy(points: np.ndarray, scale: float | None) -> Any:
+def _laspy(points: np.ndarray, columns: Any, scale: float | None) -> Any:
     try:
         import laspy
     except ImportError as failure:
@@ -362,6 +410,7 @@ def _laspy(points: np.ndarray, scale: float | None) -> Any:
     las.return_number, las.number_of_returns = points["return_number"], points["number_of_returns"]
     las.classification = points["classification"].astype("u1")
     las.gps_time, las.point_source_id = points["gps_time"], points["point_source_id"]
+    las.intensity, las.scan_angle = columns["Intensity"], np.rint(np.clip(columns["ScanAngle"] / 0.006, -30_000, 30_000))
     las["echo_width"], las["heliosAmplitude"] = points["echo_width"], points["intensity"]
     las["fullwaveIndex"], las["hitObjectId"] = points["fullwave_index"], points["hit_object_id"]
     return las
