@@ -33,6 +33,9 @@ def test_lists():
     assert vlscan.scanners()["riegl_vz400"] == "RIEGL VZ-400" and "sr22" in vlscan.platforms()
     assert vlscan.columns()["X"].unit == "m" and vlscan.options()["seed"].has_value
     assert set(vlscan.__all__) <= set(dir(vlscan)) and all(hasattr(vlscan, name) for name in vlscan.__all__)
+    for listing in (vlscan.options, vlscan.columns, vlscan.scanners):
+        listing().clear()
+        assert listing()
     with pytest.raises(AttributeError):
         vlscan.nothing
 
@@ -42,7 +45,7 @@ def test_documents_are_toml():
     survey = Survey(None, vlscan.Scanner("riegl_vz400", accuracy_m=0.5), [Leg((1, 2, 3), scan_freq_hz=1e-3)])
     keys = tomllib.loads(survey.document())
     assert keys["scanner"]["accuracy_m"] == 0.5 and keys["leg"][0]["settings"] == {"scan_freq_hz": 0.001}
-    odd = {"a": [1, 2.5, True, "é\"\n"], "t": {"x y": 1e30, "none": None}, "l": [{"b": float("inf")}]}
+    odd = {"a": [1, 2.5, True, "é\"\n", "🌲 \x7f \t C:\\a"], "t": {"x y": 1e30, "none": None}, "l": [{"b": float("inf")}]}
     assert tomllib.loads(_toml.document(odd)) == {"a": odd["a"], "t": {"x y": 1e30}, "l": odd["l"]}
     with pytest.raises(TypeError):
         _toml.document({"a": object()})

@@ -1,5 +1,6 @@
 """Runs: to memory, to files, batch by batch, with progress, errors and interruption."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import warnings
 import numpy as np
 import pytest
 import vlscan
+from conftest import ROOT
 from vlscan import Leg, Material, Part, Scene, Survey
 
 pyarrow = pytest.importorskip("pyarrow")
@@ -66,7 +68,14 @@ def test_other_libraries_take_points(room):
     assert pandas.DataFrame(dict(points)).shape == (len(points), 4) and points.to_pandas()["X"][5] == points["X"][5]
     duckdb = pytest.importorskip("duckdb")
     arrow = points.to_arrow()  # noqa: F841
-    assert duckdb.sql("select count(*) from arrow where ReturnNumber = 1").fetchall()[0][0] <= len(points)
+    first = duckdb.sql("select count(*) from arrow where ReturnNumber = 1").fetchall()[0][0]
+    assert first == (points["ReturnNumber"] == 1).sum() > 10_000
+
+
+def test_points_in_memory_are_counted(room):
+    for recorded in ({}, {"waveforms": True, "pulses": True}):
+        result = vlscan.run(room, **recorded)
+        assert result.point_count == len(result.points) > 10_000 and f"{len(result.points):,} points" in repr(result)
 
 
 def test_batches_join_to_the_points(room):
@@ -76,13 +85,40 @@ def test_batches_join_to_the_points(room):
     assert np.concatenate([batch["GpsTime"] for batch in batches]).tobytes() == whole["GpsTime"].tobytes()
 
 
+def threads_of_the_process():
+    return len(os.listdir("/proc/self/task"))
+
+
 def test_leaving_a_loop_over_batches_ends_the_run():
-    before = threading.active_count()
+    # Threads that stay, of the allocator or of pools, are there after the first run.
+    next(long_survey().run_batches(rows=100))
+    before = threads_of_the_process()
     started = time.monotonic()
     for batch in long_survey().run_batches(rows=100):
-        assert len(batch) == 100
+        assert len(batch) == 100 and threads_of_the_process() > before
         break
-    assert time.monotonic() - started < 60 and threading.active_count() == before
+    assert time.monotonic() - started < 60 and threads_of_the_process() == before
+
+
+def test_a_wrong_option_of_batches_is_refused_at_the_call(room):
+    with pytest.raises(TypeError, match="'seed'"):
+        vlscan.run_batches(room, sed=1)
+    with pytest.raises(ValueError, match="^labels is an option of files"):
+        vlscan.run_batches(room, labels=True)
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        {"format": "laz"}, {"force": True}, {"las10": True}, {"las_scale": 0.001}, {"las_at_most": 5}, {"las_extra": "none"},
+        {"labels": True}, {"split_by_channel": True}, {"zip_output": True},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_options_of_files_need_files(room, option):
+    with pytest.raises(ValueError, match=f"^{next(iter(option))} is an option of files"):
+        vlscan.run(room, **option)
+    vlscan.run(room, columns=["X"], **dict.fromkeys(option))
 
 
 def test_files_are_written(room, tmp_path):
@@ -158,8 +194,6 @@ def test_ctrl_c_ends_a_run(tmp_path):
         "except KeyboardInterrupt:\n"
         "    print('interrupted', flush=True)\n"
     )
-    from conftest import ROOT
-
     file = tmp_path / "x.xyz"
     process = subprocess.Popen([sys.executable, "-c", text, file], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     while (line := process.stdout.readline()) and int(line) < 1000:
@@ -170,17 +204,52 @@ def test_ctrl_c_ends_a_run(tmp_path):
     assert (tmp_path / "x.partial.xyz").stat().st_size > 0 and not file.exists()
 
 
+@pytest.mark.parametrize("call", ["scene.load()", "scene.pack(folder + '/a.vlscene')", "survey.run()", "next(survey.run_batches())"])
+def test_ctrl_c_ends_the_loading_of_a_scene(tmp_path, call):
+    # Each part is a file of its own, whose loading takes some milliseconds.
+    rows = [f"v {x} {y} 0" for y in range(100) for x in range(100)]
+    rows += [f"f {c} {c + 1} {c + 101} {c + 100}" for y in range(99) for c in range(100 * y + 1, 100 * y + 100)]
+    (tmp_path / "a.obj").write_text("\n".join(rows) + "\n")
+    text = (
+        "import os, sys, vlscan\n"
+        "folder = sys.argv[1]\n"
+        "for i in range(2000): os.link(folder + '/a.obj', f'{folder}/{i}.obj')\n"
+        "scene = vlscan.Scene([vlscan.Part.obj(f'{folder}/{i}.obj') for i in range(2000)])\n"
+        "survey = vlscan.Survey(scene, 'riegl_vz400', [vlscan.Leg(scan_freq_hz=50, head_rate_deg_per_s=36, head_stop_deg=90)])\n"
+        "print('loading', flush=True)\n"
+        "try:\n"
+        f"    {call}\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted', scene.is_loaded, sorted(os.listdir(folder))[-1], flush=True)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", text, tmp_path], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "loading\n"
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    sent = time.monotonic()
+    assert process.stdout.read() == "interrupted False a.obj\n"
+    assert process.wait() == 0 and time.monotonic() - sent < 2
+
+
 def test_threads_run_at_the_same_time(room):
-    found = {}
+    found = []
     scene = Scene([Part.mesh(*wall(50))])
 
-    def work(seed):
-        found[seed] = Survey(scene, "riegl_vz400", [LEG]).run(seed=seed, threads=1).points["X"].tobytes()
+    def points(seed):
+        return Survey(scene, "riegl_vz400", [LEG]).run(seed=seed, threads=1).points["X"].tobytes()
 
-    threads = [threading.Thread(target=work, args=(seed,)) for seed in (1, 2, 1)]
+    threads = [threading.Thread(target=lambda seed=seed: found.append((seed, points(seed)))) for seed in (1, 2, 1)]
     [thread.start() for thread in threads]
     [thread.join() for thread in threads]
-    assert found[1] != found[2]
+    expected = {seed: points(seed) for seed in (1, 2)}
+    assert expected[1] != expected[2] and len(found) == 3 and all(bytes == expected[seed] for seed, bytes in found)
+
+
+def test_memory_does_not_grow_from_run_to_run():
+    script = ROOT / "python/benches/memory.py"
+    done = subprocess.run([sys.executable, script, "50"], capture_output=True, text=True, check=True)
+    second, last, _ = map(float, done.stdout.split())
+    assert second > 10 and last < 1.05 * second
 
 
 def test_errors_name_file_line_and_column(room, tmp_path):
@@ -207,9 +276,14 @@ def test_errors_name_file_line_and_column(room, tmp_path):
 
 def test_warnings_are_warnings():
     survey = Survey([Part.mesh(*wall())], "riegl_vz400", [Leg((0, 0, 5000), scan_freq_hz=50, head_rate_deg_per_s=90, head_stop_deg=90)])
-    with pytest.warns(vlscan.VlscanWarning):
+    line = sys._getframe().f_lineno
+    with pytest.warns(vlscan.VlscanWarning) as caught:
         result = survey.run()
+        vlscan.run(survey)
+        list(survey.run_batches())
     assert any(problem.severity == "warning" for problem in result.problems)
+    assert {(warning.filename, warning.lineno - line) for warning in caught} >= {(__file__, 2 + call) for call in range(3)}
+    assert {warning.filename for warning in caught} == {__file__}
 
 
 def test_nothing_is_printed(room, capfd):
@@ -228,6 +302,8 @@ def test_missing_and_odd_arguments():
         Part.mesh([[np.nan, 0, 0]], [[0, 0, 0]])
     with pytest.raises(ValueError, match="an index per face"):
         Part.mesh(*wall(), materials=[Material()], material_of=[0])
+    with pytest.raises(ValueError, match="material_of"):
+        Part.mesh(*wall(), materials=[Material("a"), Material("b")])
     with pytest.raises(vlscan.InputError, match="material"):
         Part.mesh(*wall(), materials=[Material()], material_of=[0, 1])
     with pytest.raises(vlscan.InputError, match="empty"):

@@ -29,7 +29,12 @@ def _lines(table: Mapping[str, Any]) -> str:
 
 
 def _key(key: str) -> str:
-    return key if key.replace("_", "").isalnum() and key.isascii() else json.dumps(key)
+    return key if key.replace("_", "").isalnum() and key.isascii() else _text(key)
+
+
+def _text(value: str) -> str:
+    # As JSON, but without pairs of surrogates, which TOML does not know, and with DEL escaped, which TOML asks for.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _value(value: Any) -> str:
@@ -44,9 +49,9 @@ def _value(value: Any) -> str:
             return repr(value) if any(c in repr(value) for c in ".e") else repr(value) + ".0"
         return "nan" if math.isnan(value) else ("inf" if value > 0 else "-inf")
     if isinstance(value, str):
-        return json.dumps(value)
+        return _text(value)
     if isinstance(value, os.PathLike):
-        return json.dumps(os.fspath(value))
+        return _text(os.fspath(value))
     if isinstance(value, Mapping):
         items = ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items() if item is not None)
         return "{ " + items + " }"

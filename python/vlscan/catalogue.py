@@ -49,15 +49,18 @@ def platforms() -> list[str]:
 
 
 @cache
-def options() -> dict[str, Option]:
-    """The options of a run, by keyword."""
+def _options() -> dict[str, Option]:
     hidden = {"out", "output", "trajectory", "scene", "schedule_log", "progress", "parts"}
     rows = _vlscan.options()
     found = {name.replace("-", "_"): Option(text, has_value, is_list) for name, text, has_value, is_list in rows}
     return {name: option for name, option in found.items() if name not in hidden}
 
 
-@cache
+def options() -> dict[str, Option]:
+    """The options of a run, by keyword."""
+    return dict(_options())
+
+
 def columns() -> dict[str, Column]:
     """The columns of points, by name."""
     return {name: Column(unit, text) for name, unit, text in _vlscan.columns()}

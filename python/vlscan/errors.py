@@ -54,12 +54,12 @@ def file_error(text: str, number: int | None, path: str) -> FileError:
     return error
 
 
-_PACKAGE = os.path.dirname(__file__)
+_PACKAGE = os.path.dirname(__file__) + os.sep
 
 
 def warn(text: str) -> None:
     """Issues a warning at the line of the program that called the package."""
-    if sys.version_info >= (3, 12):
-        warnings.warn(text, VlscanWarning, skip_file_prefixes=(_PACKAGE,))
-    else:
-        warnings.warn(text, VlscanWarning, stacklevel=4)
+    frame, level = sys._getframe(), 1
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, VlscanWarning, stacklevel=level)

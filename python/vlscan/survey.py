@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from datetime import datetime, timezone
 from difflib import get_close_matches
 from typing import Any
 
@@ -298,10 +299,12 @@ class Survey:
         progress: Progress | None,
         options: dict[str, Any],
     ) -> _vlscan.Outcome:
-        tables = ["trajectory"]
         if to is None:
-            tables += ["points"] + ["waveforms"] * waveforms + ["pulses"] * pulses
+            # The run counts the points of its first table.
+            tables = ["points", *["waveforms"] * waveforms, *["pulses"] * pulses, "trajectory"]
+            _refuse_options_of_files(options)
         else:
+            tables = ["trajectory"]
             files = [to] if isinstance(to, (str, os.PathLike)) else list(to)
             options = {**options, "out": [os.fspath(file) for file in files], "waveforms": waveforms, "pulses": pulses}
         return _vlscan.run(request(options), tables, progress)
@@ -309,7 +312,12 @@ class Survey:
     def run_batches(self, rows: int = 1_000_000, **options: Any) -> Iterator[Points]:
         """Flies and measures the survey, and yields the points in batches of ``rows`` while it does. Memory does not grow with the
         number of points: the run waits until batches are taken. Leaving the loop ends the run."""
-        batches = _vlscan.run_batches(self._request(options), rows, 2)
+        _refuse_options_of_files(options)
+        return self._batches(self._request(options), rows)
+
+    @staticmethod
+    def _batches(request: _vlscan.Request, rows: int) -> Iterator[Points]:
+        batches = _vlscan.run_batches(request, rows, 2)
         try:
             for table in batches:
                 yield Points(table)
@@ -391,9 +399,20 @@ def columns_of(table: Any, names: tuple[str, ...]) -> Any:
             columns = {name: array[:, index] for index, name in enumerate(names)}
         else:
             raise ValueError(f"an array has the shape {array.shape}, expected n by {len(names)}: {', '.join(names)}")
-    return {name: np.ascontiguousarray(values, dtype="<f8").tobytes() for name, values in columns.items()}
+    return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}
 
 
+# Options that only say how files are written.
+_OPTIONS_OF_FILES = {
+    "force", "format", "labels", "las10", "las_at_most", "las_extra", "las_output", "las_scale", "per_object", "split_by_channel",
+    "tile", "wave_packets", "zip_output",
+}  # fmt: skip
+
+
+def _refuse_options_of_files(options: Mapping[str, Any]) -> None:
+    for name, value in options.items():
+        if name in _OPTIONS_OF_FILES and value is not None and value is not False:
+            raise ValueError(f"{name} is an option of files, but this run writes none; name them with run(to=...)")
 
 
 def words_of(options: Mapping[str, Any]) -> list[str]:
@@ -422,6 +441,8 @@ def words_of(options: Mapping[str, Any]) -> list[str]:
 def _text(value: Any) -> str:
     if isinstance(value, os.PathLike):
         return os.fspath(value)
+    if isinstance(value, datetime) and value.tzinfo is not None:
+        return str(value.astimezone(timezone.utc).replace(tzinfo=None))
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
