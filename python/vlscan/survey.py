@@ -306,6 +306,8 @@ class Survey:
         else:
             tables = ["trajectory"]
             files = [to] if isinstance(to, (str, os.PathLike)) else list(to)
+            if not files:
+                raise ValueError("to names no file; without it the points stay in memory")
             options = {**options, "out": [os.fspath(file) for file in files], "waveforms": waveforms, "pulses": pulses}
         return _vlscan.run(request(options), tables, progress)
 
