@@ -1,4 +1,5 @@
-//! Columns of tables in text and in Arrow streams: separators of lines, and headings such as `time[s]` or `roll_deg`.
+//! Columns of tables in text and in Arrow streams: separators of lines, quoted fields, and headings such as `time[s]` or
+//! `roll_deg`.
 
 use std::ops::Range;
 
@@ -68,6 +69,54 @@ impl Separator {
             Separator::Char(c) => format!("`{c}`"),
         }
     }
+}
+
+/// A field of a comma-separated table, quoted where that is necessary (RFC 4180).
+pub(crate) fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+/// The fields of a line without their quotes (RFC 4180) and without the blanks around fields. Line breaks within fields are not
+/// supported.
+pub(crate) fn unquoted(line: &str, separator: Separator) -> Vec<String> {
+    let mut fields = Vec::with_capacity(8);
+    let (mut field, mut is_quoted, mut was_quoted) = (String::new(), false, false);
+    let end = |field: &mut String, was_quoted: &mut bool| {
+        let text = std::mem::take(field);
+        if std::mem::take(was_quoted) { text } else { text.trim().to_owned() }
+    };
+    let mut rest = line.chars().peekable();
+    while let Some(c) = rest.next() {
+        let separates = match separator {
+            Separator::Char(separator) => c == separator,
+            Separator::Blanks => c.is_whitespace(),
+        };
+        match (c, is_quoted) {
+            ('"', true) if rest.peek() == Some(&'"') => field.extend(rest.next()),
+            ('"', true) => is_quoted = false,
+            ('"', false) if !was_quoted && field.trim().is_empty() => {
+                field.clear();
+                (is_quoted, was_quoted) = (true, true);
+            }
+            (_, false) if separates => {
+                let is_empty = !was_quoted && field.is_empty();
+                if !(separator == Separator::Blanks && is_empty) {
+                    fields.push(end(&mut field, &mut was_quoted));
+                }
+            }
+            // Blanks after a quoted field.
+            (c, false) if was_quoted && c.is_whitespace() => {}
+            (c, _) => field.push(c),
+        }
+    }
+    if separator != Separator::Blanks || was_quoted || !field.is_empty() {
+        fields.push(end(&mut field, &mut was_quoted));
+    }
+    fields
 }
 
 fn trimmed(line: &str, at: Range<usize>) -> Range<usize> {
@@ -206,5 +255,22 @@ mod tests {
         );
         assert_eq!(parse_heading("roll[gon]", known), Err(gon));
         assert!(matches!(parse_heading("x_deg", known), Err(HeadingError::WrongUnit(..))));
+    }
+
+    #[test]
+    fn quotes_keep_separators() {
+        let fields = |line: &str| unquoted(line, Separator::guess(line));
+        assert_eq!(fields(r#"a, "b, ""c""" ,d e,"#), ["a", r#"b, "c""#, "d e", ""]);
+        assert_eq!(fields(r#"5" oak;" x";;"#), [r#"5" oak"#, " x", "", ""]);
+        assert_eq!(fields(r#" 1  "Norway spruce" 3 "#), ["1", "Norway spruce", "3"]);
+        assert_eq!(fields(r#"a,"b"#), ["a", "b"]);
+        for text in ["oak", "a \"b\", c", "two\nlines", ""] {
+            let line = format!("{},1", quoted(text));
+            assert_eq!(unquoted(&line, Separator::Char(','))[0], text);
+        }
+        assert_eq!(
+            (quoted("a \"b\", c"), quoted("oak")),
+            ("\"a \"\"b\"\", c\"".to_owned(), "oak".to_owned())
+        );
     }
 }

@@ -3,6 +3,7 @@
 
 pub mod arrow;
 
+use crate::error::{Error, Result};
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 use std::time::Duration;
@@ -132,6 +133,15 @@ pub fn read_file(path: &Path, max_bytes: u64) -> std::io::Result<Vec<u8>> {
     Err(std::io::Error::new(ErrorKind::FileTooLarge, message))
 }
 
+/// Reads a complete text of at most `max_bytes`, also from a pipe or a device.
+///
+/// # Errors
+/// [`Error::Io`], also for more bytes; [`Error::Input`] for bytes that are no UTF-8.
+pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
+    let bytes = read_file(path, max_bytes).map_err(|e| Error::open(path, e))?;
+    String::from_utf8(bytes).map_err(|_| Error::input(format!("{}: expected text in UTF-8", path.display())))
+}
+
 /// Whether the path means standard input: `-`, `STDIN`, `/dev/stdin`.
 pub fn is_stdin(path: &Path) -> bool {
     ["-", "STDIN", "/dev/stdin"].iter().any(|name| path.as_os_str() == *name)
@@ -161,7 +171,14 @@ mod tests {
         assert_eq!(read_file(&path, 100).unwrap(), [7; 100]);
         assert_eq!(read_file(&path, 99).unwrap_err().kind(), ErrorKind::FileTooLarge);
         #[cfg(unix)]
-        assert_eq!(read_file(Path::new("/dev/zero"), 99).unwrap_err().kind(), ErrorKind::FileTooLarge);
+        {
+            let endless = Path::new("/dev/zero");
+            assert_eq!(read_file(endless, 99).unwrap_err().kind(), ErrorKind::FileTooLarge);
+            assert!(read_text(endless, 99).unwrap_err().to_string().contains("more than 99 bytes"));
+        }
+        assert_eq!(read_text(&path, 100).unwrap().len(), 100);
+        std::fs::write(&path, [0xff]).unwrap();
+        assert!(matches!(read_text(&path, 100), Err(Error::Input(_))));
     }
 
     #[test]

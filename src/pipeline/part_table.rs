@@ -1,5 +1,6 @@
 //! Table of the scene's parts beside labelled points.
 
+use crate::columns::quoted;
 use crate::output::ObjectIds;
 use crate::scene::{PartFacts, Scene};
 use std::fmt::Write as _;
@@ -46,25 +47,5 @@ impl PartTable {
             let _ = writeln!(text, "{object},{facts},{count}");
         }
         text
-    }
-}
-
-/// A field of CSV (RFC 4180).
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn fields_with_separators_are_quoted() {
-        assert_eq!(quoted("a \"b\", c"), "\"a \"\"b\"\", c\"");
-        assert_eq!(quoted("oak"), "oak");
     }
 }

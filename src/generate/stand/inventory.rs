@@ -1,8 +1,9 @@
 //! Inventories of trees: one tree per line, columns found by their headings.
 
-use crate::columns::{Dimension, HeadingError, Separator, parse_heading};
+use crate::columns::{Dimension, HeadingError, Separator, parse_heading, unquoted};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
+use crate::input::read_file;
 use crate::quantity::{self, Bounds};
 use std::path::Path;
 
@@ -73,14 +74,7 @@ impl Inventory {
     /// # Errors
     /// [`Error::Input`] with up to five places, [`Error::Io`].
     pub fn read(path: &Path) -> Result<Inventory> {
-        let size = std::fs::metadata(path).map_err(|e| Error::open(path, e))?.len();
-        if size > MAX_BYTES {
-            return Err(Error::input(format!(
-                "{}: {size} bytes, expected at most {MAX_BYTES}",
-                path.display()
-            )));
-        }
-        let bytes = std::fs::read(path).map_err(|e| Error::io("read", path, e))?;
+        let bytes = read_file(path, MAX_BYTES).map_err(|e| Error::open(path, e))?;
         let text = String::from_utf8_lossy(&bytes);
         let text = text.trim_start_matches('\u{feff}');
         let mut problems = Diagnostics::default();
@@ -113,8 +107,8 @@ fn read_rows(text: &str, path: &Path, problems: &mut Diagnostics) -> Vec<Tree> {
     let at_line =
         |number: u32, line: &str| Place::in_line(path, number as usize, line, 0..line.len().min(200));
     let mut columns = Vec::new();
-    for range in separator.split(heading) {
-        match parse_heading(&heading[range], known) {
+    for name in unquoted(heading, separator) {
+        match parse_heading(&name, known) {
             Ok(found) => columns.push(Some((found.column, found.factor.unwrap_or(1.0)))),
             Err(HeadingError::UnknownName(_)) => columns.push(None),
             Err(HeadingError::WrongUnit(what, expected)) => {
@@ -134,8 +128,7 @@ fn read_rows(text: &str, path: &Path, problems: &mut Diagnostics) -> Vec<Tree> {
     let mut trees = Vec::new();
     let mut wrong = 0;
     for (number, line) in lines {
-        let fields = separator.split(line);
-        match tree(line, &fields, &columns, trees.len() + 1) {
+        match tree(&unquoted(line, separator), &columns, trees.len() + 1) {
             Ok(tree) => trees.push(tree),
             Err(message) => {
                 problems.error(Some(at_line(number, line)), message);
@@ -150,8 +143,7 @@ fn read_rows(text: &str, path: &Path, problems: &mut Diagnostics) -> Vec<Tree> {
 }
 
 fn tree(
-    line: &str,
-    fields: &[std::ops::Range<usize>],
+    fields: &[String],
     columns: &[Option<(Column, f64)>],
     number: usize,
 ) -> std::result::Result<Tree, String> {
@@ -166,9 +158,9 @@ fn tree(
     if fields.len() < columns.len() && columns[fields.len()..].iter().any(Option::is_some) {
         return Err(format!("{} columns, expected {}", fields.len(), columns.len()));
     }
-    for (range, column) in fields.iter().zip(columns) {
+    for (field, column) in fields.iter().zip(columns) {
         let Some((column, factor)) = column else { continue };
-        let field = line[range.clone()].trim_matches('"');
+        let field = field.trim();
         let is_missing =
             field.is_empty() || field.eq_ignore_ascii_case("na") || field.eq_ignore_ascii_case("nan");
         let value = |bounds: Bounds| match field.parse::<f64>().map(|v| v * factor) {
@@ -222,6 +214,15 @@ mod tests {
             (trees[1].id.as_str(), trees[1].crown, trees[1].stem, &trees[1].species),
             ("2", None, None, &None)
         );
+    }
+
+    #[test]
+    fn fields_may_be_quoted_or_empty() {
+        let table = "\"id\",\"x\",\"y\",\"height\",\"species\",\"crown\"\n\"a, b\",1,2,\"10\",\"spruce, \"\"old\"\"\",4\nc,3,4,12,beech,\n";
+        let trees = read(table).unwrap().trees;
+        assert_eq!((trees[0].id.as_str(), trees[0].height, trees[0].crown), ("a, b", 10.0, Some(4.0)));
+        assert_eq!(trees[0].species.as_deref(), Some("spruce, \"old\""));
+        assert_eq!((trees[1].species.as_deref(), trees[1].crown), (Some("beech"), None));
     }
 
     #[test]
