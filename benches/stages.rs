@@ -145,7 +145,7 @@ impl Stages<'_> {
 fn encode(plan: &Arc<OutputPlan>, batches: &[Batch]) -> Result<f64> {
     let mut writer = plan.open(Arc::new(NoOffload))?;
     let before = computed();
-    batches.iter().try_for_each(|batch| writer.append(plan.encode(batch)))?;
+    batches.iter().try_for_each(|batch| writer.append(plan.encode(batch, None)))?;
     writer.finish()?;
     Ok(computed() - before)
 }

@@ -3,17 +3,17 @@
 use super::args::PreviewArgs;
 use super::{Console, interrupt};
 use crate::error::{Error, Result};
-use crate::geom::DVec3;
+use crate::geom::{DVec3, is_inside};
 use crate::options::{InputOptions, Options};
 use crate::pipeline::{Control, Job, Progress, Session, Sketch};
 use crate::preview::{Attributes, Point, Points};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int32Type};
 
-/// Points on the surfaces of the scene.
-const SURFACE_POINTS: usize = 1_000_000;
+/// Most points on the surfaces of the scene.
+const MAX_SURFACE_POINTS: usize = 1_000_000;
 /// Dots along the larger extent of the picture, at most.
-const DOTS: f64 = 2000.0;
+const MAX_DOTS: f64 = 2000.0;
 /// Lines of dots beside each other that a flight line consists of.
 const LINE_WIDTH: i32 = 3;
 
@@ -27,7 +27,7 @@ pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
     let sketch = session.sketch(Control::new(&progress, &interrupt::STOP))?;
     let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
     let mut points = Points::new(Attributes { class: true, leg: true, ..Attributes::default() });
-    let table = loaded.sample(SURFACE_POINTS)?;
+    let table = loaded.sample(MAX_SURFACE_POINTS)?;
     let axis = |i: usize| table.column(i).as_primitive::<Float64Type>().values();
     let classes = table.column(3).as_primitive::<Int32Type>().values();
     let (x, y, z) = (axis(0), axis(1), axis(2));
@@ -44,7 +44,7 @@ pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
 fn draw_tracks(sketch: &Sketch, points: &mut Points) {
     let all = sketch.tracks.iter().flat_map(|(_, track)| track);
     let bounds = all.fold(points.bounds(), |bounds, position| bounds.with(*position));
-    let step = bounds.size().max_element().max(1e-3) / DOTS;
+    let step = bounds.size().max_element().max(1e-3) / MAX_DOTS;
     for (leg, track) in &sketch.tracks {
         let mut dot = |position: DVec3| {
             for i in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {
@@ -56,7 +56,7 @@ fn draw_tracks(sketch: &Sketch, points: &mut Points) {
         };
         track.iter().for_each(|position| dot(*position));
         for pair in track.windows(2) {
-            let count = (pair[0].distance(pair[1]) / step).ceil().min(DOTS * 10.0) as u32;
+            let count = (pair[0].distance(pair[1]) / step).ceil().min(MAX_DOTS * 10.0) as u32;
             (1..count).for_each(|i| dot(pair[0].lerp(pair[1], f64::from(i) / f64::from(count))));
         }
     }
@@ -99,18 +99,10 @@ impl<'s> Cover<'s> {
         let swaths =
             if (0.0..COLUMNS as f64).contains(&column) { &self.columns[column as usize][..] } else { &[] };
         let covering = swaths.iter().map(|i| &self.sketch.swaths[*i as usize]);
-        let mut covering = covering.filter(|(_, quad)| contains(quad, place));
+        let mut covering =
+            covering.filter(|(_, quad)| is_inside(&quad.map(|p| [p.x, p.y]), [place.x, place.y]));
         covering.next().map_or(0, |(leg, _)| shown(*leg))
     }
-}
-
-/// Whether a place is within four corners, seen from above (even-odd rule).
-fn contains(quad: &[DVec3; 4], place: DVec3) -> bool {
-    let sides = (0..4).map(|i| (quad[i], quad[(i + 1) % 4]));
-    let crosses = |(a, b): &(DVec3, DVec3)| {
-        (a.y > place.y) != (b.y > place.y) && place.x < a.x + (place.y - a.y) / (b.y - a.y) * (b.x - a.x)
-    };
-    sides.filter(crosses).count() % 2 == 1
 }
 
 #[cfg(test)]

@@ -5,11 +5,13 @@
 //! | file | what it does |
 //! |---|---|
 //! | `rotation`, `affine`, `aabb` | rotations, affine maps, boxes |
+//! | `polygon` | whether a point is inside of a polygon |
 //! | `sums` | sums of many equal terms |
 //! | `utm` | the map projection |
 
 mod aabb;
 mod affine;
+mod polygon;
 mod rotation;
 mod sums;
 mod utm;
@@ -17,6 +19,7 @@ mod utm;
 pub use aabb::Aabb;
 pub use affine::Affine;
 pub use glam::DVec3;
+pub use polygon::is_inside;
 pub use rotation::Rotation;
 pub use sums::{add_repeatedly, spacing, steps_in_binade};
 pub use utm::UtmZone;

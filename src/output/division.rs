@@ -110,20 +110,6 @@ impl Divider {
     }
 }
 
-/// Whether a point is within a ring (even-odd rule).
-pub(super) fn contains(ring: &Ring, x: f64, y: f64) -> bool {
-    let mut inside = false;
-    let mut before = ring.last().copied().unwrap_or_default();
-    for &here in ring {
-        let [(x1, y1), (x2, y2)] = [(before[0], before[1]), (here[0], here[1])];
-        if (y1 > y) != (y2 > y) && x < x1 + (y - y1) / (y2 - y1) * (x2 - x1) {
-            inside = !inside;
-        }
-        before = here;
-    }
-    inside
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -142,14 +128,5 @@ mod tests {
         assert_eq!((name(500.0, 0.0), name(0.0, -500.0)), (None, None));
         let many = Divider::new(&Division::Tiles(1e-3), &bounds, shift, &ObjectIds::default());
         assert!(many.unwrap_err().contains("too many"));
-    }
-
-    #[test]
-    fn a_ring_contains_what_is_within_it() {
-        let ring = vec![[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [5.0, 5.0], [0.0, 10.0]];
-        assert!(contains(&ring, 5.0, 2.0) && contains(&ring, 1.0, 8.0));
-        assert!(
-            !contains(&ring, 5.0, 8.0) && !contains(&ring, 11.0, 2.0) && !contains(&Vec::new(), 0.0, 0.0)
-        );
     }
 }

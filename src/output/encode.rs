@@ -2,8 +2,8 @@
 
 use super::codec::{LegFacts, Piece, PointCodec, encode_points};
 use super::column_codec::ColumnCodec;
-use super::division::contains;
 use super::e57::E57Codec;
+use super::ground::Ground;
 use super::las::{LasCodec, encode_with_packets};
 use super::layout::{Route, Slots};
 use super::memory::{self, TableContent};
@@ -13,12 +13,13 @@ use super::ply::{PlyCodec, PlyGroups};
 use super::ray_cloud::RayCloudCodec;
 use super::request::{PointFormat, TrajectoryFormat};
 use super::{table, text};
-use crate::geom::DVec3;
+use crate::geom::{DVec3, is_inside};
 use crate::parts;
 use crate::pulse::Batch;
 use crate::pulse::Echo;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The encoded pieces of a batch for all files; input of [`Writer::append`](super::Writer::append).
 #[derive(Debug)]
@@ -74,12 +75,21 @@ impl PointCodec for XyzCodec<'_> {
     }
 }
 
+/// A batch over the ground of its epoch.
+#[derive(Clone, Copy)]
+struct Source<'a> {
+    batch: &'a Batch,
+    ground: Option<&'a Arc<dyn Ground>>,
+}
+
 impl OutputPlan {
-    /// Encodes a batch for every file. Called by the worker threads.
-    pub fn encode(&self, batch: &Batch) -> Encoded {
+    /// Encodes a batch for every file. Called by the worker threads. Heights of its points count from `ground`, that of the
+    /// batch's epoch.
+    pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn Ground>>) -> Encoded {
+        let source = Source { batch, ground };
         let mut echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
         if let Some(ring) = &self.clip {
-            let keeps = |p: DVec3| contains(ring, p.x + self.shift.x, p.y + self.shift.y);
+            let keeps = |p: DVec3| is_inside(ring, [p.x + self.shift.x, p.y + self.shift.y]);
             echoes.to_mut().retain(|echo| keeps(echo.position));
         }
         let routes = self.layout.routes.get(batch.leg as usize).map_or(&[][..], |r| r);
@@ -88,16 +98,16 @@ impl OutputPlan {
             match route {
                 Route::Points(format, Slots::Divided(slots)) => {
                     for (file, own) in self.divided(&echoes) {
-                        self.points(*format, &Slots::One(slots[file]), batch, &own, &mut pieces);
+                        self.points(*format, &Slots::One(slots[file]), source, &own, &mut pieces);
                     }
                 }
-                Route::Points(format, slots) => self.points(*format, slots, batch, &echoes, &mut pieces),
+                Route::Points(format, slots) => self.points(*format, slots, source, &echoes, &mut pieces),
                 Route::Trajectory(format, slot) => pieces.push(self.trajectory(*format, *slot, batch)),
                 Route::Waveforms(slot) => pieces.push(self.waveforms(*slot, batch)),
                 Route::Pulses(slot) => pieces.push(self.pulses(*slot, batch)),
                 Route::Part(slot) => pieces.push(part(*slot, batch)),
                 Route::Table(TableContent::Points, slots) => {
-                    self.points(PointFormat::Arrow, slots, batch, &echoes, &mut pieces);
+                    self.points(PointFormat::Arrow, slots, source, &echoes, &mut pieces);
                 }
                 Route::Table(content, slots) => {
                     pieces.extend(slots.as_slice().iter().map(|slot| self.table(*content, *slot, batch)));
@@ -123,26 +133,26 @@ impl OutputPlan {
         &self,
         format: PointFormat,
         slots: &Slots,
-        batch: &Batch,
+        source: Source<'_>,
         echoes: &[Echo],
         pieces: &mut Vec<Piece>,
     ) {
+        let Source { batch, ground } = source;
         let own = batch.leg_number.map(LegFacts::new);
         let Some(leg) = own.as_ref().or(self.legs.get(batch.leg as usize)) else { return };
         let (shift, objects, groups) = (self.shift, &self.objects, self.ply_groups());
-        let ground = self.ground.as_ref();
         match format {
             PointFormat::Xyz if self.columns_chosen => {
-                self.tables(leg, slots, batch, echoes, pieces, |out, rows, block| {
+                self.tables(leg, slots, source, echoes, pieces, |out, rows, block| {
                     table::push_rows(out, &self.columns, rows, &block, b' ');
                 });
             }
-            PointFormat::Csv => self.tables(leg, slots, batch, echoes, pieces, |out, rows, block| {
+            PointFormat::Csv => self.tables(leg, slots, source, echoes, pieces, |out, rows, block| {
                 table::push_rows(out, &self.columns, rows, &block, b',');
             }),
             PointFormat::Arrow | PointFormat::Parquet => {
                 let before = pieces.len();
-                self.tables(leg, slots, batch, echoes, pieces, |out, _, block| *out = block);
+                self.tables(leg, slots, source, echoes, pieces, |out, _, block| *out = block);
                 pieces[before..].iter_mut().for_each(|piece| piece.is_block = true);
             }
             PointFormat::Xyz | PointFormat::Bin => {
@@ -189,7 +199,7 @@ impl OutputPlan {
         &self,
         leg: &LegFacts,
         slots: &Slots,
-        batch: &Batch,
+        source: Source<'_>,
         echoes: &[Echo],
         pieces: &mut Vec<Piece>,
         write: impl Fn(&mut Vec<u8>, usize, Vec<u8>),
@@ -199,8 +209,8 @@ impl OutputPlan {
             shift: self.shift,
             objects: &self.objects,
             las: &self.las,
-            truths: &batch.truths,
-            ground: self.ground.as_ref(),
+            truths: &source.batch.truths,
+            ground: source.ground,
         };
         for (index, &slot) in slots.as_slice().iter().enumerate() {
             let own: Vec<&Echo> = echoes.iter().filter(|echo| slots.index_of(echo.device) == index).collect();

@@ -182,7 +182,7 @@ fn a_point_of_the_specification_in_the_layout_of_the_reference() {
     let survey = survey(1, &[None]);
     let plan = Arc::new(OutputPlan::new(request, &OutputContext::new(&survey, &scene)).unwrap());
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
-    writer.append(plan.encode(&Batch { echoes: vec![echo], ..Batch::default() })).unwrap();
+    writer.append(plan.encode(&Batch { echoes: vec![echo], ..Batch::default() }, None)).unwrap();
     writer.finish().unwrap();
     let raw = fs::read(dir.path().join("a.las")).unwrap();
     assert_eq!([f64_at(&raw, 155), f64_at(&raw, 163), f64_at(&raw, 171)], [20.0, 0.0, 11.0]);
@@ -309,7 +309,7 @@ fn laz_has_the_same_bytes_for_all_batches_and_helpers() {
         let plan = Arc::new(OutputPlan::new(request, &OutputContext::new(&survey, &scene())).unwrap());
         let mut writer = plan.open(offload).unwrap();
         for first in (0..total).step_by(size) {
-            writer.append(plan.encode(&batch(0, first, size.min(total - first)))).unwrap();
+            writer.append(plan.encode(&batch(0, first, size.min(total - first)), None)).unwrap();
         }
         writer.finish().unwrap();
         fs::read(path).unwrap()

@@ -5,7 +5,6 @@ use super::codec::LegFacts;
 use super::columns::Column;
 use super::context::OutputContext;
 use super::division::{Divider, Ring};
-use super::ground::Ground;
 use super::las::LasFormat;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
 use super::memory::{TableContent, TableRequest};
@@ -24,7 +23,7 @@ use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 /// All outputs of a run: files, contents and formats. Immutable and shared by the workers.
 #[derive(Debug)]
@@ -52,8 +51,6 @@ pub struct OutputPlan {
     pub(super) labels: bool,
     /// Whether LAS and PLY have the height above the ground.
     pub(super) heights: bool,
-    /// The ground that heights count from.
-    pub(super) ground: Option<Arc<dyn Ground>>,
     /// The division of points among the files of folders.
     pub(super) divider: Option<Divider>,
     /// Where points are kept.
@@ -127,7 +124,6 @@ impl OutputPlan {
             counts_parts: request.counts_parts,
             labels: request.labels,
             heights: request.heights,
-            ground: request.ground,
             divider,
             clip: request.clip,
             live: request.live,
@@ -140,6 +136,11 @@ impl OutputPlan {
             epochs: request.epochs.max(1),
             rescued: Mutex::default(),
         })
+    }
+
+    /// Whether points have their height above the ground.
+    pub fn has_heights(&self) -> bool {
+        self.heights || self.columns.contains(&Column::HeightAboveGround)
     }
 
     /// Warnings about the request.
@@ -195,7 +196,7 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
     }
     let wants_heights = request.heights
         || request.columns.iter().flatten().any(|column| *column == Column::HeightAboveGround);
-    if wants_heights && request.ground.is_none() {
+    if wants_heights && !request.has_ground {
         problems.error(None, "heights above the ground need the scene: merges and streams have none");
     }
     let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);

@@ -1,10 +1,9 @@
 //! Specification of the outputs of a run.
 
-use super::{Column, Division, Ground, Ring, TableRequest};
+use super::{Column, Division, Ring, TableRequest};
 use clap::ValueEnum;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Format of a point file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ValueEnum, Deserialize)]
@@ -191,8 +190,8 @@ pub struct OutputRequest {
     pub true_positions: bool,
     /// Whether points have their height above the ground.
     pub heights: bool,
-    /// The ground that heights count from.
-    pub ground: Option<Arc<dyn Ground>>,
+    /// Whether there is a scene, whose ground heights count from.
+    pub has_ground: bool,
     /// How the points of folders are divided among files, instead of by leg.
     pub division: Option<Division>,
     /// Where points are kept; everywhere if `None`.
@@ -237,7 +236,7 @@ impl Default for OutputRequest {
             labels: false,
             true_positions: false,
             heights: false,
-            ground: None,
+            has_ground: false,
             division: None,
             clip: None,
             live: false,

@@ -133,7 +133,7 @@ pub(super) fn write(request: OutputRequest, survey: &Survey, batches: &[Batch]) 
     let plan = Arc::new(OutputPlan::new(request, &OutputContext::new(survey, &scene))?);
     let mut writer = plan.open(Arc::new(NoOffload))?;
     for batch in batches {
-        writer.append(plan.encode(batch))?;
+        writer.append(plan.encode(batch, None))?;
     }
     writer.finish()
 }

@@ -92,7 +92,7 @@ fn joined_batches_are_written_like_separate_ones() {
         let plan = plan(joined, &survey);
         let mut all: Vec<Encoded> = Vec::new();
         for batch in &batches {
-            let next = plan.encode(batch);
+            let next = plan.encode(batch, None);
             let rest = match all.last_mut() {
                 Some(last) => last.join(next),
                 None => Some(next),
@@ -216,12 +216,12 @@ fn a_file_has_its_name_only_when_it_is_complete() {
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
     let temporary = files(dir.path());
     assert!(temporary.len() == 2 && temporary.iter().all(|name| name.ends_with(".part")), "{temporary:?}");
-    writer.append(plan.encode(&batch(0, 0, 10))).unwrap();
+    writer.append(plan.encode(&batch(0, 0, 10), None)).unwrap();
     writer.flush().unwrap();
     assert_eq!(lines(dir.path().join(&temporary[0])), 10);
-    writer.append(plan.encode(&batch(1, 10, 10))).unwrap();
+    writer.append(plan.encode(&batch(1, 10, 10), None)).unwrap();
     assert_eq!(files(dir.path()), ["leg000_points.xyz", temporary[1].as_str()]);
-    assert!(matches!(writer.append(plan.encode(&batch(0, 20, 10))), Err(Error::Internal(_))));
+    assert!(matches!(writer.append(plan.encode(&batch(0, 20, 10), None)), Err(Error::Internal(_))));
     writer.abort();
     assert_eq!(
         files(dir.path()),
@@ -237,7 +237,7 @@ fn what_was_measured_before_a_failure_is_kept_as_partial() {
     let plan = plan(points(Target::Directory(dir.path().join("legs"))), &survey);
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
     for leg in 0..2 {
-        writer.append(plan.encode(&batch(leg, 0, 10))).unwrap();
+        writer.append(plan.encode(&batch(leg, 0, 10), None)).unwrap();
     }
     writer.abort();
     assert_eq!(files(dir.path()), ["legs/leg000_points.xyz", "legs/leg001_points.partial.xyz"]);
@@ -287,7 +287,7 @@ fn what_appears_during_the_run_is_not_overwritten() {
     let survey = survey(1, &[None]);
     let plan = plan(points(Target::File(dir.path().join("a.xyz"))), &survey);
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
-    writer.append(plan.encode(&batch(0, 0, 5))).unwrap();
+    writer.append(plan.encode(&batch(0, 0, 5), None)).unwrap();
     fs::write(dir.path().join("a.xyz"), "precious").unwrap();
     assert!(matches!(writer.finish(), Err(Error::Io { .. })));
     assert_eq!(fs::read_to_string(dir.path().join("a.xyz")).unwrap(), "precious");
@@ -363,7 +363,7 @@ fn every_epoch_has_a_run_directory_and_files_are_continued() {
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
     for epoch in 0..2 {
         for leg in 0..2 {
-            writer.append(plan.encode(&batch(leg, 0, 10))).unwrap();
+            writer.append(plan.encode(&batch(leg, 0, 10), None)).unwrap();
         }
         assert_eq!(writer.next_epoch().is_ok(), epoch == 0);
     }
@@ -389,12 +389,12 @@ fn devices_and_pipes_are_written_as_they_are() {
     let plan = plan(points(Target::File(name.into())), &survey);
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
     drop(pipe);
-    writer.append(plan.encode(&batch(0, 0, 1))).unwrap();
+    writer.append(plan.encode(&batch(0, 0, 1), None)).unwrap();
     let mut line = [0; 40];
     reader.read_exact(&mut line).unwrap();
     assert!(line.starts_with(b"500000.2500 5400900.5000 300.1250 "), "a stream does not wait for its end");
     drop(reader);
-    assert!(matches!(writer.append(plan.encode(&batch(0, 1, 1))), Err(Error::ClosedPipe)));
+    assert!(matches!(writer.append(plan.encode(&batch(0, 1, 1), None)), Err(Error::ClosedPipe)));
 }
 
 #[test]

@@ -1,17 +1,33 @@
-//! The ground that heights of points count from.
+//! The ground that heights of points count from and that planned legs follow.
 
 use crate::geom::DVec3;
-use crate::output::{Column, Ground, OutputRequest};
+use crate::output::Ground;
 use crate::scene::Scene;
 use crate::tree::Tree;
 use std::fmt;
 use std::sync::Arc;
 
-/// The highest ground above a place; in scenes without a ground material the lowest surface.
-struct SceneGround {
-    scene: Arc<Scene>,
+/// The surface that is taken as ground in scenes without a ground material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fallback {
+    Lowest,
+    Highest,
+}
+
+/// The highest ground at a place, found with the scene's tree.
+pub struct SceneGround {
+    pub scene: Arc<Scene>,
     tree: Arc<Tree>,
+    /// Whether a material of the scene is ground.
     has_ground: bool,
+    fallback: Fallback,
+}
+
+impl SceneGround {
+    pub fn new(scene: Arc<Scene>, tree: Arc<Tree>, fallback: Fallback) -> SceneGround {
+        let has_ground = scene.materials.iter().any(|material| material.is_ground);
+        SceneGround { scene, tree, has_ground, fallback }
+    }
 }
 
 impl fmt::Debug for SceneGround {
@@ -22,9 +38,9 @@ impl fmt::Debug for SceneGround {
 
 impl Ground for SceneGround {
     fn height(&self, x: f64, y: f64) -> Option<f64> {
-        let SceneGround { scene, tree, has_ground } = self;
+        let SceneGround { scene, tree, has_ground, fallback } = self;
         let bounds = &scene.bounds;
-        let (from, towards) = match has_ground {
+        let (from, towards) = match *has_ground || *fallback == Fallback::Highest {
             true => (DVec3::new(x, y, bounds.max.z + 1.0), -DVec3::Z),
             false => (DVec3::new(x, y, bounds.min.z - 1.0), DVec3::Z),
         };
@@ -32,15 +48,4 @@ impl Ground for SceneGround {
         let hit = tree.nearest_where(&scene.geometry, from, towards, is_ground)?;
         Some((from + towards * hit.t).z)
     }
-}
-
-/// The outputs with the ground of the scene if they need it.
-pub fn with_ground(outputs: OutputRequest, scene: &Arc<Scene>, tree: &Arc<Tree>) -> OutputRequest {
-    let is_height = |column: &Column| *column == Column::HeightAboveGround;
-    if !(outputs.heights || outputs.columns.iter().flatten().any(is_height)) {
-        return outputs;
-    }
-    let has_ground = scene.materials.iter().any(|material| material.is_ground);
-    let ground = SceneGround { scene: scene.clone(), tree: tree.clone(), has_ground };
-    OutputRequest { ground: Some(Arc::new(ground)), ..outputs }
 }

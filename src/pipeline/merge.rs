@@ -212,7 +212,7 @@ fn encode(
     batch.echoes.truncate(task.echoes.end as usize);
     batch.echoes.drain(..task.echoes.start as usize);
     Ok(vec![Ok(Measured {
-        encoded: output.encode(batch),
+        encoded: output.encode(batch, None),
         pulses: u64::from(task.pulses),
         echoes: batch.echoes.len() as u64,
         leg: task.leg,

@@ -14,7 +14,7 @@
 //! | `session` | loading, the loop over epochs, the report |
 //! | `dry_run` | what a run will cost and give, from a measured sample |
 //! | `sample` | facts about a loaded scene, points on its surfaces |
-//! | `heights` | the ground that heights of points count from |
+//! | `heights` | the ground that heights of points count from and planned legs follow |
 //! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
 //! | `load` | scene and tree of an epoch, refused if they exceed the memory limit |
 //! | `chunk` | the producer of a flight: steps become chunks |
@@ -58,6 +58,7 @@ pub use collector::Ended;
 pub use dry_run::{Forecast, LegForecast, Sketch};
 pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
+pub use heights::{Fallback, SceneGround};
 pub use job::{Job, material_rules, policy, schedule_of};
 pub use merge::{merge, output_context};
 pub use part::Part;

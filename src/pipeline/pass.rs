@@ -3,7 +3,7 @@
 use super::aim::AimTarget;
 use super::plausibility::YieldCheck;
 use super::progress::Progress;
-use crate::output::OutputPlan;
+use crate::output::{Ground, OutputPlan};
 use crate::pulse::Physics;
 use crate::scene::MotionPlan;
 use crate::schedule::{Recorder, Schedule, Stop};
@@ -35,6 +35,8 @@ pub struct Pass<'a> {
     /// Build options of the trees over moving parts.
     pub trees: &'a BuildOptions,
     pub output: Arc<OutputPlan>,
+    /// The ground of this epoch, if points have heights above it.
+    pub ground: Option<Arc<dyn Ground>>,
     pub schedule: Schedule,
     pub control: Control<'a>,
     pub target: AimTarget,

@@ -4,7 +4,7 @@ use super::collector::Ended;
 use super::crs;
 use super::emit::Emission;
 use super::fly::{fly, trace};
-use super::heights::with_ground;
+use super::heights::{Fallback, SceneGround};
 use super::load::{build_tree, check_raster_memory, load_scene};
 use super::pass::{Control, Pass};
 use super::plausibility::{self, PoseCheck, YieldCheck};
@@ -14,7 +14,7 @@ use crate::diag::Notice;
 use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightState};
 use crate::machine;
-use crate::output::{FileSummary, OutputContext, OutputPlan, OutputRequest, Summary, Target, Writer};
+use crate::output::{FileSummary, Ground, OutputContext, OutputPlan, OutputRequest, Summary, Target, Writer};
 use crate::platform::PoseReader;
 use crate::pulse::{Physics, PhysicsOptions};
 use crate::scene::{self, Conditions, MotionPlan, Scene, SceneFrame, Sharing};
@@ -244,14 +244,6 @@ impl Session {
         self.settings.physics = self.settings.physics_for(outputs);
     }
 
-    /// The outputs with the ground under the scene of this epoch if they need it.
-    pub(super) fn with_ground(&self, outputs: OutputRequest) -> OutputRequest {
-        match &self.tree {
-            Some(tree) => with_ground(outputs, &self.scene, tree),
-            None => outputs,
-        }
-    }
-
     /// Frees the tree, which is built again when it is needed.
     pub(super) fn drop_tree(&mut self) {
         self.tree = None;
@@ -290,7 +282,7 @@ impl Session {
 
     fn fly(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
         self.enter_epoch(0, control.stop)?;
-        let outputs = self.with_ground(outputs);
+        let outputs = OutputRequest { has_ground: true, ..outputs };
         let flight = self.plan_flight()?;
         let Session { settings, scene, .. } = &*self;
         if let Some(note) = plausibility::describe_idle_mirror(&settings.survey) {
@@ -347,7 +339,7 @@ impl Session {
     ) -> Result<Report> {
         let mut source = PulseSource::new(pulses);
         self.enter_epoch(0, control.stop)?;
-        let outputs = self.with_ground(outputs);
+        let outputs = OutputRequest { has_ground: true, ..outputs };
         let context = OutputContext::new(self.survey(), self.scene());
         let (output, epochs) = self.plan_outputs(outputs, &context, false)?;
         let options = epochs.options;
@@ -440,13 +432,17 @@ impl Session {
         let (summary, interrupted) = loop {
             self.enter_epoch(epoch, control.stop)?;
             let Session { settings, observer, scene, motion, .. } = &*self;
-            let tree = self.tree()?;
+            let tree = self.shared_tree()?;
             let physics = Physics::new(scene, tree, &settings.survey, options)?;
             let pass = Pass {
                 physics: &physics,
                 motion: motion.as_ref(),
                 trees: &settings.tree,
                 output: output.clone(),
+                ground: output.has_heights().then(|| {
+                    let (scene, tree) = (scene.clone(), tree.clone());
+                    Arc::new(SceneGround::new(scene, tree, Fallback::Lowest)) as Arc<dyn Ground>
+                }),
                 schedule: settings.schedule,
                 control,
                 target: plausibility::target(&settings.survey, scene),
@@ -499,7 +495,11 @@ impl Session {
     }
 
     pub(super) fn tree(&self) -> Result<&Tree> {
-        self.tree.as_deref().ok_or_else(|| Error::Internal("there is no tree over the scene".to_owned()))
+        self.shared_tree().map(|tree| &**tree)
+    }
+
+    fn shared_tree(&self) -> Result<&Arc<Tree>> {
+        self.tree.as_ref().ok_or_else(|| Error::Internal("there is no tree over the scene".to_owned()))
     }
 
     /// Opens the live trajectory that the platform follows, if there is one.

@@ -90,7 +90,7 @@ impl<'a> Worker<'a> {
         }
         batch.emitted = pulses.len() as u32;
         Ok(Measured {
-            encoded: pass.output.encode(batch),
+            encoded: pass.output.encode(batch, pass.ground.as_ref()),
             pulses: pulses.len() as u64,
             echoes: batch.echoes.len() as u64,
             leg,

@@ -210,6 +210,7 @@ impl Bench {
             motion: self.session.motion(),
             trees: &with_jobs(options, 1),
             output: Arc::new(output),
+            ground: None,
             schedule,
             control: Control { progress: &progress, stop, recorder: Some(&recorder) },
             target: target(survey, scene),

@@ -2,12 +2,12 @@
 
 use super::sample::Stratum;
 use crate::flight::FlightPlan;
-use crate::geom::{Aabb, DVec3};
+use crate::geom::{Aabb, DVec3, is_inside};
 
 /// Cells along the longer side of the scene's box.
-const CELLS: f64 = 400.0;
-/// Positions per leg, and of all legs.
-const PLACES_PER_LEG: u32 = 17;
+const CELLS_PER_SIDE: f64 = 400.0;
+/// Most positions of a leg, and of all legs.
+const MAX_PLACES_PER_LEG: u32 = 17;
 const MAX_PLACES: u32 = 20_000;
 
 /// A strip or sector of ground: four corners in order, scene frame, m.
@@ -39,7 +39,7 @@ pub fn swaths(flight: &FlightPlan, strata: &[Stratum]) -> Vec<(u32, Quad)> {
     let everywhere = across(None).0;
     let legs = flight.leg_count().max(1) as u32;
     let mut places: Vec<(u32, DVec3)> = flight
-        .planned_positions(PLACES_PER_LEG.min(MAX_PLACES / legs))
+        .planned_positions(MAX_PLACES_PER_LEG.min(MAX_PLACES / legs))
         .into_iter()
         .map(|place| (place.leg, place.position))
         .collect();
@@ -85,7 +85,7 @@ fn sectors(strata: &[Stratum]) -> Vec<(u32, Quad)> {
 /// The area that quads cover within the box of the scene.
 pub fn coverage(quads: &[(u32, Quad)], scene: &Aabb) -> Coverage {
     let size = scene.size();
-    let cell = size.x.max(size.y) / CELLS;
+    let cell = size.x.max(size.y) / CELLS_PER_SIDE;
     if !(cell.is_finite() && cell > 0.0) {
         return Coverage::default();
     }
@@ -93,17 +93,16 @@ pub fn coverage(quads: &[(u32, Quad)], scene: &Aabb) -> Coverage {
     let rows = ((size.y / cell).ceil() as usize).max(1);
     let mut covered = vec![false; columns * rows];
     for (_, quad) in quads {
-        let xs = quad.map(|p| (p.x - scene.min.x) / cell);
-        let ys = quad.map(|p| (p.y - scene.min.y) / cell);
+        let corners = quad.map(|p| [(p.x - scene.min.x) / cell, (p.y - scene.min.y) / cell]);
         let range = |values: [f64; 4], most: usize| {
             let low = values.iter().copied().fold(f64::INFINITY, f64::min);
             let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             (low.floor().max(0.0) as usize)..((high.ceil().max(0.0) as usize).min(most))
         };
-        let columns_of_quad = range(xs, columns);
-        for row in range(ys, rows) {
+        let columns_of_quad = range(corners.map(|c| c[0]), columns);
+        for row in range(corners.map(|c| c[1]), rows) {
             for column in columns_of_quad.clone() {
-                if contains(xs, ys, column as f64 + 0.5, row as f64 + 0.5) {
+                if is_inside(&corners, [column as f64 + 0.5, row as f64 + 0.5]) {
                     covered[row * columns + column] = true;
                 }
             }
@@ -113,18 +112,6 @@ pub fn coverage(quads: &[(u32, Quad)], scene: &Aabb) -> Coverage {
     // Cells at the far edges reach beyond the box.
     let all = (size.x * size.y).max(0.0);
     Coverage { covered: all * count / covered.len() as f64, scene: all }
-}
-
-/// Whether a point is within a polygon of four corners (even-odd rule).
-fn contains(xs: [f64; 4], ys: [f64; 4], x: f64, y: f64) -> bool {
-    let mut inside = false;
-    for i in 0..4 {
-        let j = (i + 1) % 4;
-        if (ys[i] > y) != (ys[j] > y) && x < xs[i] + (y - ys[i]) / (ys[j] - ys[i]) * (xs[j] - xs[i]) {
-            inside = !inside;
-        }
-    }
-    inside
 }
 
 #[cfg(test)]
