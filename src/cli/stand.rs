@@ -16,8 +16,7 @@ pub fn run(args: &StandArgs, console: &Console) -> Result<()> {
 
 /// Makes a stand of the trees of the inventory at places that `stands` accepts.
 pub fn make(args: &StandArgs, stands: &dyn Fn([f64; 2]) -> bool, console: &Console) -> Result<()> {
-    let mut inventory = Inventory::read(&args.inventory)?;
-    inventory.trees.retain(|tree| stands([tree.position[0], tree.position[1]]));
+    let inventory = Inventory::read(&args.inventory)?;
     let models = Models::read(&args.trees)?;
     let mut terrain = Vec::new();
     for path in &args.terrain {
@@ -42,19 +41,20 @@ pub fn make(args: &StandArgs, stands: &dyn Fn([f64; 2]) -> bool, console: &Conso
         seed: args.seed,
         terrain: &args.terrain,
         ground: &ground,
+        stands,
         epochs: args.epochs,
         development: Development { growth: args.growth, thinning: args.thinning, storm: args.storm },
         overwrite: args.force,
     };
     let made = write_stand(&inventory, &models, &options, &args.out)?;
     let mut warnings = Diagnostics::default();
-    for (species, count) in &made.strangers {
+    for (species, count) in &made.unmatched_species {
         let of =
             if species.is_empty() { "without species".to_owned() } else { format!("of species `{species}`") };
         warnings.warn(None, format!("{count} trees {of} stand as others: no model's name begins with it"));
     }
     if made.off_terrain > 0 {
-        let all = inventory.trees.len();
+        let all = made.trees.first().copied().unwrap_or_default();
         let message = format!(
             "{} of {all} trees are beside the terrain and keep the inventory's z, or 0",
             made.off_terrain

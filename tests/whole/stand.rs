@@ -134,7 +134,9 @@ fn epochs_are_scenes_and_the_same_seed_gives_the_same_files() {
     let counts = [1, 2, 3].map(|i| first[i].lines().count() - 1);
     assert!(counts[0] == 40 && counts[1] < 38 && counts[2] < counts[1], "{counts:?}");
     let info = text(&succeed(dir.path(), &["scene", "info", "a/stand.xml#stand_2", "--json"]).stdout);
-    assert!(info.contains("spruce") || !info.is_empty());
+    let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+    // The slope and the trees.
+    assert_eq!(info["parts"].as_array().unwrap().len(), counts[2] + 1, "{info}");
 }
 
 #[test]

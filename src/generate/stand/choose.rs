@@ -4,8 +4,8 @@ use super::inventory::Tree;
 use super::models::Model;
 use crate::rng::{Purpose, Stream};
 
-/// Models among which is drawn, so that neighbours of one size differ.
-const AMONG: usize = 3;
+/// Most models among which is drawn, so that neighbours of one size differ.
+const MAX_CANDIDATES: usize = 3;
 /// Weight of the difference in size, which scaling removes, beside that in shape, which it does not.
 const SIZE_WEIGHT: f64 = 0.3;
 
@@ -45,7 +45,7 @@ pub(super) fn choose(tree: &Tree, number: usize, models: &[Model], stream: &Stre
         shape + SIZE_WEIGHT * size
     };
     candidates.sort_by(|&a, &b| difference(&models[a]).total_cmp(&difference(&models[b])).then(a.cmp(&b)));
-    candidates.truncate(AMONG);
+    candidates.truncate(MAX_CANDIDATES);
     let draw = |counter: u32| stream.uniform(0, number as u64, counter);
     let model = candidates[((draw(0) * candidates.len() as f64) as usize).min(candidates.len() - 1)];
     Choice { model, scale: tree.height / models[model].height, yaw: 360.0 * draw(1), same_species }

@@ -4,6 +4,7 @@ use super::choose::{choose, stream};
 use super::epochs::{Development, next_epoch};
 use super::inventory::{Inventory, Tree};
 use super::models::{Model, Models};
+use crate::columns::quoted;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, NewFolder, Patched};
 use std::fmt::Write as _;
@@ -17,6 +18,8 @@ pub struct StandOptions<'o> {
     pub terrain: &'o [PathBuf],
     /// Height of the ground at x, y, m; `None` leaves z as the inventory has it.
     pub ground: &'o dyn Fn(f64, f64) -> Option<f64>,
+    /// Whether a tree at x, y stands. Others keep their numbers, so that those that stand are the same models without them.
+    pub stands: &'o dyn Fn([f64; 2]) -> bool,
     /// Number of epochs, at least 1.
     pub epochs: u32,
     pub development: Development,
@@ -32,7 +35,7 @@ pub struct StandMade {
     /// Trees in each epoch.
     pub trees: Vec<usize>,
     /// Trees of species of which there is no model, by species.
-    pub strangers: Vec<(String, usize)>,
+    pub unmatched_species: Vec<(String, usize)>,
     /// Trees where the terrain has no ground.
     pub off_terrain: usize,
 }
@@ -54,17 +57,19 @@ pub fn write_stand(
     let mut made = StandMade {
         scene: folder.join("stand.xml"),
         trees: Vec::new(),
-        strangers: Vec::new(),
+        unmatched_species: Vec::new(),
         off_terrain: 0,
     };
-    let mut trees: Vec<(usize, Tree)> = inventory.trees.iter().cloned().enumerate().collect();
+    let all = inventory.trees.iter().cloned().enumerate();
+    let mut trees: Vec<(usize, Tree)> =
+        all.filter(|(_, tree)| (options.stands)([tree.position[0], tree.position[1]])).collect();
     let mut scenes = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<document>\n");
     for epoch in 0..options.epochs {
         if epoch > 0 {
             trees = next_epoch(&trees, &options.development, epoch, options.seed);
         }
-        if trees.is_empty() {
-            return Err(Error::input(format!("no tree is left in epoch {epoch}")));
+        if trees.is_empty() && terrain.is_empty() {
+            return Err(Error::input(format!("no tree is left in epoch {epoch}, and there is no terrain")));
         }
         let suffix = if options.epochs > 1 { format!("_{epoch}") } else { String::new() };
         let table = Tables::of(
@@ -77,7 +82,8 @@ pub fn write_stand(
         );
         save(&folder.join(format!("trees{suffix}.csv")), &table.instances, options.overwrite)?;
         save(&folder.join(format!("labels{suffix}.csv")), &table.labels, options.overwrite)?;
-        scene(&mut scenes, &format!("stand{suffix}"), &terrain, &format!("trees{suffix}.csv"));
+        let instances = (!trees.is_empty()).then(|| format!("trees{suffix}.csv"));
+        scene(&mut scenes, &format!("stand{suffix}"), &terrain, instances.as_deref());
         made.trees.push(trees.len());
     }
     scenes.push_str("</document>\n");
@@ -135,7 +141,7 @@ impl Tables {
             if let Some(made) = made.as_deref_mut() {
                 made.off_terrain += usize::from(!options.terrain.is_empty() && ground.is_none());
                 if !choice.same_species {
-                    made.count_stranger(tree.species.as_deref().unwrap_or_default());
+                    made.count_unmatched(tree.species.as_deref().unwrap_or_default());
                 }
             }
             let z = ground.unwrap_or(own_z);
@@ -154,9 +160,9 @@ impl Tables {
                 tables.labels,
                 "{},{},{},{},{x:.4},{y:.4},{z:.4},{:.3},{},{}",
                 first_part + row,
-                field(&tree.id),
-                field(tree.species.as_deref().unwrap_or(&model.species)),
-                field(&model.path.file_stem().unwrap_or_default().to_string_lossy()),
+                quoted(&tree.id),
+                quoted(tree.species.as_deref().unwrap_or(&model.species)),
+                quoted(&model.path.file_stem().unwrap_or_default().to_string_lossy()),
                 tree.height,
                 optional(tree.crown),
                 optional(tree.stem),
@@ -167,24 +173,16 @@ impl Tables {
 }
 
 impl StandMade {
-    fn count_stranger(&mut self, species: &str) {
-        match self.strangers.iter_mut().find(|(name, _)| name == species) {
+    fn count_unmatched(&mut self, species: &str) {
+        match self.unmatched_species.iter_mut().find(|(name, _)| name == species) {
             Some((_, count)) => *count += 1,
-            None => self.strangers.push((species.to_owned(), 1)),
+            None => self.unmatched_species.push((species.to_owned(), 1)),
         }
     }
 }
 
-/// A field of a comma-separated table (RFC 4180).
-fn field(text: &str) -> String {
-    if text.contains([',', '"', '\n']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
-}
-
-fn scene(out: &mut String, id: &str, terrain: &[String], trees: &str) {
+/// Adds a scene of the terrain and of a table of instances.
+fn scene(out: &mut String, id: &str, terrain: &[String], instances: Option<&str>) {
     let _ = writeln!(out, "  <scene id=\"{id}\" name=\"{id}\">");
     for path in terrain {
         let is_raster = Path::new(path).extension().is_some_and(|e| !e.eq_ignore_ascii_case("obj"));
@@ -195,10 +193,13 @@ fn scene(out: &mut String, id: &str, terrain: &[String], trees: &str) {
             escaped(path)
         );
     }
-    let _ = writeln!(
-        out,
-        "    <part>\n      <filter type=\"instances\"><param type=\"string\" key=\"filepath\" value=\"{trees}\"/></filter>\n    </part>\n  </scene>"
-    );
+    if let Some(table) = instances {
+        let _ = writeln!(
+            out,
+            "    <part>\n      <filter type=\"instances\"><param type=\"string\" key=\"filepath\" value=\"{table}\"/></filter>\n    </part>"
+        );
+    }
+    out.push_str("  </scene>\n");
 }
 
 /// Text of an XML attribute.
