@@ -4,39 +4,31 @@
 use super::guard::ProgressGuard;
 use super::plan::FlightPlan;
 use super::state::FlightState;
-use crate::platform::Motion;
 
 /// Steps after which the phase of a deflector is as good as any other.
 const MAX_DEFLECTOR_STEPS: u64 = 8191;
 
-/// A leg of a plan as a forecast needs it.
+/// When a leg of a plan fires and samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LegFacts {
+pub struct LegClock {
     /// Number of the leg in the survey.
     pub number: u32,
     /// Whether the scanner fires.
     pub active: bool,
     /// Steps per second of the step clock.
     pub frequency: f64,
-    /// Speed of the platform, m/s; 0 if it stands or follows recorded poses.
-    pub speed: f64,
     /// Interval of trajectory samples, s; 0 = none.
     pub sample_interval: f64,
 }
 
 impl FlightPlan {
-    /// Facts about leg `leg` of the plan, counted from 0 with the added ones.
-    pub fn leg(&self, leg: usize) -> LegFacts {
+    /// The clock of leg `leg` of the plan, counted from 0 with the added ones.
+    pub fn leg(&self, leg: usize) -> LegClock {
         let planned = &self.legs[leg];
-        let moves = matches!(
-            self.platform.motion,
-            Motion::Linear | Motion::GroundVehicle { .. } | Motion::Multicopter(_)
-        );
-        LegFacts {
+        LegClock {
             number: planned.number,
             active: planned.settings.active,
             frequency: planned.frequency,
-            speed: if moves { self.platform.legs[leg].speed } else { 0.0 },
             sample_interval: planned.sample_interval_ns * 1e-9,
         }
     }

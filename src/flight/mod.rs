@@ -34,7 +34,7 @@ mod tests;
 
 pub use advance::Skipped;
 pub use clock::{calendar_day, gps_start};
-pub use jump::LegFacts;
+pub use jump::LegClock;
 pub use plan::{FlightOptions, FlightPlan};
 pub use pulse::{FlightSink, PoseSample, Pulse};
 pub use state::{FlightState, Step};

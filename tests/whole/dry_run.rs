@@ -1,4 +1,4 @@
-//! Dry runs foretell what runs then do, and write nothing.
+//! Dry runs estimate what runs then do, and write nothing.
 
 use crate::common::{feed, files, fixture, folder, run, succeed, text};
 use std::fs;
@@ -15,21 +15,21 @@ fn points_and_files_are_those_of_the_run() {
         let dir = folder();
         let survey = fixture(&format!("{name}/survey.xml"));
         let survey = survey.to_str().unwrap();
-        let told = forecast(dir.path(), &[survey, "-o", "points.laz"]);
+        let found = forecast(dir.path(), &[survey, "-o", "points.laz"]);
         assert!(files(dir.path()).is_empty(), "{name}: a dry run has written {:?}", files(dir.path()));
         succeed(dir.path(), &["run", survey, "-o", "points.laz", "--parts", "parts.csv", "-q"]);
         let table = fs::read_to_string(dir.path().join("parts.csv")).unwrap();
         let points: f64 =
             table.lines().skip(1).map(|row| row.rsplit(',').next().unwrap().parse::<f64>().unwrap()).sum();
-        let number = |path: &str| told.pointer(path).unwrap().as_f64().unwrap();
-        assert!((number("/points/value") / points - 1.0).abs() < 0.1, "{name}: {told} for {points}");
+        let number = |path: &str| found.pointer(path).unwrap().as_f64().unwrap();
+        assert!((number("/points/value") / points - 1.0).abs() < 0.1, "{name}: {found} for {points}");
         let bytes = fs::metadata(dir.path().join("points.laz")).unwrap().len() as f64;
-        assert!((number("/files/0/bytes") / bytes - 1.0).abs() < 0.15, "{name}: {told} for {bytes}");
-        assert!(number("/points_per_m2") > 0.0 && number("/memory_bytes") > 1e6, "{told}");
-        let leg = &told["legs"][0];
+        assert!((number("/files/0/bytes") / bytes - 1.0).abs() < 0.15, "{name}: {found} for {bytes}");
+        assert!(number("/points_per_m2") > 0.0 && number("/memory_bytes") > 1e6, "{found}");
+        let leg = &found["legs"][0];
         assert!(
             leg["footprint_m"].as_f64().unwrap() > 0.0 && leg["across_m"].as_f64().unwrap() > 0.0,
-            "{told}"
+            "{found}"
         );
     }
 }
@@ -41,7 +41,7 @@ fn flat(folder: &Path) {
 }
 
 #[test]
-fn long_flights_are_foretold_as_planned() {
+fn long_flights_are_estimated_as_planned() {
     let dir = folder();
     flat(dir.path());
     // A multicopter is not stepped to the end of its flight, straight flights are.
@@ -53,17 +53,17 @@ fn long_flights_are_foretold_as_planned() {
         let plan = ["plan", "airborne", "--scanner", scanner, "--platform", platform, "--scene", "flat.obj"];
         let size = ["--area", &area, "--height", height, "--density", density, "--overlap", "20"];
         succeed(dir.path(), &[&plan[..], &size, &["-o", "plan.toml", "--force", "-q"]].concat());
-        let told = forecast(dir.path(), &["plan.toml", "-o", "points.laz"]);
-        assert!(is_counted || told["pulses_are_counted"] == false, "{told}");
+        let found = forecast(dir.path(), &["plan.toml", "-o", "points.laz"]);
+        assert!(is_counted || found["pulses_are_counted"] == false, "{found}");
         let plan = fs::read_to_string(dir.path().join("plan.toml")).unwrap();
         let promised = |mark: &str| -> f64 {
             let rest = plan.split(mark).nth(1).unwrap_or_else(|| panic!("no {mark} in {plan}"));
             rest.split_whitespace().next().unwrap().parse().unwrap()
         };
         // Every pulse has one point, but for the scene's edges; swaths reach a little beyond the area.
-        let density = told["pulses_per_m2"].as_f64().unwrap();
-        assert!((density / promised("density    ") - 1.0).abs() < 0.1, "{density}\n{told}\n{plan}");
-        let along = told["legs"][0]["along_m"].as_f64().unwrap();
+        let density = found["pulses_per_m2"].as_f64().unwrap();
+        assert!((density / promised("density    ") - 1.0).abs() < 0.1, "{density}\n{found}\n{plan}");
+        let along = found["legs"][0]["along_m"].as_f64().unwrap();
         assert!((along / promised("spacing    v/f = ") - 1.0).abs() < 0.1, "{along}\n{plan}");
     }
 }
@@ -74,23 +74,23 @@ fn streams_are_read_to_their_end() {
     let pipeline = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/als.toml");
     let poses = fs::read(fixture("flight.csv")).unwrap();
     let pipeline = pipeline.to_str().unwrap();
-    let told = feed(dir.path(), &["run", pipeline, "--dry-run", "--json", "-q"], &poses);
-    assert!(told.status.success(), "{}", text(&told.stderr));
-    let told: serde_json::Value = serde_json::from_slice(&told.stdout).unwrap();
+    let found = feed(dir.path(), &["run", pipeline, "--dry-run", "--json", "-q"], &poses);
+    assert!(found.status.success(), "{}", text(&found.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&found.stdout).unwrap();
     let points = feed(dir.path(), &["run", pipeline, "-q"], &poses).stdout;
     let count = points.iter().filter(|byte| **byte == b'\n').count() as f64;
-    let foretold = told["points"]["value"].as_f64().unwrap();
-    assert!((foretold / count - 1.0).abs() < 0.1, "{foretold} for {count}");
+    let estimated = found["points"]["value"].as_f64().unwrap();
+    assert!((estimated / count - 1.0).abs() < 0.1, "{estimated} for {count}");
 }
 
 #[test]
-fn the_spelling_of_helios_3_is_understood_and_mistakes_are_told_before() {
+fn the_spelling_of_helios_3_is_understood_and_mistakes_are_reported_before() {
     let dir = folder();
     let survey = fixture("room/survey.xml");
     let survey = survey.to_str().unwrap();
-    let told = text(&succeed(dir.path(), &[survey, "--dryrun"]).stdout);
+    let found = text(&succeed(dir.path(), &[survey, "--dryrun"]).stdout);
     for name in ["legs", "pulses", "points", "density", "memory", "time", "writes", "misses"] {
-        assert!(told.lines().any(|line| line.starts_with(name)), "no {name} in\n{told}");
+        assert!(found.lines().any(|line| line.starts_with(name)), "no {name} in\n{found}");
     }
     fs::write(dir.path().join("points.las"), "").unwrap();
     let refused = run(dir.path(), &["run", survey, "--dry-run", "-o", "points.las"]);

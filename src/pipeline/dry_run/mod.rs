@@ -166,7 +166,7 @@ impl Session {
         control: Control<'_>,
     ) -> Result<Forecast> {
         self.enter_epoch(0, control.stop)?;
-        let outputs = &self.with_ground(outputs.clone());
+        let outputs = &OutputRequest { has_ground: true, ..outputs.clone() };
         let flight = self.plan_flight()?;
         let found = plausibility::check_flight(self.survey(), self.scene(), self.tree()?, &flight);
         self.notify(Notice::Warnings(found));
@@ -277,7 +277,7 @@ impl Session {
         let ground = |x, y| scene.ground_height(x, y);
         let (coarse, _) =
             FlightPlan::new(&coarse, scene.shift, &ground, &FlightOptions { ..options.clone() })?;
-        timeline::estimate(flight, &coarse)
+        timeline::estimate(flight, &coarse, control.stop)
     }
 }
 
@@ -353,11 +353,11 @@ impl Seen<'_> {
     /// The survey's legs that take time, added ones with those that they belong to.
     fn legs(&self) -> Vec<LegForecast> {
         let mut legs: Vec<LegForecast> = Vec::new();
-        for LegTime { facts, seconds, pulses } in &self.timeline.legs {
-            match legs.last_mut().filter(|last| last.leg == facts.number) {
+        for LegTime { clock, seconds, pulses } in &self.timeline.legs {
+            match legs.last_mut().filter(|last| last.leg == clock.number) {
                 Some(last) => (last.seconds, last.pulses) = (last.seconds + seconds, last.pulses + pulses),
                 None => {
-                    let (leg, seconds, pulses) = (facts.number, *seconds, *pulses);
+                    let (leg, seconds, pulses) = (clock.number, *seconds, *pulses);
                     legs.push(LegForecast { leg, seconds, pulses, ..LegForecast::default() });
                 }
             }
@@ -425,8 +425,8 @@ impl Seen<'_> {
 impl LegTime {
     /// Samples of the trajectory.
     fn poses(&self) -> f64 {
-        let is_sampled = self.facts.active && self.facts.sample_interval > 0.0;
-        if is_sampled { (self.seconds / self.facts.sample_interval).ceil() } else { 0.0 }
+        let is_sampled = self.clock.active && self.clock.sample_interval > 0.0;
+        if is_sampled { (self.seconds / self.clock.sample_interval).ceil() } else { 0.0 }
     }
 }
 

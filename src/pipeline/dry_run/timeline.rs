@@ -5,8 +5,8 @@
 //! states from jumps ([`FlightState::jump`]); of a stream both come from its poses.
 
 use super::super::chunk::wait_for_poses;
-use crate::error::Result;
-use crate::flight::{FlightPlan, FlightState, LegFacts, Step};
+use crate::error::{Error, Result};
+use crate::flight::{FlightPlan, FlightState, LegClock, Step};
 use crate::platform::{PollResult, Pose, PoseReader};
 use crate::schedule::Stop;
 use std::time::{Duration, Instant};
@@ -21,16 +21,18 @@ pub const STRATA: usize = 128;
 const MAX_STEPPING: Duration = Duration::from_millis(200);
 /// Steps between looks at the time.
 const STEPS_PER_LOOK: u32 = 1 << 16;
-/// Steps in which the share of fired pulses is counted, over all legs.
-const COUNTED_STEPS: u64 = 20_000_000;
+/// Most steps in which the share of fired pulses is counted, over all legs.
+const MAX_COUNTED_STEPS: u64 = 20_000_000;
 /// Poses of a stream that a sample is given.
 const MAX_WINDOW: usize = 4096;
+/// Most poses of a stream, all of which are kept; almost 3 hours at 1000 per second.
+const MAX_POSES: usize = 10_000_000;
 const POLL: Duration = Duration::from_millis(100);
 
 /// A leg of the flight.
 #[derive(Clone, Copy, Debug)]
 pub struct LegTime {
-    pub facts: LegFacts,
+    pub clock: LegClock,
     pub seconds: f64,
     /// Pulses of all devices.
     pub pulses: f64,
@@ -59,7 +61,7 @@ impl Timeline {
     }
 
     fn of_legs(flight: &FlightPlan) -> Timeline {
-        let leg = |i| LegTime { facts: flight.leg(i), seconds: 0.0, pulses: 0.0 };
+        let leg = |i| LegTime { clock: flight.leg(i), seconds: 0.0, pulses: 0.0 };
         Timeline { legs: (0..flight.leg_count()).map(leg).collect(), ..Timeline::default() }
     }
 }
@@ -74,7 +76,7 @@ pub fn step_through(flight: &FlightPlan, stop: &Stop) -> Result<Option<Timeline>
     loop {
         let leg = state.leg_index();
         let skipped = state.skip(flight, (interval - since).min(1 << 30) as u32, STEPS_PER_LOOK)?;
-        all.legs[leg].seconds += f64::from(skipped.steps) / all.legs[leg].facts.frequency;
+        all.legs[leg].seconds += f64::from(skipped.steps) / all.legs[leg].clock.frequency;
         all.legs[leg].pulses += f64::from(skipped.pulses);
         since += u64::from(skipped.pulses);
         match skipped.last {
@@ -103,24 +105,29 @@ pub fn step_through(flight: &FlightPlan, stop: &Stop) -> Result<Option<Timeline>
 }
 
 /// Estimates the flight; `coarse` is the same one with inactive legs and a coarse clock.
-pub fn estimate(flight: &FlightPlan, coarse: &FlightPlan) -> Result<Timeline> {
+///
+/// # Errors
+/// [`Error::Interrupted`], and those of the flight.
+pub fn estimate(flight: &FlightPlan, coarse: &FlightPlan, stop: &Stop) -> Result<Timeline> {
     let mut all = Timeline::of_legs(flight);
     let mut state = FlightState::start(coarse);
     loop {
         let leg = state.leg_index();
-        let skipped = state.skip(coarse, u32::MAX, u32::MAX)?;
+        check(stop)?;
+        let skipped = state.skip(coarse, u32::MAX, STEPS_PER_LOOK)?;
         all.legs[leg].seconds += f64::from(skipped.steps) / coarse.leg(leg).frequency;
         if skipped.last == Step::Ended {
             break;
         }
     }
-    let counted = (COUNTED_STEPS / all.legs.len().max(1) as u64).clamp(2000, 100_000) as u32;
+    let counted = (MAX_COUNTED_STEPS / all.legs.len().max(1) as u64).clamp(2000, 100_000) as u32;
     let mut state = FlightState::start(flight);
     let mut entries = Vec::with_capacity(all.legs.len());
     for leg in &mut all.legs {
+        check(stop)?;
         entries.push(state.clone());
-        let steps = (leg.seconds * leg.facts.frequency).round() as u64;
-        if leg.facts.active && steps > 0 {
+        let steps = (leg.seconds * leg.clock.frequency).round() as u64;
+        if leg.clock.active && steps > 0 {
             let mut probe = state.clone();
             probe.jump(flight, steps / 2);
             let skipped = probe.skip(flight, u32::MAX, counted.min(steps.div_ceil(2) as u32).max(1))?;
@@ -133,7 +140,7 @@ pub fn estimate(flight: &FlightPlan, coarse: &FlightPlan) -> Result<Timeline> {
     for (leg, entry) in all.legs.iter().zip(entries) {
         let mut next = all.interval * (all.starts.len() as f64 + 0.5);
         while leg.pulses > 0.0 && next < before + leg.pulses {
-            let steps = (next - before) / leg.pulses * leg.seconds * leg.facts.frequency;
+            let steps = (next - before) / leg.pulses * leg.seconds * leg.clock.frequency;
             let mut start = entry.clone();
             start.jump(flight, steps as u64);
             all.starts.push(start);
@@ -144,29 +151,47 @@ pub fn estimate(flight: &FlightPlan, coarse: &FlightPlan) -> Result<Timeline> {
     Ok(all)
 }
 
-/// Reads a stream to its end and estimates the flight along its poses, `max_gap` s apart at most where it is flown.
-pub fn follow(flight: &FlightPlan, poses: &mut PoseReader, max_gap: f64, stop: &Stop) -> Result<Timeline> {
-    let mut all = Timeline::of_legs(flight);
+/// [`Error::Interrupted`] if a stop is requested.
+fn check(stop: &Stop) -> Result<()> {
+    if stop.is_requested() { Err(Error::Interrupted) } else { Ok(()) }
+}
+
+/// Reads at most so many poses of a stream to its end.
+fn read_track(poses: &mut PoseReader, max_poses: usize, stop: &Stop) -> Result<Vec<Pose>> {
     let mut track: Vec<Pose> = Vec::new();
     loop {
+        check(stop)?;
         match poses.poll(POLL)? {
             PollResult::Poses(block) => track.extend(block),
-            PollResult::End => break,
-            PollResult::TimedOut if stop.is_requested() => break,
+            PollResult::End => return Ok(track),
             PollResult::TimedOut => {}
         }
+        if track.len() > max_poses {
+            return Err(Error::input(format!(
+                "the trajectory has more than {max_poses} poses, the most that a dry run reads"
+            )));
+        }
     }
+}
+
+/// Reads a stream to its end and estimates the flight along its poses, `max_gap` s apart at most where it is flown.
+///
+/// # Errors
+/// [`Error::Interrupted`], [`Error::Input`] for more than [`MAX_POSES`] poses, and those of stream and flight.
+pub fn follow(flight: &FlightPlan, poses: &mut PoseReader, max_gap: f64, stop: &Stop) -> Result<Timeline> {
+    let mut all = Timeline::of_legs(flight);
+    let track = read_track(poses, MAX_POSES, stop)?;
     let flown = |pair: &[Pose]| {
         let apart = pair[1].time - pair[0].time;
         if apart > 0.0 && apart <= max_gap { apart } else { 0.0 }
     };
     let seconds: f64 = track.windows(2).map(flown).sum();
-    let facts = all.legs[0].facts;
-    let steps = seconds * facts.frequency;
+    let clock = all.legs[0].clock;
+    let steps = seconds * clock.frequency;
     // The mean share of fired pulses, and steps after which a stratum is complete.
     let start_at = |index: usize, steps: f64| {
         let first = index.saturating_sub(1);
-        let until = track[first].time + (steps + 2.0) / facts.frequency;
+        let until = track[first].time + (steps + 2.0) / clock.frequency;
         let mut end = first;
         while end < track.len().min(first + MAX_WINDOW) && track[end].time <= until {
             end += 1;
@@ -176,14 +201,14 @@ pub fn follow(flight: &FlightPlan, poses: &mut PoseReader, max_gap: f64, stop: &
         state.end_poses();
         state
     };
-    if track.len() < 2 || steps < 1.0 || !facts.active {
+    if track.len() < 2 || steps < 1.0 || !clock.active {
         all.legs[0].seconds = seconds;
         return Ok(all);
     }
     let mut probe = start_at(1, 100_000.0);
     let skipped = probe.skip(flight, u32::MAX, 100_000)?;
     let fired = f64::from(skipped.pulses) / f64::from(skipped.steps.max(1));
-    all.legs[0] = LegTime { facts, seconds, pulses: steps * fired };
+    all.legs[0] = LegTime { clock, seconds, pulses: steps * fired };
     let strata = ((steps * fired / MAX_STRATUM_PULSES as f64).ceil() as usize).clamp(1, STRATA);
     all.interval = steps * fired / strata as f64;
     let needed = MAX_STRATUM_PULSES as f64 / fired.max(1e-3);
@@ -198,4 +223,52 @@ pub fn follow(flight: &FlightPlan, poses: &mut PoseReader, max_gap: f64, stop: &
         before += here;
     }
     Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::FlightOptions;
+    use crate::geom::DVec3;
+    use crate::input::InputStream;
+    use crate::survey::{PlatformKind, PoseStream, testkit};
+    use std::io::Read;
+
+    /// Lines of poses without end.
+    struct Endless(u64);
+
+    impl Read for Endless {
+        fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+            self.0 += 1;
+            let line = format!("{} 0 0 100 0 0 0\n", self.0);
+            to[..line.len()].copy_from_slice(line.as_bytes());
+            Ok(line.len())
+        }
+    }
+
+    #[test]
+    fn endless_streams_are_refused_and_can_be_interrupted() {
+        let mut poses = PoseReader::new(InputStream::from_reader(Endless(0)), &PoseStream::at("-"));
+        match read_track(&mut poses, 1000, &Stop::new()) {
+            Err(Error::Input(problems)) => assert!(problems.render(false).contains("more than 1000 poses")),
+            other => panic!("{other:?}"),
+        }
+        let stop = Stop::new();
+        stop.request();
+        assert!(matches!(read_track(&mut poses, usize::MAX, &stop), Err(Error::Interrupted)));
+    }
+
+    #[test]
+    fn estimates_can_be_interrupted() {
+        let mut survey = testkit::survey(vec![testkit::device()]);
+        survey.platform.kind = PlatformKind::LinearPath;
+        survey.legs = (0..2).map(|i| testkit::leg(i, testkit::scanner_settings(1000))).collect();
+        survey.legs[1].platform.position.x = 10.0;
+        let plan = FlightPlan::new(&survey, DVec3::ZERO, &|_, _| None, &FlightOptions::default());
+        let (flight, _) = plan.unwrap();
+        assert!(estimate(&flight, &flight, &Stop::new()).is_ok());
+        let stop = Stop::new();
+        stop.request();
+        assert!(matches!(estimate(&flight, &flight, &stop), Err(Error::Interrupted)));
+    }
 }
