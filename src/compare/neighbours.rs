@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 use serde::Serialize;
-use std::collections::HashMap;
+use std::ops::Range;
 
-/// Mean number of points per cell of the search grid.
-const PER_CELL: f64 = 4.0;
+/// Maximum number of points of a range that is searched without being divided.
+const MAX_LEAF_POINTS: usize = 8;
 
 /// Distances to the other cloud, m.
 #[derive(Clone, Debug, Serialize)]
@@ -21,10 +21,10 @@ pub struct Distances {
 
 /// Distances from at most `most` points of `from`, evenly chosen, to the nearest of `to`; neither is empty.
 pub(super) fn distances(from: &[[f32; 3]], to: &[[f32; 3]], most: usize) -> Distances {
-    let grid = SearchGrid::new(to);
+    let tree = KdTree::new(to);
     let step = from.len().div_ceil(most.max(1)).max(1);
     let mut found: Vec<f64> =
-        from.par_iter().step_by(step).map(|point| f64::from(grid.nearest(to, point)).sqrt()).collect();
+        from.par_iter().step_by(step).map(|point| f64::from(tree.nearest(point)).sqrt()).collect();
     found.par_sort_unstable_by(f64::total_cmp);
     let count = found.len() as f64;
     let at = |fraction: f64| found[((count - 1.0) * fraction).round() as usize];
@@ -38,87 +38,83 @@ pub(super) fn distances(from: &[[f32; 3]], to: &[[f32; 3]], most: usize) -> Dist
     }
 }
 
-/// Points sorted into cubes.
-struct SearchGrid {
-    side: f32,
+/// A k-d tree: points in an order in which the middle one of a range separates those before it from those behind it along an
+/// axis, and each half likewise. Where the points lie makes no difference to its depth.
+struct KdTree {
+    points: Vec<[f32; 3]>,
+    /// The axis along which the point of this index separates.
+    axes: Vec<u8>,
     low: [f32; 3],
-    /// Number of cubes along each axis.
-    counts: [i32; 3],
-    cells: HashMap<[i32; 3], Vec<u32>>,
+    high: [f32; 3],
 }
 
-impl SearchGrid {
-    fn new(points: &[[f32; 3]]) -> SearchGrid {
-        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for p in points {
-            for axis in 0..3 {
-                low[axis] = low[axis].min(p[axis]);
-                high[axis] = high[axis].max(p[axis]);
-            }
-        }
-        let extent = [0, 1, 2].map(|axis| f64::from(high[axis] - low[axis]));
-        // Points lie on surfaces: their number grows with the square of the extent.
-        let mut sorted = extent;
-        sorted.sort_by(f64::total_cmp);
-        let side = (sorted[2] * sorted[1].max(1e-3) * PER_CELL / points.len() as f64).sqrt();
-        let side = side.max(sorted[2] * 1e-5).max(1e-4) as f32;
-        let counts = extent.map(|e| (e / f64::from(side)) as i32 + 1);
-        let mut grid = SearchGrid { side, low, counts, cells: HashMap::new() };
-        for (i, p) in points.iter().enumerate() {
-            grid.cells.entry(grid.cell(p)).or_default().push(i as u32);
-        }
-        grid
+impl KdTree {
+    fn new(points: &[[f32; 3]]) -> KdTree {
+        let (low, high) = bounds(points);
+        let mut tree = KdTree { points: points.to_vec(), axes: vec![0; points.len()], low, high };
+        arrange(&mut tree.points, &mut tree.axes);
+        tree
     }
 
-    fn cell(&self, p: &[f32; 3]) -> [i32; 3] {
-        [0, 1, 2].map(|axis| {
-            (((p[axis] - self.low[axis]) / self.side).floor() as i32).clamp(0, self.counts[axis] - 1)
-        })
-    }
-
-    /// The square of the distance to the nearest point. Shells of cubes around the point's cube are visited until no nearer
-    /// point is possible.
-    fn nearest(&self, points: &[[f32; 3]], p: &[f32; 3]) -> f32 {
-        let centre = self.cell(p);
-        let furthest = [0, 1, 2].map(|axis| centre[axis].max(self.counts[axis] - 1 - centre[axis]));
-        let last = furthest.into_iter().max().unwrap_or(0);
-        // How far p is outside of the box that the cubes cover; the shells begin at its nearest cube.
+    /// The square of the distance to the nearest point.
+    fn nearest(&self, p: &[f32; 3]) -> f32 {
+        let offsets =
+            [0, 1, 2].map(|axis| (self.low[axis] - p[axis]).max(p[axis] - self.high[axis]).max(0.0));
         let mut best = f32::INFINITY;
-        for shell in 0..=last {
-            let reach = (shell - 1).max(0) as f32 * self.side;
-            if best <= reach * reach {
-                break;
-            }
-            self.visit(centre, shell, |cell| {
-                for &i in self.cells.get(&cell).into_iter().flatten() {
-                    let q = points[i as usize];
-                    let d = (0..3).map(|axis| (q[axis] - p[axis]) * (q[axis] - p[axis])).sum::<f32>();
-                    best = best.min(d);
-                }
-            });
-        }
+        self.search(0..self.points.len(), p, offsets, &mut best);
         best
     }
 
-    /// Calls `found` for the cubes at that distance, in cubes, from `centre`.
-    fn visit(&self, centre: [i32; 3], shell: i32, mut found: impl FnMut([i32; 3])) {
-        let range =
-            |axis: usize| (centre[axis] - shell).max(0)..=(centre[axis] + shell).min(self.counts[axis] - 1);
-        for z in range(2) {
-            for y in range(1) {
-                let is_face = (z - centre[2]).abs() == shell || (y - centre[1]).abs() == shell;
-                if is_face {
-                    range(0).for_each(|x| found([x, y, z]));
-                    continue;
-                }
-                for x in [centre[0] - shell, centre[0] + shell] {
-                    if range(0).contains(&x) {
-                        found([x, y, z]);
-                    }
-                }
-            }
+    /// Searches a range of the points, which lie in a box that is `offsets` away along the axes.
+    fn search(&self, range: Range<usize>, p: &[f32; 3], offsets: [f32; 3], best: &mut f32) {
+        if squared(offsets) >= *best {
+            return;
         }
+        if range.len() <= MAX_LEAF_POINTS {
+            for q in &self.points[range] {
+                *best = best.min(squared([0, 1, 2].map(|axis| q[axis] - p[axis])));
+            }
+            return;
+        }
+        let middle = range.start + range.len() / 2;
+        let axis = usize::from(self.axes[middle]);
+        let (before, behind) = (range.start..middle, middle + 1..range.end);
+        let separator = self.points[middle];
+        *best = best.min(squared([0, 1, 2].map(|axis| separator[axis] - p[axis])));
+        let beyond = separator[axis] - p[axis];
+        let (near, far) = if beyond > 0.0 { (before, behind) } else { (behind, before) };
+        self.search(near, p, offsets, best);
+        let mut far_offsets = offsets;
+        far_offsets[axis] = beyond.abs();
+        self.search(far, p, far_offsets, best);
     }
+}
+
+/// Brings points into the order of a [`KdTree`].
+fn arrange(points: &mut [[f32; 3]], axes: &mut [u8]) {
+    if points.len() <= MAX_LEAF_POINTS {
+        return;
+    }
+    let (low, high) = bounds(points);
+    let extent = |axis: usize| high[axis] - low[axis];
+    let axis = if extent(0) >= extent(1).max(extent(2)) { 0 } else { 1 + usize::from(extent(2) > extent(1)) };
+    let middle = points.len() / 2;
+    points.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
+    axes[middle] = axis as u8;
+    let (before, behind) = points.split_at_mut(middle);
+    let (axes_before, axes_behind) = axes.split_at_mut(middle);
+    rayon::join(|| arrange(before, axes_before), || arrange(&mut behind[1..], &mut axes_behind[1..]));
+}
+
+fn bounds(points: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
+    let none = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    points.iter().fold(none, |(low, high), p| {
+        ([0, 1, 2].map(|axis| low[axis].min(p[axis])), [0, 1, 2].map(|axis| high[axis].max(p[axis])))
+    })
+}
+
+fn squared(v: [f32; 3]) -> f32 {
+    v.iter().map(|x| x * x).sum()
 }
 
 #[cfg(test)]
@@ -135,12 +131,24 @@ mod tests {
                 (0..count).map(|i| [0, 1, 2].map(|a| draw(seed + i, a as u32) * scale[a] + shift)).collect()
             };
             let (from, to) = (cloud(0, 200, 3.0), cloud(1000, 300, 0.0));
-            let grid = SearchGrid::new(&to);
+            let tree = KdTree::new(&to);
             for p in &from {
                 let distance = |q: &[f32; 3]| (0..3).map(|a| (q[a] - p[a]) * (q[a] - p[a])).sum::<f32>();
                 let expected = to.iter().map(distance).fold(f32::INFINITY, f32::min);
-                assert_eq!(grid.nearest(&to, p), expected, "{p:?} {scale:?}");
+                assert_eq!(tree.nearest(p), expected, "{p:?} {scale:?}");
             }
         }
+    }
+
+    #[test]
+    fn clusters_far_apart_are_searched_as_fast_as_others() {
+        let stream = Stream::new(5, Purpose::SceneMaking);
+        let draw = |n: u64, axis: u32| stream.uniform(0, n, axis) as f32;
+        // Two clusters in opposite corners of a box, and places in a third one.
+        let to: Vec<[f32; 3]> =
+            (0..100_000).map(|i| [0, 1, 2].map(|a| draw(i, a) + (i % 2) as f32 * 1000.0)).collect();
+        let from: Vec<[f32; 3]> = (0..2000).map(|i| [draw(i, 3), draw(i, 4) + 1000.0, draw(i, 5)]).collect();
+        let found = distances(&from, &to, usize::MAX);
+        assert!((found.mean_m - 999.0).abs() < 2.0 && found.points == 2000, "{found:?}");
     }
 }

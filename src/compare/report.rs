@@ -5,7 +5,7 @@ use super::neighbours::Distances;
 use crate::quantity::amount;
 use std::fmt::Write as _;
 
-/// The comparison in lines of at most 100 characters: what, first cloud, second cloud, difference.
+/// The comparison in lines: what, first cloud, second cloud, difference.
 pub fn table(c: &Comparison) -> String {
     let mut out = String::new();
     let mut line = |name: &str, a: String, b: String, rest: String| {
