@@ -9,13 +9,15 @@ use crate::files::{FileWriter, Patched, write_stdout};
 use crate::options::holds_survey;
 use crate::plan::{self, AirborneOptions, Area, Arrangement, Document, Ground, Instrument};
 use crate::plan::{MobileOptions, TerrestrialOptions};
-use crate::survey::{ReadOptions, SceneRecipe, catalogue, find_scanner};
+use crate::survey::{Mount, ReadOptions, SceneRecipe, catalogue, find_scanner};
 use std::path::{Path, PathBuf};
 
 /// Height below which a flight is a drone's if no platform is named, m.
-const DRONE_HEIGHT: f64 = 150.0;
+const MAX_DRONE_HEIGHT: f64 = 150.0;
+/// Positions around a plot if no number is given.
+const DEFAULT_POSITIONS: u32 = 4;
 /// Steepest climb if none is given, degrees.
-const CLIMB: f64 = 10.0;
+const DEFAULT_CLIMB: f64 = 10.0;
 
 pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     make(args, &command_line(), console)
@@ -34,6 +36,8 @@ fn airborne(args: &AirborneArgs, command: &str, console: &Console) -> Result<()>
     let site = Site::read(&args.common, console)?;
     let area = site.area(args.area.as_deref())?;
     let instrument = instrument(&args.common)?;
+    let default = if args.height.0 < MAX_DRONE_HEIGHT { "copter_linearpath" } else { "sr22" };
+    let (platform, mount) = platform(args.common.platform.as_deref().unwrap_or(default))?;
     let options = AirborneOptions {
         height: args.height.0,
         speed: args.speed.map(|speed| speed.0),
@@ -45,17 +49,17 @@ fn airborne(args: &AirborneArgs, command: &str, console: &Console) -> Result<()>
         heading: args.heading,
         cross_lines: args.cross_lines,
         run_in: args.run_in.map(|length| length.0),
+        look_back: mount.map_or(0.0, |mount| instrument.look_back(mount.rotation)),
         turn_radius: args.turn_radius.map(|radius| radius.0),
-        climb: args.follow_terrain.then(|| args.climb.map_or(CLIMB, |climb| climb.0)),
+        climb: args.follow_terrain.then(|| args.climb.unwrap_or(DEFAULT_CLIMB)),
     };
     let level = args.common.ground;
     let height = |x: f64, y: f64| match &site.ground {
         Some(ground) => ground.height(x, y),
         None => Some(level),
     };
-    let plan = plan::plan_airborne(&area, &instrument, &options, &Ground { height: &height });
-    let platform = if args.height.0 < DRONE_HEIGHT { "copter_linearpath" } else { "sr22" };
-    finish(plan.map_err(Error::input)?, &args.common, &site, platform, command, console)
+    let plan = plan::plan_airborne(&area, &instrument, &options, &Ground { height: &height, level });
+    finish(plan.map_err(Error::input)?, platform, &args.common, &site, command, console)
 }
 
 fn terrestrial(args: &TerrestrialArgs, command: &str, console: &Console) -> Result<()> {
@@ -65,7 +69,7 @@ fn terrestrial(args: &TerrestrialArgs, command: &str, console: &Console) -> Resu
             centre,
             // The command line requires it.
             radius: args.radius.map_or(0.0, |radius| radius.0),
-            count: args.positions,
+            count: args.positions.unwrap_or(DEFAULT_POSITIONS),
             at_centre: args.at_centre,
         },
         (None, spacing) => Arrangement::Grid {
@@ -81,7 +85,8 @@ fn terrestrial(args: &TerrestrialArgs, command: &str, console: &Console) -> Resu
         on_ground: site.ground.is_some(),
     };
     let plan = plan::plan_terrestrial(&instrument(&args.common)?, &options).map_err(Error::input)?;
-    finish(plan, &args.common, &site, "tripod", command, console)
+    let (platform, _) = platform(args.common.platform.as_deref().unwrap_or("tripod"))?;
+    finish(plan, platform, &args.common, &site, command, console)
 }
 
 fn mobile(args: &MobileArgs, command: &str, console: &Console) -> Result<()> {
@@ -97,7 +102,8 @@ fn mobile(args: &MobileArgs, command: &str, console: &Console) -> Result<()> {
         on_ground: site.ground.is_some(),
     };
     let plan = plan::plan_mobile(&line, &instrument(&args.common)?, &options).map_err(Error::input)?;
-    finish(plan, &args.common, &site, "vehicle_linearpath", command, console)
+    let (platform, _) = platform(args.common.platform.as_deref().unwrap_or("vehicle_linearpath"))?;
+    finish(plan, platform, &args.common, &site, command, console)
 }
 
 /// Where a survey takes place.
@@ -158,6 +164,22 @@ fn instrument(args: &CommonPlanArgs) -> Result<Instrument> {
     Ok(Instrument::new(in_catalogue(&args.scanner, known.scanners.iter().map(|(name, _)| name)), &scanner))
 }
 
+/// The reference of a platform, and the scanner's mount on it if it is one of the catalogue's.
+fn platform(name: &str) -> Result<(String, Option<Mount>)> {
+    let (known, _) = catalogue()?;
+    let reference = in_catalogue(name, known.platforms.iter().map(|(name, _)| name));
+    if !reference.contains('#') {
+        let names: Vec<&str> =
+            known.platforms.iter().filter_map(|(name, _)| Some(name.split_once('#')?.1)).collect();
+        return Err(Error::input(format!(
+            "no platform is called `{name}`; there are {}, and file.xml#id",
+            names.join(", ")
+        )));
+    }
+    let mount = known.platforms.iter().find(|(name, _)| *name == reference).map(|(_, found)| found.mount);
+    Ok((reference, mount))
+}
+
 /// The full reference of an id in the catalogue; other names as they are.
 fn in_catalogue<'n>(name: &str, references: impl Iterator<Item = &'n String>) -> String {
     let is_named = |reference: &&String| reference.split_once('#').is_some_and(|(_, id)| id == name);
@@ -165,26 +187,16 @@ fn in_catalogue<'n>(name: &str, references: impl Iterator<Item = &'n String>) ->
     references.find(is_named).cloned().unwrap_or_else(|| name.to_owned())
 }
 
-/// Completes the plan, writes it and tells what it promises.
+/// Completes the plan, writes it and says what it promises.
 fn finish(
     mut plan: Document,
+    platform: String,
     args: &CommonPlanArgs,
     site: &Site,
-    platform: &str,
     command: &str,
     console: &Console,
 ) -> Result<()> {
-    let (known, _) = catalogue()?;
-    let wanted = args.platform.as_deref().unwrap_or(platform);
-    plan.platform = in_catalogue(wanted, known.platforms.iter().map(|(name, _)| name));
-    if !plan.platform.contains('#') {
-        let names: Vec<&str> =
-            known.platforms.iter().filter_map(|(name, _)| Some(name.split_once('#')?.1)).collect();
-        return Err(Error::input(format!(
-            "no platform is called `{wanted}`; there are {}, and file.xml#id",
-            names.join(", ")
-        )));
-    }
+    plan.platform = platform;
     plan.scene = site.reference(args)?;
     let mut warnings = Diagnostics::default();
     for warning in &plan.warnings {

@@ -39,6 +39,8 @@ pub struct AirborneOptions {
     pub cross_lines: u32,
     /// Length by which each line begins before the area and ends behind it, m.
     pub run_in: Option<f64>,
+    /// Angle by which the scanner looks behind the vertical, rad: lines are shifted ahead so that their strips lie over the area.
+    pub look_back: f64,
     /// Radius of the turns between lines, m; straight to the next line if `None`.
     pub turn_radius: Option<f64>,
     /// Steepest climb of lines that follow the ground, degrees; level lines if `None`.
@@ -119,6 +121,8 @@ pub fn plan_airborne(
     let parallel = lines.len();
     lines.extend(cross_lines(area, heading + PI / 2.0, options.cross_lines, run_in));
     turn_every_second(&mut lines);
+    let ahead = height * options.look_back.tan();
+    lines.iter_mut().for_each(|line| line.shift(ahead));
     let level = mean_ground(area, ground);
     let heights = Heights { ground, level: level.mean, above: height, climb: options.climb.map(radians) };
     let mut active = 0.0;
@@ -336,7 +340,7 @@ impl PlanReport<'_> {
         let hectares = self.area.square_metres() / 1e4;
         let flown = document.length();
         let range = height / swath.half_angle.cos();
-        let footprint = self.instrument.aperture + height * self.instrument.divergence;
+        let footprint = self.instrument.footprint(height);
         let [nadir, edge] = swath.density_in_strip(*speed, height);
         let lines = &mut document.comments;
         lines.push(format!(
@@ -362,6 +366,13 @@ impl PlanReport<'_> {
             100.0 * (1.0 - spacing / width),
             self.run_in
         ));
+        if options.look_back.abs() > 1e-6 {
+            lines.push(format!(
+                "shift      h·tan = {:.1} m ahead, since the platform's mount tilts the scanner back by {:.1}°",
+                height * options.look_back.tan(),
+                degrees(options.look_back)
+            ));
+        }
         lines.push(format!(
             "density    {:.3} pulses/m² over the area, N/(v·S) = {:.3} far from its edges; one strip {nadir:.3} below, {edge:.3} at its \
              edge",
@@ -406,7 +417,12 @@ impl PlanReport<'_> {
                  it; --follow-terrain keeps the height above it"
             ));
         }
-        if self.level.known > 0.0 && self.level.known < 0.99 {
+        if self.level.known == 0.0 {
+            warn(format!(
+                "the scene has no ground in the area, which is taken as {:.1} m high; --ground gives another height",
+                self.level.mean
+            ));
+        } else if self.level.known < 0.99 {
             warn(format!(
                 "{:.0} % of the area have no ground in the scene",
                 100.0 * (1.0 - self.level.known)
@@ -443,12 +459,13 @@ mod tests {
             heading: None,
             cross_lines: 0,
             run_in: None,
+            look_back: 0.0,
             turn_radius: None,
             climb: None,
         }
     }
 
-    const FLAT: Ground = Ground { height: &|_, _| Some(100.0) };
+    const FLAT: Ground = Ground { height: &|_, _| Some(100.0), level: 0.0 };
 
     #[test]
     fn lines_are_along_the_longer_side_and_cover_the_area() {
@@ -503,7 +520,7 @@ mod tests {
     fn lines_follow_the_ground_no_more_steeply_than_allowed() {
         let area = Area::rectangle([0.0, 0.0], [4000.0, 200.0]).unwrap();
         // A step of 200 m.
-        let hill = Ground { height: &|x, _| Some(if x > 2000.0 { 200.0 } else { 0.0 }) };
+        let hill = Ground { height: &|x, _| Some(if x > 2000.0 { 200.0 } else { 0.0 }), level: 0.0 };
         let follow = AirborneOptions { climb: Some(10.0), ..options() };
         let plan = plan_airborne(&area, &instrument(), &follow, &hill).unwrap();
         let line: Vec<DVec3> = plan.waypoints.iter().map(|w| w.position).take(4).collect();

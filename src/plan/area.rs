@@ -1,11 +1,15 @@
 //! Areas and lines on the ground, in the scene's world coordinates.
 
 use crate::error::{Error, Result};
+use crate::geom::is_inside;
+use crate::input::read_text;
 use serde_json::Value;
 use std::path::Path;
 
 /// Maximum size of a file of an area or a line, bytes.
 const MAX_BYTES: u64 = 64 << 20;
+/// Largest extent of coordinates that may be degrees; as metres such an area is too small to be scanned.
+const MAX_DEGREES: f64 = 0.5;
 
 /// A polygon without holes: its corners in order, without repeating the first one at the end. Coordinates are m.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,12 +59,9 @@ impl Area {
         0.5 * self.sides().map(cross).sum::<f64>().abs()
     }
 
-    /// Whether a point is inside, by the number of sides that a ray to the right crosses.
-    pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
-        let crosses = |[a, b]: &[[f64; 2]; 2]| {
-            (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
-        };
-        self.sides().filter(crosses).count() % 2 == 1
+    /// Whether a point is inside.
+    pub fn contains(&self, place: [f64; 2]) -> bool {
+        is_inside(&self.corners, place)
     }
 
     /// The smallest and the largest coordinates.
@@ -117,7 +118,7 @@ fn check_coordinates(points: &[[f64; 2]]) -> std::result::Result<(), String> {
 }
 
 /// Reads an area: a file of GeoJSON or well-known text, or well-known text itself. Its first polygon counts, without its
-/// holes. Coordinates must be those of the scene.
+/// holes. Coordinates must be those of the scene; those that look like degrees are refused.
 ///
 /// # Errors
 /// [`Error::Input`], [`Error::Io`].
@@ -143,7 +144,7 @@ pub fn read_line(source: &str) -> Result<Vec<[f64; 2]>> {
 
 fn read_positions(source: &str, wanted: &'static str) -> Result<Vec<[f64; 2]>> {
     let inline = source.trim_start().to_ascii_uppercase().starts_with(&wanted.to_ascii_uppercase());
-    let text = if inline { source.to_owned() } else { read_file(Path::new(source))? };
+    let text = if inline { source.to_owned() } else { read_text(Path::new(source), MAX_BYTES)? };
     let failed = |what: String| Error::input(format!("{source}: {what}"));
     let found = match text.trim_start().starts_with('{') {
         true => {
@@ -156,10 +157,8 @@ fn read_positions(source: &str, wanted: &'static str) -> Result<Vec<[f64; 2]>> {
         false => in_wkt(&text, wanted),
     };
     let found = found.map_err(failed)?;
-    let looks_geographic = found.iter().all(|p| p[0].abs() <= 180.0 && p[1].abs() <= 90.0)
-        && found.iter().flatten().any(|v| v.fract() != 0.0)
-        && spread(&found) < 5.0;
-    if looks_geographic {
+    let in_range = found.iter().all(|p| p[0].abs() <= 180.0 && p[1].abs() <= 90.0);
+    if in_range && spread(&found) < MAX_DEGREES {
         return Err(failed(
             "its coordinates look like degrees, expected metres in the scene's coordinates (reproject it, for example with \
              ogr2ogr -t_srs EPSG:25832)"
@@ -178,14 +177,6 @@ fn spread(points: &[[f64; 2]]) -> f64 {
         high - low
     };
     extent(0).max(extent(1))
-}
-
-fn read_file(path: &Path) -> Result<String> {
-    let size = std::fs::metadata(path).map_err(|e| Error::open(path, e))?.len();
-    if size > MAX_BYTES {
-        return Err(Error::input(format!("{}: {size} bytes, expected at most {MAX_BYTES}", path.display())));
-    }
-    std::fs::read_to_string(path).map_err(|e| Error::io("read", path, e))
 }
 
 /// The complaint about a GeoJSON whose member `crs` names geographic coordinates.
@@ -286,6 +277,7 @@ mod tests {
         assert!(said("POLYGON ((0 0, 1 1, 2 2))").contains("one line"));
         assert!(said("POLYGON ((0 0, 1 b, 2 2))").contains("1 b"));
         assert!(said("POLYGON ((8.67 49.41, 8.68 49.41, 8.68 49.42))").contains("degrees"));
+        assert!(read_area("POLYGON ((-1.5 -1.5, 1.5 -1.5, 1.5 1.5, -1.5 1.5))").is_ok(), "a plot of 3 m");
         assert!(said("POLYGON ((0 0, 1e300 0, 2 2))").contains("coordinate"));
         assert!(read_line("LINESTRING (1 1)").is_err());
     }

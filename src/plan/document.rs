@@ -73,13 +73,13 @@ impl Document {
         line(format_args!("\n[scanner]\ncatalogue = {}", quoted(&self.scanner)));
         line(format_args!("\n[settings]"));
         for (key, value) in &self.settings {
-            line(format_args!("{key} = {}", number(*value, 6)));
+            line(format_args!("{key} = {}", setting(*value)));
         }
         for waypoint in &self.waypoints {
             let [x, y, z] = waypoint.position.to_array().map(|v| number(v, 4));
             line(format_args!("\n[[leg]]\nposition_m = [{x}, {y}, {z}]"));
             if let Some(speed) = waypoint.speed {
-                line(format_args!("speed_m_per_s = {}", number(speed, 6)));
+                line(format_args!("speed_m_per_s = {}", setting(speed)));
             }
             if waypoint.on_ground {
                 line(format_args!("on_ground = true"));
@@ -102,6 +102,13 @@ fn number(value: f64, decimals: usize) -> String {
     if short == "-0" { "0".to_owned() } else { short.to_owned() }
 }
 
+/// A number with at most nine significant digits, however small it is.
+fn setting(value: f64) -> String {
+    let rounded: f64 = format!("{value:.8e}").parse().unwrap_or(value);
+    // -0 is 0.
+    (rounded + 0.0).to_string()
+}
+
 /// A TOML basic string.
 fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
@@ -110,6 +117,20 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn settings_keep_nine_digits() {
+        for (value, text) in [
+            (-0.0, "0"),
+            (4e-7, "0.0000004"),
+            (-1.234_567_891_2e-4, "-0.000123456789"),
+            (80.25, "80.25"),
+            (59.999_999_999_999_99, "60"),
+            (2e6, "2000000"),
+        ] {
+            assert_eq!(setting(value), text);
+        }
+    }
 
     #[test]
     fn text_is_toml() {

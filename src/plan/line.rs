@@ -2,8 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-/// Angle between the waypoints of a turn, rad.
-const TURN_STEP: f64 = PI / 12.0;
+/// Largest angle between the waypoints of a turn, rad.
+const MAX_TURN_STEP: f64 = PI / 12.0;
 
 /// A line from one position to another, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,9 +25,16 @@ impl Line {
         let length = self.length();
         [0, 1].map(|i| (self.to[i] - self.from[i]) / length)
     }
+
+    /// Moves the line ahead, m.
+    pub fn shift(&mut self, distance: f64) {
+        let ahead = self.direction().map(|d| d * distance);
+        let moved = |p: [f64; 2]| [0, 1].map(|i| p[i] + ahead[i]);
+        (self.from, self.to) = (moved(self.from), moved(self.to));
+    }
 }
 
-/// Waypoints of a turn from the end of one line to the beginning of the next, at most [`TURN_STEP`] apart: the shortest path
+/// Waypoints of a turn from the end of one line to the beginning of the next, at most [`MAX_TURN_STEP`] apart: the shortest path
 /// of arcs of one radius and straight pieces between two positions with directions (Dubins 1957).
 pub(super) fn turn(line: &Line, next: &Line, radius: f64) -> Vec<[f64; 2]> {
     let heading = |d: [f64; 2]| libm::atan2(d[1], d[0]);
@@ -43,7 +50,7 @@ pub(super) fn turn(line: &Line, next: &Line, radius: f64) -> Vec<[f64; 2]> {
     let (mut at, mut angle, mut points) = (line.to, from, Vec::new());
     // Two half turns may have no way between them.
     for (sense, amount) in path.into_iter().filter(|(_, amount)| *amount > 1e-9) {
-        let steps = if sense == 0.0 { 1.0 } else { (amount / TURN_STEP).ceil() };
+        let steps = if sense == 0.0 { 1.0 } else { (amount / MAX_TURN_STEP).ceil() };
         let step = amount / steps.max(1.0);
         for _ in 0..steps as usize {
             let chord = match sense == 0.0 {
@@ -128,7 +135,7 @@ mod tests {
                 let heading = |a: [f64; 2], b: [f64; 2]| libm::atan2(b[1] - a[1], b[0] - a[0]);
                 let change =
                     (heading(corner[1], corner[2]) - heading(corner[0], corner[1]) + PI).rem_euclid(TAU) - PI;
-                assert!(change.abs() < TURN_STEP * 1.1, "{spacing}: {change} at {corner:?}");
+                assert!(change.abs() < MAX_TURN_STEP * 1.1, "{spacing}: {change} at {corner:?}");
             }
         }
     }

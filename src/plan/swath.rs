@@ -10,17 +10,20 @@
 //! along the flight   v / f                           spacing of scan lines
 //! across             W·f / N                         mean spacing on a scan line
 //! nadir, edge        N / (2·θ·h·v),  cos²θ of that   one strip, of mirrors that turn at constant speed
-//! footprint          d + h·γ                         beam diameter d at the instrument, divergence γ
+//! footprint          sqrt(d² + (h·γ)²)               beam diameter d at the instrument, divergence γ
 //! ```
 
-use crate::geom::{degrees, radians};
-use crate::survey::{Deflector, Scanner};
+use crate::geom::{Rotation, degrees, radians};
+use crate::survey::{Deflector, Scanner, footprint};
 use std::f64::consts::{PI, TAU};
 
 /// The largest half opening angle of a flight, degrees.
 const MAX_HALF_ANGLE: f64 = 75.0;
 /// Half opening angle if none is requested and the instrument reaches it, degrees.
-const USUAL_HALF_ANGLE: f64 = 30.0;
+const DEFAULT_HALF_ANGLE: f64 = 30.0;
+
+/// Largest angle by which a scanner that looks down may look ahead or behind, rad.
+const MAX_LOOK_BACK: f64 = PI / 4.0;
 
 /// A scanner as a plan uses it. The figures are those of its first device; all devices fire at the same time.
 #[derive(Clone, Debug)]
@@ -43,6 +46,8 @@ pub struct Instrument {
     pub aperture: f64,
     /// Maximum speed of the head, rad/s.
     pub head_rate: f64,
+    /// Rotation of the emitter on the head.
+    beam_rotation: Rotation,
 }
 
 /// The scan of a flight.
@@ -79,7 +84,13 @@ impl Instrument {
             divergence: device.beam.divergence,
             aperture: device.beam.aperture,
             head_rate: device.head.max_rate,
+            beam_rotation: device.beam_origin.rotation,
         }
+    }
+
+    /// Diameter of the beam at that range, m.
+    pub fn footprint(&self, range: f64) -> f64 {
+        footprint(self.aperture, self.divergence, range)
     }
 
     /// Whether the instrument sweeps a line, whose spacing along the flight depends on a scan frequency.
@@ -89,6 +100,15 @@ impl Instrument {
 
     fn is_cone(&self) -> bool {
         matches!(self.deflector, Deflector::Conic | Deflector::EllipticConic { .. })
+    }
+
+    /// Angle between the vertical and the middle of the scan, rad, positive if a scanner in that mount looks behind the
+    /// platform; 0 if it does not look down.
+    pub fn look_back(&self, mount: Rotation) -> f64 {
+        // Platforms have y ahead and z up.
+        let middle = mount.after(self.beam_rotation).forward();
+        let angle = libm::atan2(-middle.y, -middle.z);
+        if angle.abs() < MAX_LOOK_BACK { angle } else { 0.0 }
     }
 
     /// Whether points lie ahead of and behind the platform, so that a flight must begin before the area.
@@ -104,8 +124,8 @@ impl Instrument {
         let limit = degrees(self.usable_angle()).min(MAX_HALF_ANGLE);
         let angle = match wanted_deg {
             Some(angle) => angle,
-            None if limit > 0.0 => limit.min(USUAL_HALF_ANGLE),
-            None => USUAL_HALF_ANGLE,
+            None if limit > 0.0 => limit.min(DEFAULT_HALF_ANGLE),
+            None => DEFAULT_HALF_ANGLE,
         };
         // Some instruments name no limit.
         let most = if limit > 0.0 { limit } else { MAX_HALF_ANGLE };

@@ -119,8 +119,8 @@ fn describe(document: &mut Document, instrument: &Instrument, options: &Terrestr
         format!("spacing    R·Δ = {:.4} m at 10 m, {:.4} m at 50 m", at(10.0), at(50.0)),
         format!(
             "footprint  {:.4} m at 10 m, {:.4} m at 50 m",
-            instrument.aperture + 10.0 * instrument.divergence,
-            instrument.aperture + 50.0 * instrument.divergence
+            instrument.footprint(10.0),
+            instrument.footprint(50.0)
         ),
     ];
     let (least, most) = instrument.scan_frequencies();

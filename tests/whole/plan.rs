@@ -47,11 +47,7 @@ fn flights_have_the_density_that_was_asked_for() {
             vec!["plan", "airborne", "--scanner", scanner, "--area", area, "--density", &density_text];
         args.extend(["--ground", "20", "--scene", "flat.obj", "-o", "plan.toml", "--force", "-q"]);
         args.extend(rest);
-        let out = run(dir.path(), &args);
-        if text(&out.stderr).contains("no scanner that ships") {
-            panic!("{}", text(&out.stderr));
-        }
-        assert!(out.status.success(), "{scanner}: {}", text(&out.stderr));
+        succeed(dir.path(), &args);
         let plan = fs::read_to_string(dir.path().join("plan.toml")).unwrap();
         assert!((promised(&plan, "density    ") / density - 1.0).abs() < 1e-3, "{plan}");
         let points = fly(dir.path(), "plan.toml");
@@ -67,33 +63,34 @@ fn flights_have_the_density_that_was_asked_for() {
 }
 
 #[test]
+fn lines_are_shifted_where_the_mount_tilts_the_scanner() {
+    let dir = folder();
+    flat_ground(dir.path());
+    // The copter's mount tilts the scanner by 5° back, a quarter of this area at this height.
+    let plan = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--scene", "flat.obj", "--height", "60"];
+    let area = "POLYGON ((-10 -10, 10 -10, 10 10, -10 10))";
+    let rest = ["--density", "20", "--overlap", "40", "--area", area, "-o", "plan.toml", "-q"];
+    succeed(dir.path(), &[&plan[..], &rest[..]].concat());
+    let points = fly(dir.path(), "plan.toml");
+    let inside = points.iter().filter(|p| p[0].abs() < 10.0 && p[1].abs() < 10.0).count() as f64;
+    assert!((inside / 400.0 / 20.0 - 1.0).abs() < 0.05, "{inside} of {}", points.len());
+}
+
+#[test]
 fn lines_follow_the_ground() {
     let dir = folder();
     // A slope of 20 %.
     let slope = "v -500 -500 0\nv 500 -500 200\nv 500 500 200\nv -500 500 0\nf 1 2 3\nf 1 3 4\n";
     fs::write(dir.path().join("slope.obj"), slope).unwrap();
-    let out = succeed(
-        dir.path(),
-        &[
-            "plan",
-            "airborne",
-            "--scanner",
-            "riegl_vux-1uav",
-            "--scene",
-            "slope.obj",
-            "--height",
-            "80",
-            "--speed",
-            "10",
-            "--follow-terrain",
-            "--climb",
-            "15",
-            "--area",
-            "POLYGON ((-200 -60, 200 -60, 200 60, -200 60))",
-        ],
-    );
-    let plan: toml::Table = text(&out.stdout).parse().unwrap();
-    for leg in plan["leg"].as_array().unwrap() {
+    let common = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--scene", "slope.obj"];
+    let flight = [&common[..], &["--height", "80", "--speed", "10"]].concat();
+    let area = "POLYGON ((-200 -60, 200 -60, 200 60, -200 60))";
+    let following = ["--follow-terrain", "--climb", "15", "--area", area];
+    let plan = text(&succeed(dir.path(), &[&flight[..], &following].concat()).stdout);
+    let plan: toml::Table = plan.parse().unwrap();
+    let legs = plan["leg"].as_array().unwrap();
+    assert!(legs.len() >= 4, "{plan}");
+    for leg in legs {
         let p: Vec<f64> = leg["position_m"]
             .as_array()
             .unwrap()
@@ -103,22 +100,13 @@ fn lines_follow_the_ground() {
         let ground = 100.0 + 0.2 * p[0];
         assert!((p[2] - ground - 80.0).abs() < 1.0, "{p:?}");
     }
-    let level = succeed(
-        dir.path(),
-        &[
-            "plan",
-            "airborne",
-            "--scanner",
-            "riegl_vux-1uav",
-            "--scene",
-            "slope.obj",
-            "--height",
-            "80",
-            "--speed",
-            "10",
-        ],
-    );
+    let level = succeed(dir.path(), &flight);
     assert!(text(&level.stderr).contains("--follow-terrain"), "{}", text(&level.stderr));
+    // Beside the scene.
+    let area = "POLYGON ((1000 0, 1400 0, 1400 120, 1000 120))";
+    let beside = succeed(dir.path(), &[&flight[..], &["--area", area, "--ground", "35"]].concat());
+    assert!(text(&beside.stderr).contains("no ground in the area, which is taken as 35.0 m high"));
+    assert!(text(&beside.stdout).contains(", 115]"), "{}", text(&beside.stdout));
 }
 
 #[test]
@@ -195,6 +183,10 @@ fn mistakes_are_answered() {
             "leave one out",
         ),
         (vec!["--area", "POLYGON ((0 0, 9e7 0, 9e7 9e7))", "--speed", "8"], "flight lines"),
+        (vec!["--speed", "8", "--heading", "1e9"], "degrees from -360 to 360"),
+        (vec!["--speed", "8", "--heading", "nan"], "degrees from -360 to 360"),
+        (vec!["--speed", "8", "--ground", "1e300"], "expected metres"),
+        (vec!["--speed", "8", "--scene", "s.obj", "--follow-terrain", "--climb", "90"], "from 0.01 to 89"),
     ] {
         let out = run(dir.path(), &[&common[..], &rest[..]].concat());
         let said = text(&out.stderr);
@@ -203,17 +195,10 @@ fn mistakes_are_answered() {
             "{rest:?}: {said}"
         );
     }
-    let far = [
-        "plan",
-        "airborne",
-        "--scanner",
-        "vlp16",
-        "--height",
-        "5000",
-        "--speed",
-        "50",
-        "--area",
-        "POLYGON ((0 0, 9 0, 9 9))",
-    ];
+    let tripods = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--spacing", "5", "-n", "3"];
+    let refused = run(dir.path(), &[&tripods[..], &["--area", "POLYGON ((0 0, 9 0, 9 9))"]].concat());
+    assert!(text(&refused.stderr).contains("cannot be used with") && !refused.status.success());
+    let far = ["plan", "airborne", "--scanner", "vlp16", "--height", "5000", "--speed", "50"];
+    let far = [&far[..], &["--area", "POLYGON ((0 0, 9 0, 9 9))"]].concat();
     assert!(text(&succeed(dir.path(), &far).stderr).contains("farther than"));
 }

@@ -1,7 +1,7 @@
 //! The command line of `vlscan plan`.
 
 use crate::options::Positive;
-use crate::quantity::COORDINATE;
+use crate::quantity::{Bounds, COORDINATE};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -43,8 +43,8 @@ pub struct CommonPlanArgs {
     /// The scene, which the plan names; it tells the ground and, where no area is given, the area.
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
-    /// Height of the ground without a scene, m.
-    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
+    /// Height of the ground where no scene tells it, m.
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true, value_parser = ground)]
     pub ground: f64,
     /// Pulses per second. [default: the scanner's first]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..))]
@@ -88,7 +88,7 @@ pub struct AirborneArgs {
     #[arg(long, value_name = "HZ")]
     pub scan_freq: Option<Positive>,
     /// Direction of the lines, degrees clockwise from +y. [default: the one with the fewest lines]
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = heading)]
     pub heading: Option<f64>,
     /// Cross lines, perpendicular to the others and evenly spread.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=10_000))]
@@ -104,8 +104,8 @@ pub struct AirborneArgs {
     #[arg(long, requires = "scene")]
     pub follow_terrain: bool,
     /// Steepest climb with --follow-terrain, degrees. [default: 10]
-    #[arg(long, value_name = "DEG", requires = "follow_terrain")]
-    pub climb: Option<Positive>,
+    #[arg(long, value_name = "DEG", requires = "follow_terrain", allow_negative_numbers = true, value_parser = climb)]
+    pub climb: Option<f64>,
 }
 
 /// `vlscan plan terrestrial`.
@@ -126,9 +126,9 @@ pub struct TerrestrialArgs {
     /// Radius on which the positions stand, m.
     #[arg(long, value_name = "M", requires = "around")]
     pub radius: Option<Positive>,
-    /// Positions around the plot.
-    #[arg(short = 'n', long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub positions: u32,
+    /// Positions around the plot. [default: 4]
+    #[arg(short = 'n', long, value_name = "N", conflicts_with = "spacing", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub positions: Option<u32>,
     /// One position at the plot's centre as well.
     #[arg(long, requires = "around")]
     pub at_centre: bool,
@@ -157,6 +157,23 @@ pub struct MobileArgs {
     /// Most metres between waypoints, at which the vehicle is set on the scene's ground.
     #[arg(long, value_name = "M", default_value = "20")]
     pub step: Positive,
+}
+
+fn ground(text: &str) -> Result<f64, String> {
+    bounded(text, COORDINATE)
+}
+
+fn heading(text: &str) -> Result<f64, String> {
+    bounded(text, Bounds { low: -360.0, high: 360.0, expected: "degrees from -360 to 360" })
+}
+
+fn climb(text: &str) -> Result<f64, String> {
+    bounded(text, Bounds { low: 0.01, high: 89.0, expected: "degrees from 0.01 to 89" })
+}
+
+fn bounded(text: &str, bounds: Bounds) -> Result<f64, String> {
+    let value = text.trim().parse::<f64>().ok().filter(|value| bounds.contains(*value));
+    value.ok_or_else(|| format!("expected {}", bounds.expected))
 }
 
 fn overlap(text: &str) -> Result<f64, String> {

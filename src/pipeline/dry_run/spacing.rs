@@ -1,7 +1,7 @@
 //! Footprint and distances of points on the surfaces that a leg has measured.
 
 use super::sample::Stratum;
-use crate::survey::{Deflector, PlatformKind, Survey};
+use crate::survey::{Deflector, PlatformKind, Survey, footprint};
 use std::f64::consts::TAU;
 
 /// Lengths at the mean range of first echoes, m.
@@ -25,7 +25,7 @@ pub fn of_leg(survey: &Survey, number: u32, strata: &[Stratum]) -> Spacing {
     };
     let range = ranges / hits;
     let (settings, device) = (&leg.scanner, &survey.scanner.devices[0]);
-    let footprint = device.beam.aperture.hypot(range * settings.beam_divergence);
+    let footprint = footprint(device.beam.aperture, settings.beam_divergence, range);
     let mut angles: Vec<f64> = strata.iter().map(|s| s.beam_angle).collect();
     angles.sort_by(f64::total_cmp);
     let head_rate = settings.head_rate.abs().min(device.head.max_rate);

@@ -378,6 +378,12 @@ pub struct Beam {
     pub visibility: f64,
 }
 
+/// Diameter (m) of a beam at a range (m): sqrt(d² + (R·γ)²) with the diameter d at the exit of the instrument (m) and the full
+/// divergence γ (rad), the far field of a Gaussian beam.
+pub fn footprint(aperture: f64, divergence: f64, range: f64) -> f64 {
+    libm::hypot(aperture, range * divergence)
+}
+
 /// Detection (spec pulse-physics §0.1, §5.2).
 #[derive(Clone, Debug)]
 pub struct Detector {
