@@ -44,7 +44,7 @@ impl Cells {
             let area = scene.area.as_deref().map(read_area).transpose()?;
             match (scene.plots, area) {
                 (Some(count), Some(area)) => {
-                    let plots = plots::draw(&area, count as usize, scene.plot_m, 0)
+                    let plots = plots::draw(&area, count as usize, scene.plot_size(), 0)
                         .map_err(|message| Error::input(format!("scene {}: {message}", scene.name)))?;
                     let digits = count.to_string().len();
                     for (number, plot) in (1..).zip(plots) {

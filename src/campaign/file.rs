@@ -1,7 +1,8 @@
 //! The file of a campaign.
 
 use crate::error::{Error, Result};
-use serde::{Deserialize, Serialize};
+use crate::input::read_text;
+use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 
 /// Maximum size of the file, bytes.
@@ -116,19 +117,36 @@ pub struct SceneEntry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plots: Option<u32>,
     /// Edge length of a plot, m.
-    #[serde(default = "plot_size")]
-    pub plot_m: f64,
+    #[serde(default, serialize_with = "plot_size")]
+    pub plot_m: Option<f64>,
     /// Trees up to this distance from the area stand, too, m.
-    #[serde(default = "margin")]
-    pub margin_m: f64,
+    #[serde(default, serialize_with = "margin")]
+    pub margin_m: Option<f64>,
 }
 
-fn plot_size() -> f64 {
-    30.0
+/// Edge length of plots if none is given, m.
+const DEFAULT_PLOT: f64 = 30.0;
+/// Distance from the area up to which trees stand if none is given, m.
+const DEFAULT_MARGIN: f64 = 10.0;
+
+fn plot_size<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64(value.unwrap_or(DEFAULT_PLOT))
 }
 
-fn margin() -> f64 {
-    10.0
+fn margin<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64(value.unwrap_or(DEFAULT_MARGIN))
+}
+
+impl SceneEntry {
+    /// Edge length of a plot, m.
+    pub fn plot_size(&self) -> f64 {
+        self.plot_m.unwrap_or(DEFAULT_PLOT)
+    }
+
+    /// Distance from the area up to which trees stand, m.
+    pub fn margin(&self) -> f64 {
+        self.margin_m.unwrap_or(DEFAULT_MARGIN)
+    }
 }
 
 /// How scenes are scanned.
@@ -153,14 +171,7 @@ impl File {
     /// # Errors
     /// [`Error::Input`] with the line of what is wrong, [`Error::Io`].
     pub fn read(path: &Path) -> Result<File> {
-        let size = std::fs::metadata(path).map_err(|e| Error::open(path, e))?.len();
-        if size > MAX_BYTES {
-            return Err(Error::input(format!(
-                "{}: {size} bytes, expected at most {MAX_BYTES}",
-                path.display()
-            )));
-        }
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io("read", path, e))?;
+        let text = read_text(path, MAX_BYTES)?;
         File::parse(&text).map_err(|message| Error::input(format!("{}: {message}", path.display())))
     }
 
@@ -192,7 +203,14 @@ impl File {
             if scene.plots.is_some() && (scene.area.is_none() || scene.stand.is_none()) {
                 return Err(format!("scene {name}: `plots` lie within the `area` of a `stand`"));
             }
-            if !(scene.plot_m > 0.0 && scene.plot_m <= 1e5 && (0.0..=1e4).contains(&scene.margin_m)) {
+            if scene.plot_m.is_some() && scene.plots.is_none() {
+                return Err(format!("scene {name}: `plot_m` is the size of `plots`, and there are none"));
+            }
+            if scene.margin_m.is_some() && (scene.stand.is_none() || scene.area.is_none()) {
+                return Err(format!("scene {name}: `margin_m` is for trees of a `stand` around an `area`"));
+            }
+            let (plot, margin) = (scene.plot_size(), scene.margin());
+            if !(plot > 0.0 && plot <= 1e5 && (0.0..=1e4).contains(&margin)) {
                 return Err(format!("scene {name}: plot_m and margin_m are metres, plot_m above 0"));
             }
             if scene.plots.is_some_and(|count| count == 0 || count > 100_000) {
@@ -265,6 +283,8 @@ mod tests {
         let scene = format!("{scene}file = \"s.obj\"\n");
         assert!(wrong(&format!("{scene}{variant}")).contains("either `plan` or `survey`"));
         assert!(wrong(&format!("{scene}plots = 3\n{variant}plan = \"p\"")).contains("`plots` lie within"));
+        assert!(wrong(&format!("{scene}plot_m = 3\n{variant}plan = \"p\"")).contains("`plot_m` is the size"));
+        assert!(wrong(&format!("{scene}margin_m = 3\n{variant}plan = \"p\"")).contains("`margin_m` is for"));
         let split = "split = { train = -1 }\n";
         assert!(wrong(&format!("{split}{scene}{variant}plan = \"p\"")).contains("shares"));
         let file = File::parse(&format!("seeds = [7, 9]\n{scene}{variant}plan = \"p\"")).unwrap();

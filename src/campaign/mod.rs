@@ -24,4 +24,4 @@ mod store;
 pub use cells::{Cell, Cells};
 pub use file::{File, SceneEntry, words};
 pub use record::{FileRecord, Inputs, Record, checksum};
-pub use store::{Outcome, Store, Taken};
+pub use store::{CellLock, Outcome, Store};

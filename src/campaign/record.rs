@@ -80,10 +80,23 @@ impl Record {
 /// Checksums of the files that cells read, each computed once per process.
 #[derive(Debug, Default)]
 pub struct Inputs {
+    /// What is not an input although it lies within a folder that is one: the data set.
+    excluded: Vec<PathBuf>,
     known: BTreeMap<PathBuf, Option<String>>,
 }
 
 impl Inputs {
+    /// Inputs among which files and folders of these names are none, unless an option names them.
+    pub fn without(excluded: impl IntoIterator<Item = PathBuf>) -> Inputs {
+        // Some of them do not exist yet.
+        let resolved = |path: PathBuf| {
+            let within = |folder: &Path| Some(folder.canonicalize().ok()?.join(path.file_name()?));
+            path.canonicalize().ok().or_else(|| within(path.parent()?))
+        };
+        let excluded = excluded.into_iter().filter_map(resolved).collect();
+        Inputs { excluded, known: BTreeMap::new() }
+    }
+
     /// The checksum of a file; `None` if it cannot be read.
     pub fn sum(&mut self, path: &Path) -> Option<String> {
         if let Some(known) = self.known.get(path) {
@@ -94,12 +107,16 @@ impl Inputs {
         sum
     }
 
-    /// The files that words name, and those below the folders that they name.
+    /// The files that words name, and those below the folders that they name; `--option=value` names its value.
     pub fn named<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> BTreeMap<String, String> {
         let mut found = BTreeMap::new();
         for word in words {
-            let path = Path::new(word.split_once('#').map_or(word, |(path, _)| path));
-            self.add(path, &mut found, 0);
+            let value =
+                word.strip_prefix('-').and_then(|option| option.split_once('=')).map(|(_, value)| value);
+            for name in [Some(word), value].into_iter().flatten() {
+                let path = Path::new(name.split_once('#').map_or(name, |(path, _)| path));
+                self.add(path, &mut found, 0);
+            }
         }
         found
     }
@@ -112,7 +129,13 @@ impl Inputs {
             }
         } else if path.is_dir() && depth < 4 && !path.as_os_str().is_empty() {
             let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
-            entries.for_each(|entry| self.add(&entry.path(), found, depth + 1));
+            for path in entries.map(|entry| entry.path()) {
+                let is_excluded = !self.excluded.is_empty()
+                    && path.canonicalize().is_ok_and(|path| self.excluded.contains(&path));
+                if !is_excluded {
+                    self.add(&path, found, depth + 1);
+                }
+            }
         }
     }
 }
@@ -161,8 +184,15 @@ mod tests {
         for file in ["models/a.obj", "models/b.obj", "ground.obj"] {
             std::fs::write(dir.path().join(file), file).unwrap();
         }
-        let words = [dir.path().join("models"), dir.path().join("ground.obj")];
-        let found = Inputs::default().named(words.iter().map(|p| p.to_str().unwrap()).chain(["--seed", "7"]));
+        let models = dir.path().join("models");
+        let ground = format!("--terrain={}", dir.path().join("ground.obj").display());
+        let words = [models.to_str().unwrap(), &ground, "--seed", "7"];
+        let found = Inputs::default().named(words.into_iter());
         assert_eq!(found.len(), 3, "{found:?}");
+        // But for the data set itself.
+        let all = [dir.path().to_str().unwrap()];
+        assert_eq!(Inputs::default().named(all.into_iter()).len(), 3);
+        assert_eq!(Inputs::without([models.clone()]).named(all.into_iter()).len(), 1);
+        assert_eq!(Inputs::without([models.clone()]).named([models.to_str().unwrap()].into_iter()).len(), 2);
     }
 }

@@ -9,8 +9,9 @@
 //! OUT/.campaign/NAME.failed
 //! ```
 //!
-//! A cell gets its name when everything in it is on the disk, in one step, so that it is complete or absent. Where a file
-//! system has no locks two processes may compute the same cell, to the same bytes; the second one to complete it drops its own.
+//! A cell gets its name when everything in it is on the disk, in one step, so that it is complete or absent. A process removes
+//! what it finds in the work folder of a cell that it has locked. Where a file system has no locks two processes would remove each
+//! other's files there; then only processes with cells of their own (`--task K/N`) compute.
 
 use super::cells::Cell;
 use super::record::{Inputs, Record};
@@ -27,6 +28,8 @@ const RECORD: &str = "record.json";
 #[derive(Clone, Debug)]
 pub struct Store {
     pub folder: PathBuf,
+    /// Whether no other process computes the cells that this one locks, so that it needs no locks.
+    needs_no_locks: bool,
 }
 
 /// What became of a cell.
@@ -40,32 +43,38 @@ pub enum Outcome {
 
 /// A cell that no other process computes until this value is dropped.
 #[derive(Debug)]
-pub struct Taken {
+pub struct CellLock {
     _lock: File,
     /// The folder for its unfinished files, which is empty.
     pub work: PathBuf,
 }
 
-impl Taken {
-    /// Gives a cell back that needs no computing.
+impl CellLock {
+    /// Releases a cell that needs no computing.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn give_back(self) -> Result<()> {
+    pub fn release(self) -> Result<()> {
         fs::remove_dir_all(&self.work).map_err(|e| Error::io("remove", &self.work, e))
     }
 }
 
 impl Store {
-    /// Creates the folder if it is missing.
+    /// Creates the folder if it is missing. `needs_no_locks` tells that this process has cells of its own.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn create(folder: &Path) -> Result<Store> {
+    pub fn create(folder: &Path, needs_no_locks: bool) -> Result<Store> {
         for path in [folder.join("cells"), folder.join(".campaign")] {
             fs::create_dir_all(&path).map_err(|e| Error::io("create", path, e))?;
         }
-        Ok(Store { folder: folder.to_path_buf() })
+        Ok(Store { folder: folder.to_path_buf(), needs_no_locks })
+    }
+
+    /// The files and folders that processes write.
+    pub fn outputs(&self) -> Vec<PathBuf> {
+        let names = ["cells", ".campaign", "manifest.jsonl", "times.jsonl"];
+        names.map(|name| self.folder.join(name)).into_iter().chain([self.folder.clone()]).collect()
     }
 
     fn hidden(&self, name: &str) -> PathBuf {
@@ -92,32 +101,43 @@ impl Store {
         }
     }
 
-    /// Takes a cell; `None` if another process computes it.
+    /// Locks a cell; `None` if another process computes it.
     ///
     /// # Errors
-    /// [`Error::Io`].
-    pub fn take(&self, cell: &Cell) -> Result<Option<Taken>> {
+    /// [`Error::Input`] on a file system without locks, [`Error::Io`].
+    pub fn lock(&self, cell: &Cell) -> Result<Option<CellLock>> {
         let path = self.hidden(&format!("{}.lock", cell.name));
         let lock = File::create(&path).map_err(|e| Error::io("create", &path, e))?;
-        match lock.try_lock() {
-            Err(TryLockError::WouldBlock) => return Ok(None),
-            // Some file systems have no locks.
-            Err(TryLockError::Error(_)) | Ok(()) => {}
+        if !self.is_locked(lock.try_lock())? {
+            return Ok(None);
         }
         let work = self.hidden(&cell.name);
         if work.exists() {
             fs::remove_dir_all(&work).map_err(|e| Error::io("remove", &work, e))?;
         }
         fs::create_dir_all(work.join("out")).map_err(|e| Error::io("create", &work, e))?;
-        Ok(Some(Taken { _lock: lock, work }))
+        Ok(Some(CellLock { _lock: lock, work }))
+    }
+
+    /// Whether a cell is this process's own after the attempt to lock it.
+    fn is_locked(&self, attempt: std::result::Result<(), TryLockError>) -> Result<bool> {
+        match attempt {
+            Ok(()) => Ok(true),
+            Err(TryLockError::WouldBlock) => Ok(false),
+            Err(TryLockError::Error(_)) if self.needs_no_locks => Ok(true),
+            Err(TryLockError::Error(error)) => Err(Error::input(format!(
+                "{}: this file system has no locks ({error}); use --task K/N, which gives each process cells of its own",
+                self.folder.display()
+            ))),
+        }
     }
 
     /// Gives the unfinished files in `out` below the work folder their place.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn complete(&self, cell: &Cell, taken: Taken, record: &Record) -> Result<()> {
-        let out = taken.work.join("out");
+    pub fn complete(&self, cell: &Cell, lock: CellLock, record: &Record) -> Result<()> {
+        let out = lock.work.join("out");
         write(&out.join(RECORD), record.line()?.as_bytes())?;
         let place = self.cell(cell);
         if place.exists() {
@@ -129,20 +149,20 @@ impl Store {
         if failed.exists() {
             fs::remove_file(&failed).map_err(|e| Error::io("remove", failed, e))?;
         }
-        fs::remove_dir_all(&taken.work).map_err(|e| Error::io("remove", &taken.work, e))
+        fs::remove_dir_all(&lock.work).map_err(|e| Error::io("remove", &lock.work, e))
     }
 
     /// Keeps why a cell has failed, and removes its unfinished files.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn fail(&self, cell: &Cell, taken: Taken, record: &Record) -> Result<()> {
+    pub fn fail(&self, cell: &Cell, lock: CellLock, record: &Record) -> Result<()> {
         write(&self.hidden(&format!("{}.failed", cell.name)), record.line()?.as_bytes())?;
         let place = self.cell(cell);
         if place.exists() {
             fs::remove_dir_all(&place).map_err(|e| Error::io("remove", &place, e))?;
         }
-        fs::remove_dir_all(&taken.work).map_err(|e| Error::io("remove", &taken.work, e))
+        fs::remove_dir_all(&lock.work).map_err(|e| Error::io("remove", &lock.work, e))
     }
 
     /// Writes the manifest, the same bytes from any process.
@@ -187,24 +207,37 @@ mod tests {
             "out = \"o\"\n[[scene]]\nname = \"s\"\nfile = \"x\"\n[[variant]]\nname = \"v\"\nplan = \"p\"\n";
         let file: CampaignFile = toml::from_str(text).unwrap();
         let cell = Cells::of(&file).unwrap().0.remove(0);
-        let store = Store::create(dir.path()).unwrap();
+        let store = Store::create(dir.path(), false).unwrap();
         let record = Record { cell: cell.name.clone(), ..Record::default() };
         let outcome = || store.outcome(&cell, &record, &mut Inputs::default());
         assert!(matches!(outcome(), Outcome::Absent));
-        let taken = store.take(&cell).unwrap().unwrap();
-        assert!(store.take(&cell).unwrap().is_none());
-        fs::write(taken.work.join("out/points.laz"), "unfinished").unwrap();
-        drop(taken);
+        let lock = store.lock(&cell).unwrap().unwrap();
+        assert!(store.lock(&cell).unwrap().is_none());
+        fs::write(lock.work.join("out/points.laz"), "unfinished").unwrap();
+        drop(lock);
         // What a process that was killed has left is gone.
-        let taken = store.take(&cell).unwrap().unwrap();
-        assert!(!taken.work.join("out/points.laz").exists());
+        let lock = store.lock(&cell).unwrap().unwrap();
+        assert!(!lock.work.join("out/points.laz").exists());
         let failed = Record { error: Some("no".to_owned()), ..record.clone() };
-        store.fail(&cell, taken, &failed).unwrap();
+        store.fail(&cell, lock, &failed).unwrap();
         assert!(matches!(outcome(), Outcome::Failed(found) if found.error.as_deref() == Some("no")));
-        let taken = store.take(&cell).unwrap().unwrap();
-        fs::write(taken.work.join("out/points.laz"), "all").unwrap();
-        store.complete(&cell, taken, &record).unwrap();
+        let lock = store.lock(&cell).unwrap().unwrap();
+        fs::write(lock.work.join("out/points.laz"), "all").unwrap();
+        store.complete(&cell, lock, &record).unwrap();
         assert!(matches!(outcome(), Outcome::Complete(_)));
         assert_eq!(fs::read(store.cell(&cell).join("points.laz")).unwrap(), b"all");
+    }
+
+    #[test]
+    fn without_locks_only_processes_with_cells_of_their_own_compute() {
+        let dir = tempfile::tempdir().unwrap();
+        let attempt = || Err(TryLockError::Error(std::io::Error::from_raw_os_error(95)));
+        let shared = Store::create(dir.path(), false).unwrap();
+        match shared.is_locked(attempt()) {
+            Err(Error::Input(problems)) => assert!(problems.render(false).contains("use --task K/N")),
+            other => panic!("{other:?}"),
+        }
+        assert!(!shared.is_locked(Err(TryLockError::WouldBlock)).unwrap());
+        assert!(Store::create(dir.path(), true).unwrap().is_locked(attempt()).unwrap());
     }
 }

@@ -96,6 +96,14 @@ fn failures_are_kept_and_stop_nothing() {
     succeed(dir.path(), &["campaign", &name, "--cell", "boxes-tiles-1", "-q"]);
     assert!(manifest(&dir.path().join("set")).iter().all(|line| line["error"].is_null()));
     assert!(!run(dir.path(), &["campaign", &name, "--cell", "nothing"]).status.success());
+    // A cell answers for itself alone.
+    fs::write(dir.path().join(&name), &bad).unwrap();
+    let of = |cell: &str| run(dir.path(), &["campaign", &name, "--cell", cell]);
+    let failed = of("boxes-tiles-1");
+    assert_eq!(failed.status.code(), Some(2));
+    assert!(text(&failed.stderr).contains("boxes-tiles-1 has failed: "), "{}", text(&failed.stderr));
+    let complete = of("boxes-plain-1");
+    assert_eq!(complete.status.code(), Some(0), "{}", text(&complete.stderr));
 }
 
 #[test]
@@ -211,5 +219,121 @@ fn hostile_files_are_refused_with_a_reason() {
         let out = run(dir.path(), &["campaign", "c.toml"]);
         assert_eq!(out.status.code(), Some(2), "{text_of_file}\n{}", text(&out.stderr));
         assert!(text(&out.stderr).contains(reason), "{reason}: {text_of_file}\n{}", text(&out.stderr));
+    }
+}
+
+/// A flat square of 100 m at that height.
+fn flat(z: f64) -> String {
+    let corners = ["-50 -50", "50 -50", "50 50", "-50 50"].map(|c| format!("v {c} {z}\n"));
+    corners.concat() + "f 1 2 3\nf 1 3 4\n"
+}
+
+#[test]
+fn the_data_set_is_no_input_of_its_own_cells() {
+    let dir = folder();
+    fs::write(dir.path().join("flat.obj"), flat(0.0)).unwrap();
+    for out in ["set", "."] {
+        let file = format!(
+            "out = \"{out}\"\nseeds = 2\nrun = \"--assets .\"\n[[scene]]\nname = \"flat\"\nfile = \"flat.obj\"\n\
+             area = \"POLYGON ((-20 -20, 20 -20, 20 20, -20 20))\"\n\
+             [[variant]]\nname = \"u\"\nplan = \"airborne --scanner riegl_vux-1uav --height 50 --density 1\"\n"
+        );
+        fs::write(dir.path().join("c.toml"), file).unwrap();
+        let first = succeed(dir.path(), &["campaign", "c.toml"]);
+        assert!(text(&first.stderr).contains("2 cells in"), "{}", text(&first.stderr));
+        let again = succeed(dir.path(), &["campaign", "c.toml"]);
+        assert!(!text(&again.stderr).contains("cells in"), "{out}: {}", text(&again.stderr));
+        let line = &manifest(&dir.path().join(out))[0];
+        assert!(line["inputs"]["./flat.obj"].is_string(), "{line}");
+    }
+}
+
+#[test]
+fn a_file_for_all_cells_is_refused() {
+    let dir = folder();
+    let name = boxes(dir.path(), "set", 1);
+    let good = fs::read_to_string(dir.path().join(&name)).unwrap();
+    for option in ["--parts parts.csv", "--schedule-log log.json"] {
+        fs::write(dir.path().join(&name), good.replace("--tile 10", option)).unwrap();
+        let out = run(dir.path(), &["campaign", &name, "--cell", "boxes-tiles-1"]);
+        assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+        assert!(text(&out.stderr).contains("which every cell would write"), "{}", text(&out.stderr));
+    }
+}
+
+#[test]
+fn heights_count_from_the_ground_of_their_epoch() {
+    let dir = folder();
+    fs::write(dir.path().join("low.obj"), flat(0.0)).unwrap();
+    fs::write(dir.path().join("high.obj"), flat(7.0)).unwrap();
+    let mesh = |name: &str| {
+        format!(
+            "<filter type=\"objloader\"><param type=\"string\" key=\"filepath\" value=\"{name}\"/></filter>"
+        )
+    };
+    let scene = format!(
+        "<document><scene id=\"s\" name=\"s\"><part>{}<swap swapStep=\"1\">{}</swap></part></scene></document>",
+        mesh("low.obj"),
+        mesh("high.obj")
+    );
+    fs::write(dir.path().join("swap.xml"), scene).unwrap();
+    let area = "POLYGON ((-20 -20, 20 -20, 20 20, -20 20))";
+    let plan = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--height", "50", "--density", "2"];
+    succeed(dir.path(), &[&plan[..], &["--area", area, "--scene", "low.obj", "-o", "f.toml", "-q"]].concat());
+    let columns = ["--columns", "Z,HeightAboveGround", "--scene", "swap.xml#s"];
+    succeed(dir.path(), &[&["run", "f.toml", "-o", "p.csv", "-q"], &columns[..]].concat());
+    let table = fs::read_to_string(dir.path().join("p.csv")).unwrap();
+    let rows: Vec<Vec<f64>> =
+        table.lines().skip(1).map(|line| line.split(',').map(|n| n.parse().unwrap()).collect()).collect();
+    let high = rows.iter().filter(|row| row[0] > 3.5).count();
+    assert!(high > 1000 && rows.len() - high > 1000, "{high} of {}", rows.len());
+    for row in rows {
+        assert!(row[1].abs() < 0.2, "{row:?}");
+    }
+}
+
+#[test]
+fn a_tree_is_the_same_model_in_every_plot() {
+    let dir = folder();
+    fs::write(dir.path().join("flat.obj"), flat(0.0)).unwrap();
+    fs::create_dir(dir.path().join("models")).unwrap();
+    for name in ["a", "b", "c"] {
+        let pyramid =
+            "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 10\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
+        fs::write(dir.path().join(format!("models/{name}.obj")), pyramid).unwrap();
+    }
+    let mut inventory = "id,x,y,height\n".to_owned();
+    for i in 0..60 {
+        inventory += &format!("t{i},{},{},10\n", i % 20 * 4 - 38, (i / 20) * 4 - 4);
+    }
+    fs::write(dir.path().join("i.csv"), inventory).unwrap();
+    // Plots share the row of trees between them; the easternmost ones have none.
+    fs::write(
+        dir.path().join("c.toml"),
+        "out = \"set\"\n[[scene]]\nname = \"p\"\nstand = \"i.csv --trees models --terrain flat.obj\"\n\
+         area = \"POLYGON ((-40 -8, 48 -8, 48 8, -40 8))\"\nplots = 22\nplot_m = 8\nmargin_m = 1\n\
+         [[variant]]\nname = \"u\"\nplan = \"airborne --scanner riegl_vux-1uav --height 50 --density 2\"\n",
+    )
+    .unwrap();
+    succeed(dir.path(), &["campaign", "c.toml", "-q"]);
+    let mut models: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut without_trees = 0;
+    for line in manifest(&dir.path().join("set")) {
+        assert!(line["error"].is_null(), "{line}");
+        let objects = format!("set/cells/{}/objects.csv", line["cell"].as_str().unwrap());
+        let table = fs::read_to_string(dir.path().join(objects)).unwrap();
+        let mut rows = table.lines().map(|row| row.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let names = rows.next().unwrap();
+        let column = |name: &str| names.iter().position(|n| n == name);
+        let (Some(tree), Some(model)) = (column("tree"), column("model")) else { panic!("{names:?}") };
+        let trees: Vec<Vec<String>> = rows.filter(|row| !row[tree].is_empty()).collect();
+        without_trees += usize::from(trees.is_empty());
+        for row in trees {
+            models.entry(row[tree].clone()).or_default().push(row[model].clone());
+        }
+    }
+    assert!(without_trees >= 1 && models.len() == 60 && models.values().any(|all| all.len() > 1));
+    for (tree, all) in models {
+        assert!(all.iter().all(|model| *model == all[0]), "{tree}: {all:?}");
     }
 }

@@ -1,6 +1,6 @@
 //! Computes a cell: its scene, its survey, its points and the table of its objects.
 
-use super::super::args::{Cli, Command, PlanArgs, PlanCommand, RunArgs, SceneArgs, SceneCommand};
+use super::super::args::{Cli, Command, RunArgs, SceneArgs, SceneCommand};
 use super::super::{Console, interrupt, plan, scene, stand};
 use super::labels::{Labels, objects};
 use crate::campaign::{Cell, File, FileRecord, Inputs, Record, SceneEntry, checksum, words};
@@ -13,8 +13,8 @@ use crate::pipeline::{Control, Job, LoadedScene, PartTable, Progress, Report, Se
 use clap::{Parser, ValueEnum};
 use std::path::{Path, PathBuf};
 
-/// What the cells of a campaign have in common.
-pub struct Laboratory<'c> {
+/// Computes the cells of a campaign one after the other.
+pub struct CellRunner<'c> {
     file: &'c File,
     format: PointFormat,
     threads: Option<usize>,
@@ -33,15 +33,15 @@ struct Site {
     labels: Labels,
 }
 
-impl<'c> Laboratory<'c> {
+impl<'c> CellRunner<'c> {
     /// # Errors
     /// An unknown format.
-    pub fn new(file: &'c File, threads: Option<usize>, console: &'c Console) -> Result<Laboratory<'c>> {
+    pub fn new(file: &'c File, threads: Option<usize>, console: &'c Console) -> Result<CellRunner<'c>> {
         let format = PointFormat::from_str(&file.format, true).map_err(|_| {
             Error::input(format!("no format is called {}; choose {}", file.format, PointFormat::names()))
         })?;
         let folder = std::env::current_dir().map_err(|e| Error::open(Path::new("."), e))?;
-        Ok(Laboratory { file, format, threads, console, folder, loaded: None })
+        Ok(CellRunner { file, format, threads, console, folder, loaded: None })
     }
 
     /// Threads of this process.
@@ -81,7 +81,8 @@ impl<'c> Laboratory<'c> {
 
     /// Makes the scene of a cell, unless it is a file.
     fn site(&self, cell: &Cell, work: &Path) -> Result<Site> {
-        let SceneEntry { name, file, make, stand: placed, margin_m, .. } = &*cell.scene;
+        let SceneEntry { name, file, make, stand: placed, .. } = &*cell.scene;
+        let margin_m = cell.scene.margin();
         let folder = work.join("scene");
         if let Some(line) = make {
             let options = ["-o".into(), text(&folder)?, "--seed".into(), cell.seed.to_string()];
@@ -139,10 +140,7 @@ impl<'c> Laboratory<'c> {
         let Command::Plan(args) = parsed(&["plan"], line, &options)? else {
             return Err(unexpected(&cell.variant.name, "plan"));
         };
-        let planned: PlanArgs = args;
-        let is_around = matches!(&planned.command, PlanCommand::Terrestrial(args) if args.around.is_some());
-        let what = if is_around { "around a place" } else { "over its area" };
-        plan::make(&planned, &format!("vlscan plan {line} ({what})"), self.console)?;
+        plan::make(&args, &format!("vlscan plan {line}"), self.console)?;
         Ok(path)
     }
 
@@ -158,6 +156,13 @@ impl<'c> Laboratory<'c> {
         if has_outputs || run.parts.part.is_some() || run.parts.resume.is_some() || run.dry.dry_run {
             return Err(Error::input(format!(
                 "run = \"{}\": outputs, parts and dry runs are not for campaigns, which name the files of cells themselves",
+                line.trim()
+            )));
+        }
+        if run.options.part_table.is_some() || run.options.schedule.schedule_log.is_some() {
+            return Err(Error::input(format!(
+                "run = \"{}\": --parts and --schedule-log name one file, which every cell would write; objects.csv of each cell has \
+                 the parts of its scene",
                 line.trim()
             )));
         }

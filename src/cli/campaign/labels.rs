@@ -1,6 +1,7 @@
 //! The table of a cell's objects: what the numbers in its points mean.
 
 use crate::campaign::Cell;
+use crate::columns::{Separator, quoted, unquoted};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,6 +16,8 @@ pub struct Labels {
 
 /// Columns of a stand's labels that the table of parts has already.
 const KNOWN: [&str; 5] = ["part", "x", "y", "z", "height"];
+
+const COMMA: Separator = Separator::Char(',');
 
 /// A table with the number of its rows.
 pub struct Table {
@@ -34,14 +37,14 @@ impl Labels {
 
     fn parse(text: &str) -> Option<Labels> {
         let mut lines = text.lines();
-        let heading = fields(lines.next()?);
+        let heading = unquoted(lines.next()?, COMMA);
         let part = heading.iter().position(|name| name == "part")?;
         let own: Vec<usize> = (0..heading.len()).filter(|i| !KNOWN.contains(&heading[*i].as_str())).collect();
         // The table of parts has an id and a name of each part, too.
         let name = |i: &usize| if heading[*i] == "id" { "tree".to_owned() } else { heading[*i].clone() };
         let mut labels = Labels { columns: own.iter().map(name).collect(), rows: BTreeMap::new() };
         for line in lines {
-            let row = fields(line);
+            let row = unquoted(line, COMMA);
             let pick = |i: &usize| row.get(*i).cloned().unwrap_or_default();
             labels.rows.insert(row.get(part)?.parse().ok()?, own.iter().map(pick).collect());
         }
@@ -74,26 +77,6 @@ pub fn objects(parts: &str, labels: &Labels, cell: &Cell) -> Result<Table> {
         rows += 1;
     }
     Ok(Table { text, rows })
-}
-
-/// The fields of a line of CSV (RFC 4180) without line breaks within fields.
-fn fields(line: &str) -> Vec<String> {
-    let (mut all, mut field, mut is_quoted) = (Vec::new(), String::new(), false);
-    let mut rest = line.chars().peekable();
-    while let Some(c) = rest.next() {
-        match (c, is_quoted) {
-            ('"', true) if rest.peek() == Some(&'"') => field.extend(rest.next()),
-            ('"', _) => is_quoted = !is_quoted,
-            (',', false) => all.push(std::mem::take(&mut field)),
-            (c, _) => field.push(c),
-        }
-    }
-    all.push(field);
-    all
-}
-
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
 }
 
 #[cfg(test)]

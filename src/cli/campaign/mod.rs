@@ -10,12 +10,12 @@ mod labels;
 
 use super::args::CampaignArgs;
 use super::{Console, Verbosity, interrupt};
-use crate::campaign::{Cell, Cells, File, Inputs, Outcome, Record, Store, Taken, words};
+use crate::campaign::{Cell, CellLock, Cells, File, Inputs, Outcome, Record, Store, words};
 use crate::error::{Error, Result};
 use crate::files::write_stdout;
 use crate::options::PartNumber;
 use crate::quantity::{amount, duration};
-use cell::Laboratory;
+use cell::CellRunner;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -29,8 +29,9 @@ pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
     }
     let cells = Cells::of(&file)?.0;
     let mine = chosen(args, &cells)?;
-    let mut inputs = Inputs::default();
-    let store = Store::create(&std::path::absolute(&file.out).map_err(|e| Error::open(&file.out, e))?)?;
+    let out = std::path::absolute(&file.out).map_err(|e| Error::open(&file.out, e))?;
+    let store = Store::create(&out, args.task.is_some())?;
+    let mut inputs = Inputs::without(store.outputs());
     if args.list {
         let mut names = String::new();
         for cell in mine {
@@ -44,7 +45,7 @@ pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
     }
     let quiet = Console::new(Verbosity::Errors);
     let inner = if console.shows(Verbosity::Verbose) { console } else { &quiet };
-    let mut laboratory = Laboratory::new(&file, args.threads, inner)?;
+    let mut runner = CellRunner::new(&file, args.threads, inner)?;
     let (mut computed, started) = (0, Instant::now());
     for cell in &mine {
         let wanted = wanted(&file, cell, &mut inputs)?;
@@ -56,19 +57,20 @@ pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
         if !is_due() {
             continue;
         }
-        let Some(taken) = store.take(cell)? else { continue };
+        let Some(lock) = store.lock(cell)? else { continue };
         // Another process may have completed it in the meantime.
         if !is_due() {
-            taken.give_back()?;
+            lock.release()?;
             continue;
         }
         computed += 1;
-        compute(&store, &mut laboratory, cell, wanted, taken, &mut inputs, console)?;
+        compute(&store, &mut runner, cell, wanted, lock, &mut inputs, console)?;
     }
     if computed > 0 {
         console.say(format!("{computed} cells in {}", duration(started.elapsed().as_secs_f64())));
     }
-    finish(&file, &store, &cells, &mut inputs, console)
+    let is_reported = |cell: &Cell| args.cell.is_empty() || args.cell.contains(&cell.name);
+    finish(&file, &store, &cells, is_reported, &mut inputs, console)
 }
 
 /// The cells that this process shall compute.
@@ -117,22 +119,22 @@ fn wanted(file: &File, cell: &Cell, inputs: &mut Inputs) -> Result<Record> {
     })
 }
 
-/// Computes a cell that this process has taken, and keeps what it gave or why it failed.
+/// Computes a cell that this process has locked, and keeps what it gave or why it failed.
 fn compute(
     store: &Store,
-    laboratory: &mut Laboratory<'_>,
+    runner: &mut CellRunner<'_>,
     cell: &Cell,
     mut record: Record,
-    taken: Taken,
+    lock: CellLock,
     inputs: &mut Inputs,
     console: &Console,
 ) -> Result<()> {
     let started = Instant::now();
-    match laboratory.compute(cell, &mut record, &taken.work, inputs) {
+    match runner.compute(cell, &mut record, &lock.work, inputs) {
         Ok(()) => {
-            store.complete(cell, taken, &record)?;
+            store.complete(cell, lock, &record)?;
             let seconds = started.elapsed().as_secs_f64();
-            store.note_time(cell, seconds, laboratory.threads());
+            store.note_time(cell, seconds, runner.threads());
             let points = amount(record.points as f64);
             console.say(format!("{}  {points} points, {}", cell.name, duration(seconds)));
             Ok(())
@@ -140,10 +142,10 @@ fn compute(
         Err(Error::Interrupted) => Err(Error::Interrupted),
         Err(_) if interrupt::STOP.is_requested() => Err(Error::Interrupted),
         Err(error) => {
-            let message = message_of(&error, &taken.work);
+            let message = message_of(&error, &lock.work);
             console.say(format!("{}  failed: {}", cell.name, message.lines().next().unwrap_or_default()));
             record.error = Some(message);
-            store.fail(cell, taken, &record)
+            store.fail(cell, lock, &record)
         }
     }
 }
@@ -158,15 +160,24 @@ fn message_of(error: &Error, work: &Path) -> String {
     message.replace(&folder, "").trim_end().to_owned()
 }
 
-/// Writes the manifest if every cell is complete or has failed.
-fn finish(file: &File, store: &Store, cells: &[Cell], inputs: &mut Inputs, console: &Console) -> Result<()> {
+/// Writes the manifest if every cell is complete or has failed. Failures of the cells that `is_reported` are those of the command.
+fn finish(
+    file: &File,
+    store: &Store,
+    cells: &[Cell],
+    is_reported: impl Fn(&Cell) -> bool,
+    inputs: &mut Inputs,
+    console: &Console,
+) -> Result<()> {
     let mut records = Vec::with_capacity(cells.len());
     let (mut left, mut failed) = (0, Vec::new());
     for cell in cells {
         match store.outcome(cell, &wanted(file, cell, inputs)?, inputs) {
             Outcome::Complete(record) => records.push(*record),
             Outcome::Failed(record) => {
-                failed.push(cell.name.as_str());
+                if is_reported(cell) {
+                    failed.push((cell.name.as_str(), record.error.clone().unwrap_or_default()));
+                }
                 records.push(*record);
             }
             Outcome::Absent => left += 1,
@@ -181,10 +192,13 @@ fn finish(file: &File, store: &Store, cells: &[Cell], inputs: &mut Inputs, conso
     }
     match failed.as_slice() {
         [] => Ok(()),
-        [first, ..] => Err(Error::input(format!(
+        [(name, error)] if cells.iter().filter(|cell| is_reported(cell)).count() == 1 => {
+            Err(Error::input(format!("{name} has failed: {error}; --retry computes it again")))
+        }
+        [(first, _), ..] => Err(Error::input(format!(
             "{} of {} cells have failed, {first} among them; the manifest tells why, --retry computes them again",
             failed.len(),
-            cells.len()
+            cells.iter().filter(|cell| is_reported(cell)).count()
         ))),
     }
 }
