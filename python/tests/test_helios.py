@@ -205,6 +205,7 @@ def test_materials_can_be_changed():
     for wrong in ({"indices": [-1]}, {"indices": [2]}, {"indices": [True]}, {"range_stop": 3}):
         with pytest.raises(ValueError, match="expected"):
             helios.ScenePart.from_numpy_array(vertices, quads).update_material(helios.Material("a"), **wrong)
+    assert helios.StaticScene([plane()]).engine().materials == {"default": (50, 0)}
     with pytest.warns(vlscan.VlscanWarning, match="'bright' is 1.5"):
         helios.Material("bright", reflectance=1.5)
     read = helios.Material.from_file(FIXTURES / "forest/forest.mtl")

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Material:
     """How a surface reflects, and which class its points get."""
 
     name: str = "material"
-    #: Reflectance, 0 to 1; 0.5 by default. ``None`` with a ``spectrum``, which has it.
+    #: Reflectance, 0 to 1. ``None``: that of ``spectrum``, else 0.5.
     reflectance: float | None = None
     #: Class of the points, 0 to 255.
     classification: int = 0
@@ -43,9 +43,9 @@ class Material:
     #: Roughness of the surface, 0 to 90 degrees; refined physics.
     roughness_deg: float = 0.0
 
+    _USUAL_REFLECTANCE: ClassVar[float | None] = 0.5
+
     def __post_init__(self) -> None:
-        if self.reflectance is None and self.spectrum is None:
-            object.__setattr__(self, "reflectance", 0.5)
         self._check("reflectance", 1)
         self._check("roughness_deg", 90)
         self._check("classification", 255)
@@ -329,6 +329,8 @@ class Part:
 
 def _fields(material: Material) -> dict[str, Any]:
     fields = asdict(material)
+    if material.reflectance is None and material.spectrum is None:
+        fields["reflectance"] = material._USUAL_REFLECTANCE
     for key in ("diffuse", "specular"):
         fields[key] = [float(v) for v in fields[key]]
     for key in ("specular_exponent", "roughness_deg"):

@@ -14,6 +14,8 @@ from .settings import find_asset
 class _UncheckedMaterial(EngineMaterial):
     """A material as it is: HELIOS++ takes any reflectance, and has its own default."""
 
+    _USUAL_REFLECTANCE = None
+
     def __post_init__(self) -> None:
         pass
 
