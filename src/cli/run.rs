@@ -121,6 +121,12 @@ pub fn show_report(console: &Console, report: &Report, started: Instant) -> Resu
                 .say(format!("  warning: {} points do not fit the format and were left out", file.left_out));
         }
     }
+    if summary.left_out > 0 {
+        console.say(format!(
+            "  warning: {} points lie far beside all tiles or belong to no part, and were left out",
+            summary.left_out
+        ));
+    }
     let pulses = *pulses as f64;
     console.took(
         Verbosity::Normal,

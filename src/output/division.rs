@@ -7,6 +7,10 @@ use crate::pulse::Echo;
 /// Files that a division can have at most.
 pub(super) const MAX_FILES: usize = 10_000;
 
+/// How far beside the scene the tiles reach, m: the first of these with at most [`MAX_FILES`] files. Points lie beside the
+/// surfaces that they come from by the errors of range and navigation.
+const MARGINS_M: [f64; 3] = [25.0, 5.0, 1.0];
+
 /// How points are divided among the files of a folder.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Division {
@@ -48,19 +52,26 @@ impl Divider {
         shift: DVec3,
         parts: &ObjectIds,
     ) -> Result<Divider, String> {
-        let too_many = |count: f64| format!("{count:.0} files are too many, at most {MAX_FILES} are written");
+        let too_many = |count: f64| {
+            let count = if count < 1e9 { format!("{count:.0}") } else { format!("{count:e}") };
+            format!("{count} files are too many, at most {MAX_FILES} are written")
+        };
         match division {
             Division::Tiles(size) => {
                 let world = bounds.translated(shift);
                 let cell = |value: f64| (value / size).floor();
-                // Echoes lie a little beside the surfaces that they come from.
-                let (low, high) = (world.min - DVec3::ONE, world.max + DVec3::ONE);
-                let counts = [cell(high.x) - cell(low.x) + 1.0, cell(high.y) - cell(low.y) + 1.0];
-                let count = counts[0] * counts[1];
-                if !(1.0..=MAX_FILES as f64).contains(&count) {
-                    return Err(too_many(count));
-                }
-                let first = [cell(low.x) as i64, cell(low.y) as i64];
+                let grid = |margin: f64| {
+                    let first = [world.min.x, world.min.y].map(|v| cell(v - margin));
+                    let last = [world.max.x, world.max.y].map(|v| cell(v + margin));
+                    (first, [last[0] - first[0] + 1.0, last[1] - first[1] + 1.0])
+                };
+                let grids = MARGINS_M.map(grid);
+                let fits = |counts: &[f64; 2]| (1.0..=MAX_FILES as f64).contains(&(counts[0] * counts[1]));
+                let Some((first, counts)) = grids.into_iter().find(|(_, counts)| fits(counts)) else {
+                    let [_, _, (_, least)] = grids;
+                    return Err(too_many(least[0] * least[1]));
+                };
+                let first = first.map(|v| v as i64);
                 let (columns, rows) = (counts[0] as usize, counts[1] as usize);
                 let corner = |index: i64| {
                     let metres = index as f64 * size;
@@ -125,7 +136,14 @@ mod tests {
         };
         assert_eq!(name(-15.0, -5.0), Some("tile_980_-10"));
         assert_eq!(name(0.0, 0.0), Some("tile_1000_0"));
+        // Errors of navigation move points beside the scene.
+        assert_eq!(name(-38.0, 36.0), Some("tile_960_30"));
         assert_eq!((name(500.0, 0.0), name(0.0, -500.0)), (None, None));
+        // A smaller margin where the large one takes too many files.
+        let small = Divider::new(&Division::Tiles(0.5), &bounds, shift, &ObjectIds::default()).unwrap();
+        assert!(small.names.len() <= MAX_FILES && small.names.iter().any(|name| name == "tile_980_-10"));
+        let most = Divider::new(&Division::Tiles(1e-200), &bounds, shift, &ObjectIds::default()).unwrap_err();
+        assert!(most.len() < 80, "{most}");
         let many = Divider::new(&Division::Tiles(1e-3), &bounds, shift, &ObjectIds::default());
         assert!(many.unwrap_err().contains("too many"));
     }

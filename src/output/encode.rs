@@ -28,6 +28,8 @@ pub struct Encoded {
     pub(super) pieces: Vec<Piece>,
     /// Numbers of points by part, if they are counted.
     pub(super) points_of_part: Vec<(u32, u64)>,
+    /// Points of no file of a division.
+    pub(super) left_out: u64,
 }
 
 impl Encoded {
@@ -50,6 +52,7 @@ impl Encoded {
             mine.tally.add(&next.tally);
         }
         self.points_of_part.extend(next.points_of_part);
+        self.left_out += next.left_out;
         None
     }
 
@@ -94,10 +97,13 @@ impl OutputPlan {
         }
         let routes = self.layout.routes.get(batch.leg as usize).map_or(&[][..], |r| r);
         let mut pieces = Vec::with_capacity(routes.len());
+        let mut left_out = 0;
         for route in routes {
             match route {
                 Route::Points(format, Slots::Divided(slots)) => {
-                    for (file, own) in self.divided(&echoes) {
+                    let divided = self.divided(&echoes);
+                    left_out = (echoes.len() - divided.values().map(Vec::len).sum::<usize>()) as u64;
+                    for (file, own) in divided {
                         self.points(*format, &Slots::One(slots[file]), source, &own, &mut pieces);
                     }
                 }
@@ -115,7 +121,7 @@ impl OutputPlan {
             }
         }
         let points_of_part = if self.counts_parts { count_parts(&echoes) } else { Vec::new() };
-        Encoded { leg: batch.leg, pieces, points_of_part }
+        Encoded { leg: batch.leg, pieces, points_of_part, left_out }
     }
 
     /// Echoes by the index of their file, ascending.

@@ -9,6 +9,7 @@ use crate::files::{is_stdout, with_suffix};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Content {
@@ -66,6 +67,8 @@ pub(super) struct FilePlan {
     pub last_leg: usize,
     /// Number of the sink that requested the file; two sinks must not share a file.
     pub sink: usize,
+    /// Whether it is one of the files of a divided folder.
+    pub divided: bool,
 }
 
 /// The files of the points of a leg, by index in [`OutputLayout::files`].
@@ -75,15 +78,16 @@ pub(super) enum Slots {
     One(u32),
     /// One file per device, by index of the device.
     PerDevice(Vec<u32>),
-    /// One file per tile or object, see [`super::division`].
-    Divided(Vec<u32>),
+    /// One file per tile or object, see [`super::division`]; all legs share the list.
+    Divided(Arc<[u32]>),
 }
 
 impl Slots {
     pub fn as_slice(&self) -> &[u32] {
         match self {
             Slots::One(slot) => std::slice::from_ref(slot),
-            Slots::PerDevice(slots) | Slots::Divided(slots) => slots,
+            Slots::PerDevice(slots) => slots,
+            Slots::Divided(slots) => slots,
         }
     }
 
@@ -263,13 +267,17 @@ impl OutputLayout {
         context: &OutputContext,
         names: &[String],
     ) {
-        for index in 0..context.legs.len() {
-            let file = |layout: &mut OutputLayout, name: &String| {
-                let location = base.inside(format!("{name}.{}", format.extension()));
-                layout.slot(sink, location, Content::Points(format), index)
-            };
-            let slots = names.iter().map(|name| file(self, name)).collect();
-            self.routes[index].push(Route::Points(format, Slots::Divided(slots)));
+        let last = context.legs.len().saturating_sub(1);
+        let mut slots = Vec::with_capacity(names.len());
+        for name in names {
+            let location = base.inside(format!("{name}.{}", format.extension()));
+            let slot = self.slot(sink, location, Content::Points(format), last);
+            self.files[slot as usize].divided = true;
+            slots.push(slot);
+        }
+        let slots: Arc<[u32]> = slots.into();
+        for routes in &mut self.routes {
+            routes.push(Route::Points(format, Slots::Divided(slots.clone())));
         }
     }
 
@@ -317,7 +325,15 @@ impl OutputLayout {
             Content::Waveforms | Content::Pulses => self.zip,
             Content::Trajectory(_) | Content::Part | Content::Table(_) => false,
         };
-        self.files.push(FilePlan { location: location.clone(), content, zipped, last_leg: leg, sink });
+        let divided = false;
+        self.files.push(FilePlan {
+            location: location.clone(),
+            content,
+            zipped,
+            last_leg: leg,
+            sink,
+            divided,
+        });
         self.slots.insert(location, slot);
         slot
     }

@@ -41,6 +41,33 @@ fn lines(path: PathBuf) -> usize {
 }
 
 #[test]
+fn tiles_take_points_beside_the_scene_and_others_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let survey = survey(1, &[None, None, None]);
+    let mut request = points(Target::Directory(dir.path().join("tiles")));
+    request.division = Some(Division::Tiles(500.0));
+    request.sinks.push((Target::File(dir.path().join("all.xyz")), PointFormat::Xyz));
+    let mut batch = batch(1, 0, 300);
+    // The scene ends at 1000 m.
+    batch.echoes[7].position.x = 1020.0;
+    batch.echoes[8].position.x = 5000.0;
+    let plan = plan(request.clone(), &survey);
+    let slots: Vec<&[u32]> = plan.layout.routes.iter().map(|routes| routes[0].slots()).collect();
+    assert!(slots[0].len() > 16 && std::ptr::eq(slots[0], slots[2]), "all legs have one list");
+    let summary = write(request.clone(), &survey, &[batch]).unwrap();
+    assert_eq!((summary.points, summary.left_out), (299, 1));
+    let tiles: usize =
+        files(&dir.path().join("tiles")).iter().map(|f| lines(dir.path().join("tiles").join(f))).sum();
+    assert_eq!((tiles, lines(dir.path().join("all.xyz"))), (299, 300));
+
+    // Without points there are no tiles, and the other files are there.
+    fs::remove_dir_all(dir.path().join("tiles")).unwrap();
+    fs::remove_file(dir.path().join("all.xyz")).unwrap();
+    write(request, &survey, &[]).unwrap();
+    assert_eq!(files(dir.path()), ["all.xyz"]);
+}
+
+#[test]
 fn the_layout_of_the_reference() {
     let dir = tempfile::tempdir().unwrap();
     let survey = survey(2, &[None, Some("!"), Some("7"), None, Some("7"), Some("A")]);

@@ -6,7 +6,6 @@ use super::layout::{Content, OutputLocation};
 use super::memory::TableContent;
 use super::open::OpenOutput;
 use super::plan::{OutputPlan, create_run_directory, stamp};
-use super::summary::FileKind;
 use super::summary::Summary;
 use crate::error::{Error, Result};
 use crate::files::NewFolder;
@@ -105,11 +104,13 @@ impl Writer {
                 counts[part] += count;
             }
         }
+        self.summary.left_out += encoded.left_out;
         for piece in encoded.pieces {
             if self.closed_pipes.contains(&piece.slot) {
                 continue;
             }
             let slot = piece.slot;
+            self.open_divided(slot)?;
             let file = self.files.get_mut(piece.slot as usize).and_then(Option::as_mut);
             let file =
                 file.ok_or_else(|| Error::Internal(format!("leg {} writes a closed file", encoded.leg)))?;
@@ -229,10 +230,24 @@ impl Writer {
 
     fn open_files(&mut self, wanted: impl Fn(&OutputLocation) -> bool) -> Result<()> {
         let plan = self.plan.clone();
-        for (slot, file) in plan.layout.files.iter().enumerate().filter(|(_, f)| wanted(&f.location)) {
+        for (slot, file) in
+            plan.layout.files.iter().enumerate().filter(|(_, f)| !f.divided && wanted(&f.location))
+        {
             let mut open = OpenOutput::open(&plan, file, &self.runs)?;
             open.close_handle()?;
             self.files[slot] = Some(open);
+        }
+        Ok(())
+    }
+
+    /// Opens a file of a division before its first point: tiles beyond the flight and objects that nothing hit have no files.
+    fn open_divided(&mut self, slot: u32) -> Result<()> {
+        let plan = self.plan.clone();
+        let Some(file) = plan.layout.files.get(slot as usize).filter(|file| file.divided) else {
+            return Ok(());
+        };
+        if self.files[slot as usize].is_none() {
+            self.files[slot as usize] = Some(OpenOutput::open(&plan, file, &self.runs)?);
         }
         Ok(())
     }
@@ -265,10 +280,7 @@ impl Writer {
                 continue;
             }
             let Some(open) = self.files[slot as usize].take() else { continue };
-            // Tiles beyond the flight and objects that nothing hit have no files.
-            let is_needless =
-                self.partial || plan.divider.is_some() && file.content.kind() == FileKind::Points;
-            if is_needless && open.is_file() && !open.has_records() {
+            if self.partial && open.is_file() && !open.has_records() {
                 continue;
             }
             let done = match open.finish(&plan, &*self.offload, self.partial) {
