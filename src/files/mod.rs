@@ -28,4 +28,5 @@ mod writer;
 pub use paths::{free_name, identity, is_special, is_stdout, with_suffix};
 pub use stream::limit_waiting;
 pub use temporary::{NewFolder, publish, remove_litter, remove_temporary};
+pub(crate) use writer::scratch_failed;
 pub use writer::{FileWriter, Patched, write_stderr, write_stdout};

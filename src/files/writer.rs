@@ -218,7 +218,7 @@ fn scratch() -> Result<File> {
     fault::point().and_then(|()| tempfile::tempfile()).map_err(scratch_failed)
 }
 
-fn scratch_failed(e: io::Error) -> Error {
+pub(crate) fn scratch_failed(e: io::Error) -> Error {
     Error::io("write a temporary file in the folder that TMPDIR names,", std::env::temp_dir(), e)
 }
 

@@ -1,21 +1,20 @@
-//! E57 (ASTM E2807): a scan for each leg, with the pose of the scanner. Points are collected in an unnamed file, because the
+//! E57 (ASTM E2807): a scan for each leg, with the pose of the scanner. Points are collected in a temporary file, because the
 //! sections of a scan are completed one after the other.
 
 use super::codec::{LegFacts, PointCodec, byte, seconds};
 use super::stream::OutputStream;
 use crate::error::{Error, Result};
+use crate::files::{FileWriter, scratch_failed};
 use crate::geom::DVec3;
 use crate::pulse::Echo;
 use ::e57::{E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation};
-use std::fs::File;
-use std::io::{BufReader, BufWriter, Read, Seek, Write};
-use std::path::Path;
+use std::io::{BufReader, Cursor, Read, Seek};
 
 /// Bytes of a collected point: leg, position, origin, time, intensity, return number and their number.
 const RECORD_BYTES: usize = 2 + 7 * 8 + 4 + 2;
 
-/// Bytes that are copied at once.
-const COPIED_BYTES: usize = 1 << 16;
+/// Bytes of points that are kept in memory.
+const MAX_MEMORY_BYTES: usize = 1 << 16;
 
 /// Encoder of echoes as collected points.
 pub(super) struct E57Codec {
@@ -64,29 +63,52 @@ impl Point {
 
 /// A file that is being written.
 pub(super) struct E57Stream {
-    points: BufWriter<File>,
+    /// Points that are not in the file.
+    memory: Vec<u8>,
+    file: Option<FileWriter>,
     count: u64,
 }
 
 impl E57Stream {
-    pub fn new() -> Result<E57Stream> {
-        let points = BufWriter::new(tempfile::tempfile().map_err(scratch_failed)?);
-        Ok(E57Stream { points, count: 0 })
+    pub fn new() -> E57Stream {
+        E57Stream { memory: Vec::new(), file: None, count: 0 }
     }
 
-    pub fn append(&mut self, points: &[u8]) -> Result<()> {
+    /// Collects points of the file `out`.
+    pub fn append(&mut self, points: &[u8], out: &OutputStream) -> Result<()> {
         self.count += (points.len() / RECORD_BYTES) as u64;
-        self.points.write_all(points).map_err(scratch_failed)
+        self.memory.extend_from_slice(points);
+        if self.memory.len() <= MAX_MEMORY_BYTES {
+            return Ok(());
+        }
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => none.insert(out.scratch_beside()?),
+        };
+        file.append(&self.memory)?;
+        self.memory.clear();
+        Ok(())
+    }
+
+    /// Closes the handle of the collected points until the next append.
+    pub fn close_handle(&mut self) {
+        self.file.iter_mut().for_each(FileWriter::close_handle);
+        self.memory.shrink_to_fit();
     }
 
     /// Writes the scans. `crs` is the name of the coordinate reference system.
-    pub fn finish(self, crs: Option<&str>, out: &mut OutputStream) -> Result<()> {
-        let mut points = self.points.into_inner().map_err(|e| scratch_failed(e.into_error()))?;
-        points.rewind().map_err(scratch_failed)?;
-        let mut points = Points { file: BufReader::new(points), left: self.count, next: None };
-        let mut file = tempfile::tempfile().map_err(scratch_failed)?;
-        let writable = file.try_clone().map_err(scratch_failed)?;
-        let mut writer = E57Writer::new(writable, &guid(u64::MAX, self.count)).map_err(e57_failed)?;
+    pub fn finish(mut self, crs: Option<&str>, out: &mut OutputStream) -> Result<()> {
+        let source: Box<dyn Read> = match self.file.take() {
+            Some(mut file) => {
+                file.append(&self.memory)?;
+                file.rewind().map_err(|e| file.failed("read", e))?;
+                Box::new(BufReader::new(file))
+            }
+            None => Box::new(Cursor::new(self.memory)),
+        };
+        let mut points = Points { source, left: self.count, next: None };
+        let mut file = out.scratch_beside()?;
+        let mut writer = E57Writer::new(&mut file, &guid(u64::MAX, self.count)).map_err(e57_failed)?;
         writer.set_coordinate_metadata(crs.map(str::to_owned));
         let mut scan = 0;
         while let Some(first) = points.next()? {
@@ -113,20 +135,13 @@ impl E57Stream {
         }
         writer.finalize().map_err(e57_failed)?;
         drop(writer);
-        file.rewind().map_err(scratch_failed)?;
-        let mut bytes = vec![0; COPIED_BYTES];
-        loop {
-            match file.read(&mut bytes).map_err(scratch_failed)? {
-                0 => return Ok(()),
-                n => out.append(&bytes[..n])?,
-            }
-        }
+        file.copy_to(|bytes| out.append(bytes))
     }
 }
 
 /// The collected points, in order.
 struct Points {
-    file: BufReader<File>,
+    source: Box<dyn Read>,
     left: u64,
     /// A point that has been read ahead.
     next: Option<Point>,
@@ -142,7 +157,7 @@ impl Points {
         }
         self.left -= 1;
         let mut bytes = [0; RECORD_BYTES];
-        self.file.read_exact(&mut bytes).map_err(scratch_failed)?;
+        self.source.read_exact(&mut bytes).map_err(scratch_failed)?;
         Ok(Some(Point::decode(&bytes)))
     }
 }
@@ -186,10 +201,6 @@ fn guid(scan: u64, points: u64) -> String {
     let hash = xxhash_rust::xxh3::xxh3_128(&[scan.to_le_bytes(), points.to_le_bytes()].concat());
     let hex = format!("{hash:032x}");
     format!("{{{}-{}-{}-{}-{}}}", &hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..])
-}
-
-fn scratch_failed(e: std::io::Error) -> Error {
-    Error::io("write", Path::new("a temporary file"), e)
 }
 
 fn e57_failed(e: ::e57::Error) -> Error {

@@ -176,7 +176,7 @@ impl OutputFile {
             (Content::Points(PointFormat::Parquet), _) => {
                 Encoder::Parquet(Box::new(ParquetStream::new(&plan.columns, &plan.schema)?))
             }
-            (Content::Points(PointFormat::E57), _) => Encoder::E57(E57Stream::new()?),
+            (Content::Points(PointFormat::E57), _) => Encoder::E57(E57Stream::new()),
             (Content::Part, _) => Encoder::Part(PartTable::new(out.len())),
             _ => Encoder::Plain,
         };
@@ -205,7 +205,7 @@ impl OutputFile {
             Encoder::Archive(archive) => archive.append(bytes, &mut self.out, offload)?,
             Encoder::Laz(laz) => laz.append(bytes, &mut self.out, offload)?,
             Encoder::Copc(copc) => copc.append(bytes)?,
-            Encoder::E57(points) => points.append(bytes)?,
+            Encoder::E57(points) => points.append(bytes, &self.out)?,
             Encoder::Arrow(arrow) => arrow.append(bytes, |bytes| self.out.append(bytes))?,
             Encoder::Parquet(parquet) => parquet.append(bytes, |bytes| self.out.append(bytes))?,
             Encoder::Part(table) => {
@@ -240,6 +240,9 @@ impl OutputFile {
     /// Closes the file handle until the next append.
     pub fn close_handle(&mut self) -> Result<()> {
         self.packets.iter_mut().try_for_each(|packets| packets.out.close_handle())?;
+        if let Encoder::E57(points) = &mut self.encoder {
+            points.close_handle();
+        }
         self.out.close_handle()
     }
 

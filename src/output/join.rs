@@ -3,6 +3,7 @@
 
 use super::laz::CHUNK_POINTS;
 use super::summary::{FileKind, FileSummary};
+use crate::damage::catch_decoder_panic;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched};
 use crate::geom::{Aabb, DVec3};
@@ -99,14 +100,23 @@ impl Segment<'_> {
         let mut table_at = [0; 8];
         file.seek(SeekFrom::Start(data)).and_then(|_| file.read_exact(&mut table_at)).map_err(failed)?;
         let points = data + 8..u64::from_le_bytes(table_at);
-        if points.end < points.start || points.end >= length {
+        if points.end < points.start || points.end.saturating_add(8) > length {
+            return Err(unusable());
+        }
+        let chunks = records.div_ceil(JOINED_POINTS);
+        let mut counted = [0; 8];
+        file.seek(SeekFrom::Start(points.end)).and_then(|_| file.read_exact(&mut counted)).map_err(failed)?;
+        // A chunk holds its first point as it is.
+        let possible = (points.end - points.start) / record.max(1);
+        if u64::from(word(&counted, 4)) != chunks || chunks > possible {
             return Err(unusable());
         }
         file.seek(SeekFrom::Start(data)).map_err(failed)?;
-        let table = ChunkTable::read_from(&mut file, &vlr).map_err(|_| unusable())?;
-        let bytes: u64 = table.as_ref().iter().map(|chunk| chunk.byte_count).sum();
-        let chunks = records.div_ceil(JOINED_POINTS);
-        if bytes != points.end - points.start || table.as_ref().len() as u64 != chunks {
+        let table = catch_decoder_panic(|| ChunkTable::read_from(&mut file, &vlr));
+        let table = table.and_then(|read| read.ok()).ok_or_else(unusable)?;
+        let mut sizes = table.as_ref().iter().map(|chunk| chunk.byte_count);
+        let bytes = sizes.try_fold(0u64, |sum, size| sum.checked_add(size));
+        if bytes != Some(points.end - points.start) || table.as_ref().len() as u64 != chunks {
             return Err(unusable());
         }
         Ok(Segment { path, file, head, compression: Some((vlr, table)), points })
@@ -236,4 +246,49 @@ pub fn join(
         by_return: std::array::from_fn(|i| long(&head, RETURNS_AT + 8 * i)),
         left_out: 0,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{batch, survey, write};
+    use super::super::{OutputRequest, PointFormat, Target};
+    use super::*;
+
+    #[test]
+    fn damaged_tables_of_chunks_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.laz");
+        let sinks = vec![(Target::File(path.clone()), PointFormat::Laz)];
+        let request = OutputRequest { sinks, ..OutputRequest::default() };
+        write(request, &survey(1, &[None]), &[batch(0, 0, 60_000)]).unwrap();
+        assert_eq!(Segment::open(&path).unwrap().records(), 60_000);
+        let bytes = std::fs::read(&path).unwrap();
+        let data = word(&bytes, DATA_AT) as usize;
+        let table = u64::from_le_bytes(number(&bytes, data)) as usize;
+        let chunks = |change: &dyn Fn(&mut Vec<u8>)| -> Option<Vec<u64>> {
+            let mut damaged = bytes.clone();
+            change(&mut damaged);
+            std::fs::write(&path, damaged).unwrap();
+            let (_, table) = Segment::open(&path).ok()?.compression?;
+            Some(table.as_ref().iter().map(|chunk| chunk.byte_count).collect())
+        };
+        let whole = chunks(&|_| {}).unwrap();
+        assert_eq!(whole.len(), 2);
+        // The numbers of all points and of all chunks are as large as they can be.
+        let many = |bytes: &mut Vec<u8>| {
+            bytes[COUNT_AT..COUNT_AT + 8].fill(0xff);
+            bytes[table + 4..table + 8].fill(0xff);
+        };
+        assert_eq!(chunks(&many), None);
+        for at in table + 4..bytes.len() {
+            for value in [0, 0x7f, 0xff].into_iter().filter(|&value| value != bytes[at]) {
+                // The last bytes of the table are of no consequence.
+                let found = chunks(&|bytes| bytes[at] = value);
+                assert!(
+                    found.is_none() || at > table + 8 && found.as_ref() == Some(&whole),
+                    "{at} {value} {found:?}"
+                );
+            }
+        }
+    }
 }

@@ -27,7 +27,8 @@ pub(super) fn offset(world: &Aabb) -> DVec3 {
     if reach <= MAX_EXACT_M || !reach.is_finite() {
         return DVec3::ZERO;
     }
-    DVec3::from(world.centre().to_array().map(|c| (c / 1000.0).round() * 1000.0))
+    // Adding 0 makes 0 of -0.
+    DVec3::from(world.centre().to_array().map(|c| (c / 1000.0).round() * 1000.0 + 0.0))
 }
 
 /// Returns the header of a file with `count` points, whose length does not depend on the count.
@@ -85,6 +86,9 @@ mod tests {
         };
         assert_eq!(offset(&far), DVec3::new(477_000.0, 5_430_000.0, 0.0));
         assert_eq!(offset(&Aabb::EMPTY), DVec3::ZERO);
+        let west = Aabb { min: DVec3::splat(-9000.0), max: DVec3::splat(8900.0) };
+        let text = String::from_utf8(head(offset(&west), 0, "complete")).unwrap();
+        assert!(text.contains("# add 0 0 0 to x y z"), "{text}");
         let length = head(offset(&far), 0, "complete").len();
         assert_eq!(head(offset(&far), u64::MAX, "partial").len(), length);
         let sizes: usize = FIELDS.iter().map(|f| usize::from(f.1)).sum();

@@ -43,6 +43,15 @@ impl OutputStream {
         OutputStream { out, buffer: Vec::new(), len: 0 }
     }
 
+    /// Creates a file that is removed when it is dropped: beside this one, where its handle can be closed, or in the folder for
+    /// temporary files if this is no file.
+    pub fn scratch_beside(&self) -> Result<FileWriter> {
+        match self.out.target() {
+            Some(target) => FileWriter::create(target, true, Patched::Always),
+            None => FileWriter::scratch(),
+        }
+    }
+
     /// Appends all bytes of an unnamed file to another stream.
     pub fn append_to(mut self, other: &mut OutputStream) -> Result<()> {
         self.flush()?;

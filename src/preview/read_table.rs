@@ -72,7 +72,8 @@ pub(super) fn read_arrow(mut source: impl Read, path: &Path) -> Result<Points> {
 /// The points of a table in memory.
 ///
 /// # Errors
-/// [`Error::Input`] for tables without the columns X, Y and Z and for empty ones.
+/// [`Error::Input`] for tables without the columns X, Y and Z, for columns of other numbers than integers and floats of 32 and
+/// 64 bits, and for empty ones.
 pub fn points_of_table(batch: &RecordBatch) -> Result<Points> {
     let path = Path::new("the table");
     let schema = batch.schema();
@@ -84,7 +85,13 @@ pub fn points_of_table(batch: &RecordBatch) -> Result<Points> {
     let columns = find_columns(&names, path)?;
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
     for (_, column) in columns.used() {
-        values[column] = numbers(batch.column(column)).unwrap_or_default();
+        values[column] = numbers(batch.column(column)).ok_or_else(|| {
+            let kind = batch.column(column).data_type();
+            Error::input(format!(
+                "the table: column {} holds {kind}; expected integers or floats of 32 or 64 bits",
+                names[column]
+            ))
+        })?;
     }
     let mut points = Points::new(attributes(|a| columns.has(a)));
     (0..batch.num_rows())
@@ -292,6 +299,12 @@ mod tests {
         writer.write(&table).unwrap();
         let said_of = said(read_arrow(&writer.into_inner().unwrap()[..], Path::new("t")));
         assert!(said_of.contains("no column Z") && said_of.contains("X, Y"), "{said_of}");
+        let floats: ArrayRef = Arc::new(Float64Array::from(vec![1.0]));
+        let decimals: ArrayRef = Arc::new(::arrow_array::Decimal128Array::from(vec![100i128]));
+        let table =
+            RecordBatch::try_from_iter([("X", floats.clone()), ("Y", decimals), ("Z", floats)]).unwrap();
+        let said_of = said(points_of_table(&table));
+        assert!(said_of.contains("column Y holds Decimal128"), "{said_of}");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.parquet");
         std::fs::write(&path, &bytes).unwrap();
