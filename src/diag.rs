@@ -279,7 +279,8 @@ impl Diagnostic {
             line => format!("{}:{line}:{}: ", p.path.display(), p.column),
         });
         let help = self.help.as_ref().map(|help| format!("; {help}")).unwrap_or_default();
-        let text = format!("{}{}{help}", place.unwrap_or_default(), self.message).replace('\n', " ");
+        let text = format!("{}{}{help}", place.unwrap_or_default(), self.message);
+        let text = text.replace(char::is_control, " ");
         format!("{severity}: {text}\n")
     }
 
@@ -453,6 +454,14 @@ mod tests {
         let listed = report.matches("unknown attribute").count();
         assert!(report.ends_with(&format!("... and {} more problems\n", 50 - listed)), "{report}");
         assert!(!d.render_warnings(false).contains("error"));
+    }
+
+    #[test]
+    fn problems_in_one_line_have_no_control_characters() {
+        let mut d = Diagnostics::default();
+        d.error(None, "material \"\u{1b}[31m\nred\"");
+        assert_eq!(d.items()[0].line(), "error: material \" [31m red\"\n");
+        assert!(!d.render(false).contains('\u{1b}'));
     }
 
     #[test]

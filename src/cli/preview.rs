@@ -3,6 +3,7 @@
 use super::Console;
 use super::args::{Colour, PreviewArgs};
 use super::sketch::survey_points;
+use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched, identity, is_special};
 use crate::options::holds_survey;
@@ -88,7 +89,11 @@ fn check(args: &PreviewArgs) -> Result<()> {
     let is_xml = points.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
     if (is_xml && !holds_survey(points)) || (args.pulse.is_some() && holds_survey(points)) {
         let what = if args.pulse.is_some() { "pulses" } else { "points and no survey" };
-        return Err(Error::input(format!("{} holds no {what}", points.display())));
+        let mut problems = Diagnostics::default();
+        problems
+            .error(None, format!("{} holds no {what}", points.display()))
+            .help("name points, or a survey whose points are to be drawn; a scene by itself is described by `vlscan scene info`");
+        return Err(Error::Input(Box::new(problems)));
     }
     if is_stdout(out) {
         if std::io::stdout().is_terminal() && !args.force {

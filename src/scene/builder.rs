@@ -1,5 +1,6 @@
 //! A scene under construction, to which the loaders append.
 
+use super::change::AppliedChanges;
 use super::library::Library;
 use super::model::{MovingPart, Part};
 use super::rules::MaterialRules;
@@ -139,6 +140,8 @@ pub(super) struct SceneBuilder<'a> {
     pub moving_parts: Vec<MovingPart>,
     pub library: Library,
     pub meshes: SharedMeshes,
+    /// Materials of parts that have been replaced.
+    pub changes: AppliedChanges,
     /// Geometry files and tables that were opened.
     pub sources: Vec<PathBuf>,
     /// Rules that change some leaf angle table.
@@ -195,6 +198,7 @@ impl<'a> SceneBuilder<'a> {
             moving_parts: Vec::new(),
             library,
             meshes: SharedMeshes::default(),
+            changes: AppliedChanges::default(),
             sources: Vec::new(),
             leaf_table_rules: MaterialRules::default(),
             diagnostics: Diagnostics::default(),

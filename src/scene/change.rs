@@ -1,8 +1,50 @@
-//! Replaces materials of a part after its files are loaded.
+//! Replaces materials of a part after its files are loaded, and finds changes that replace nothing.
 
 use super::builder::{Extent, PartSource, SceneBuilder};
+use super::text::printable;
+use crate::diag::Place;
 use crate::survey::{MaterialChange, Replaced};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+
+/// The changes of the parts loaded so far: several parts can have the same, as those of one glTF file.
+#[derive(Default)]
+pub(super) struct AppliedChanges {
+    /// Those of materials by their names, by the address of the changes and their number there.
+    named: BTreeMap<(usize, usize), NamedChange>,
+}
+
+struct NamedChange {
+    name: String,
+    /// Index of the first part with the change.
+    part: u32,
+    place: Option<Place>,
+    has_replaced: bool,
+    /// Names of materials that are not the one to be replaced.
+    others: BTreeSet<String>,
+}
+
+/// Names of materials that a warning lists.
+const MAX_NAMES: usize = 5;
+
+/// Warns of changes that replace nothing in any of their parts.
+pub(super) fn report_needless(scene: &mut SceneBuilder) {
+    let changes = std::mem::take(&mut scene.changes).named.into_values();
+    let mut needless: Vec<NamedChange> =
+        changes.filter(|change| !change.has_replaced && !change.others.is_empty()).collect();
+    needless.sort_by_key(|change| change.part);
+    for change in needless {
+        let there_are: Vec<String> =
+            change.others.iter().take(MAX_NAMES).map(|n| format!("\"{n}\"")).collect();
+        let more = if change.others.len() > MAX_NAMES { " and more" } else { "" };
+        let message = format!(
+            "no primitive of the part has the material \"{}\", so none is replaced; there are {}{more}",
+            printable(&change.name),
+            there_are.join(", ")
+        );
+        scene.diagnostics.warn(change.place, message);
+    }
+}
 
 /// Applies the changes in their order to the primitives of `extent`, which are those of `part`. An index beyond them is an
 /// error.
@@ -24,7 +66,7 @@ pub(super) fn apply(
         faces.count = extent.triangles.len();
         faces.of_triangles = (0..faces.count as u32).collect();
     }
-    for (change, material) in changes.iter().zip(materials) {
+    for (number, (change, material)) in changes.iter().zip(materials).enumerate() {
         let surface = scene.surface(part.index, material);
         let (triangle_surfaces, cube_surfaces) = (
             &mut scene.triangle_surfaces[extent.triangles.clone()],
@@ -37,10 +79,23 @@ pub(super) fn apply(
             }
             Replaced::Named(name) => {
                 let (surfaces, library) = (&scene.surfaces, &scene.library);
-                let is_named =
-                    |s: u32| library.materials[surfaces[s as usize].material as usize].name == *name;
-                let all = triangle_surfaces.iter_mut().chain(cube_surfaces);
-                all.filter(|own| is_named(**own)).for_each(|own| *own = surface);
+                let applied = scene.changes.named.entry((address, number)).or_insert_with(|| NamedChange {
+                    name: name.clone(),
+                    part: part.index,
+                    place: part.place.cloned(),
+                    has_replaced: false,
+                    others: BTreeSet::new(),
+                });
+                let name_of = |s: u32| &library.materials[surfaces[s as usize].material as usize].name;
+                for own in triangle_surfaces.iter_mut().chain(cube_surfaces) {
+                    let found = name_of(*own);
+                    if found == name {
+                        *own = surface;
+                        applied.has_replaced = true;
+                    } else if applied.others.len() <= MAX_NAMES && !applied.others.contains(found) {
+                        applied.others.insert(found.clone());
+                    }
+                }
             }
             Replaced::Faces(indices) => {
                 let (faces, count) = (scene.faces.count, scene.faces.count + cube_surfaces.len());
@@ -100,6 +155,20 @@ mod tests {
         assert_eq!(classes(vec![change(Replaced::Named("bark".to_owned()), 7)], &mut f), [7, 7, 2]);
         let second = change(Replaced::Faces(vec![1]), 8);
         assert_eq!(classes(vec![change(Replaced::All, 7), second], &mut f), [7, 8, 7]);
+
+        // What replaces nothing is said; a material is enough in one of the parts with the same changes.
+        f.obj("b.obj", "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl bark\nf 1 2 3\n");
+        let named = |name: &str| change(Replaced::Named(name.to_owned()), 7);
+        let mut warnings = |changes: Vec<MaterialChange>| {
+            f.parts[0].changes = changes.into();
+            f.parts[1].changes = f.parts[0].changes.clone();
+            f.load().unwrap().1.render(false)
+        };
+        let found = warnings(vec![named("leaf")]);
+        assert!(!found.contains("replaced"), "{found}");
+        let found = warnings(vec![named("nosuch")]);
+        let expected = "the material \"nosuch\", so none is replaced; there are \"bark\", \"leaf\"\n";
+        assert!(found.contains(expected) && found.matches("nosuch").count() == 1, "{found}");
     }
 
     #[test]

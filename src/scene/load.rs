@@ -12,7 +12,7 @@ use super::mesh_file::{self, EpochPart};
 use super::model::{MovingPart, Part, Scene};
 use super::pack::Pack;
 use super::spectra::Spectra;
-use super::text::Source;
+use super::text::{Source, printable};
 use super::{change, geotiff, instances, mesh, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
@@ -72,6 +72,9 @@ fn load_sources(
             .diagnostics
             .error(None, format!("scene \"{}\" of {} is empty", recipe.id, recipe.path.display()));
     }
+    if epoch == 0 {
+        change::report_needless(&mut scene);
+    }
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
     frames.report(&mut scene);
@@ -95,7 +98,7 @@ impl Ids {
     /// The id of a part that remains a single part for any number of files.
     fn single(&self, part: &PartRecipe) -> String {
         let numbered = || (u64::from(part.number) + self.additional).to_string();
-        part.id.clone().filter(|id| !id.is_empty()).unwrap_or_else(numbered)
+        part.id.as_deref().filter(|id| !id.is_empty()).map_or_else(numbered, printable)
     }
 
     /// The ids of the parts created from a recipe, each with its files.
@@ -170,9 +173,9 @@ fn load_part(
 /// The name of a mesh in memory, or of the first of a part's files, without its extension.
 fn name_of(loader: &Loader, files: &[PathBuf]) -> String {
     if let Loader::Mesh(mesh) = loader {
-        return mesh.name().to_owned();
+        return printable(mesh.name());
     }
-    files.first().and_then(|file| file.file_stem()).unwrap_or_default().to_string_lossy().into_owned()
+    printable(&files.first().and_then(|file| file.file_stem()).unwrap_or_default().to_string_lossy())
 }
 
 fn leaf_angles(scene: &mut SceneBuilder, part: &PartRecipe) -> Option<Arc<LadTable>> {

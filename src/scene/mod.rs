@@ -30,7 +30,6 @@
 //! | `fingerprint` | checksums of scenes |
 //! | `crs`, `frames` | coordinate reference systems of rasters and meshes; parts in local coordinates beside a grid |
 //! | `mesh_file` | mesh files: PLY, STL, glTF and, by `obj`, OBJ; tables of materials |
-//! | `foreign` | mesh formats that are not read |
 //! | `inventory`, `part_facts` | count the contents of a scene and of its parts |
 
 mod builder;
@@ -41,7 +40,6 @@ mod epoch;
 mod fingerprint;
 #[cfg(test)]
 mod fixture;
-mod foreign;
 mod frames;
 mod geotiff;
 mod ground;

@@ -1,7 +1,7 @@
 //! Material libraries (spec input-formats §4.2).
 
 use super::number::{float, skip_blanks};
-use super::text::{Line, Lines, Problems, Source, Words, shown};
+use super::text::{Line, Lines, Problems, Source, Words, printable, shown};
 use crate::diag::Diagnostics;
 use crate::survey::MaterialDefinition;
 use std::ops::Range;
@@ -123,8 +123,13 @@ fn boolean(word: &[u8]) -> Option<bool> {
     }
 }
 
-/// Decodes a name: UTF-8, otherwise Latin-1.
+/// Decodes a name, see [`text_of`], without control characters.
 pub(super) fn name_of(bytes: &[u8]) -> String {
+    printable(&text_of(bytes))
+}
+
+/// Decodes text: UTF-8, otherwise Latin-1.
+pub(super) fn text_of(bytes: &[u8]) -> String {
     match std::str::from_utf8(bytes) {
         Ok(text) => text.to_owned(),
         Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
@@ -168,6 +173,12 @@ mod tests {
         assert_eq!((m[0].kd, m[0].ns, m[2].kd), ([0.0; 3], 10.0, [1.0; 3]));
         let place = d.items()[2].place.as_ref().unwrap();
         assert_eq!((place.line, &place.excerpt[place.marked.clone()]), (5, "much"));
+    }
+
+    #[test]
+    fn names_have_no_control_characters() {
+        let (m, _) = read_text(b"newmtl \x1b[31mred\nhelios_spectra a\x07b\n");
+        assert_eq!((m[0].name.as_str(), m[0].spectrum.as_deref()), ("_[31mred", Some("a_b")));
     }
 
     #[test]

@@ -142,6 +142,11 @@ pub(super) fn shown(bytes: &[u8]) -> String {
         .collect()
 }
 
+/// A name without control characters, which would reach terminals and tables.
+pub(super) fn printable(name: &str) -> String {
+    name.chars().map(|c| if c.is_control() { '_' } else { c }).collect()
+}
+
 /// A logical line: physical lines that end with a `\` are joined with the next one.
 pub(super) struct Line<'a> {
     /// Number of its first physical line, from 1.

@@ -14,6 +14,7 @@
 //! | `scanner_xml`, `deflector_xml`, `receiver_xml`, `pulse_file`, `platform_xml` | instruments and platforms |
 //! | `scene_xml`, `params`, `loaders`, `instances`, `motions` | the parts of a scene |
 //! | `pipeline` | pipeline files |
+//! | `foreign` | endings of mesh files, and mesh formats that are not read |
 //! | `formula`, `seed` | formulas of calibration errors; the formats of a seed |
 
 mod assets;
@@ -24,6 +25,7 @@ mod deflector_xml;
 mod documents;
 mod fields;
 mod follow;
+mod foreign;
 pub mod formula;
 mod instances;
 mod legs;
@@ -54,6 +56,7 @@ mod xml_limits;
 
 pub use catalogue::catalogue;
 pub use context::{ReadOptions, SceneChoice};
+pub(crate) use foreign::foreign_mesh;
 pub use formula::Formula;
 pub use model::*;
 pub(crate) use pipeline::key_table;

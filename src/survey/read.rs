@@ -2,6 +2,7 @@
 
 use super::assets::Found;
 use super::context::{Context, ReadOptions, SceneChoice};
+use super::foreign::{MESH_ENDINGS, is_foreign_ending};
 use super::instances::{Base, read_table};
 use super::scanner_xml::read_scanner;
 use super::scene_xml::read_scene_element;
@@ -120,16 +121,13 @@ fn is_packed(name: &str) -> bool {
     extension(name) == "vlscene"
 }
 
-/// Endings of mesh and point formats that are not read; the loader of meshes tells what to do with them.
-const FOREIGN: [&str; 12] =
-    ["ply", "stl", "gltf", "glb", "fbx", "dae", "off", "3ds", "blend", "ifc", "las", "laz"];
-
-/// Whether a reference names a file that is a scene without XML.
+/// Whether a reference names a file that is a scene without XML. The loader of meshes tells what to do with foreign formats.
 pub(super) fn is_geometry(reference: &str) -> bool {
     let ending = extension(reference);
     is_packed(reference)
-        || matches!(ending.as_str(), "obj" | "tif" | "tiff" | "vox" | "csv")
-        || FOREIGN.contains(&ending.as_str())
+        || matches!(ending.as_str(), "tif" | "tiff" | "vox" | "csv")
+        || MESH_ENDINGS.contains(&ending.as_str())
+        || is_foreign_ending(&ending)
 }
 
 fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Place>) -> Option<SceneRecipe> {

@@ -358,7 +358,10 @@ const MISTAKES: [(&str, &str); 19] = [
         "sed /helios_reflectance/d site.mtl > dull.mtl; sed s/site.mtl/dull.mtl/ house.obj > dull.obj; vlscan scene info dull.obj",
         "no reflectance",
     ),
-    ("printf 'OFF\\n8 6 0\\n' > tree.obj; vlscan scene info tree.obj", "expected an OBJ file"),
+    (
+        "printf 'OFF\\n8 6 0\\n' > tree.obj; vlscan scene info tree.obj",
+        "expected a mesh (OBJ, PLY, STL, glTF)",
+    ),
     (
         "mkdir -p sub; cp scene.xml dem.tif dem.tfw house.obj site.mtl sub; vlscan scene info sub/scene.xml",
         "of the working directory is read",
@@ -531,6 +534,7 @@ fn errors_say_what_to_do() {
         ("scene make forest -o forest", "--force"),
         ("scene info forest", "name ./forest/survey.xml"),
         ("preview forest/scene.xml -o a.png", "holds no points and no survey"),
+        ("preview forest/scene.xml -o a.png", "name points, or a survey"),
         ("preview forest -o a.png", "name a file of points"),
         ("preview none.laz -o a.png", "there is no such file"),
         ("run forest/survey.xml --trajectory none.csv -o a.xyz", "none.csv: there is no such file"),

@@ -109,6 +109,14 @@ fn cases() -> BTreeMap<&'static str, Case> {
     far_step.files.extend(changed("</filter>", motion).files);
     let from_table = [RUN, &["--scene", "t.csv"]].concat();
     let formula = "<rangeError expr=\"1/(THETA-THETA)\"/><beamOrigin/>";
+    let stl = "solid a\nfacet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n";
+    let mut table_of_materials = with_scene("mesh.stl", stl);
+    table_of_materials.files.insert(0, ("materials.csv", Vec::new()));
+    table_of_materials.length = (1 << 26) + 1;
+    let instances = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],"meshes":[{"primitives":[]}],
+        "nodes":[{"mesh":0,"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":0}}}}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":4194305,"type":"VEC3"}],
+        "bufferViews":[{"buffer":0,"byteLength":3}],"buffers":[{"byteLength":3,"uri":"data:;base64,AAAA"}]}"#;
     BTreeMap::from([
         ("size of an XML document", sparse("survey.xml", (1 << 27) + 1, RUN)),
         ("elements, texts and comments of a document", document(&"<a/>".repeat(1 << 22))),
@@ -141,6 +149,8 @@ fn cases() -> BTreeMap<&'static str, Case> {
             "brackets and functions within each other in a formula",
             changed("<beamOrigin/>", &format!("<rangeError expr=\"{}\"/><beamOrigin/>", "(".repeat(51))),
         ),
+        ("size of a table of materials", table_of_materials),
+        ("meshes that the nodes of a glTF file place", with_scene("mesh.gltf", instances)),
         ("coordinate of a scene", with_scene("far.obj", MESH.replace("v 9", "v 2e12"))),
         ("coordinate of a leg", changed("x=\"0\"", "x=\"2e10\"")),
         ("coordinate of a pose", poses("0,2e10,0,5,0,0,0\n")),

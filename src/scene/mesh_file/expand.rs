@@ -1,9 +1,11 @@
 //! glTF files as parts: each mesh that a node places is a part, an instance of its mesh as any other part. A part with an id,
-//! with motions, with swaps or with materials for faces by their numbers stays one part.
+//! with motions, with swaps or with materials for faces by their numbers stays one part, and so does one that is dropped to the
+//! ground as a whole.
 
 use super::gltf::Document;
 use super::gltf_nodes::{PlacedMesh, similarity};
-use super::{FileFrame, Format, finish, whole_file};
+use super::materials::MaterialTable;
+use super::{FileFrame, Format, finish, table_of, warn_of_unknown, whole_file};
 use crate::error::Result;
 use crate::geom::Rotation;
 use crate::scene::builder::SceneBuilder;
@@ -58,10 +60,12 @@ fn expand(scene: &mut SceneBuilder, part: &PartRecipe) -> Result<Option<Vec<Part
     let has_id = part.id.as_ref().is_some_and(|id| !id.is_empty());
     let [file] = &files[..] else { return Ok(None) };
     let has_numbers = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
-    if has_id || has_numbers || !part.motions.is_empty() || !part.swaps.is_empty() || !is_gltf(file) {
+    let is_whole = has_id || has_numbers || part.transform.on_ground != 0;
+    if is_whole || !part.motions.is_empty() || !part.swaps.is_empty() || !is_gltf(file) {
         return Ok(None);
     }
-    let opened = Document::open(file).and_then(|document| Ok((document.placed_meshes()?, document)));
+    let opened = Document::open(file, scene.free_memory())
+        .and_then(|document| Ok((document.placed_meshes()?, document)));
     let (placed, document) = match opened {
         Ok(opened) => opened,
         Err(message) => {
@@ -70,7 +74,8 @@ fn expand(scene: &mut SceneBuilder, part: &PartRecipe) -> Result<Option<Vec<Part
         }
     };
     scene.sources.extend(document.files().map(Path::to_path_buf));
-    let mut meshes = Meshes { document, file, reading, known: HashMap::new() };
+    let table = table_of(scene, file, reading);
+    let mut meshes = Meshes { document, file, reading, table, unknown: Vec::new(), known: HashMap::new() };
     let mut parts = Vec::with_capacity(placed.len());
     for placed in placed {
         let (linear, transform) = meshes.split(&placed);
@@ -81,6 +86,7 @@ fn expand(scene: &mut SceneBuilder, part: &PartRecipe) -> Result<Option<Vec<Part
             ..part.clone()
         });
     }
+    warn_of_unknown(scene, file, meshes.unknown);
     if parts.is_empty() && !scene.diagnostics.is_fatal(false) {
         let message = "the glTF file shows no triangles and is left out";
         scene.diagnostics.warn(Some(whole_file(file)), message);
@@ -98,6 +104,9 @@ struct Meshes<'f> {
     document: Document,
     file: &'f Path,
     reading: &'f MeshReading,
+    table: Option<MaterialTable>,
+    /// Names of materials without a reflectance.
+    unknown: Vec<String>,
     /// By index and linear map, as bits; `None` for meshes without triangles.
     known: HashMap<(usize, [u64; 9]), Option<Arc<Mesh>>>,
 }
@@ -127,7 +136,7 @@ impl Meshes<'_> {
         }
         let read = match self.document.mesh(mesh, linear, self.frame()) {
             Ok(raw) if raw.triangles.is_empty() => None,
-            Ok(raw) => finish(scene, self.file, self.reading, raw)?
+            Ok(raw) => finish(scene, self.file, self.table.as_ref(), raw, &mut self.unknown)?
                 .map(|m| Arc::new(m.with_name(self.document.mesh_name(mesh)))),
             Err(message) => {
                 scene.diagnostics.error(Some(whole_file(self.file)), message);

@@ -2,9 +2,11 @@
 //! accessors, meshes and materials. Triangles are read; points, lines, skins, morph targets and textures are not.
 
 use super::gltf_buffers::{Buffer, BufferJson, open_buffer, split_chunks};
-use super::{FileFrame, RawMesh, diffuse};
+use super::gltf_materials::{MaterialJson, definitions};
+use super::{FileFrame, RawMesh};
 use crate::geom::DVec3;
-use crate::scene::text::Source;
+use crate::scene::builder::{format_bytes, memory_of};
+use crate::scene::text::{Source, printable};
 use crate::survey::MaterialDefinition;
 use glam::DMat3;
 use serde::Deserialize;
@@ -105,14 +107,6 @@ struct Primitive {
 }
 
 #[derive(Debug, Deserialize)]
-struct MaterialJson {
-    #[serde(default)]
-    name: String,
-    #[serde(default)]
-    extras: serde_json::Value,
-}
-
-#[derive(Debug, Deserialize)]
 pub(super) struct SceneJson {
     #[serde(default)]
     pub nodes: Vec<usize>,
@@ -147,11 +141,19 @@ pub(super) struct Document {
     source: Source,
     pub json: Json,
     buffers: Vec<Buffer>,
+    /// The materials of the document, and after them that of primitives without one.
+    materials: Vec<MaterialDefinition>,
+    /// Memory that its meshes may still take, bytes.
+    pub free_memory: u64,
 }
 
+/// First vertex and number of vertices of the accessors of positions that a mesh has appended.
+type Appended = HashMap<usize, (u32, u32)>;
+
 impl Document {
-    /// Opens a document and the buffers that it names. Errors are sentences about the file.
-    pub fn open(path: &Path) -> Result<Document, String> {
+    /// Opens a document and the buffers that it names. Its meshes may take `free_memory` bytes. Errors are sentences about the
+    /// file.
+    pub fn open(path: &Path, free_memory: u64) -> Result<Document, String> {
         let source = Source::open(path).map_err(|e| e.to_string())?;
         let (text, chunk) = split_chunks(source.bytes())?;
         let json: Json = serde_json::from_slice(text).map_err(|e| format!("expected glTF 2.0: {e}"))?;
@@ -170,7 +172,8 @@ impl Document {
             .zip(&json.buffers)
             .map(|(i, b)| open_buffer(path, i, b, &chunk))
             .collect::<Result<_, _>>()?;
-        Ok(Document { source, json, buffers })
+        let materials = definitions(&json.materials)?;
+        Ok(Document { source, json, buffers, materials, free_memory })
     }
 
     /// The files of the document.
@@ -184,61 +187,73 @@ impl Document {
 
     pub fn mesh_name(&self, mesh: usize) -> String {
         match self.json.meshes.get(mesh).map(|m| m.name.as_str()) {
-            Some(name) if !name.is_empty() => name.to_owned(),
+            Some(name) if !name.is_empty() => printable(name),
             _ => format!("mesh_{mesh}"),
         }
     }
 
     /// All meshes where the nodes place them, as one.
     pub fn whole(&self, frame: FileFrame) -> Result<RawMesh, String> {
-        let mut all = RawMesh { materials: self.materials(), ..RawMesh::default() };
+        let mut all = RawMesh::default();
         for node in self.placed_meshes()? {
             let first = all.vertices.len();
             self.append_mesh(node.mesh, &mut all)?;
             let place = |v: DVec3| frame.apply(node.transform.transform_point3(v));
             all.vertices[first..].iter_mut().for_each(|v| *v = place(*v));
         }
-        drop_unused_materials(&mut all);
+        self.add_materials(&mut all);
         Ok(all)
     }
 
     /// A mesh in the frame of the scene, after the linear map `linear`.
-    pub fn mesh(&self, mesh: usize, linear: DMat3, frame: FileFrame) -> Result<RawMesh, String> {
-        let mut raw = RawMesh { materials: self.materials(), ..RawMesh::default() };
+    pub fn mesh(&mut self, mesh: usize, linear: DMat3, frame: FileFrame) -> Result<RawMesh, String> {
+        let mut raw = RawMesh::default();
         self.append_mesh(mesh, &mut raw)?;
         raw.vertices.iter_mut().for_each(|v| *v = frame.apply(linear * *v));
-        drop_unused_materials(&mut raw);
+        self.add_materials(&mut raw);
+        let taken = memory_of(raw.vertices.len(), raw.triangles.len(), 0);
+        self.free_memory = self.free_memory.saturating_sub(taken);
         Ok(raw)
     }
 
-    /// The materials of the document, and after them that of primitives without one.
-    fn materials(&self) -> Vec<MaterialDefinition> {
-        let named = (0..).zip(&self.json.materials).map(|(i, m)| {
-            let name = if m.name.is_empty() { format!("material_{i}") } else { m.name.clone() };
-            let mut material = diffuse(name);
-            let extra = |key: &str| m.extras.get(key);
-            material.reflectance = extra("helios_reflectance").and_then(|v| v.as_f64());
-            material.spectrum = extra("helios_spectra").and_then(|v| v.as_str()).map(str::to_owned);
-            let class = extra("helios_classification").and_then(|v| v.as_i64());
-            material.classification = class.and_then(|c| i32::try_from(c).ok()).unwrap_or(0);
-            let ground = extra("helios_isGround");
-            material.is_ground = ground.is_some_and(|v| v.as_bool() == Some(true) || v.as_i64() == Some(1));
-            material
-        });
-        named.chain([diffuse("default")]).collect()
+    /// Fails if the memory limit leaves less than `needed` bytes.
+    pub fn check_memory(&self, needed: u64) -> Result<(), String> {
+        if needed <= self.free_memory {
+            return Ok(());
+        }
+        let (needed, free) = (format_bytes(needed), format_bytes(self.free_memory));
+        Err(format!("the meshes need at least {needed}, the memory limit leaves {free}"))
+    }
+
+    /// Gives a mesh the materials of its triangles, whose numbers were those of the document.
+    fn add_materials(&self, mesh: &mut RawMesh) {
+        let mut number = HashMap::new();
+        for material in &mut mesh.material_of {
+            let of_document = *material as usize;
+            *material = *number.entry(of_document).or_insert_with(|| {
+                mesh.materials.push(self.materials[of_document].clone());
+                mesh.materials.len() as u32 - 1
+            });
+        }
     }
 
     /// Appends the triangles of a mesh in its own frame.
     fn append_mesh(&self, mesh: usize, raw: &mut RawMesh) -> Result<(), String> {
         let found = self.json.meshes.get(mesh).ok_or_else(|| format!("there is no mesh {mesh}"))?;
+        let mut appended = Appended::new();
         for primitive in &found.primitives {
-            self.append_primitive(primitive, raw)
+            self.append_primitive(primitive, raw, &mut appended)
                 .map_err(|e| format!("mesh \"{}\": {e}", self.mesh_name(mesh)))?;
         }
         Ok(())
     }
 
-    fn append_primitive(&self, primitive: &Primitive, raw: &mut RawMesh) -> Result<(), String> {
+    fn append_primitive(
+        &self,
+        primitive: &Primitive,
+        raw: &mut RawMesh,
+        appended: &mut Appended,
+    ) -> Result<(), String> {
         let mode = primitive.mode.unwrap_or(4);
         if mode < 4 {
             return Ok(());
@@ -248,10 +263,28 @@ impl Document {
                 "it is compressed by {name}, which is not read; export it without compression"
             ));
         }
-        let positions = primitive.attributes.get("POSITION").ok_or("a primitive has no POSITION")?;
-        let first = raw.vertices.len() as u32;
-        raw.vertices.extend(self.vectors::<3>(*positions)?.into_iter().map(DVec3::from));
-        let count = raw.vertices.len() as u32 - first;
+        let positions = *primitive.attributes.get("POSITION").ok_or("a primitive has no POSITION")?;
+        let corners = self.count_of(primitive.indices.unwrap_or(positions))?;
+        let triangles = if mode == 4 { corners / 3 } else { corners.saturating_sub(2) };
+        let vertices = if appended.contains_key(&positions) { 0 } else { self.count_of(positions)? };
+        self.check_memory(memory_of(
+            raw.vertices.len().saturating_add(vertices),
+            raw.triangles.len().saturating_add(triangles),
+            0,
+        ))?;
+        let (first, count) = match appended.get(&positions) {
+            Some(&known) => known,
+            None => {
+                let read = self.vectors::<3>(positions)?;
+                let number =
+                    |n: usize| u32::try_from(n).map_err(|_| "it has too many vertices to be numbered");
+                number(raw.vertices.len() + read.len())?;
+                let place = (number(raw.vertices.len())?, number(read.len())?);
+                raw.vertices.extend(read.into_iter().map(DVec3::from));
+                appended.insert(positions, place);
+                place
+            }
+        };
         let indices = match primitive.indices {
             Some(accessor) => self.indices(accessor)?,
             None => (0..count).collect(),
@@ -259,8 +292,8 @@ impl Document {
         if let Some(wrong) = indices.iter().find(|&&i| i >= count) {
             return Err(format!("a triangle has the vertex {wrong}; there are {count}"));
         }
-        let material = primitive.material.unwrap_or(raw.materials.len() - 1);
-        if material >= raw.materials.len() {
+        let material = primitive.material.unwrap_or(self.materials.len() - 1);
+        if material >= self.materials.len() {
             return Err(format!("there is no material {material}"));
         }
         let mut add = |corners: [u32; 3]| raw.add_polygon(&corners.map(|c| c + first), material as u32);
@@ -277,6 +310,21 @@ impl Document {
             other => return Err(format!("a primitive has the unknown mode {other}")),
         }
         Ok(())
+    }
+
+    /// The number of values that an accessor states.
+    fn count_of(&self, accessor: usize) -> Result<usize, String> {
+        let found = self.json.accessors.get(accessor);
+        found.map(|a| a.count).ok_or_else(|| format!("there is no accessor {accessor}"))
+    }
+
+    /// The number of instances that an accessor places, whose values must be in the file.
+    pub fn count_of_instances(&self, accessor: usize) -> Result<usize, String> {
+        let found = self.json.accessors.get(accessor);
+        if found.is_some_and(|a| a.buffer_view.is_none() && a.sparse.is_none()) {
+            return Err(format!("the accessor {accessor} of instances has no data"));
+        }
+        self.count_of(accessor)
     }
 
     fn indices(&self, accessor: usize) -> Result<Vec<u32>, String> {
@@ -388,17 +436,4 @@ fn component(kind: u32, normalised: bool) -> Result<Component, String> {
         (5126, _) => (|b| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])), 4),
         (other, _) => return Err(format!("an accessor has the unknown component type {other}")),
     })
-}
-
-fn drop_unused_materials(mesh: &mut RawMesh) {
-    let mut number = vec![None; mesh.materials.len()];
-    let mut kept = Vec::new();
-    for material in &mut mesh.material_of {
-        let at = *material as usize;
-        *material = *number[at].get_or_insert_with(|| {
-            kept.push(mesh.materials[at].clone());
-            kept.len() as u32 - 1
-        });
-    }
-    mesh.materials = kept;
 }

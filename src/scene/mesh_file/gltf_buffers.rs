@@ -1,10 +1,10 @@
 //! Buffers of glTF documents: the binary chunk of a GLB file, files beside the document, base64 within it.
 
-use crate::scene::text::Source;
+use crate::scene::text::{Source, shown};
 use base64::Engine;
 use serde::Deserialize;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -83,7 +83,19 @@ pub(super) fn open_buffer(
                 ));
             }
             None => {
-                let file = path.with_file_name(decode_percent(uri));
+                let name = PathBuf::from(decode_percent(uri));
+                let is_beside =
+                    name.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+                let file = path.with_file_name(&name);
+                if !is_beside {
+                    let name = shown(&name.as_os_str().as_encoded_bytes()[..name.as_os_str().len().min(200)]);
+                    return Err(format!(
+                        "the buffer {name} is not beside the document; only files in its folder are read"
+                    ));
+                }
+                if file.metadata().is_ok_and(|about| !about.is_file()) {
+                    return Err(format!("the buffer {} is no regular file", file.display()));
+                }
                 Buffer::File(
                     Source::open(&file)
                         .map_err(|e| format!("cannot read the buffer {}: {e}", file.display()))?,

@@ -1,7 +1,11 @@
 //! The nodes of a glTF document: which meshes the scene shows, and where.
 
 use super::gltf::{Document, Instancing, NodeJson};
+use crate::survey::PartRecipe;
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
+
+/// Maximum number of meshes that the nodes of a document place.
+const MAX_PLACED: usize = 1 << 22;
 
 /// A mesh that a node places.
 #[derive(Clone, Copy, Debug)]
@@ -37,12 +41,15 @@ impl Document {
             if let Some(mesh) = node.mesh {
                 match &node.extensions.instancing {
                     Some(instancing) => {
-                        let instances = self.instances(instancing)?;
+                        let instances = self.instances(instancing, placed.len())?;
                         placed.extend(
                             instances.into_iter().map(|i| PlacedMesh { mesh, transform: transform * i }),
                         );
                     }
-                    None => placed.push(PlacedMesh { mesh, transform }),
+                    None => {
+                        self.check_placed(placed.len() + 1)?;
+                        placed.push(PlacedMesh { mesh, transform });
+                    }
                 }
             }
             open.extend(node.children.iter().rev().map(|&child| (child, transform)));
@@ -60,8 +67,21 @@ impl Document {
         (0..is_child.len()).filter(|&n| !is_child[n]).collect()
     }
 
-    /// The transforms of `EXT_mesh_gpu_instancing`.
-    fn instances(&self, instancing: &Instancing) -> Result<Vec<DAffine3>, String> {
+    /// Fails if so many meshes cannot be placed.
+    fn check_placed(&self, count: usize) -> Result<(), String> {
+        if count > MAX_PLACED {
+            return Err(format!("the nodes place {count} meshes; at most {MAX_PLACED} are read"));
+        }
+        self.check_memory((count * (size_of::<PlacedMesh>() + size_of::<PartRecipe>())) as u64)
+    }
+
+    /// The transforms of `EXT_mesh_gpu_instancing`, after `before` other placed meshes.
+    fn instances(&self, instancing: &Instancing, before: usize) -> Result<Vec<DAffine3>, String> {
+        for (name, &accessor) in &instancing.attributes {
+            if ["TRANSLATION", "ROTATION", "SCALE"].contains(&name.as_str()) {
+                self.check_placed(before.saturating_add(self.count_of_instances(accessor)?))?;
+            }
+        }
         let attribute = |name: &str| instancing.attributes.get(name).copied();
         let translations = attribute("TRANSLATION").map(|a| self.vectors::<3>(a)).transpose()?;
         let rotations = attribute("ROTATION").map(|a| self.vectors::<4>(a)).transpose()?;

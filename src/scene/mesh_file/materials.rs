@@ -12,6 +12,8 @@
 use super::{diffuse, whole_file};
 use crate::columns::Separator;
 use crate::diag::{Diagnostics, Place};
+use crate::input::read_file;
+use crate::scene::text::printable;
 use crate::survey::{MaterialDefinition, MeshReading};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -36,14 +38,7 @@ impl MaterialTable {
     pub fn of(path: &Path, reading: &MeshReading, diagnostics: &mut Diagnostics) -> Option<MaterialTable> {
         let beside = || Some(path.with_file_name(FILE_NAME)).filter(|table| table.is_file());
         let table = reading.materials.clone().or_else(beside)?;
-        let size = std::fs::metadata(&table).map_or(0, |about| about.len());
-        let text = match std::fs::read_to_string(&table) {
-            _ if size > MAX_BYTES => {
-                let message =
-                    format!("expected a table of materials of at most {MAX_BYTES} bytes, found {size}");
-                diagnostics.error(Some(whole_file(&table)), message);
-                return None;
-            }
+        let text = match read_text(&table) {
             Ok(text) => text,
             Err(e) => {
                 diagnostics
@@ -99,6 +94,12 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
     for (number, line) in lines {
         let mut material = diffuse("");
         let fields = separator.split(line);
+        if fields.len() != names.len() {
+            let place = Place::in_line(path, number, line, 0..line.len());
+            let message = format!("expected {} fields, found {}", names.len(), fields.len());
+            diagnostics.error(Some(place), message).help(HELP);
+            continue;
+        }
         for (name, at) in names.iter().zip(fields) {
             let value = &line[at.clone()];
             if let Err(expected) = set(&mut material, name, value) {
@@ -115,10 +116,19 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
     rows
 }
 
+/// The text of a regular file.
+fn read_text(path: &Path) -> std::io::Result<String> {
+    // Opening a pipe would wait for its writer.
+    if !path.metadata()?.is_file() {
+        return Err(std::io::Error::other("it is no regular file"));
+    }
+    String::from_utf8(read_file(path, MAX_BYTES)?).map_err(|_| std::io::Error::other("it is not UTF-8"))
+}
+
 fn set(material: &mut MaterialDefinition, column: &str, value: &str) -> Result<(), &'static str> {
     match column {
         "name" if value.is_empty() => return Err("the name of a material"),
-        "name" => material.name = value.to_owned(),
+        "name" => material.name = printable(value),
         _ if value.is_empty() => {}
         "reflectance" => {
             let reflectance = value.parse::<f64>().ok().filter(|r| (0.0..=1.0).contains(r));

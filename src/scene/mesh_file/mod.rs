@@ -5,6 +5,7 @@
 //! | `ply` | PLY |
 //! | `stl` | STL |
 //! | `gltf`, `gltf_buffers` | documents of glTF 2.0: accessors, meshes, materials; their bytes |
+//! | `gltf_materials` | materials of a glTF document with their extras |
 //! | `gltf_nodes` | the nodes of a glTF document with their transforms |
 //! | `expand` | glTF files as parts, one for each mesh that a node places |
 //! | `materials` | tables of materials by name |
@@ -12,6 +13,7 @@
 mod expand;
 mod gltf;
 mod gltf_buffers;
+mod gltf_materials;
 mod gltf_nodes;
 mod materials;
 mod ply;
@@ -23,13 +25,14 @@ pub(super) use expand::{EpochPart, parts_in_epoch};
 
 use super::builder::{PartSource, SceneBuilder};
 use super::library::Names;
-use super::text::Source;
+use super::text::{Source, printable};
 use super::{mesh, obj};
 use crate::diag::Place;
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
 use crate::survey::{MaterialDefinition, Mesh, MeshReading, UpAxis};
 use materials::MaterialTable;
+use std::collections::HashSet;
 use std::path::Path;
 
 /// Formats of mesh files.
@@ -114,8 +117,8 @@ impl RawMesh {
 }
 
 /// A material of a mesh file: it reflects diffusely.
-fn diffuse(name: impl Into<String>) -> MaterialDefinition {
-    MaterialDefinition { kd: [1.0; 3], ..MaterialDefinition::new(name) }
+fn diffuse(name: impl AsRef<str>) -> MaterialDefinition {
+    MaterialDefinition { kd: [1.0; 3], ..MaterialDefinition::new(printable(name.as_ref())) }
 }
 
 /// A file without a line, for messages.
@@ -137,7 +140,7 @@ pub(super) fn load(
         Format::Obj => return load_obj(scene, part, source, reading, names),
         Format::Ply => ply::read(source),
         Format::Stl => stl::read(source),
-        Format::Gltf => gltf::Document::open(source.path()).and_then(|document| {
+        Format::Gltf => gltf::Document::open(source.path(), scene.free_memory()).and_then(|document| {
             scene.sources.extend(document.files().map(Path::to_path_buf));
             document.whole(frame)
         }),
@@ -153,34 +156,52 @@ pub(super) fn load(
         raw.vertices.iter_mut().for_each(|v| *v = frame.apply(*v));
     }
     let face_of = std::mem::take(&mut raw.face_of);
-    let Some(mesh) = finish(scene, source.path(), reading, raw)? else { return Ok(()) };
+    let table = table_of(scene, source.path(), reading);
+    let mut unknown = Vec::new();
+    let mesh = finish(scene, source.path(), table.as_ref(), raw, &mut unknown)?;
+    warn_of_unknown(scene, source.path(), unknown);
+    let Some(mesh) = mesh else { return Ok(()) };
     let key = (source.path().to_path_buf(), reading.materials.clone());
     let materials = scene.library.of_file(key, mesh.materials(), &mut scene.diagnostics);
     mesh::load_with(scene, part, &mesh, materials, &face_of)
 }
 
-/// Gives the materials of a mesh the properties of its table, and checks the mesh; `None` after an error in the input.
+/// The table of a mesh file's materials, if it has one.
+fn table_of(scene: &mut SceneBuilder, path: &Path, reading: &MeshReading) -> Option<MaterialTable> {
+    let table = MaterialTable::of(path, reading, &mut scene.diagnostics)?;
+    scene.sources.push(table.path().to_path_buf());
+    Some(table)
+}
+
+/// Warns of materials whose reflectance is not known.
+fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<String>) {
+    let mut seen = HashSet::new();
+    unknown.retain(|name| seen.insert(name.clone()));
+    if unknown.is_empty() {
+        return;
+    }
+    let names = unknown.iter().take(5).map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ");
+    let more = if unknown.len() > 5 { format!(" and {} more", unknown.len() - 5) } else { String::new() };
+    let message = format!("no reflectance for the material {names}{more}; it reflects 50 per cent");
+    let help =
+        "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each material";
+    scene.diagnostics.warn(Some(whole_file(path)), message).help(help);
+}
+
+/// Gives the materials of a mesh the properties of its table, and checks the mesh; `None` after an error in the input. Names
+/// of materials without a reflectance are appended to `unknown`.
 fn finish(
     scene: &mut SceneBuilder,
     path: &Path,
-    reading: &MeshReading,
+    table: Option<&MaterialTable>,
     mut raw: RawMesh,
+    unknown: &mut Vec<String>,
 ) -> Result<Option<Mesh>> {
-    if let Some(table) = MaterialTable::of(path, reading, &mut scene.diagnostics) {
-        scene.sources.push(table.path().to_path_buf());
+    if let Some(table) = table {
         raw.materials.iter_mut().for_each(|material| table.apply(material));
     }
-    let unknown: Vec<&str> = (raw.materials.iter())
-        .filter(|m| m.reflectance.is_none() && m.spectrum.is_none())
-        .map(|m| m.name.as_str())
-        .collect();
-    if !unknown.is_empty() {
-        let names = unknown.iter().take(5).map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ");
-        let more = if unknown.len() > 5 { format!(" and {} more", unknown.len() - 5) } else { String::new() };
-        let message = format!("no reflectance for the material {names}{more}; it reflects 50 per cent");
-        let help = "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each material";
-        scene.diagnostics.warn(Some(whole_file(path)), message).help(help);
-    }
+    let lacking = raw.materials.iter().filter(|m| m.reflectance.is_none() && m.spectrum.is_none());
+    unknown.extend(lacking.map(|m| m.name.clone()));
     match Mesh::new(raw.vertices, raw.triangles, raw.materials, raw.material_of) {
         Ok(mesh) => Ok(Some(mesh)),
         Err(Error::Input(problems)) => {

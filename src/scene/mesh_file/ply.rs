@@ -18,9 +18,15 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
 }
 
 fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
+    if bytes.starts_with(b"ply\r") && !bytes.starts_with(b"ply\r\n") {
+        return Err(
+            "the lines of the PLY file end in a carriage return alone, expected line feeds".to_owned()
+        );
+    }
     let parser = Parser::<Element>::new();
     let mut reader = Reader::new(bytes);
-    let header = parser.read_header(&mut reader).map_err(|e| format!("expected a PLY file: {e}"))?;
+    let header =
+        parser.read_header(&mut reader).map_err(|e| format!("expected a PLY file: {}", first_line(&e)))?;
     let mut rest = reader.into_inner();
     let mut mesh = RawMesh { materials: vec![diffuse(name)], ..RawMesh::default() };
     let mut has_faces = false;
@@ -33,6 +39,11 @@ fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
             })?;
             match definition.name.as_str() {
                 "vertex" => mesh.vertices.push(DVec3::from(element.position)),
+                "face" if element.has_fractions => {
+                    return Err(format!(
+                        "face {at}: expected whole numbers as corners, found a list of floats"
+                    ));
+                }
                 "face" => {
                     let corner =
                         |c: &i64| u32::try_from(*c).map_err(|_| format!("face {at} has the corner {c}"));
@@ -67,18 +78,25 @@ fn read_element(
         Encoding::BinaryLittleEndian => parser.read_little_endian_element(rest, definition),
         Encoding::BinaryBigEndian => parser.read_big_endian_element(rest, definition),
     };
-    read.map_err(|e| e.to_string())
+    read.map_err(|e| first_line(&e))
+}
+
+/// What the decoder says, without its quotation of the file and the full stop.
+fn first_line(e: &impl ToString) -> String {
+    e.to_string().lines().next().unwrap_or_default().trim_end_matches(['.', ' ']).to_owned()
 }
 
 /// A vertex or a face.
 struct Element {
     position: [f64; 3],
     corners: Vec<i64>,
+    /// Whether the corners are floats, which are no indices.
+    has_fractions: bool,
 }
 
 impl PropertyAccess for Element {
     fn new() -> Element {
-        Element { position: [f64::NAN; 3], corners: Vec::new() }
+        Element { position: [f64::NAN; 3], corners: Vec::new(), has_fractions: false }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
@@ -92,7 +110,11 @@ impl PropertyAccess for Element {
                         self.corners = corners;
                         PropertyAccessResult::Set
                     }
-                    None => PropertyAccessResult::Ignored,
+                    None => {
+                        self.has_fractions =
+                            matches!(property, Property::ListFloat(_) | Property::ListDouble(_));
+                        PropertyAccessResult::Ignored
+                    }
                 };
             }
             _ => return PropertyAccessResult::Ignored,

@@ -77,6 +77,7 @@ fn read_text(bytes: &[u8], file_name: &str) -> Result<RawMesh, String> {
     let text = String::from_utf8_lossy(bytes);
     let mut mesh = RawMesh::default();
     let mut corners = Corners::default();
+    let mut solids: HashMap<&str, u32> = HashMap::new();
     let mut loop_of: Vec<u32> = Vec::new();
     let (mut open, mut current) = (false, 0);
     for (number, line) in (1..).zip(text.lines()) {
@@ -88,11 +89,10 @@ fn read_text(bytes: &[u8], file_name: &str) -> Result<RawMesh, String> {
             Some("solid") => {
                 let name = line.trim_start()[5..].trim();
                 let name = if name.is_empty() { file_name } else { name };
-                let known = mesh.materials.iter().position(|m| m.name == name);
-                current = known.unwrap_or_else(|| {
+                current = *solids.entry(name).or_insert_with(|| {
                     mesh.materials.push(diffuse(name));
-                    mesh.materials.len() - 1
-                }) as u32;
+                    mesh.materials.len() as u32 - 1
+                });
                 open = true;
             }
             Some("vertex") => {

@@ -3,7 +3,7 @@
 use crate::geom::DVec3;
 use crate::scene::Scene;
 use crate::scene::fixture::{Fixture, report};
-use crate::survey::{Loader, MeshReading, UpAxis};
+use crate::survey::{Loader, MaterialChange, MaterialDefinition, MeshReading, Replaced, Transform, UpAxis};
 use base64::Engine;
 use std::path::PathBuf;
 
@@ -122,6 +122,7 @@ fn a_square_is_the_same_in_every_format() {
         ("a.stl", SQUARE_STL.as_bytes()),
         ("b.stl", &binary),
         ("c.ply", SQUARE_PLY.as_bytes()),
+        ("windows.ply", SQUARE_PLY.replace('\n', "\r\n").as_bytes()),
         // Recognised by their contents.
         ("d.obj", SQUARE_PLY.as_bytes()),
         ("e.mesh", SQUARE_STL.as_bytes()),
@@ -159,6 +160,8 @@ fn tables_give_materials_their_properties_by_name() {
         ("name,class\nroof,256\n", "expected a class from 0 to 255"),
         ("name,ground\nroof,maybe\n", "expected true or false"),
         ("name,ground\nroof,1\nroof,0\n", "is described twice"),
+        ("name,class,ground\nroof,1\n", "expected 3 fields, found 2"),
+        ("name,class\nroof,1,true\n", "materials.csv:2"),
         ("", "is empty"),
     ] {
         let mut f = fixture("a.stl", SQUARE_STL.as_bytes());
@@ -243,6 +246,153 @@ fn quantised_and_sparse_positions_are_read() {
 }
 
 #[test]
+fn parts_on_the_ground_and_with_numbered_primitives_stay_whole() {
+    // Two meshes one above the other: the upper one does not fall.
+    let nodes = r#"[{"children":[1,2]},{"mesh":0},{"mesh":0,"translation":[0,5,0]}]"#;
+    let file = glb(&triangle_json(nodes, ""), &triangle_bytes());
+    let mut f = fixture("a.glb", &file);
+    f.file("ground.obj", "mtllib g.mtl\nusemtl g\nv -9 -9 0\nv 9 -9 0\nv 0 9 0\nf 1 2 3\n");
+    f.file("g.mtl", "newmtl g\nhelios_isGround true\n");
+    for name in ["ground.obj", "a.glb"] {
+        let files = vec![f.path().join(name)];
+        f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+    }
+    f.parts[1].transform.on_ground = 1;
+    f.parts[1].transform.offset.z = 3.0;
+    let (scene, _) = f.load().unwrap();
+    assert_eq!(scene.parts.len(), 2);
+    let heights: Vec<f64> = corners(&scene).iter().skip(3).map(|corner| corner[2]).collect();
+    assert_eq!(heights, [0.0, 0.0, 1.0, 5.0, 5.0, 6.0]);
+
+    f.parts.remove(0);
+    f.parts[0].transform = Transform::IDENTITY;
+    let mut class_of = |replaced| {
+        let material = MaterialDefinition { classification: 9, ..MaterialDefinition::new("new") };
+        f.parts[0].changes = vec![MaterialChange { replaced, material }].into();
+        let (scene, warnings) = f.load().unwrap();
+        let classes: Vec<i32> = (0..2).map(|i| scene.material_of(i).classification).collect();
+        (scene.parts.len(), classes, warnings.render(false))
+    };
+    let (parts, classes, _) = class_of(Replaced::Faces(vec![1]));
+    assert_eq!((parts, classes), (1, vec![5, 9]));
+    let (parts, classes, warnings) = class_of(Replaced::Named("green".to_owned()));
+    assert_eq!((parts, classes), (2, vec![9, 9]));
+    assert!(!warnings.contains("replaced"), "{warnings}");
+}
+
+#[test]
+fn meshes_of_a_document_share_its_table_and_one_warning() {
+    let count = 300;
+    let nodes: Vec<String> =
+        (0..count).map(|i| format!(r#"{{"mesh":{i},"translation":[{i},0,0]}}"#)).collect();
+    let meshes: Vec<String> = (0..count)
+        .map(|i| {
+            format!(r#"{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1,"material":{i}}}]}}"#)
+        })
+        .collect();
+    let materials: Vec<String> = (0..count).map(|i| format!(r#"{{"name":"m{i}\n"}}"#)).collect();
+    let json = triangle_json(&format!("[{}]", nodes.join(",")), "");
+    let (head, tail) = json.split_once("\"meshes\"").unwrap();
+    let json = format!(
+        "{}\"meshes\":[{}],\"materials\":[{}],\"accessors\"{}",
+        head.replace("\"nodes\":[0]}", &format!("\"nodes\":{:?}}}", (0..count).collect::<Vec<_>>())),
+        meshes.join(","),
+        materials.join(","),
+        tail.split_once("\"accessors\"").unwrap().1
+    );
+    let file = glb(&json, &triangle_bytes());
+    let mut f = fixture("a.glb", &file);
+    let files = vec![f.path().join("a.glb")];
+    f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+    let (scene, warnings) = f.load().unwrap();
+    assert_eq!((scene.parts.len(), scene.materials.len()), (count, count));
+    assert_eq!(scene.materials[7].name, "m7_");
+    assert_eq!(warnings.items().len(), 1, "{}", warnings.render(false));
+    assert!(warnings.items()[0].message.contains("and 295 more"));
+    f.file("materials.csv", "name,reflectance\nm0_,5\n");
+    let found = f.error();
+    assert_eq!(found.matches("a reflectance from 0 to 1").count(), 1, "{found}");
+}
+
+#[test]
+fn few_bytes_do_not_become_many_meshes() {
+    let json = triangle_json(r#"[{"mesh":0}]"#, "");
+    let zeros = r#""accessors":[{"componentType":5126,"count":16777216,"type":"VEC3"},"#;
+    let bomb = json.replace("\"accessors\":[", zeros);
+    let instances = bomb.replace(
+        r#"{"mesh":0}"#,
+        r#"{"mesh":0,"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":0}}}}"#,
+    );
+    let found = refused("a.glb", &glb(&instances, &triangle_bytes()));
+    assert!(found.contains("of instances has no data"), "{found}");
+
+    let limited = |json: &str, limit: Option<u64>| {
+        let mut f = fixture("a.glb", &glb(json, &triangle_bytes()));
+        f.options.max_memory = limit;
+        let files = vec![f.path().join("a.glb")];
+        f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+        f.load().map(|(scene, _)| scene.geometry.triangles.len()).map_err(|e| report(&e))
+    };
+    let primitive = |accessor: u32, count: usize| {
+        let list = vec![format!(r#"{{"attributes":{{"POSITION":{accessor}}}}}"#); count].join(",");
+        format!(r#""primitives":[{list}],"unused":["#)
+    };
+    let primitives = bomb.replace("\"primitives\":[", &primitive(0, 8));
+    let found = limited(&primitives, Some(20 << 20)).unwrap_err();
+    assert!(found.contains("need at least 492.1 MB, the memory limit leaves 21.0 MB"), "{found}");
+    // Primitives of one accessor share its vertices: 3 · 24 bytes, and 16 for each triangle.
+    let shared = json.replace("\"primitives\":[", &primitive(0, 100));
+    assert_eq!(limited(&shared, Some(3 * 24 + 100 * 16)), Ok(100));
+    assert!(limited(&shared, Some(3 * 24 + 99 * 16)).unwrap_err().contains("the memory limit leaves"));
+
+    let many = vec![r#"{"mesh":0}"#; 1000].join(",");
+    let roots = format!("\"nodes\":{:?}}}", (0..1000).collect::<Vec<_>>());
+    let placed = triangle_json(&format!("[{many}]"), "").replace("\"nodes\":[0]}", &roots);
+    assert!(limited(&placed, Some(100_000)).unwrap_err().contains("the memory limit leaves"));
+    assert_eq!(limited(&placed, None), Ok(1000));
+}
+
+#[test]
+fn buffers_are_regular_files_beside_the_document() {
+    let f = fixture("buffer.bin", &triangle_bytes());
+    let outside = f.path().join("buffer.bin");
+    for (uri, message) in [
+        (outside.to_str().unwrap(), "only files in its folder are read"),
+        ("../buffer.bin", "only files in its folder are read"),
+        ("sub/%2e%2e/../buffer.bin", "only files in its folder are read"),
+        ("sub", "is no regular file"),
+        ("https://example.org/buffer.bin", "is not on this machine"),
+    ] {
+        let json = triangle_json(r#"[{"mesh":0}]"#, &format!("\"uri\":\"{uri}\","));
+        let mut g = fixture("a.gltf", json.as_bytes());
+        std::fs::create_dir(g.path().join("sub")).unwrap();
+        let files: Vec<PathBuf> = vec![g.path().join("a.gltf")];
+        g.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+        assert!(g.error().contains(message), "{uri}: {}", g.error());
+    }
+    let json = triangle_json(r#"[{"mesh":0}]"#, "\"uri\":\"./sub/b%201.bin\",");
+    let mut g = fixture("a.gltf", json.as_bytes());
+    std::fs::create_dir(g.path().join("sub")).unwrap();
+    g.file("sub/b 1.bin", triangle_bytes());
+    assert_eq!(corners(&load(&mut g, "a.gltf", MeshReading::default())).len(), 3);
+}
+
+#[test]
+fn many_solids_are_read_in_linear_time() {
+    let solid = |i: u32| {
+        format!(
+            "solid s{i}\nfacet\nouter loop\nvertex 0 0 {i}\nvertex 1 0 {i}\nvertex 0 1 {i}\nendloop\nendsolid\n"
+        )
+    };
+    let text: String = (0..100_000).chain([7]).map(solid).collect();
+    let started = std::time::Instant::now();
+    let scene = load(&mut fixture("a.stl", text.as_bytes()), "a.stl", MeshReading::default());
+    assert_eq!((scene.geometry.triangles.len(), scene.materials.len()), (100_001, 100_000));
+    // A search through all names would take 5·10⁹ comparisons.
+    assert!(started.elapsed().as_secs() < 20, "{:?}", started.elapsed());
+}
+
+#[test]
 fn damaged_files_are_refused_with_their_name() {
     let whole = glb(&triangle_json(r#"[{"mesh":0}]"#, ""), &triangle_bytes());
     for cut in [4, 10, 16, 40, whole.len() - 30, whole.len() - 1] {
@@ -286,6 +436,20 @@ fn damaged_files_are_refused_with_their_name() {
     let points = SQUARE_PLY.split("element face").next().unwrap().to_owned()
         + "end_header\n0 0 1 9\n2 0 1 9\n2 3 1 9\n0 3 1 9\n";
     assert!(refused("a.ply", points.as_bytes()).contains("xyzloader"));
+    let floats = SQUARE_PLY.replace("list uchar int", "list uchar float");
+    assert!(refused("a.ply", floats.as_bytes()).contains("found a list of floats"));
+    let word = refused("a.ply", SQUARE_PLY.replace("4 0 1 2 3", "4 0 1").as_bytes());
+    assert!(word.contains("after 0 of 1 elements") && !word.contains(". after"), "{word}");
+    let mac = refused("a.ply", SQUARE_PLY.replace('\n', "\r").as_bytes());
+    assert!(mac.contains("end in a carriage return alone"), "{mac}");
+    let far = refused(
+        "a.ply",
+        SQUARE_PLY.replace("float x", "double x").replace("2 0 1 9", "1e300 0 1 9").as_bytes(),
+    );
+    assert!(far.contains("is at 1e300, 0, 1"), "{far}");
+    let escape = SQUARE_STL.replace("solid roof", "solid \u{1b}[31mroof");
+    let scene = load(&mut fixture("e.stl", escape.as_bytes()), "e.stl", MeshReading::default());
+    assert_eq!(scene.materials[0].name, "_[31mroof");
     // A list that states four thousand million corners.
     let head = "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
                 element face 1\nproperty list uint int vertex_indices\nend_header\n";

@@ -7,13 +7,13 @@ mod slice;
 mod tests;
 
 use super::builder::{PartSource, SceneBuilder};
-use super::foreign::foreign_mesh;
 use super::library::{DEFAULT, Names};
-use super::mtl::name_of;
+use super::mtl::{name_of, text_of};
 use super::reflectance_issues::ReflectanceIssue;
 use super::text::{Problems, Source, cut_into_pieces};
 use crate::error::Result;
 use crate::geom::DVec3;
+use crate::survey::foreign_mesh;
 use rayon::prelude::*;
 pub(super) use slice::Reading;
 use slice::{NO_VERTEX, Slice, Statement, Switch};
@@ -37,7 +37,8 @@ pub(super) fn load(
     names: &mut Names,
 ) -> Result<()> {
     if let Some((found, help)) = foreign_mesh(source.path(), source.bytes()) {
-        let message = format!("expected an OBJ file, found {found}: {}", source.path().display());
+        let message =
+            format!("expected a mesh (OBJ, PLY, STL, glTF), found {found}: {}", source.path().display());
         scene.diagnostics.error(part.place.cloned(), message).help(help);
         return Ok(());
     }
@@ -74,7 +75,7 @@ fn check_whole(scene: &mut SceneBuilder, source: &Source, mesh: &Mesh) {
     let message = match (has_elements || mesh.polygons > 0, vertices) {
         (true, _) => return,
         (false, 0) if mesh.unknown == 0 => return,
-        (false, 0) => "expected an OBJ file, found no vertex and no face".to_owned(),
+        (false, 0) => "expected a mesh (OBJ, PLY, STL, glTF), found no vertex and no face".to_owned(),
         (false, n) => format!("expected faces of the {n} vertices, found none; is the file whole?"),
     };
     let end = source.bytes().len();
@@ -210,7 +211,7 @@ fn add_library(
     switch: &Switch,
 ) {
     let folder = source.path().parent().map_or_else(PathBuf::new, PathBuf::from);
-    let whole = name_of(operand);
+    let whole = text_of(operand);
     let mut candidates = vec![vec![whole.clone()], vec![whole.replace('\\', "/")]];
     candidates.push(whole.split(' ').map(str::to_owned).collect());
     for files in candidates {

@@ -27,10 +27,12 @@ impl Mesh {
     ) -> Result<Mesh> {
         let wrong = |v: &DVec3| v.is_nan() || v.abs().max_element() > MAX_COORDINATE;
         if let Some(at) = vertices.iter().position(wrong) {
-            let v = vertices[at];
+            let [x, y, z] = vertices[at].to_array().map(|c| match c.abs() > MAX_COORDINATE {
+                true => format!("{c:e}"),
+                false => c.to_string(),
+            });
             return Err(Error::input(format!(
-                "vertex {at} is at {}, {}, {}; expected finite numbers within ±{MAX_COORDINATE:e} m",
-                v.x, v.y, v.z
+                "vertex {at} is at {x}, {y}, {z}; expected finite numbers within ±{MAX_COORDINATE:e} m"
             )));
         }
         let count = vertices.len();

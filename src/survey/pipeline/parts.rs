@@ -1,5 +1,6 @@
 //! The `[[part]]` tables: a scene in a pipeline file.
 
+use super::super::foreign::MESH_ENDINGS;
 use super::super::read::loader_of_file;
 use super::super::{
     Loader, MaterialChange, MaterialDefinition, MeshReading, MotionTiming, PartRecipe, Replaced, SceneRecipe,
@@ -12,8 +13,8 @@ use crate::quantity::Bounds;
 use std::path::Path;
 use toml::Spanned;
 
-/// Extensions of the files that can be parts.
-const EXTENSIONS: [&str; 8] = ["obj", "ply", "stl", "gltf", "glb", "tif", "tiff", "vox"];
+/// Extensions of the files that can be parts beside those of meshes.
+const OTHER_EXTENSIONS: [&str; 3] = ["tif", "tiff", "vox"];
 
 const REFLECTANCE: Bounds = Bounds { low: 0.0, high: 1.0, expected: "a reflectance from 0 to 1" };
 const ROUGHNESS: Bounds = Bounds { low: 0.0, high: 90.0, expected: "a roughness of 0 to 90 degrees" };
@@ -41,7 +42,7 @@ fn read_part(values: &Values, table: &Spanned<PartKeys>, number: u32) -> Option<
     };
     let extension =
         Path::new(name.get_ref()).extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    if !EXTENSIONS.contains(&extension.as_str()) {
+    if !MESH_ENDINGS.iter().chain(&OTHER_EXTENSIONS).any(|known| *known == extension) {
         values.refuse(name, "a file that ends in .obj, .ply, .stl, .gltf, .glb, .tif or .vox");
         return None;
     }

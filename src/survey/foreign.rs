@@ -1,6 +1,10 @@
-//! Recognition of mesh and point formats that the scene does not read, by their first bytes or the name.
+//! Endings of mesh files, and recognition of mesh and point formats that the scene does not read, by their first bytes or the
+//! name.
 
 use std::path::Path;
+
+/// Endings of the mesh files that the scene reads.
+pub(super) const MESH_ENDINGS: [&str; 5] = ["obj", "ply", "stl", "gltf", "glb"];
 
 /// A format, what a file of it begins with, and the endings of its names.
 struct Format {
@@ -38,12 +42,17 @@ const FORMATS: [Format; 10] = [
     Format { name: "LAS points", starts: &[b"LASF"], endings: &["las", "laz"], help: POINTS },
 ];
 
-/// Returns the name of the format and what to do with it; `None` for a file that may be OBJ.
-pub(super) fn foreign_mesh(path: &Path, bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+/// Returns the name of the format and what to do with it; `None` for a file that may be a mesh that is read.
+pub(crate) fn foreign_mesh(path: &Path, bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let by_bytes = FORMATS.iter().find(|format| format.starts.iter().any(|start| bytes.starts_with(start)));
     let by_name = || FORMATS.iter().find(|format| format.endings.contains(&ending.as_str()));
     by_bytes.or_else(by_name).map(|format| (format.name, format.help))
+}
+
+/// Whether files with this ending, in small letters, are of a format that the scene does not read.
+pub(super) fn is_foreign_ending(ending: &str) -> bool {
+    FORMATS.iter().any(|format| format.endings.contains(&ending))
 }
 
 #[cfg(test)]
@@ -57,5 +66,6 @@ mod tests {
         assert_eq!(name("a.FBX", &[0; 84]), Some("FBX"));
         assert_eq!(name("a.obj", b"# solid block\nv 0 0 0\n"), None);
         assert_eq!(name("mesh", b"v 0 0 0\n"), None);
+        assert!(is_foreign_ending("usdz") && !MESH_ENDINGS.iter().any(|ending| is_foreign_ending(ending)));
     }
 }
