@@ -2,13 +2,15 @@
 
 use super::Scene;
 use crate::geom::{Aabb, DVec3};
+use crate::store::Store;
 use crate::tree::Cube;
 use std::collections::BTreeMap;
 
 /// Facts about one part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartFacts {
-    /// Box around its primitives, world frame, m; moving parts are in their initial pose. Empty for a part without primitives.
+    /// Box around its primitives, world frame, m; moving parts are in their initial pose. Empty for a part without primitives. In
+    /// scenes with very many vertices of instances the boxes of these reach a little further.
     pub bounds: Aabb,
     /// Number of primitives, including the triangles of instances.
     pub primitives: u64,
@@ -16,9 +18,17 @@ pub struct PartFacts {
     pub materials: Vec<u32>,
 }
 
+/// Vertices of instances that are placed one by one.
+const MAX_PLACED_VERTICES: u64 = 1 << 30;
+
 impl PartFacts {
-    /// Facts about every part of a scene, in order, by visiting every primitive.
+    /// Facts about every part of a scene, in order.
     pub fn of_scene(scene: &Scene) -> Vec<PartFacts> {
+        PartFacts::placing(scene, MAX_PLACED_VERTICES)
+    }
+
+    /// Places up to `most` vertices of instances.
+    fn placing(scene: &Scene, most: u64) -> Vec<PartFacts> {
         let mut counts: Vec<BTreeMap<u32, u64>> = vec![BTreeMap::new(); scene.parts.len()];
         let mut bounds = vec![Aabb::EMPTY; scene.parts.len()];
         let (triangles, cubes) = (scene.geometry.triangles.len(), &scene.geometry.cubes);
@@ -32,11 +42,22 @@ impl PartFacts {
             };
         }
         if let Some(set) = &scene.instances {
+            let of_model = |materials: &Store<u32>| {
+                let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
+                materials.iter().for_each(|&material| *counts.entry(material).or_default() += 1);
+                counts
+            };
+            let of_models: Vec<BTreeMap<u32, u64>> = set.materials.iter().map(of_model).collect();
+            let vertices = |i| set.instances.model(i).geometry.vertices.len() as u64;
+            let is_exact = set.instances.all.iter().map(vertices).sum::<u64>() <= most;
             for (instance, &part) in set.instances.all.iter().zip(&set.parts) {
                 let part = part as usize;
-                bounds[part] = bounds[part].union(set.instances.exact_bounds_of(instance));
-                for &material in set.materials[instance.model as usize].iter() {
-                    *counts[part].entry(material).or_default() += 1;
+                bounds[part] = bounds[part].union(match is_exact {
+                    true => set.instances.exact_bounds_of(instance),
+                    false => set.instances.bounds_of(instance),
+                });
+                for (&material, count) in &of_models[instance.model as usize] {
+                    *counts[part].entry(material).or_default() += count;
                 }
             }
         }
@@ -91,6 +112,10 @@ mod tests {
             assert_eq!(facts[1].bounds.size(), DVec3::new(1.0, 1.0, 2.0));
             assert_eq!(scene.parts[1].name, "oak");
             assert_eq!(facts[1].material_names(&scene).len(), 2);
+            // Without a visit to every vertex the box is around the outline of the mesh.
+            let [near, exact] = [0, 6].map(|most| PartFacts::placing(&scene, most)[1].bounds);
+            let reach = (near.min - exact.min).abs().max((near.max - exact.max).abs()).max_element();
+            assert!(near.union(exact) == near && reach < 0.1, "{near:?} {exact:?}");
         }
     }
 }
