@@ -115,8 +115,12 @@ impl DeflectorSettings {
         }
     }
 
-    /// Warns about a mirror whose settings prevent all pulses.
+    /// Warns about a mirror whose settings prevent all pulses, and refuses an ellipse without its larger angle.
     pub fn check(&self, context: &Context, element: &Element) {
+        if self.optics == Optics::Conic && self.along_max > 0.0 && self.angle_max <= 0.0 {
+            let message = "an elliptic cone (`scanAngleAlongMax_deg`) needs a `scanAngleMax_deg` above 0";
+            context.error(element.value_place("scanAngleAlongMax_deg"), message);
+        }
         if self.optics != Optics::Rotating {
             return;
         }

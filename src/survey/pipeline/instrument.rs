@@ -167,6 +167,13 @@ fn change_deflector(values: &Values, device: &mut Device, keys: &InstrumentKeys)
         Deflector::EllipticConic { along_max } => values.angle(along_max, &keys.scan_angle_along_max_deg),
         _ => refuse_unused(values, "conic", &keys.scan_angle_along_max_deg),
     }
+    let elliptic =
+        matches!(&device.deflector, Deflector::EllipticConic { .. }) && device.scan_angle_max <= 0.0;
+    if let (true, Some(key)) =
+        (elliptic, keys.scan_angle_along_max_deg.as_ref().or(keys.scan_angle_max_deg.as_ref()))
+    {
+        values.refuse(key, "a `scan_angle_max_deg` above 0 for an elliptic cone");
+    }
     match &mut device.deflector {
         Deflector::Polygon { effective_max } => {
             values.angle(effective_max, &keys.scan_angle_effective_max_deg)

@@ -146,6 +146,13 @@ fn wrong_instruments() {
         &["<rot> needs the attribute `angle_deg`"],
     );
     contains(&base("", "<FWFSettings binSize_ns='0'/>"), &["`binSize_ns` must be a number above 0"]);
+    contains(
+        &base("scanAngleAlongMax_deg='14'", ""),
+        &["an elliptic cone (`scanAngleAlongMax_deg`) needs a `scanAngleMax_deg` above 0"],
+    );
+    let flat = "<channels><channel/><channel scanAngleMax_deg='0'/></channels>";
+    let flat = base("scanAngleMax_deg='20' scanAngleAlongMax_deg='14'", flat);
+    contains(&flat, &["an elliptic cone (`scanAngleAlongMax_deg`) needs a `scanAngleMax_deg` above 0"]);
     let rates = refused(scanner_of("<scanner id='mine' optics='conic' pulseFreqs_Hz='1e5'/>"));
     contains(&rates, &["`pulseFreqs_Hz` must be whole numbers above 0 separated by commas"]);
     let nothing = refused(scanner_of("<scanner id='mine'/>"));

@@ -242,6 +242,12 @@ fn what_is_missing_is_said() {
         &refused(read("scene = 'b.obj'\nsurvey = 'survey.xml'\n")),
         &["cannot find the file `b.obj`", "p.toml:1:9"],
     );
+    let cone =
+        "scene = 'a.obj'\n[scanner]\noptics = 'conic'\npulse_freqs_hz = [5]\nscan_angle_along_max_deg = 14\n";
+    contains(
+        &refused(read(cone)),
+        &["expected a `scan_angle_max_deg` above 0 for an elliptic cone", "p.toml:5:"],
+    );
     contains(&refused(read("scene = ")), &["not well-formed TOML", "p.toml:1:"]);
     contains(
         &refused(read("survey = 'survey.xml'\n[[output]]\n")),
