@@ -122,6 +122,18 @@ pub fn files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
+/// The survey of a forest.
+pub fn forest() -> String {
+    fixture("forest/survey.xml").to_str().unwrap().to_owned()
+}
+
+/// Runs a Python script in `folder`, and returns what it prints; an exception fails the test.
+pub fn judge(python: &Path, folder: &Path, script: &str) -> String {
+    let judged = Command::new(python).args(["-c", script]).current_dir(folder).output().unwrap();
+    assert!(judged.status.success(), "{}", text(&judged.stderr));
+    text(&judged.stdout)
+}
+
 /// A Python that can import these modules, or `None` where there is none, see [`missing`].
 pub fn python(modules: &str) -> Option<PathBuf> {
     let candidates = [std::env::var("VLSCAN_PYTHON").ok(), Some("python3".to_owned())];

@@ -1,19 +1,6 @@
 //! Outputs, read back by other programs and libraries.
 
-use crate::common;
-use crate::common::{fixture, folder, python_with_laspy, succeed, text};
-use std::path::Path;
-use std::process::Command;
-
-fn forest() -> String {
-    fixture("forest/survey.xml").to_str().unwrap().to_owned()
-}
-
-/// Runs a Python script in `folder`; an exception fails the test.
-fn judge(python: &Path, folder: &Path, script: &str) {
-    let judged = Command::new(python).arg("-c").arg(script).current_dir(folder).output().unwrap();
-    assert!(judged.status.success(), "{}", text(&judged.stderr));
-}
+use crate::common::{self, fixture, folder, forest, judge, python_with_laspy, succeed, text};
 
 #[test]
 fn laspy_finds_the_waveforms_of_the_points() {

@@ -1,15 +1,11 @@
-//! Meshes that other programs write: trimesh (PLY, STL, GLB with instances) and pygltflib (glTF with buffers beside it).
+//! Meshes of a room whose walls are known, and those that other programs write: trimesh (PLY, STL, GLB with instances) and
+//! pygltflib (glTF with buffers beside it).
 
-use crate::common::{folder, python, succeed, text};
+use crate::common::{folder, judge, python, succeed, text};
+use base64::Engine;
+use std::fmt::Write;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
-
-fn write_with(python: &Path, folder: &Path, script: &str) -> String {
-    let done = Command::new(python).args(["-c", script]).current_dir(folder).output().unwrap();
-    assert!(done.status.success(), "{}", text(&done.stderr));
-    text(&done.stdout)
-}
 
 /// What `scene info` says of a file.
 fn facts(folder: &Path, scene: &str) -> serde_json::Value {
@@ -24,6 +20,88 @@ fn extent(facts: &serde_json::Value) -> Vec<f64> {
         .flat_map(|end| facts["bounds_m"][end].as_array().unwrap_or_else(|| panic!("{facts}")))
         .map(|v| v.as_f64().unwrap())
         .collect()
+}
+
+/// Lower and upper corner of a room, m.
+const ROOM: [[f64; 3]; 2] = [[-10.0, -15.0, -2.0], [10.0, 15.0, 6.0]];
+
+/// The corners of the room, of which the bits of the index are the upper sides, and the triangles of its faces.
+fn room() -> (Vec<[f64; 3]>, Vec<[usize; 3]>) {
+    let corner = |i: usize| [0, 1, 2].map(|axis| ROOM[i >> axis & 1][axis]);
+    let face = |axis: usize, side: usize| {
+        let (u, v) = (1 << ((axis + 1) % 3), 1 << ((axis + 2) % 3));
+        let first = side << axis;
+        [[first, first + u, first + u + v], [first, first + u + v, first + v]]
+    };
+    let faces = (0..6).flat_map(|i| face(i / 2, i % 2)).collect();
+    ((0..8).map(corner).collect(), faces)
+}
+
+/// The room as PLY, STL and glTF, whose material is `room`.
+fn rooms() -> [(&'static str, Vec<u8>); 3] {
+    let (corners, faces) = room();
+    let mut ply =
+        "ply\nformat ascii 1.0\nelement vertex 8\nproperty double x\nproperty double y\nproperty double z\n\
+                   element face 12\nproperty list uchar int vertex_indices\nend_header\n"
+            .to_owned();
+    corners.iter().for_each(|[x, y, z]| writeln!(ply, "{x} {y} {z}").unwrap());
+    faces.iter().for_each(|[a, b, c]| writeln!(ply, "3 {a} {b} {c}").unwrap());
+    let mut stl = "solid room\n".to_owned();
+    for face in &faces {
+        stl.push_str("facet normal 0 0 0\nouter loop\n");
+        face.map(|i| corners[i]).iter().for_each(|[x, y, z]| writeln!(stl, "vertex {x} {y} {z}").unwrap());
+        stl.push_str("endloop\nendfacet\n");
+    }
+    stl.push_str("endsolid room\n");
+    // The y axis of glTF is up.
+    let floats = corners.iter().flat_map(|&[x, y, z]| [x, z, -y]);
+    let mut buffer: Vec<u8> = floats.flat_map(|v| (v as f32).to_le_bytes()).collect();
+    buffer.extend(faces.iter().flatten().map(|&i| i as u8));
+    let data = base64::engine::general_purpose::STANDARD.encode(&buffer);
+    let gltf = serde_json::json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
+        "materials": [{"name": "room"}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
+                      {"bufferView": 1, "componentType": 5121, "count": 36, "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 96}, {"buffer": 0, "byteOffset": 96, "byteLength": 36}],
+        "buffers": [{"byteLength": 132, "uri": format!("data:application/octet-stream;base64,{data}")}]
+    });
+    [
+        ("room.ply", ply.into_bytes()),
+        ("room.stl", stl.into_bytes()),
+        ("room.gltf", gltf.to_string().into_bytes()),
+    ]
+}
+
+#[test]
+fn points_lie_on_the_walls_of_a_room_in_every_format() {
+    let dir = folder();
+    fs::write(dir.path().join("materials.csv"), "name,reflectance,class\nroom,0.4,6\n").unwrap();
+    for (file, content) in rooms() {
+        fs::write(dir.path().join(file), content).unwrap();
+        let found = facts(dir.path(), file);
+        assert_eq!((&found["triangles"], extent(&found)), (&serde_json::json!(12), ROOM.concat()), "{file}");
+        let pipeline = format!(
+            "scene = '{file}'\n[platform]\ncatalogue = 'data/platforms.xml#tripod'\n[scanner]\n\
+             catalogue = 'data/scanners_tls.xml#riegl_vz400'\naccuracy_m = 0\n[settings]\npulse_freq_hz = 100000\n\
+             scan_freq_hz = 100\nhead_rate_deg_per_s = 120\nhead_stop_deg = 360\n[waveform]\nquality = 1\n\
+             [[leg]]\nposition_m = [1, 2, -2]\n"
+        );
+        fs::write(dir.path().join("p.toml"), pipeline).unwrap();
+        let columns = "X,Y,Z,SurfaceClass";
+        succeed(dir.path(), &["run", "p.toml", "-o", "a.csv", "--columns", columns, "--force", "-q"]);
+        let points = fs::read_to_string(dir.path().join("a.csv")).unwrap();
+        let mut hits = [0; 6];
+        for line in points.lines().skip(1) {
+            let row: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+            let on = |side: usize| (row[side % 3] - ROOM[side / 3][side % 3]).abs() < 0.002;
+            let side = (0..6).find(|&side| on(side)).unwrap_or_else(|| panic!("{file}: {line}"));
+            assert_eq!(row[3], 6.0, "{file}: {line}");
+            hits[side] += 1;
+        }
+        assert!(hits.iter().all(|&count| count > 1000), "{file}: {hits:?}");
+    }
 }
 
 const TRIMESH: &str = r#"
@@ -52,7 +130,7 @@ print(json.dumps({"faces": len(ball.faces), "bounds": scene.bounds.tolist(), "al
 fn files_of_trimesh_are_read_as_trimesh_reads_them() {
     let Some(python) = python("trimesh") else { return };
     let dir = folder();
-    let known: serde_json::Value = serde_json::from_str(&write_with(&python, dir.path(), TRIMESH)).unwrap();
+    let known: serde_json::Value = serde_json::from_str(&judge(&python, dir.path(), TRIMESH)).unwrap();
     for file in ["ball.ply", "ball_ascii.ply", "ball.stl", "ball_ascii.stl", "ball.glb"] {
         let found = facts(dir.path(), file);
         assert_eq!(found["triangles"], known["faces"], "{file}: {found}");
@@ -102,7 +180,7 @@ file.save_json("field.gltf")
 fn files_of_pygltflib_are_scanned_with_a_table_of_materials() {
     let Some(python) = python("pygltflib") else { return };
     let dir = folder();
-    write_with(&python, dir.path(), PYGLTFLIB);
+    judge(&python, dir.path(), PYGLTFLIB);
     fs::write(dir.path().join("materials.csv"), "name,reflectance,class,ground\ngrass,0.3,2,true\n").unwrap();
     // The field of 4 x 6 m lies 2 m above the origin, after the turn by 90° about the vertical from -6 to 0 and 0 to 4.
     let found = extent(&facts(dir.path(), "field.gltf"));

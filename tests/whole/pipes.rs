@@ -1,12 +1,8 @@
 //! Streams: points on stdout, poses from stdin, formats as other programs read them.
 
-use crate::common::{feed, fixture, folder, python_with_laspy, run, succeed, text};
+use crate::common::{feed, fixture, folder, forest, python_with_laspy, run, succeed, text};
 use std::fs;
 use std::process::Command;
-
-fn forest() -> String {
-    fixture("forest/survey.xml").to_str().unwrap().to_owned()
-}
 
 #[test]
 fn stdout_carries_the_same_points_as_the_file() {

@@ -1,16 +1,13 @@
-//! Ray clouds, PCD, and LAS without extra bytes, read back by other programs.
+//! Ray clouds, PCD, E57, and LAS without extra bytes: compared with tables, and read back by other programs.
 
-use crate::common::{self, fixture, folder, python_with_laspy, succeed, text};
+use crate::common::{self, fixture, folder, forest, judge, python_with_laspy, succeed, text};
+use e57::{CartesianCoordinate, E57Reader};
 use std::path::Path;
-use std::process::Command;
 
-fn forest() -> String {
-    fixture("forest/survey.xml").to_str().unwrap().to_owned()
-}
-
-fn judge(python: &Path, folder: &Path, script: &str) {
-    let judged = Command::new(python).arg("-c").arg(script).current_dir(folder).output().unwrap();
-    assert!(judged.status.success(), "{}", text(&judged.stderr));
+/// The rows of a table of numbers below its heading.
+fn rows(path: &Path) -> Vec<Vec<f64>> {
+    let csv = std::fs::read_to_string(path).unwrap();
+    csv.lines().skip(1).map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect()
 }
 
 #[test]
@@ -28,9 +25,7 @@ fn ray_clouds_lead_from_each_point_to_its_sensor() {
         properties.join(","),
         "double x,double y,double z,double time,float nx,float ny,float nz,uchar red,uchar green,uchar blue,uchar alpha"
     );
-    let csv = std::fs::read_to_string(dir.path().join("a.csv")).unwrap();
-    let rows: Vec<Vec<f64>> =
-        csv.lines().skip(1).map(|l| l.split(',').map(|f| f.parse().unwrap()).collect()).collect();
+    let rows = rows(&dir.path().join("a.csv"));
     let rays: Vec<&[u8]> = bytes[end..].chunks_exact(48).collect();
     assert_eq!((rays.len(), (bytes.len() - end) % 48), (rows.len(), 0));
     assert!(head.contains(&format!("element vertex {}\n", rows.len())));
@@ -54,6 +49,97 @@ fn ray_clouds_lead_from_each_point_to_its_sensor() {
         }
     }
     assert!(hits > 1000 && misses > 10, "{hits} {misses}");
+}
+
+#[test]
+fn pcd_holds_the_points_of_the_table() {
+    let dir = folder();
+    let columns = "X,Y,Z,Amplitude,GpsTime,Device,ReturnNumber,NumberOfReturns,Classification";
+    succeed(dir.path(), &["run", &forest(), "-q", "-o", "a.pcd", "-o", "a.csv", "--columns", columns]);
+    let (bytes, rows) = (std::fs::read(dir.path().join("a.pcd")).unwrap(), rows(&dir.path().join("a.csv")));
+    let end = memchr::memmem::find(&bytes, b"DATA binary\n").unwrap() + 12;
+    let head = text(&bytes[..end]);
+    assert!(head.contains("\nSIZE 4 4 4 4 8 2 1 1 4\n") && head.contains("# add 0 0 0 to x y z"), "{head}");
+    assert!(head.contains(&format!("\nPOINTS {}\n", rows.len())) && rows.len() > 1000, "{head}");
+    assert_eq!(bytes.len() - end, 32 * rows.len());
+    for (point, row) in bytes[end..].chunks_exact(32).zip(&rows) {
+        let float = |i: usize| f64::from(f32::from_le_bytes(point[4 * i..4 * i + 4].try_into().unwrap()));
+        assert!((0..3).all(|axis| (float(axis) - row[axis]).abs() < 1e-3), "{row:?}");
+        assert!((float(3) / row[3] - 1.0).abs() < 1e-5, "{row:?}");
+        assert!((f64::from_le_bytes(point[16..24].try_into().unwrap()) - row[4]).abs() < 1e-6, "{row:?}");
+        let ring = f64::from(u16::from_le_bytes([point[24], point[25]]));
+        let class = f64::from(i32::from_le_bytes(point[28..32].try_into().unwrap()));
+        assert_eq!([ring, point[26].into(), point[27].into(), class], row[5..9]);
+    }
+}
+
+#[test]
+fn las_without_extra_bytes_holds_the_same_points() {
+    let dir = folder();
+    let [all, helios, none] = ["all", "helios", "none"].map(|which| {
+        let name = format!("{which}.las");
+        succeed(dir.path(), &["run", &forest(), "-q", "--las-extra", which, "-o", &name]);
+        std::fs::read(dir.path().join(name)).unwrap()
+    });
+    // Point format 6 has 30 bytes.
+    let points = |las: &[u8]| -> Vec<Vec<u8>> {
+        let start = u32::from_le_bytes(las[96..100].try_into().unwrap()) as usize;
+        let length = u16::from_le_bytes(las[105..107].try_into().unwrap()).into();
+        las[start..].chunks_exact(length).map(<[u8]>::to_vec).collect()
+    };
+    let (all, helios, none) = (points(&all), points(&helios), points(&none));
+    assert!(
+        none.len() > 1000 && none[0].len() == 30 && helios[0].len() > 30 && all[0].len() > helios[0].len()
+    );
+    assert!(none.len() == all.len() && none.len() == helios.len());
+    for ((none, helios), all) in none.iter().zip(&helios).zip(&all) {
+        assert!(all[..helios.len()] == helios[..] && helios[..30] == none[..]);
+    }
+}
+
+#[test]
+fn e57_has_a_scan_with_its_pose_for_each_leg() {
+    let dir = folder();
+    let room = fixture("room/survey.xml").to_str().unwrap().to_owned();
+    let columns = "X,Y,Z,PointSourceId";
+    succeed(dir.path(), &["run", &room, "-q", "-o", "a.e57", "-o", "a.csv", "--columns", columns]);
+    let rows = rows(&dir.path().join("a.csv"));
+    let mut file = E57Reader::from_file(dir.path().join("a.e57")).unwrap();
+    let scans = file.pointclouds();
+    assert_eq!(scans.len(), 2);
+    // Positions of the legs, and 1.45 m above them the beam.
+    for (leg, (scan, position)) in scans.iter().zip([[-1.66, -1.122, 1.45], [1.802, 1.546, 1.45]]).enumerate()
+    {
+        let pose = scan.transform.clone().unwrap().translation;
+        let off = [pose.x - position[0], pose.y - position[1], pose.z - position[2]];
+        assert!(off.iter().all(|d| d.abs() < 1e-9), "{pose:?}");
+        let own: Vec<&Vec<f64>> = rows.iter().filter(|row| row[3] == leg as f64 + 1.0).collect();
+        assert!(own.len() as u64 == scan.records && own.len() > 1000);
+        let mut points = file.pointcloud_simple(scan).unwrap();
+        points.apply_pose(true);
+        for (point, row) in points.zip(own) {
+            let CartesianCoordinate::Valid { x, y, z } = point.unwrap().cartesian else { panic!("no point") };
+            let near = [x, y, z].iter().zip(row).all(|(found, expected)| (found - expected).abs() < 1e-4);
+            assert!(near, "{x} {y} {z} {row:?}");
+        }
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn tiles_of_e57_need_few_open_files() {
+    let dir = folder();
+    let limited = "ulimit -n 64; exec \"$0\" run \"$1\" -q -j 1 -o tiles --format e57 --tile 2";
+    let program = common::vlscan(dir.path());
+    let done = std::process::Command::new("sh")
+        .args(["-c", limited])
+        .arg(program.get_program())
+        .arg(forest())
+        .current_dir(dir.path())
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    assert!(common::files(&dir.path().join("tiles")).len() > 100);
 }
 
 #[test]
