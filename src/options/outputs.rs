@@ -74,6 +74,7 @@ impl Options {
             labels: output.labels,
             true_positions: output.true_positions,
             heights: output.height_above_ground,
+            frame_s: output.frame_s.map(|seconds| seconds.0),
             division: match output.tile {
                 Some(size) => Some(Division::Tiles(size.0)),
                 None => output.per_object.then_some(Division::Objects),
@@ -181,7 +182,7 @@ mod tests {
 
     #[test]
     fn a_sink_is_a_stream_a_file_or_a_folder() {
-        use PointFormat::{Copc, Las, Laz, Pcd, PlyAscii, PlyBinary, RayCloud, Xyz};
+        use PointFormat::{Copc, Las, Laz, Mcap, Pcd, PlyAscii, PlyBinary, RayCloud, Xyz};
         let file = |path: &str| Target::File(path.into());
         let folder = Target::Directory("folder".into());
         for (path, asked, expected) in [
@@ -198,6 +199,7 @@ mod tests {
             ("a.ply", Some(RayCloud), (file("a.ply"), RayCloud)),
             ("a.RayCloud.ply", None, (file("a.RayCloud.ply"), RayCloud)),
             ("a.pcd", None, (file("a.pcd"), Pcd)),
+            ("a.mcap", None, (file("a.mcap"), Mcap)),
             ("a.dat", Some(Las), (file("a.dat"), Las)),
         ] {
             assert_eq!(sink(Path::new(path), asked, Xyz).unwrap(), expected, "{path}");

@@ -2,8 +2,9 @@
 
 use crate::geom::{Aabb, DVec3};
 use crate::scene::Scene;
-use crate::survey::Survey;
+use crate::survey::{Leg, Scanner, Survey};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 
 /// Everything that outputs need to know about the survey and the scene of the first epoch: formats, headers and names of
 /// files follow from it and from the request alone.
@@ -36,6 +37,8 @@ pub struct OutputLeg {
     pub active: bool,
     /// Legs of the same strip share their files.
     pub strip: Option<String>,
+    /// Duration of a revolution of the scanner's head, s, if it turns at least once per second.
+    pub revolution_s: Option<f64>,
 }
 
 /// A device of the scanner.
@@ -51,10 +54,11 @@ impl OutputContext {
     /// Collects the facts from a survey and its first scene.
     pub fn new(survey: &Survey, scene: &Scene) -> OutputContext {
         let file = || survey.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let leg = |leg: &crate::survey::Leg| OutputLeg {
+        let leg = |leg: &Leg| OutputLeg {
             number: leg.number,
             active: leg.scanner.active,
             strip: leg.strip.clone(),
+            revolution_s: revolution(&survey.scanner, leg),
         };
         OutputContext {
             survey: if survey.name.is_empty() { file() } else { survey.name.clone() },
@@ -72,4 +76,11 @@ impl OutputContext {
             parts: scene.parts.iter().map(|part| part.id.clone()).collect(),
         }
     }
+}
+
+/// Duration of a revolution of the head of the first device, if it turns at least once per second.
+fn revolution(scanner: &Scanner, leg: &Leg) -> Option<f64> {
+    let limit = scanner.devices.first()?.head.max_rate.abs();
+    let rate = leg.scanner.head_rate.abs().min(limit);
+    (rate >= TAU * (1.0 - 1e-9)).then(|| TAU / rate)
 }

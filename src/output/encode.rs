@@ -6,6 +6,7 @@ use super::e57::E57Codec;
 use super::ground::Ground;
 use super::las::{LasCodec, encode_with_packets};
 use super::layout::{Route, Slots};
+use super::mcap::McapCodec;
 use super::memory::{self, TableContent};
 use super::pcd::PcdCodec;
 use super::plan::OutputPlan;
@@ -185,6 +186,11 @@ impl OutputPlan {
                 encode_points(&RayCloudCodec { shift, las: &self.las }, leg, slots, echoes, pieces);
             }
             PointFormat::E57 => encode_points(&E57Codec { shift }, leg, slots, echoes, pieces),
+            PointFormat::Mcap => {
+                let frame_ns = self.frame_ns(batch.leg);
+                let codec = McapCodec { shift, truths: &batch.truths, frame_ns };
+                encode_points(&codec, leg, slots, echoes, pieces);
+            }
             PointFormat::Pcd => {
                 encode_points(&PcdCodec { shift: shift - self.pcd_offset }, leg, slots, echoes, pieces);
             }

@@ -8,6 +8,7 @@ use super::e57::E57Stream;
 use super::las::{PACKETS_HEADER_BYTES, packets_header, place_packets};
 use super::layout::{Content, FilePlan};
 use super::laz::{self, LazStream};
+use super::mcap::McapStream;
 use super::offload::Offload;
 use super::parquet::ParquetStream;
 use super::plan::{OutputPlan, packets_path};
@@ -71,6 +72,8 @@ enum Encoder {
     Parquet(Box<ParquetStream>),
     /// Points are collected, and written as scans at the end.
     E57(E57Stream),
+    /// Points are collected until their frame is complete.
+    Mcap(McapStream),
     /// Blocks are written unchanged, and a table lists them.
     Part(PartTable),
 }
@@ -177,6 +180,7 @@ impl OutputFile {
                 Encoder::Parquet(Box::new(ParquetStream::new(&plan.columns, &plan.schema)?))
             }
             (Content::Points(PointFormat::E57), _) => Encoder::E57(E57Stream::new()),
+            (Content::Points(PointFormat::Mcap), _) => Encoder::Mcap(McapStream::begin(&mut out)?),
             (Content::Part, _) => Encoder::Part(PartTable::new(out.len())),
             _ => Encoder::Plain,
         };
@@ -206,6 +210,7 @@ impl OutputFile {
             Encoder::Laz(laz) => laz.append(bytes, &mut self.out, offload)?,
             Encoder::Copc(copc) => copc.append(bytes)?,
             Encoder::E57(points) => points.append(bytes, &self.out)?,
+            Encoder::Mcap(frames) => frames.append(bytes, &mut self.out)?,
             Encoder::Arrow(arrow) => arrow.append(bytes, |bytes| self.out.append(bytes))?,
             Encoder::Parquet(parquet) => parquet.append(bytes, |bytes| self.out.append(bytes))?,
             Encoder::Part(table) => {
@@ -272,6 +277,7 @@ impl OutputFile {
             Encoder::Arrow(arrow) => arrow.finish(partial, |bytes| self.out.append(bytes))?,
             Encoder::Parquet(parquet) => parquet.finish(partial, |bytes| self.out.append(bytes))?,
             Encoder::E57(points) => points.finish(plan.crs_name.as_deref(), &mut self.out)?,
+            Encoder::Mcap(frames) => frames.finish(state, &mut self.out)?,
             Encoder::Part(table) => self.out.append(&table.finish())?,
         }
         let packets_at = plan.las.packets_inside().then_some(self.out.len());

@@ -22,6 +22,7 @@
 //! | `laz`, `archive`, `blocks` | compression of LAS and of text in blocks; expansion of text |
 //! | `copc` | compressed LAS as an octree |
 //! | `e57` | E57: scans with their poses |
+//! | `mcap` | MCAP: frames as messages of ROS 2 |
 //! | `join` | LAS and LAZ files of consecutive points as one |
 //! | `writer`, `open`, `file`, `stream` | writing of bytes to files and streams, in the writer thread |
 //! | `offload`, `summary` | jobs for idle workers, summary of the outputs |
@@ -48,6 +49,7 @@ mod join;
 mod las;
 mod layout;
 mod laz;
+mod mcap;
 mod memory;
 mod number;
 mod objects;

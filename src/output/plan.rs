@@ -7,6 +7,7 @@ use super::context::OutputContext;
 use super::division::{Divider, Ring};
 use super::las::LasFormat;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
+use super::mcap;
 use super::memory::{TableContent, TableRequest};
 use super::objects::ObjectIds;
 use super::pcd;
@@ -38,6 +39,8 @@ pub struct OutputPlan {
     pub(super) las: LasFormat,
     /// What coordinates of PCD are relative to, m.
     pub(super) pcd_offset: DVec3,
+    /// Duration of a frame of MCAP in each leg, ns.
+    frames_ns: Vec<f64>,
     pub(super) columns: Vec<Column>,
     /// Whether the user chose the columns.
     pub(super) columns_chosen: bool,
@@ -117,6 +120,11 @@ impl OutputPlan {
             objects,
             las,
             pcd_offset: pcd::offset(&world),
+            frames_ns: context
+                .legs
+                .iter()
+                .map(|leg| request.frame_s.or(leg.revolution_s).unwrap_or(mcap::FRAME_S) * 1e9)
+                .collect(),
             columns,
             columns_chosen: request.columns.is_some(),
             schema,
@@ -141,6 +149,11 @@ impl OutputPlan {
     /// Whether points have their height above the ground.
     pub fn has_heights(&self) -> bool {
         self.heights || self.columns.contains(&Column::HeightAboveGround)
+    }
+
+    /// Duration of a frame of MCAP, ns.
+    pub(super) fn frame_ns(&self, leg: u32) -> f64 {
+        self.frames_ns.get(leg as usize).copied().unwrap_or(mcap::FRAME_S * 1e9)
     }
 
     /// Warnings about the request.

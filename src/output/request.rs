@@ -45,6 +45,8 @@ pub enum PointFormat {
     Pcd,
     /// E57 with a scan and its pose for each leg.
     E57,
+    /// MCAP with a message `PointCloud2` of ROS 2 for each revolution, in the axes of the scanner.
+    Mcap,
     /// Arrow IPC stream with the columns of csv.
     #[value(alias = "arrows")]
     Arrow,
@@ -90,6 +92,7 @@ impl PointFormat {
             PointFormat::RayCloud => "raycloud.ply",
             PointFormat::Pcd => "pcd",
             PointFormat::E57 => "e57",
+            PointFormat::Mcap => "mcap",
             PointFormat::Csv => "csv",
             PointFormat::Arrow => "arrow",
             PointFormat::Parquet => "parquet",
@@ -192,6 +195,8 @@ pub struct OutputRequest {
     pub heights: bool,
     /// Whether there is a scene, whose ground heights count from.
     pub has_ground: bool,
+    /// Duration of the frames of MCAP, s; a revolution of the scanner if `None`.
+    pub frame_s: Option<f64>,
     /// How the points of folders are divided among files, instead of by leg.
     pub division: Option<Division>,
     /// Where points are kept; everywhere if `None`.
@@ -237,6 +242,7 @@ impl Default for OutputRequest {
             true_positions: false,
             heights: false,
             has_ground: false,
+            frame_s: None,
             division: None,
             clip: None,
             live: false,

@@ -22,6 +22,7 @@ fn outputs(survey: &Path, extra: &[&str]) -> BTreeMap<PathBuf, Vec<u8>> {
         "all.raycloud.ply",
         "all.pcd",
         "all.e57",
+        "all.mcap",
         "all.csv",
         "all.arrow",
         "all.parquet",

@@ -30,6 +30,7 @@ mod instruments;
 mod interruption;
 mod limits;
 mod manual;
+mod mcap;
 mod meshes;
 mod navigation;
 mod noise;
