@@ -93,3 +93,27 @@ fn the_catalogue_as_json() {
     );
     assert!(row["divergence_mrad"].as_f64().unwrap() > 0.0 && row["pulse_rates_hz"].is_array());
 }
+
+#[test]
+fn a_scanner_is_shown_and_drawn() {
+    let dir = folder();
+    let show = ["catalogue", "show", "ouster_os1-128"];
+    let figures = text(&succeed(dir.path(), &[&show[..], &["--picture", "a.svg"]].concat()).stdout);
+    for line in
+        ["channels         128", "pulse rates      20.48, 10.24 kHz", "360.0° across, 45.0° up and down"]
+    {
+        assert!(figures.contains(line), "{figures}");
+    }
+    let drawing = fs::read_to_string(dir.path().join("a.svg")).unwrap();
+    assert!(
+        drawing.starts_with("<svg ") && drawing.ends_with("</svg>\n") && drawing.contains("Ouster OS1-128")
+    );
+    // Each channel is a line at its own height.
+    assert_eq!(drawing.matches("stroke-linecap").count(), 128);
+    let again = common::run(dir.path(), &[&show[..], &["--picture", "a.svg"]].concat());
+    assert_eq!(again.status.code(), Some(2));
+    assert!(text(&again.stderr).contains("--force"), "{}", text(&again.stderr));
+    let unknown = common::run(dir.path(), &["catalogue", "show", "nonesuch"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(text(&unknown.stderr).contains("nonesuch"), "{}", text(&unknown.stderr));
+}

@@ -28,7 +28,10 @@ pub use simulate::{
     EmitArgs, EmitFormat, InstrumentArgs, MergeArgs, PlanPartsArgs, PulsesArgs, RunArgs, SurveyArgs,
     TraceArgs, TrajectoryArgs,
 };
-pub use tools::{BenchArgs, CatalogueArgs, Colour, CompletionsArgs, ManArgs, PreviewArgs, UnzipArgs};
+pub use tools::{
+    BenchArgs, CatalogueArgs, CatalogueCommand, Colour, CompletionsArgs, ManArgs, PreviewArgs, ShowArgs,
+    UnzipArgs,
+};
 
 use super::{LogTo, Verbosity};
 use clap::{ArgAction, Parser, Subcommand};

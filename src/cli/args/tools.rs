@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::options::{ChunkSize, Count, NotNegative, Vector};
 use crate::schedule::PolicyKind;
 use crate::tree::{BuildOptions, Builder};
-use clap::{Args, ValueEnum};
+use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 /// Whether legs wait for one another in a comparison.
@@ -164,10 +164,37 @@ pub struct BenchArgs {
 
 /// `vlscan catalogue`.
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct CatalogueArgs {
+    /// What to do instead of listing.
+    #[command(subcommand)]
+    pub command: Option<CatalogueCommand>,
     /// Only what has this in its reference or name.
     pub filter: Option<String>,
     /// JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Subcommands of `vlscan catalogue`.
+#[derive(Debug, Subcommand)]
+pub enum CatalogueCommand {
+    /// Show the figures of a scanner, and draw its scan pattern.
+    Show(ShowArgs),
+}
+
+/// `vlscan catalogue show`.
+#[derive(Debug, Args)]
+pub struct ShowArgs {
+    /// A scanner: an id of the catalogue, or file.xml#id.
+    pub name: String,
+    /// Draw where its beams point, as SVG: a revolution of its head, or 0.1 s of one that does not turn.
+    #[arg(long, value_name = "FILE.svg")]
+    pub picture: Option<PathBuf>,
+    /// Replace a picture that exists.
+    #[arg(long)]
+    pub force: bool,
+    /// JSON instead of lines.
     #[arg(long)]
     pub json: bool,
 }

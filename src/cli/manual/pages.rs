@@ -341,6 +341,16 @@ vlscan catalogue --json",
         files: &[],
     },
     Page {
+        path: "vlscan catalogue show",
+        examples: "\
+# the figures of a scanner
+vlscan catalogue show vlp16
+
+# and where its beams point
+vlscan catalogue show livox_mid-40 --picture mid-40.svg",
+        files: &[],
+    },
+    Page {
         path: "vlscan unzip",
         examples: "\
 vlscan scene make room -n 2k --pulses 20k -o room

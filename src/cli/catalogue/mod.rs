@@ -1,11 +1,14 @@
 //! `vlscan catalogue`: the scanners and platforms shipped with the program.
 
+mod pattern;
+
 use super::Console;
-use super::args::CatalogueArgs;
+use super::args::{CatalogueArgs, CatalogueCommand, ShowArgs};
 use crate::error::{Error, Result};
-use crate::files::write_stdout;
+use crate::files::{FileWriter, Patched, write_stdout};
 use crate::geom::degrees;
-use crate::survey::{Deflector, Platform, PlatformKind, Scanner, catalogue};
+use crate::survey::{Deflector, Platform, PlatformKind, ReadOptions, Scanner, catalogue, find_scanner};
+use pattern::Pattern;
 use serde::Serialize;
 
 /// Properties of a scanner by which users compare scanners; the figures are those of its first device.
@@ -46,6 +49,9 @@ struct Rows {
 }
 
 pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
+    if let Some(CatalogueCommand::Show(args)) = &args.command {
+        return show(args, console);
+    }
     let (known, warnings) = catalogue()?;
     console.warnings(&warnings);
     let wanted = |reference: &str, name: &str| {
@@ -66,16 +72,65 @@ pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
             .map(|(r, p)| platform(r, p))
             .collect(),
     };
-    let text = if args.json {
-        serde_json::to_string_pretty(&rows).map_err(|e| Error::Internal(e.to_string()))? + "\n"
-    } else {
-        table(&rows)
-    };
-    write_stdout(&text)?;
+    write_stdout(&if args.json { json(&rows)? } else { table(&rows) })?;
     if rows.scanners.is_empty() && rows.platforms.is_empty() {
         console.say("nothing in the catalogue has that in its name; `vlscan catalogue` lists everything");
     }
     Ok(())
+}
+
+/// Shows one scanner.
+fn show(args: &ShowArgs, console: &Console) -> Result<()> {
+    let (found, warnings) = find_scanner(&args.name, &ReadOptions::default())?;
+    console.warnings(&warnings);
+    let row = scanner(&args.name, &found);
+    let pattern = Pattern::of(&found)?;
+    if let Some(path) = &args.picture {
+        if path.exists() && !args.force {
+            return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
+        }
+        let mut file = FileWriter::create(path, args.force, Patched::Never)?;
+        file.append(pattern.svg(&found).as_bytes())?;
+        file.finish()?;
+    }
+    write_stdout(&if args.json { json(&row)? } else { figures(&row, &found, &pattern) })
+}
+
+/// The figures of a scanner, a line each.
+fn figures(row: &ScannerRow, scanner: &Scanner, pattern: &Pattern) -> String {
+    let device = &scanner.devices[0];
+    let rates: Vec<String> = row.pulse_rates_hz.iter().map(|&hz| (f64::from(hz) / 1e3).to_string()).collect();
+    let [_, name, optics, channels, divergence, _, range, _, wavelength, returns]: [String; 10] =
+        std::array::from_fn(|i| scanner_line(row).swap_remove(i));
+    let lines = match device.scan_freq {
+        (_, most) if most <= 0.0 => "any".to_owned(),
+        (least, most) => format!("{least} to {most} per second"),
+    };
+    let head = match row.head_deg_per_s {
+        0.0 => "does not turn".to_owned(),
+        rate => format!("up to {rate}° per second"),
+    };
+    let [across, up] = pattern.extent().map(|[lo, hi]| hi - lo);
+    let rows = [
+        ("name", name),
+        ("optics", optics),
+        ("channels", channels),
+        ("pulse rates", format!("{} kHz", rates.join(", "))),
+        ("field of view", format!("{across:.1}° across, {up:.1}° up and down")),
+        ("lines", lines),
+        ("head", head),
+        ("range", format!("{range} m")),
+        ("accuracy", format!("{} m (standard deviation)", row.accuracy_m)),
+        ("returns", returns),
+        ("wavelength", format!("{wavelength} nm")),
+        ("beam divergence", format!("{divergence} mrad (full angle at 1/e²)")),
+        ("pulse length", format!("{} ns", row.pulse_length_ns)),
+    ];
+    aligned(&rows.map(|(name, value)| vec![name.to_owned(), value]))
+}
+
+fn json(rows: &impl Serialize) -> Result<String> {
+    Ok(serde_json::to_string_pretty(rows).map_err(|e| Error::Internal(e.to_string()))? + "\n")
 }
 
 fn scanner(reference: &str, scanner: &Scanner) -> ScannerRow {

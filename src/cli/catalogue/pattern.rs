@@ -1,0 +1,243 @@
+//! The scan pattern of an instrument at rest as a drawing (SVG): where its beams point, seen from the instrument.
+
+use crate::error::{Error, Result};
+use crate::geom::{DVec3, degrees};
+use crate::scanner::{DevicePlan, DeviceState};
+use crate::survey::{Deflector, Kinematics, Scanner, ScannerSettings};
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+
+/// Beams that are drawn, at most.
+const DOTS: u64 = 24_000;
+/// Pulses that are stepped through, at most.
+const MAX_PULSES: u64 = 20_000_000;
+/// Duration of the pattern of instruments without a turning head, s: a frame of those whose pattern does not repeat.
+const FRAME_S: f64 = 0.1;
+/// Lines per second of mirrors without limits.
+const LINES_HZ: f64 = 50.0;
+/// Consecutive multiples of the golden ratio, without their integers, are evenly distributed and repeat nowhere.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+const WIDTH: f64 = 1040.0;
+const MAX_HEIGHT: f64 = 760.0;
+/// Space for title and axes: left, right, top, bottom, px.
+const MARGINS: [f64; 4] = [64.0, 24.0, 62.0, 52.0];
+/// Distance of the lines of the grid, at least, px.
+const TICK_PX: f64 = 36.0;
+/// Colours of the channels, in turn.
+const COLOURS: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#5d5d5d", "#8a2be2"];
+
+/// Directions of beams by channel.
+pub struct Pattern {
+    settings: ScannerSettings,
+    seconds: f64,
+    /// Horizontal and vertical angle by channel, degrees.
+    pub channels: Vec<Vec<[f64; 2]>>,
+}
+
+impl Pattern {
+    /// Steps through a revolution of the head, or a tenth of a second, at the instrument's own pulse rate and at its fastest
+    /// settings.
+    ///
+    /// # Errors
+    /// Formulas of mechanical errors without a value.
+    pub fn of(scanner: &Scanner) -> Result<Pattern> {
+        let first = scanner.devices.first().ok_or_else(|| Error::Internal("no device".to_owned()))?;
+        let head_rate = first.head.max_rate.abs();
+        let turns = head_rate > 0.0;
+        let settings = ScannerSettings {
+            active: true,
+            pulse_freq: scanner.pulse_freqs.iter().max().copied().unwrap_or(1).max(1),
+            scan_freq: match first.scan_freq {
+                (_, most) if most > 0.0 => most,
+                // The head alone turns the fan of channels.
+                _ if turns && scanner.multi_channel => 0.0,
+                (least, _) => least.max(LINES_HZ),
+            },
+            scan_angle: first.scan_angle_max,
+            head_rate,
+            head_stop: TAU,
+            ..scanner.own_settings()
+        };
+        let seconds = if turns { TAU / head_rate } else { FRAME_S };
+        let pulses = ((seconds * f64::from(settings.pulse_freq)).ceil() as u64).clamp(1, MAX_PULSES);
+        let share = DOTS as f64 / (pulses as f64 * scanner.devices.len() as f64);
+        let mut channels = Vec::new();
+        for device in &scanner.devices {
+            let plan = DevicePlan::new(device, Kinematics::CORRECTED);
+            channels.push(beams(&plan, &settings, pulses, share)?);
+        }
+        Ok(Pattern { settings, seconds, channels })
+    }
+
+    /// Ranges of the angles, degrees: horizontal, vertical.
+    pub fn extent(&self) -> [[f64; 2]; 2] {
+        std::array::from_fn(|axis| {
+            let angles = self.channels.iter().flatten().map(|angles| angles[axis]);
+            angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], a| [lo.min(a), hi.max(a)])
+        })
+    }
+
+    /// Draws the pattern, with the same scale on both axes.
+    pub fn svg(&self, scanner: &Scanner) -> String {
+        let [left, right, top, bottom] = MARGINS;
+        let extent = self.extent();
+        // A line has room around it.
+        let largest = extent.iter().map(|[lo, hi]| hi - lo).fold(1.0, f64::max);
+        let [x, y] = extent.map(|[lo, hi]| {
+            let room = (0.04 * (hi - lo)).max(0.1 * largest - 0.5 * (hi - lo)).max(0.02 * largest);
+            [lo - room, hi + room]
+        });
+        let scale = ((WIDTH - left - right) / (x[1] - x[0])).min((MAX_HEIGHT - top - bottom) / (y[1] - y[0]));
+        let (w, h) = (scale * (x[1] - x[0]), scale * (y[1] - y[0]));
+        let (width, height) = ((left + right + w).max(560.0), top + bottom + h);
+        let at = |[u, v]: [f64; 2]| [left + scale * (u - x[0]), top + scale * (y[1] - v)];
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" \
+             height=\"{height:.0}\" font-family=\"sans-serif\" font-size=\"12\">\n\
+             <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
+             <text x=\"{left}\" y=\"26\" font-size=\"17\">{}</text>\n\
+             <text x=\"{left}\" y=\"46\" fill=\"#555555\">{}</text>\n",
+            escaped(&scanner.name),
+            escaped(&self.caption(scanner)),
+        );
+        let grid = |svg: &mut String, from: [f64; 2], to: [f64; 2]| {
+            let ([x1, y1], [x2, y2]) = (at(from), at(to));
+            let _ = writeln!(
+                svg,
+                "<path d=\"M{x1:.1} {y1:.1}L{x2:.1} {y2:.1}\" stroke=\"#dddddd\" fill=\"none\"/>"
+            );
+        };
+        let text = |svg: &mut String, [x, y]: [f64; 2], anchor: &str, text: &str| {
+            let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{text}</text>");
+        };
+        for tick in ticks(x, scale) {
+            grid(&mut svg, [tick, y[0]], [tick, y[1]]);
+            let [px, py] = at([tick, y[0]]);
+            text(&mut svg, [px, py + 16.0], "middle", &format!("{tick}°"));
+        }
+        for tick in ticks(y, scale) {
+            grid(&mut svg, [x[0], tick], [x[1], tick]);
+            let [px, py] = at([x[0], tick]);
+            text(&mut svg, [px - 6.0, py + 4.0], "end", &format!("{tick}°"));
+        }
+        text(&mut svg, [left + 0.5 * w, height - 12.0], "middle", "to the right of straight ahead");
+        let _ = writeln!(
+            svg,
+            "<text transform=\"translate(16 {:.1}) rotate(-90)\" text-anchor=\"middle\">upwards</text>",
+            top + 0.5 * h
+        );
+        for (beams, colour) in self.channels.iter().zip(COLOURS.iter().cycle()) {
+            let mut path = String::new();
+            for [px, py] in beams.iter().map(|beam| at(*beam)) {
+                let _ = write!(path, "M{px:.1} {py:.1}h0");
+            }
+            let _ = writeln!(
+                svg,
+                "<path d=\"{path}\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-linecap=\"round\"/>"
+            );
+        }
+        svg.push_str("</svg>\n");
+        svg
+    }
+
+    /// What the drawing shows.
+    fn caption(&self, scanner: &Scanner) -> String {
+        let device = &scanner.devices[0];
+        let mut parts = vec![match scanner.devices.len() {
+            1 => format!("{} kHz", f64::from(self.settings.pulse_freq) / 1e3),
+            n => format!("{n} channels of {} kHz", f64::from(self.settings.pulse_freq) / 1e3),
+        }];
+        match device.deflector {
+            Deflector::Fibres { count: 1 } | Deflector::Risley { .. } => {}
+            Deflector::Fibres { count } => parts.push(format!("{count} beams in turn")),
+            _ if self.settings.scan_freq == 0.0 => {}
+            _ => parts.push(format!("{} lines/s", self.settings.scan_freq)),
+        }
+        if device.head.max_rate != 0.0 {
+            parts.push(format!("a revolution of the head in {} s", (self.seconds * 1e4).round() / 1e4));
+        } else {
+            parts.push(format!("{} s", self.seconds));
+        }
+        parts.push("seen along the optical axis of the instrument at rest".to_owned());
+        parts.join(", ")
+    }
+}
+
+/// Horizontal and vertical angles of a share of the beams of a device, degrees.
+fn beams(plan: &DevicePlan, settings: &ScannerSettings, pulses: u64, share: f64) -> Result<Vec<[f64; 2]>> {
+    let mut state = DeviceState::at_rest(plan);
+    state.start_leg(plan, settings);
+    let (mut beams, mut position) = (Vec::new(), 0.0);
+    for _ in 0..pulses {
+        state.step_head(plan);
+        state.deflector.step(plan);
+        if !state.has_deflection() {
+            return Err(state.formula_error(plan));
+        }
+        if !state.deflector.is_firing() {
+            continue;
+        }
+        position = (position + GOLDEN) % 1.0;
+        if position < share {
+            let DVec3 { x, y, z } = state.emitter(plan).after(state.deflector.rotation(plan)).apply(DVec3::Y);
+            beams.push([degrees(libm::atan2(x, y)), degrees(libm::asin(z.clamp(-1.0, 1.0)))]);
+        }
+    }
+    Ok(beams)
+}
+
+/// Round angles within a range, at a readable distance. `scale` is pixels per degree.
+fn ticks([lo, hi]: [f64; 2], scale: f64) -> impl Iterator<Item = f64> {
+    let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0];
+    let step = steps.into_iter().find(|step| step * scale >= TICK_PX).unwrap_or(90.0);
+    let first = libm::ceil(lo / step) as i64;
+    // Without the digits that steps of tenths add.
+    (first..).map(move |i| (i as f64 * step * 10.0).round() / 10.0).take_while(move |tick| *tick <= hi)
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::survey::catalogue;
+
+    fn pattern(id: &str) -> Pattern {
+        let (known, _) = catalogue().unwrap();
+        let (_, scanner) = known.scanners.iter().find(|(name, _)| name.ends_with(id)).unwrap();
+        let pattern = Pattern::of(scanner).unwrap();
+        let svg = pattern.svg(scanner);
+        let drawn: usize = pattern.channels.iter().map(Vec::len).sum();
+        assert_eq!(svg.matches("h0").count(), drawn);
+        assert!((drawn as u64) < 2 * DOTS && drawn > 500, "{id}: {drawn}");
+        pattern
+    }
+
+    #[test]
+    fn patterns_fill_the_field_of_view_of_the_data_sheet() {
+        // Velodyne Puck: all around, 16 channels from -15 to 15 degrees.
+        let puck = pattern("#vlp16");
+        let [[west, east], [down, up]] = puck.extent();
+        assert!(west < -175.0 && east > 175.0, "{west} {east}");
+        assert!((down + 15.0).abs() < 0.1 && (up - 15.0).abs() < 0.1, "{down} {up}");
+        assert_eq!(puck.channels.len(), 16);
+        // RIEGL VQ-840-G: 20 degrees across and 14 degrees along the track.
+        let [[left, right], [down, up]] = pattern("#riegl_vq-840-g").extent();
+        assert!((right - 14.0).abs() < 0.1 && (left + 14.0).abs() < 0.1, "{left} {right}");
+        assert!((up - 20.0).abs() < 0.1 && (down + 20.0).abs() < 0.1, "{down} {up}");
+        // Livox Mid-40: a circle of 38.4 degrees.
+        let livox = pattern("#livox_mid-40");
+        let farthest = livox.channels[0].iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
+        assert!((farthest - 19.2).abs() < 0.4, "{farthest}");
+    }
+
+    #[test]
+    fn ticks_are_round() {
+        assert_eq!(ticks([-1.0, 1.0], 80.0).collect::<Vec<_>>(), [-1.0, -0.5, 0.0, 0.5, 1.0]);
+        assert!(ticks([-187.0, 187.0], 2.5).all(|tick| tick % 15.0 == 0.0));
+    }
+}
