@@ -106,7 +106,7 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
 
 pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &mut Diagnostics) {
     for (i, device) in devices.iter().enumerate().filter(|_| leg.settings.active) {
-        let Deflector::Polygon { effective_max } = device.deflector else { continue };
+        let Deflector::Polygon { effective_max, .. } = device.deflector else { continue };
         let angle = device.scan_angle(leg.settings.scan_angle);
         let (lower, upper) = firing_window(effective_max, angle, &leg.settings);
         if lower >= upper {

@@ -41,7 +41,7 @@ pub fn mount(offset: [f64; 3]) -> Mount {
 
 /// A polygon mirror with ±50° of usable angle.
 pub fn polygon() -> Deflector {
-    Deflector::Polygon { effective_max: radians(50.0) }
+    Deflector::Polygon { effective_max: radians(50.0), facet_tilts: Vec::new() }
 }
 
 /// No deflection: a Risley device without prisms.

@@ -121,7 +121,7 @@ pub struct OutputOptions {
     /// material is ground (helios_isGround), or the lowest ones of a scene without such a material.
     #[arg(long)]
     pub height_above_ground: bool,
-    /// Duration of the frames of mcap. [default: a revolution of the scanner's head, 0.1 for one that does not turn]
+    /// Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]
     #[arg(long, value_name = "SECONDS")]
     pub frame_s: Option<Positive>,
     /// Divide the points of a folder (-o DIR) among square tiles of this edge length in metres, tile_X_Y, instead of legs.

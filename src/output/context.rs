@@ -2,9 +2,9 @@
 
 use crate::geom::{Aabb, DVec3};
 use crate::scene::Scene;
-use crate::survey::{Leg, Scanner, Survey};
+use crate::survey::{Deflector, Leg, Scanner, Survey};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Everything that outputs need to know about the survey and the scene of the first epoch: formats, headers and names of
 /// files follow from it and from the request alone.
@@ -37,7 +37,7 @@ pub struct OutputLeg {
     pub active: bool,
     /// Legs of the same strip share their files.
     pub strip: Option<String>,
-    /// Duration of a revolution of the scanner's head, s, if it turns at least once per second.
+    /// Duration of a revolution of the scanner's head, or of a mirror that sees all around, from 20 ms to 1 s, in s.
     pub revolution_s: Option<f64>,
 }
 
@@ -78,9 +78,40 @@ impl OutputContext {
     }
 }
 
-/// Duration of a revolution of the head of the first device, if it turns at least once per second.
+/// Duration of a revolution of a spinning scanner, by its first device, s: that of a mirror that sees all around, or of the
+/// head. Revolutions of other lengths are not frames: lines of airborne scanners, scans of terrestrial ones.
 fn revolution(scanner: &Scanner, leg: &Leg) -> Option<f64> {
-    let limit = scanner.devices.first()?.head.max_rate.abs();
-    let rate = leg.scanner.head_rate.abs().min(limit);
-    (rate >= TAU * (1.0 - 1e-9)).then(|| TAU / rate)
+    let device = scanner.devices.first()?;
+    let mirror = match device.deflector {
+        Deflector::Polygon { effective_max, .. } if effective_max >= PI * (1.0 - 1e-9) => {
+            leg.scanner.scan_freq
+        }
+        _ => 0.0,
+    };
+    let head = leg.scanner.head_rate.abs().min(device.head.max_rate.abs()) / TAU;
+    let is_frame = |hz: &f64| (1.0 - 1e-9..=50.0 + 1e-9).contains(hz);
+    [mirror, head].into_iter().find(is_frame).map(|hz| 1.0 / hz)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::survey::{catalogue, testkit};
+
+    #[test]
+    fn frames_are_revolutions_of_spinning_scanners() {
+        let (known, _) = catalogue().unwrap();
+        let revolution = |id: &str, scan_freq: f64, head_rate: f64| {
+            let (_, scanner) = known.scanners.iter().find(|(name, _)| name.ends_with(id)).unwrap();
+            let settings = testkit::scanner_settings(1000);
+            let mut leg = testkit::leg(0, settings);
+            (leg.scanner.scan_freq, leg.scanner.head_rate) = (scan_freq, head_rate);
+            super::revolution(scanner, &leg)
+        };
+        assert_eq!(revolution("#vlp16", 0.0, 10.0 * TAU), Some(0.1));
+        assert_eq!(revolution("#hovermap", 10.0, 0.5 * TAU), Some(0.1));
+        // Lines of an airborne scanner, and a terrestrial one.
+        assert_eq!(revolution("#riegl_vux-1uav", 100.0, 0.0), None);
+        assert_eq!(revolution("#riegl_vz400", 100.0, 0.17), None);
+    }
 }

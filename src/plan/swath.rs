@@ -139,7 +139,7 @@ impl Instrument {
     /// pulses over its whole mechanical angle (spec kinematics §4.2).
     pub fn fired_fraction(&self, half_angle: f64) -> f64 {
         match self.deflector {
-            Deflector::Polygon { effective_max } if self.scan_angle_max > 0.0 => {
+            Deflector::Polygon { effective_max, .. } if self.scan_angle_max > 0.0 => {
                 (half_angle.min(effective_max) / self.scan_angle_max).min(1.0)
             }
             _ => 1.0,
@@ -170,7 +170,7 @@ impl Instrument {
 
     fn usable_angle(&self) -> f64 {
         match self.deflector {
-            Deflector::Polygon { effective_max } => effective_max.min(self.scan_angle_max),
+            Deflector::Polygon { effective_max, .. } => effective_max.min(self.scan_angle_max),
             _ => self.scan_angle_max,
         }
     }

@@ -65,7 +65,7 @@ impl DeflectorState {
     pub(super) fn start_leg(&mut self, plan: &DevicePlan, settings: &ScannerSettings, frequency: f64) {
         let scan_angle = plan.scan_angle(settings.scan_angle);
         match (self, &plan.deflector) {
-            (DeflectorState::Polygon(mirror), Deflector::Polygon { effective_max }) => {
+            (DeflectorState::Polygon(mirror), Deflector::Polygon { effective_max, .. }) => {
                 *mirror = Polygon::new(*effective_max, plan.scan_angle_max, scan_angle, settings, frequency);
             }
             (DeflectorState::Oscillating(mirror), Deflector::Oscillating { scan_product }) => {
@@ -193,7 +193,7 @@ impl DeflectorState {
 
     pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
         match self {
-            DeflectorState::Polygon(mirror) => Rotation::about_x(mirror.angle),
+            DeflectorState::Polygon(mirror) => reflected(mirror.angle, mirror.tilt(plan)),
             _ => self.exact_rotation(plan),
         }
     }
@@ -215,9 +215,17 @@ impl DeflectorState {
                 };
                 beam.map_or(Rotation::IDENTITY, |b| Rotation::between(DVec3::Y, b))
             }
+            DeflectorState::Polygon(mirror) => reflected(mirror.exact, mirror.tilt(plan)),
             _ => Rotation::about_x(self.exact_angle()),
         }
     }
+}
+
+/// The deflection of a polygon mirror at this angle, whose facet turns the beam by `tilt` towards +x, along the axis.
+#[inline]
+fn reflected(angle: f64, tilt: f64) -> Rotation {
+    let across = Rotation::about_x(angle);
+    if tilt == 0.0 { across } else { across.after(Rotation::about_z(-tilt)) }
 }
 
 #[cfg(test)]

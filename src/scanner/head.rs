@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn the_first_error_is_that_of_the_threshold() {
         // spec kinematics §5.1: error 0.1·THETA, threshold 1°, deflection 0: 0.1°
-        let mut d = device(Deflector::Polygon { effective_max: 1.0 });
+        let mut d = device(Deflector::Polygon { effective_max: 1.0, facet_tilts: Vec::new() });
         d.errors.head = Some((crate::survey::Formula::parse("0.1*THETA").unwrap(), radians(1.0)));
         let (plan, mut h) = head(&d, 100, 36.0, 0.0, 90.0);
         assert_eq!(h.angle_with_error(&plan), 0.0, "setting the present angle does nothing");

@@ -41,6 +41,15 @@ impl DevicePlan {
         }
     }
 
+    /// Tilts of the facets of a polygon mirror, rad.
+    #[inline]
+    pub fn facet_tilts(&self) -> &[f64] {
+        match &self.deflector {
+            Deflector::Polygon { facet_tilts, .. } => facet_tilts,
+            _ => &[],
+        }
+    }
+
     /// `wanted` within the device's limits of the head's speed, rad/s.
     pub fn head_rate(&self, wanted: f64) -> f64 {
         let limit = self.head_max_rate.abs();

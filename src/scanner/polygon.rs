@@ -16,6 +16,8 @@ pub struct Polygon {
     /// The mirror fires at `lower < angle ≤ upper`.
     lower: f64,
     upper: f64,
+    /// The facet in the beam, if the mirror's facets differ.
+    facet: u32,
 }
 
 /// The interval of angles in which a polygon mirror fires: the lower end, which is excluded, and the upper one.
@@ -34,12 +36,27 @@ impl Polygon {
     ) -> Polygon {
         let (lower, upper) = firing_window(effective_max, scan_angle, settings);
         let step = (settings.scan_freq * (scan_angle_max - (-scan_angle_max))) / frequency;
-        Polygon { angle: 0.0, exact: 0.0, step, lower, upper }
+        Polygon { angle: 0.0, exact: 0.0, step, lower, upper, facet: 0 }
     }
 
     #[inline]
     pub fn is_firing(&self) -> bool {
         self.lower < self.angle && self.angle <= self.upper
+    }
+
+    /// The angle by which the facet in the beam turns it out of the plane across the axis, rad.
+    #[inline]
+    pub fn tilt(&self, plan: &DevicePlan) -> f64 {
+        plan.facet_tilts().get(self.facet as usize).copied().unwrap_or(0.0)
+    }
+
+    /// Brings the facet into the beam that comes `lines` facets later.
+    #[inline]
+    fn pass_facets(&mut self, plan: &DevicePlan, lines: f64) {
+        let count = plan.facet_tilts().len() as u64;
+        if count > 1 {
+            self.facet = ((u64::from(self.facet) + lines as u64) % count) as u32;
+        }
     }
 
     #[inline]
@@ -48,7 +65,9 @@ impl Polygon {
         self.exact += self.step;
         if plan.kinematics.polygon_keeps_excess {
             if self.exact >= max && max > 0.0 {
-                self.exact -= 2.0 * max * ((self.exact + max) / (2.0 * max)).floor();
+                let lines = ((self.exact + max) / (2.0 * max)).floor();
+                self.exact -= 2.0 * max * lines;
+                self.pass_facets(plan, lines);
             }
             self.angle = self.exact + plan.errors.deflection.as_ref().map_or(0.0, |e| e.eval(self.exact));
             return;
@@ -57,6 +76,7 @@ impl Polygon {
             // The excess beyond the end of the line is lost.
             if self.exact >= max {
                 self.exact = -max;
+                self.pass_facets(plan, 1.0);
             }
             self.angle = self.exact;
             return;
@@ -68,11 +88,13 @@ impl Polygon {
         }
         if self.exact >= max {
             self.exact = -max;
+            self.pass_facets(plan, 1.0);
         }
         if self.angle >= max {
             self.angle = -max;
         }
     }
+
     /// Takes `steps` steps of a mirror without an error, and returns in how many of them it fires.
     pub fn advance(&mut self, plan: &DevicePlan, mut steps: u32) -> u32 {
         let mut fired = 0;

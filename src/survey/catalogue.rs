@@ -65,7 +65,7 @@ mod tests {
         assert_eq!((channels("als.xml#livox-mid-100"), channels("#dji-zenmuse-l2-repetitive")), (3, 6));
         let vz400 = &scanner("#riegl_vz400").devices[0];
         assert!(
-            matches!(vz400.deflector, Deflector::Polygon { effective_max } if effective_max == 50f64.to_radians())
+            matches!(vz400.deflector, Deflector::Polygon { effective_max, .. } if effective_max == 50f64.to_radians())
         );
         assert_eq!((vz400.scan_freq, vz400.beam_origin.offset.z), ((3.0, 120.0), 0.2));
         let Deflector::Risley { prisms, incident, .. } =
@@ -95,6 +95,9 @@ mod tests {
             ("#riegl_minivux-3uav", 300e3, 1, (-180.0, 180.0), 905.0),
             ("#riegl_vq-1560ii", 4e6, 2, (-29.0, 29.0), 1064.0),
             ("#riegl_vq-840-g", 200e3, 1, (-20.0, 20.0), 532.0),
+            ("#riegl_vux-120", 1.8e6, 1, (-50.0, 50.0), 1550.0),
+            ("#velodyne_alpha_prime", 2.4e6, 128, (-25.0, 15.0), 903.0),
+            ("#hovermap", 300e3, 16, (-180.0, 180.0), 903.0),
         ] {
             let scanner = &catalogue.scanners.iter().find(|s| s.0.ends_with(name)).unwrap().1;
             let rate = scanner.pulse_freqs.iter().copied().max().unwrap();
@@ -103,14 +106,16 @@ mod tests {
             assert_eq!(scanner.devices.len(), channels, "{name}");
             let device = &scanner.devices[0];
             let angles: Vec<f64> = match device.deflector {
-                Deflector::Polygon { .. } if device.head.max_rate > 0.0 && channels > 1 => {
+                Deflector::Polygon { ref facet_tilts, .. }
+                    if device.head.max_rate > 0.0 && channels > 1 && facet_tilts.is_empty() =>
+                {
                     let elevation = |d: &crate::survey::Device| {
                         let beam = d.beam_origin.rotation.forward();
                         libm::asin(beam.z).to_degrees()
                     };
                     scanner.devices.iter().map(elevation).collect()
                 }
-                Deflector::Polygon { effective_max } => {
+                Deflector::Polygon { effective_max, .. } => {
                     [-1.0, 1.0].map(|s| s * effective_max.to_degrees()).to_vec()
                 }
                 _ => [-1.0, 1.0].map(|s| s * device.scan_angle_max.to_degrees()).to_vec(),

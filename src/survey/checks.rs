@@ -72,7 +72,7 @@ fn check_pulse_freq(context: &Context, survey: &Survey, leg: &Checked) {
 fn check_deflection(context: &Context, device: &Device, leg: &Checked) {
     let settings = &leg.leg.scanner;
     match device.deflector {
-        Deflector::Polygon { effective_max } => {
+        Deflector::Polygon { effective_max, .. } => {
             let half = if settings.scan_angle > 0.0 { settings.scan_angle } else { device.scan_angle_max };
             let half = half.min(device.scan_angle_max).min(effective_max);
             let window = (settings.vertical_min.unwrap_or(-half), settings.vertical_max.unwrap_or(half));

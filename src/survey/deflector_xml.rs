@@ -24,6 +24,8 @@ pub(super) struct DeflectorSettings {
     pub angle_max: f64,
     /// Usable half angle, rad.
     effective_max: f64,
+    /// Tilts of the facets of a mirror, rad.
+    facet_tilts: Vec<f64>,
     /// Usable half angle of a cone at right angles to the other one, rad; 0: circular.
     along_max: f64,
     /// Limits of the scan frequency, Hz.
@@ -48,6 +50,7 @@ impl DeflectorSettings {
             optics,
             angle_max: 0.0,
             effective_max: 0.0,
+            facet_tilts: Vec::new(),
             along_max: 0.0,
             scan_freq: (0.0, 0.0),
             scan_product: 1_000_000.0,
@@ -70,6 +73,7 @@ impl DeflectorSettings {
             optics: self.optics,
             angle_max: fields.angle("scanAngleMax_deg", self.angle_max),
             effective_max: fields.angle("scanAngleEffectiveMax_deg", self.effective_max),
+            facet_tilts: read_facet_tilts(fields).unwrap_or_else(|| self.facet_tilts.clone()),
             along_max: fields.angle("scanAngleAlongMax_deg", self.along_max),
             scan_freq: (
                 fields.not_negative("scanFreqMin_Hz", self.scan_freq.0),
@@ -102,7 +106,10 @@ impl DeflectorSettings {
 
     pub fn build(&self) -> Deflector {
         match self.optics {
-            Optics::Rotating => Deflector::Polygon { effective_max: self.effective_max },
+            Optics::Rotating => Deflector::Polygon {
+                effective_max: self.effective_max,
+                facet_tilts: self.facet_tilts.clone(),
+            },
             Optics::Oscillating => Deflector::Oscillating { scan_product: self.scan_product },
             Optics::Conic if self.along_max > 0.0 => Deflector::EllipticConic { along_max: self.along_max },
             Optics::Conic => Deflector::Conic,
@@ -133,6 +140,25 @@ impl DeflectorSettings {
             }
         }
     }
+}
+
+/// The angles in `facetTilts_deg`, separated by semicolons, as rad.
+fn read_facet_tilts(fields: &mut Fields) -> Option<Vec<f64>> {
+    let text = fields.text("facetTilts_deg")?.to_owned();
+    let tilts: Option<Vec<f64>> = text.split(';').map(|word| word.trim().parse().ok()).collect();
+    let tilts = tilts.filter(|tilts| are_facet_tilts(tilts));
+    if tilts.is_none() {
+        fields.refuse("facetTilts_deg", FACET_TILTS);
+    }
+    tilts.map(|tilts| tilts.into_iter().map(crate::geom::radians).collect())
+}
+
+/// What is expected of the tilts of facets.
+pub(super) const FACET_TILTS: &str = "up to 64 angles between -90 and 90";
+
+/// Whether these can be the tilts of a mirror's facets, degrees.
+pub(super) fn are_facet_tilts(tilts: &[f64]) -> bool {
+    (1..=64).contains(&tilts.len()) && tilts.iter().all(|tilt| tilt.abs() < 90.0)
 }
 
 pub(super) fn read_optics(fields: &mut Fields, context: &Context) -> Option<Optics> {

@@ -137,7 +137,7 @@ fn scanner(reference: &str, scanner: &Scanner) -> ScannerRow {
     // A scanner has at least one device.
     let device = &scanner.devices[0];
     let (optics, half_angle) = match device.deflector {
-        Deflector::Polygon { effective_max } => ("rotating", effective_max),
+        Deflector::Polygon { effective_max, .. } => ("rotating", effective_max),
         Deflector::Oscillating { .. } => ("oscillating", device.scan_angle_max),
         Deflector::Conic => ("conic", device.scan_angle_max),
         Deflector::EllipticConic { .. } => ("elliptic", device.scan_angle_max),

@@ -403,7 +403,7 @@ fn an_aerial_polygon_over_a_climbing_path() {
     let scan = |l: &mut Leg| (l.scanner.pulse_freq, l.scanner.scan_freq) = (5000, 50.0);
     let legs =
         vec![leg([-9.3, -2.1, 42.0], 14.0, scan), leg([4.1, 1.8, 43.0], 14.0, |l| l.scanner.active = false)];
-    let optics = Deflector::Polygon { effective_max: radians(40.0) };
+    let optics = Deflector::Polygon { effective_max: radians(40.0), facet_tilts: Vec::new() };
     let mut s = survey(PlatformKind::LinearPath, down, optics, legs);
     s.scanner.devices[0].scan_angle_max = radians(45.0);
     let pulses = &fly(&s)[0].pulses;

@@ -11,7 +11,7 @@ const MIN_IDLE_SHARE: f64 = 0.25;
 pub fn describe_idle_mirror(survey: &Survey) -> Option<String> {
     let leg = survey.legs.iter().find(|leg| leg.scanner.active)?;
     let device = survey.scanner.devices.first()?;
-    let Deflector::Polygon { effective_max } = device.deflector else { return None };
+    let Deflector::Polygon { effective_max, .. } = device.deflector else { return None };
     let (all, wanted) = (device.scan_angle_max, leg.scanner.scan_angle);
     let usable = if wanted > 0.0 { effective_max.min(wanted) } else { effective_max };
     let share = usable / all;

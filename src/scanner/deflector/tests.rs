@@ -35,7 +35,7 @@ fn assert_close(found: &[f64], wanted: &[f64], tolerance: f64) {
 #[test]
 fn polygon_lines() {
     // spec kinematics §4.2, examples A and B
-    let mut d = device(Deflector::Polygon { effective_max: radians(50.0) });
+    let mut d = device(Deflector::Polygon { effective_max: radians(50.0), facet_tilts: Vec::new() });
     let mut s = settings(100);
     (s.scan_freq, s.scan_angle) = (10.0, radians(120.0));
     let lines = [24.0, 48.0, 72.0, 96.0, -120.0, -96.0, -72.0, -48.0, -24.0, 0.0, 24.0];
@@ -48,6 +48,37 @@ fn polygon_lines() {
     s.scan_freq = 20.0;
     let b = [7.5, 15.0, 22.5, -30.0, -22.5, -15.0, -7.5, 0.0, 7.5, 15.0, 22.5, 30.0, -30.0, -22.5];
     assert_close(&angles(&d, &s, 14, Kinematics::HELIOS), &b, 1e-9);
+}
+
+#[test]
+fn facets_draw_cones_in_turn() {
+    let facet_tilts = vec![0.0, radians(10.0), radians(-10.0)];
+    let mut d = device(Deflector::Polygon { effective_max: radians(50.0), facet_tilts });
+    d.scan_angle_max = radians(60.0);
+    let mut s = settings(1200);
+    s.scan_freq = 100.0;
+    for kinematics in [Kinematics::HELIOS, Kinematics::CORRECTED] {
+        let (plan, mut state) = start(DevicePlan::new(&d, kinematics), &d, &s);
+        let mut tilts = Vec::new();
+        let mut before = 0.0;
+        for _ in 0..60 {
+            state.step(&plan);
+            let beam = state.rotation(&plan).forward();
+            // The angle to the axis of the mirror is that of its facet, at any scan angle.
+            let tilt = degrees(libm::asin(beam.x));
+            assert!((libm::atan2(beam.z, beam.y) - state.exact_angle()).abs() < 1e-12);
+            if tilts.is_empty() || state.exact_angle() < before {
+                tilts.push(tilt);
+            }
+            assert!((tilt - tilts[tilts.len() - 1]).abs() < 1e-9, "a facet changed within its line");
+            before = state.exact_angle();
+        }
+        assert_close(&tilts[..6], &[0.0, 10.0, -10.0, 0.0, 10.0, -10.0], 1e-9);
+        // Many steps at once lead to the same state.
+        let (_, mut at_once) = start(DevicePlan::new(&d, kinematics), &d, &s);
+        at_once.advance(&plan, 60);
+        assert_eq!(format!("{at_once:?}"), format!("{state:?}"));
+    }
 }
 
 #[test]
@@ -77,7 +108,7 @@ fn elliptic_cones_have_two_half_angles() {
 #[test]
 fn a_corrected_polygon_has_the_requested_frequency() {
     // 133 lines a second at 1000 Hz: 7.5188 pulses a line, so that the excess counts; the sum of steps is the angle.
-    let mut d = device(Deflector::Polygon { effective_max: radians(50.0) });
+    let mut d = device(Deflector::Polygon { effective_max: radians(50.0), facet_tilts: Vec::new() });
     d.scan_angle_max = radians(30.0);
     let mut s = settings(1000);
     s.scan_freq = 133.0;
@@ -117,7 +148,7 @@ fn a_corrected_mirror_has_the_requested_frequency_within_its_limits() {
 
 #[test]
 fn the_polygon_window_is_open_below() {
-    let d = device(Deflector::Polygon { effective_max: radians(50.0) });
+    let d = device(Deflector::Polygon { effective_max: radians(50.0), facet_tilts: Vec::new() });
     let mut s = settings(100);
     s.scan_freq = 10.0;
     let fired = |s: &ScannerSettings| {
@@ -141,7 +172,7 @@ fn the_polygon_window_is_open_below() {
 #[test]
 fn deflection_errors_change_the_angle_but_not_the_motion() {
     // spec kinematics §4.2: M_max 50°, Δ 10°, E = −0.05 cos θ
-    let mut d = device(Deflector::Polygon { effective_max: radians(50.0) });
+    let mut d = device(Deflector::Polygon { effective_max: radians(50.0), facet_tilts: Vec::new() });
     d.scan_angle_max = radians(50.0);
     d.errors.deflection = Some(Formula::parse("-0.05*cos(THETA)").unwrap());
     let mut s = settings(100);

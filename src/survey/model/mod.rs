@@ -305,6 +305,9 @@ pub enum Deflector {
     Polygon {
         /// Usable half angle, rad.
         effective_max: f64,
+        /// Angles, rad, by which the facets turn the beam towards +x, along the mirror's axis, in the order in which they come
+        /// into the beam: each line is a cone around the axis. Empty: all lines are plane.
+        facet_tilts: Vec<f64>,
     },
     /// `oscillating` mirror.
     Oscillating {

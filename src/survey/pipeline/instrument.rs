@@ -1,5 +1,6 @@
 //! The `[scanner]` table.
 
+use super::super::deflector_xml::{FACET_TILTS, are_facet_tilts};
 use super::super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM, WAVELENGTHS, read_scanner};
 use super::super::{Deflector, Device, Head, MechanicalErrors, Mount, Prism, Receiver, Scanner};
 use super::keys::{InstrumentKeys, Key, Optics};
@@ -150,7 +151,8 @@ fn change_beam(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
 fn change_deflector(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     match keys.optics {
         Some(Optics::Rotating) => {
-            device.deflector = Deflector::Polygon { effective_max: device.scan_angle_max };
+            let (effective_max, facet_tilts) = (device.scan_angle_max, Vec::new());
+            device.deflector = Deflector::Polygon { effective_max, facet_tilts };
         }
         Some(Optics::Oscillating) => device.deflector = Deflector::Oscillating { scan_product: 1_000_000.0 },
         Some(Optics::Conic) => device.deflector = Deflector::Conic,
@@ -175,10 +177,19 @@ fn change_deflector(values: &Values, device: &mut Device, keys: &InstrumentKeys)
         values.refuse(key, "a `scan_angle_max_deg` above 0 for an elliptic cone");
     }
     match &mut device.deflector {
-        Deflector::Polygon { effective_max } => {
-            values.angle(effective_max, &keys.scan_angle_effective_max_deg)
+        Deflector::Polygon { effective_max, facet_tilts } => {
+            values.angle(effective_max, &keys.scan_angle_effective_max_deg);
+            if let Some(tilts) = &keys.facet_tilts_deg {
+                if !are_facet_tilts(tilts.get_ref()) {
+                    values.refuse(tilts, FACET_TILTS);
+                }
+                *facet_tilts = tilts.get_ref().iter().copied().map(radians).collect();
+            }
         }
-        _ => refuse_unused(values, "rotating", &keys.scan_angle_effective_max_deg),
+        _ => {
+            refuse_unused(values, "rotating", &keys.scan_angle_effective_max_deg);
+            refuse_unused(values, "rotating", &keys.facet_tilts_deg);
+        }
     }
     match &mut device.deflector {
         Deflector::Oscillating { scan_product } => values.positive(scan_product, &keys.scan_product_deg_hz),

@@ -239,6 +239,9 @@ pub struct InstrumentKeys = "[scanner]" {
     pub scan_angle_max_deg: Key<f64>,
     /// Largest usable half angle, degrees; `rotating` only. Default: the mechanical one.
     pub scan_angle_effective_max_deg: Key<f64>,
+    /// Angles in degrees by which the facets of the mirror turn the beam towards +x, along its axis, in the order in which they
+    /// come into the beam: each line is a cone around the axis; `rotating` only. Default: all lines are plane.
+    pub facet_tilts_deg: Key<Vec<f64>>,
     /// Largest half angle of an elliptic cone along the flight, degrees; `conic` only. Default: a circular cone.
     pub scan_angle_along_max_deg: Key<f64>,
     /// Lowest scan frequency, Hz. Default: 0.

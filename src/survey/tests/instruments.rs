@@ -40,7 +40,7 @@ fn the_closed_list_of_optics() {
     )).devices.remove(0).deflector
     };
     assert!(
-        matches!(with("rotating"), Deflector::Polygon { effective_max } if effective_max == radians(20.0))
+        matches!(with("rotating"), Deflector::Polygon { effective_max, .. } if effective_max == radians(20.0))
     );
     assert!(matches!(with("oscillating"), Deflector::Oscillating { scan_product: 900.0 }));
     assert!(matches!(with("conic"), Deflector::Conic));
@@ -79,7 +79,9 @@ fn channels_change_what_they_name() {
     assert_eq!((b.beam.wavelength, b.beam.atmosphere_wavelength, b.beam.divergence), (532.0, 905.0, 0.001));
     // the angles of a channel are degrees and are used unchanged (trap 73)
     assert_eq!(b.scan_angle_max, radians(45.0));
-    assert!(matches!(b.deflector, Deflector::Polygon { effective_max } if effective_max == radians(40.0)));
+    assert!(
+        matches!(b.deflector, Deflector::Polygon { effective_max, .. } if effective_max == radians(40.0))
+    );
     // a channel with other optics inherits no deflector settings (trap 74)
     assert!(matches!(c.deflector, Deflector::Fibres { count: 7 }) && c.scan_angle_max == 0.0);
     // thresholds and errors of the scanner apply to its channels (trap 75)

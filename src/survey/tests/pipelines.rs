@@ -109,7 +109,7 @@ fn every_table() {
     let [first, second] = &survey.scanner.devices[..] else { panic!("two channels") };
     assert_eq!((first.id.as_str(), second.id.as_str(), survey.scanner.multi_channel), ("0", "second", true));
     assert!(
-        matches!(first.deflector, Deflector::Polygon { effective_max } if effective_max == radians(60.0))
+        matches!(first.deflector, Deflector::Polygon { effective_max, .. } if effective_max == radians(60.0))
     );
     assert!(matches!(&second.deflector, Deflector::Risley { prisms, .. } if prisms[0].index == 1.5));
     assert_eq!((first.waveform.quality, second.waveform.window, second.detector.accuracy), (2, 2.5, 0.02));
