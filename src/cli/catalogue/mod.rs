@@ -110,13 +110,16 @@ fn figures(row: &ScannerRow, scanner: &Scanner, pattern: &Pattern) -> String {
         0.0 => "does not turn".to_owned(),
         rate => format!("up to {rate}° per second"),
     };
-    let [across, up] = pattern.extent().map(|[lo, hi]| hi - lo);
+    let [across, up] = pattern.extent.map(|[lo, hi]| match hi - lo {
+        angle if angle >= 100.0 => format!("{angle:.0}"),
+        angle => format!("{angle:.1}"),
+    });
     let rows = [
         ("name", name),
         ("optics", optics),
         ("channels", channels),
         ("pulse rates", format!("{} kHz", rates.join(", "))),
-        ("field of view", format!("{across:.1}° across, {up:.1}° up and down")),
+        ("field of view", format!("{across}° across, {up}° up and down")),
         ("lines", lines),
         ("head", head),
         ("range", format!("{range} m")),

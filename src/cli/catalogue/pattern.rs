@@ -32,8 +32,10 @@ const COLOURS: [&str; 8] =
 pub struct Pattern {
     settings: ScannerSettings,
     seconds: f64,
-    /// Horizontal and vertical angle by channel, degrees.
+    /// Horizontal and vertical angle of beams by channel, degrees.
     pub channels: Vec<Vec<[f64; 2]>>,
+    /// Ranges of the angles of all beams, degrees: horizontal, vertical.
+    pub extent: [[f64; 2]; 2],
 }
 
 impl Pattern {
@@ -63,29 +65,20 @@ impl Pattern {
         let seconds = if turns { TAU / head_rate } else { FRAME_S };
         let pulses = ((seconds * f64::from(settings.pulse_freq)).ceil() as u64).clamp(1, MAX_PULSES);
         let share = DOTS as f64 / (pulses as f64 * scanner.devices.len() as f64);
-        let mut channels = Vec::new();
+        let (mut channels, mut extent) = (Vec::new(), [[f64::INFINITY, f64::NEG_INFINITY]; 2]);
         for device in &scanner.devices {
             let plan = DevicePlan::new(device, Kinematics::CORRECTED);
-            channels.push(beams(&plan, &settings, pulses, share)?);
+            channels.push(beams(&plan, &settings, pulses, share, &mut extent)?);
         }
-        Ok(Pattern { settings, seconds, channels })
-    }
-
-    /// Ranges of the angles, degrees: horizontal, vertical.
-    pub fn extent(&self) -> [[f64; 2]; 2] {
-        std::array::from_fn(|axis| {
-            let angles = self.channels.iter().flatten().map(|angles| angles[axis]);
-            angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], a| [lo.min(a), hi.max(a)])
-        })
+        Ok(Pattern { settings, seconds, channels, extent })
     }
 
     /// Draws the pattern, with the same scale on both axes.
     pub fn svg(&self, scanner: &Scanner) -> String {
         let [left, right, top, bottom] = MARGINS;
-        let extent = self.extent();
         // A line has room around it.
-        let largest = extent.iter().map(|[lo, hi]| hi - lo).fold(1.0, f64::max);
-        let [x, y] = extent.map(|[lo, hi]| {
+        let largest = self.extent.iter().map(|[lo, hi]| hi - lo).fold(1.0, f64::max);
+        let [x, y] = self.extent.map(|[lo, hi]| {
             let room = (0.04 * (hi - lo)).max(0.1 * largest - 0.5 * (hi - lo)).max(0.02 * largest);
             [lo - room, hi + room]
         });
@@ -165,8 +158,14 @@ impl Pattern {
     }
 }
 
-/// Horizontal and vertical angles of a share of the beams of a device, degrees.
-fn beams(plan: &DevicePlan, settings: &ScannerSettings, pulses: u64, share: f64) -> Result<Vec<[f64; 2]>> {
+/// Horizontal and vertical angles of a share of the beams of a device, degrees. `extent` grows by those of all beams.
+fn beams(
+    plan: &DevicePlan,
+    settings: &ScannerSettings,
+    pulses: u64,
+    share: f64,
+    extent: &mut [[f64; 2]; 2],
+) -> Result<Vec<[f64; 2]>> {
     let mut state = DeviceState::at_rest(plan);
     state.start_leg(plan, settings);
     let (mut beams, mut position) = (Vec::new(), 0.0);
@@ -179,10 +178,14 @@ fn beams(plan: &DevicePlan, settings: &ScannerSettings, pulses: u64, share: f64)
         if !state.deflector.is_firing() {
             continue;
         }
+        let DVec3 { x, y, z } = state.emitter(plan).after(state.deflector.rotation(plan)).apply(DVec3::Y);
+        let beam = [libm::atan2(x, y), libm::asin(z.clamp(-1.0, 1.0))].map(degrees);
+        for ([lo, hi], angle) in extent.iter_mut().zip(beam) {
+            (*lo, *hi) = (lo.min(angle), hi.max(angle));
+        }
         position = (position + GOLDEN) % 1.0;
         if position < share {
-            let DVec3 { x, y, z } = state.emitter(plan).after(state.deflector.rotation(plan)).apply(DVec3::Y);
-            beams.push([degrees(libm::atan2(x, y)), degrees(libm::asin(z.clamp(-1.0, 1.0)))]);
+            beams.push(beam);
         }
     }
     Ok(beams)
@@ -221,12 +224,12 @@ mod tests {
     fn patterns_fill_the_field_of_view_of_the_data_sheet() {
         // Velodyne Puck: all around, 16 channels from -15 to 15 degrees.
         let puck = pattern("#vlp16");
-        let [[west, east], [down, up]] = puck.extent();
+        let [[west, east], [down, up]] = puck.extent;
         assert!(west < -175.0 && east > 175.0, "{west} {east}");
         assert!((down + 15.0).abs() < 0.1 && (up - 15.0).abs() < 0.1, "{down} {up}");
         assert_eq!(puck.channels.len(), 16);
         // RIEGL VQ-840-G: 20 degrees across and 14 degrees along the track.
-        let [[left, right], [down, up]] = pattern("#riegl_vq-840-g").extent();
+        let [[left, right], [down, up]] = pattern("#riegl_vq-840-g").extent;
         assert!((right - 14.0).abs() < 0.1 && (left + 14.0).abs() < 0.1, "{left} {right}");
         assert!((up - 20.0).abs() < 0.1 && (down + 20.0).abs() < 0.1, "{down} {up}");
         // Livox Mid-40: a circle of 38.4 degrees.
