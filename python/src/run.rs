@@ -211,8 +211,14 @@ pub fn run(
     let mut sinks = Vec::new();
     for name in &tables {
         let sink = Arc::new(Collected::default());
-        let batch_rows = usize::MAX;
-        sinks.push((sink.clone(), TableRequest { content: content(name)?, batch_rows, sink }));
+        let request = TableRequest {
+            content: content(name)?,
+            batch_rows: usize::MAX,
+            batch_per_leg: false,
+            batch_seconds: None,
+            sink: sink.clone(),
+        };
+        sinks.push((sink, request));
     }
     let requests: Vec<TableRequest> = sinks.iter().map(|(_, request)| request.clone()).collect();
     let notices = Notices::default();
@@ -246,11 +252,25 @@ fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, counters: &Progress) -> Py
     Ok(())
 }
 
-/// Runs a request and returns its points batch by batch; at most `waiting` batches wait for their reader.
+/// Runs a request and returns its points batch by batch; at most `waiting` batches wait for their reader. A batch ends with its
+/// leg, or at a multiple of `seconds`, too.
 #[pyfunction]
-pub fn run_batches(request: Py<Request>, rows: usize, waiting: usize) -> BatchIterator {
+#[pyo3(signature = (request, rows, per_leg, seconds, waiting))]
+pub fn run_batches(
+    request: Py<Request>,
+    rows: usize,
+    per_leg: bool,
+    seconds: Option<f64>,
+    waiting: usize,
+) -> BatchIterator {
     let (sink, batches) = Channel::new(waiting);
-    let table = TableRequest { content: TableContent::Points, batch_rows: rows.max(1), sink: Arc::new(sink) };
+    let table = TableRequest {
+        content: TableContent::Points,
+        batch_rows: rows.max(1),
+        batch_per_leg: per_leg,
+        batch_seconds: seconds,
+        sink: Arc::new(sink),
+    };
     let notices = Notices::default();
     let interruption = Arc::new(Interruption::default());
     let (own_notices, own) = (notices.clone(), interruption.clone());

@@ -85,6 +85,30 @@ def test_batches_join_to_the_points(room):
     assert np.concatenate([batch["GpsTime"] for batch in batches]).tobytes() == whole["GpsTime"].tobytes()
 
 
+def test_batches_end_with_legs(room):
+    whole = vlscan.run(room, seed=3).points
+    legs = list(vlscan.run_batches(room, per_leg=True, seed=3, columns=["X", "PointSourceId"]))
+    assert [np.unique(batch["PointSourceId"]).tolist() for batch in legs] == [[1], [2]]
+    assert np.concatenate([batch["X"] for batch in legs]).tobytes() == whole["X"].tobytes()
+    # Long legs have several batches.
+    sizes = [len(batch) for batch in vlscan.run_batches(room, rows=10_000, per_leg=True, seed=3)]
+    ends = np.cumsum(sizes)
+    assert len(legs[0]) in ends and ends[-1] == len(whole) and max(sizes) == 10_000
+
+
+def test_batches_end_at_intervals_of_time(room):
+    whole = vlscan.run(room, seed=3).points
+    batches = list(vlscan.run_batches(room, seconds=0.25, seed=3))
+    assert np.concatenate([batch["GpsTime"] for batch in batches]).tobytes() == whole["GpsTime"].tobytes()
+    intervals = [np.unique(batch["GpsTime"] // 0.25).tolist() for batch in batches]
+    assert all(len(interval) == 1 for interval in intervals) and len(intervals) > 3
+    assert np.all(np.diff(np.concatenate(intervals)) >= 1)
+    with pytest.raises(vlscan.InputError, match="GpsTime"):
+        list(vlscan.run_batches(room, seconds=1, columns=["X"]))
+    with pytest.raises(ValueError, match="seconds"):
+        vlscan.run_batches(room, seconds=0)
+
+
 def threads_of_the_process():
     return len(os.listdir("/proc/self/task"))
 
@@ -253,7 +277,8 @@ def test_memory_does_not_grow_from_run_to_run():
     one_heap = {**os.environ, "MALLOC_ARENA_MAX": "1"}
     done = subprocess.run([sys.executable, script, "50"], env=one_heap, capture_output=True, text=True, check=True)
     second, last, _ = map(float, done.stdout.split())
-    assert second > 10 and last < 1.05 * second
+    # The heap varies by a few megabytes. The points of a run, which nobody may keep, have more than one.
+    assert second > 10 and last < second + 10
 
 
 def test_errors_name_file_line_and_column(room, tmp_path):

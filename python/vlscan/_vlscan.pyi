@@ -135,5 +135,5 @@ class BatchIterator(Iterator[Table]):
 def run(request: Request, tables: list[str], progress: Callable[..., object] | None = None) -> Outcome:
     """Runs a request and returns the tables of these names."""
 
-def run_batches(request: Request, rows: int, waiting: int) -> BatchIterator:
+def run_batches(request: Request, rows: int, per_leg: bool, seconds: float | None, waiting: int) -> BatchIterator:
     """Runs a request and returns its points batch by batch."""

@@ -311,15 +311,22 @@ class Survey:
             options = {**options, "out": [os.fspath(file) for file in files], "waveforms": waveforms, "pulses": pulses}
         return _vlscan.run(request(options), tables, progress)
 
-    def run_batches(self, rows: int = 1_000_000, **options: Any) -> Iterator[Points]:
+    def run_batches(
+        self, rows: int = 1_000_000, per_leg: bool = False, seconds: float | None = None, **options: Any
+    ) -> Iterator[Points]:
         """Flies and measures the survey, and yields the points in batches of ``rows`` while it does. Memory does not grow with the
-        number of points: the run waits until batches are taken. Leaving the loop ends the run."""
+        number of points: the run waits until batches are taken. Leaving the loop ends the run.
+
+        With ``per_leg`` a batch ends with its leg, too, and with ``seconds`` at every multiple of so many seconds of ``GpsTime``:
+        ``seconds=0.1`` yields the sweeps of a scanner that turns ten times per second."""
         _refuse_options_of_files(options)
-        return self._batches(self._request(options), rows)
+        if seconds is not None and not 0 < seconds < float("inf"):
+            raise ValueError(f"seconds is {seconds}, expected more than 0")
+        return self._batches(self._request(options), rows, per_leg, seconds)
 
     @staticmethod
-    def _batches(request: _vlscan.Request, rows: int) -> Iterator[Points]:
-        batches = _vlscan.run_batches(request, rows, 2)
+    def _batches(request: _vlscan.Request, rows: int, per_leg: bool, seconds: float | None) -> Iterator[Points]:
+        batches = _vlscan.run_batches(request, rows, per_leg, seconds, 2)
         try:
             for table in batches:
                 yield Points(table)
@@ -337,9 +344,12 @@ def run(survey: Survey | PathLike, to: PathLike | Iterable[PathLike] | None = No
     return (survey if isinstance(survey, Survey) else Survey.open(survey)).run(to, **options)
 
 
-def run_batches(survey: Survey | PathLike, rows: int = 1_000_000, **options: Any) -> Iterator[Points]:
+def run_batches(
+    survey: Survey | PathLike, rows: int = 1_000_000, per_leg: bool = False, seconds: float | None = None, **options: Any
+) -> Iterator[Points]:
     """Runs a survey, or the survey of a file, batch by batch; see :meth:`Survey.run_batches`."""
-    return (survey if isinstance(survey, Survey) else Survey.open(survey)).run_batches(rows, **options)
+    opened = survey if isinstance(survey, Survey) else Survey.open(survey)
+    return opened.run_batches(rows, per_leg, seconds, **options)
 
 
 def trace(

@@ -1,7 +1,7 @@
 //! Tables in memory: points, poses, pulses and waveforms as Arrow record batches for the caller of a run.
 
 use super::arrow::{batch, data_type};
-use super::columns::Kind;
+use super::columns::{Column, Kind};
 use super::rows::Rows;
 use super::summary::Tally;
 use crate::error::{Error, Result};
@@ -36,6 +36,10 @@ pub struct TableRequest {
     pub content: TableContent,
     /// Rows per batch; the last batch has the remaining rows.
     pub batch_rows: usize,
+    /// Whether a batch ends with its leg, too.
+    pub batch_per_leg: bool,
+    /// Of points with the column `GpsTime`: whether a batch ends at every multiple of so many seconds, too.
+    pub batch_seconds: Option<f64>,
     /// What takes the batches.
     pub sink: Arc<dyn TableSink>,
 }
@@ -182,6 +186,17 @@ pub(super) struct OpenTable {
     sink: Arc<dyn TableSink>,
     tally: Tally,
     has_passed: bool,
+    per_leg: bool,
+    intervals: Option<Intervals>,
+}
+
+/// Intervals of time at whose ends batches end.
+struct Intervals {
+    seconds: f64,
+    /// Number of the column of the time.
+    column: usize,
+    /// The interval of the rows that are being collected.
+    current: f64,
 }
 
 struct Samples {
@@ -191,13 +206,17 @@ struct Samples {
 }
 
 impl OpenTable {
-    /// `points` has the kinds and the schema of the columns of points.
-    pub fn new(request: &TableRequest, points: (Vec<Kind>, SchemaRef)) -> OpenTable {
-        let TableRequest { content, batch_rows, sink } = request;
+    /// `points` has the columns and the schema of points.
+    pub fn new(request: &TableRequest, points: (&[Column], SchemaRef)) -> OpenTable {
+        let TableRequest { content, batch_rows, batch_per_leg, batch_seconds, sink } = request;
+        let time = points.0.iter().position(|column| *column == Column::GpsTime);
         let (kinds, schema) = match content {
-            TableContent::Points => points,
+            TableContent::Points => (points.0.iter().map(|column| column.kind()).collect(), points.1),
             content => (columns(*content).iter().map(|column| column.1).collect(), schema(*content)),
         };
+        let intervals = batch_seconds.zip(time).filter(|_| *content == TableContent::Points);
+        let intervals =
+            intervals.map(|(seconds, column)| Intervals { seconds, column, current: f64::NEG_INFINITY });
         let samples = (*content == TableContent::Waveforms).then(|| Samples {
             values: Vec::new(),
             offsets: vec![0],
@@ -210,6 +229,8 @@ impl OpenTable {
             sink: sink.clone(),
             tally: Tally::EMPTY,
             has_passed: false,
+            per_leg: *batch_per_leg,
+            intervals,
         }
     }
 
@@ -221,32 +242,60 @@ impl OpenTable {
     /// Appends a block of columns and passes every complete batch.
     pub fn append(&mut self, bytes: &[u8], tally: &Tally) -> Result<()> {
         self.tally.add(tally);
-        let OpenTable { rows, schema, samples, sink, has_passed, .. } = self;
         let mut block = bytes;
-        if let Some(samples) = samples {
+        if let Some(samples) = &mut self.samples {
             let width: usize = WAVEFORMS.iter().map(|column| column.1.width()).sum();
             let (columns, values) = bytes.split_at((tally.records as usize * width).min(bytes.len()));
             block = columns;
             samples.append(columns, values, tally.records as usize);
         }
-        rows.append(block, |rows| {
-            *has_passed = true;
-            let batch = batch(rows, schema)?;
-            sink.take(match samples {
-                Some(samples) => samples.join(batch)?,
-                None => batch,
-            })
+        let (mut from, end) = (0, self.rows.in_block(block));
+        while from < end {
+            let to = self.enter_interval(block, from)?;
+            from = self.rows.append_rows(block, from..to);
+            if self.rows.is_full() {
+                self.pass()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Passes the rows collected so far if row `from` of the block is in another interval. Returns the end of its rows there.
+    fn enter_interval(&mut self, block: &[u8], from: usize) -> Result<usize> {
+        let end = self.rows.in_block(block);
+        let Some(intervals) = &mut self.intervals else { return Ok(end) };
+        let times = self.rows.column(block, intervals.column);
+        let interval = |row: usize| {
+            let time = f64::from_le_bytes(std::array::from_fn(|i| times[8 * row + i]));
+            libm::floor(time / intervals.seconds)
+        };
+        let here = interval(from);
+        let to = (from..end).find(|row| interval(*row) != here).unwrap_or(end);
+        if std::mem::replace(&mut intervals.current, here) != here && self.rows.len() > 0 {
+            self.pass()?;
+        }
+        Ok(to)
+    }
+
+    /// Passes the rows of a leg that has ended, if batches end with legs.
+    pub fn end_leg(&mut self) -> Result<()> {
+        if self.per_leg && self.rows.len() > 0 { self.pass() } else { Ok(()) }
+    }
+
+    /// Passes the rows collected so far.
+    fn pass(&mut self) -> Result<()> {
+        self.has_passed = true;
+        let batch = batch(&mut self.rows, &self.schema)?;
+        self.sink.take(match &mut self.samples {
+            Some(samples) => samples.join(batch)?,
+            None => batch,
         })
     }
 
     /// Passes the remaining rows.
     pub fn finish(mut self) -> Result<Tally> {
         if self.rows.len() > 0 || !self.has_passed {
-            let mut batch = batch(&mut self.rows, &self.schema)?;
-            if let Some(samples) = &mut self.samples {
-                batch = samples.join(batch)?;
-            }
-            self.sink.take(batch)?;
+            self.pass()?;
         }
         Ok(self.tally)
     }

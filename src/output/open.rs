@@ -24,8 +24,7 @@ impl OpenOutput {
                 let request = plan.tables.get(*number);
                 let request =
                     request.ok_or_else(|| Error::Internal(format!("there is no table {number}")))?;
-                let kinds = plan.columns.iter().map(|column| column.kind()).collect();
-                let table = OpenTable::new(request, (kinds, plan.schema.clone()));
+                let table = OpenTable::new(request, (&plan.columns, plan.schema.clone()));
                 return Ok(OpenOutput::Table(Box::new(table), file.content.kind()));
             }
             OutputLocation::Fixed(destination) => destination.clone(),
@@ -66,6 +65,14 @@ impl OpenOutput {
         match self {
             OpenOutput::File(file) => file.close_handle(),
             OpenOutput::Table(..) => Ok(()),
+        }
+    }
+
+    /// Ends a leg: closes the file handle until the next append, and passes the rows of tables whose batches end with legs.
+    pub fn end_leg(&mut self) -> Result<()> {
+        match self {
+            OpenOutput::File(file) => file.close_handle(),
+            OpenOutput::Table(table, _) => table.end_leg(),
         }
     }
 

@@ -212,6 +212,15 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
     if wants_heights && !request.has_ground {
         problems.error(None, "heights above the ground need the scene: merges and streams have none");
     }
+    let has_no_time = request.columns.as_ref().is_some_and(|columns| !columns.contains(&Column::GpsTime));
+    for seconds in request.tables.iter().filter_map(|table| table.batch_seconds) {
+        if has_no_time {
+            problems.error(None, "batches that end with intervals of time need the column GpsTime");
+        }
+        if !(seconds.is_finite() && seconds > 0.0) {
+            problems.error(None, format!("an interval of time is {seconds} s, expected more than 0"));
+        }
+    }
     let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
     let has_columns = has_table || request.sinks.iter().any(|(_, format)| format.has_columns());
     if request.columns.is_some() && !has_columns {

@@ -4,6 +4,7 @@
 use super::columns::{Kind, slices};
 use crate::error::Result;
 use ::arrow_buffer::MutableBuffer;
+use std::ops::Range;
 
 /// Rows per batch of an Arrow stream: a few megabytes.
 pub(super) const BATCH_ROWS: usize = 16_384;
@@ -28,22 +29,42 @@ impl Rows {
 
     /// Appends a block of columns, all values of the first column first, and calls `full` for every complete group, which it has to [`take`](Rows::take).
     pub fn append(&mut self, block: &[u8], mut full: impl FnMut(&mut Rows) -> Result<()>) -> Result<()> {
-        let width: usize = self.kinds.iter().map(|kind| kind.width()).sum();
-        let rows = block.len() / width.max(1);
-        let mut from = 0;
-        while from < rows {
-            let now = (rows - from).min(self.full - self.rows);
-            let columns = slices(self.kinds.iter().copied(), rows, block);
-            for ((kind, values), bytes) in self.kinds.iter().zip(&mut self.values).zip(columns) {
-                let width = kind.width();
-                values.extend_from_slice(&bytes[from * width..(from + now) * width]);
-            }
-            (from, self.rows) = (from + now, self.rows + now);
-            if self.rows == self.full {
+        let (mut from, end) = (0, self.in_block(block));
+        while from < end {
+            from = self.append_rows(block, from..end);
+            if self.is_full() {
                 full(self)?;
             }
         }
         Ok(())
+    }
+
+    /// Appends rows of a block until the group is complete. Returns the first row that was not appended.
+    pub fn append_rows(&mut self, block: &[u8], rows: Range<usize>) -> usize {
+        let count = rows.len().min(self.full - self.rows);
+        let columns = slices(self.kinds.iter().copied(), self.in_block(block), block);
+        for ((kind, values), bytes) in self.kinds.iter().zip(&mut self.values).zip(columns) {
+            let width = kind.width();
+            values.extend_from_slice(&bytes[rows.start * width..(rows.start + count) * width]);
+        }
+        self.rows += count;
+        rows.start + count
+    }
+
+    /// Number of rows of a block.
+    pub fn in_block(&self, block: &[u8]) -> usize {
+        let width: usize = self.kinds.iter().map(|kind| kind.width()).sum();
+        block.len() / width.max(1)
+    }
+
+    /// The values of a column of a block.
+    pub fn column<'b>(&self, block: &'b [u8], column: usize) -> &'b [u8] {
+        slices(self.kinds.iter().copied(), self.in_block(block), block).nth(column).unwrap_or_default()
+    }
+
+    /// Whether the group is complete.
+    pub fn is_full(&self) -> bool {
+        self.rows == self.full
     }
 
     /// Takes the columns with their values in the machine's byte order, and begins a new group.

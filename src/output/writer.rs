@@ -146,7 +146,7 @@ impl Writer {
         if self.epoch >= self.plan.epochs {
             return Err(Error::Internal(format!("more than {} epochs", self.plan.epochs)));
         }
-        let next = self.close_while(|_| true).and_then(|()| {
+        let next = self.close_while(|_| true).and_then(|()| self.end_leg()).and_then(|()| {
             (self.epoch, self.leg, self.closed) = (self.epoch + 1, 0, 0);
             self.keep_folders();
             self.create_runs()?;
@@ -255,14 +255,21 @@ impl Writer {
     /// Completes the files that no leg from `leg` on writes to.
     fn enter(&mut self, leg: u32) -> Result<()> {
         self.close_while(|last_leg| last_leg < leg as usize)?;
+        self.end_leg()?;
+        self.leg = leg;
+        Ok(())
+    }
+
+    /// Ends the current leg in the files that remain open.
+    fn end_leg(&mut self) -> Result<()> {
         let plan = self.plan.clone();
         let left = plan.layout.routes.get(self.leg as usize).map_or(&[][..], |r| r);
         for &slot in left.iter().flat_map(|route| route.slots()) {
             if let Some(file) = &mut self.files[slot as usize] {
-                file.close_handle()?;
+                let ended = file.end_leg();
+                self.drop_closed_pipe(slot, ended)?;
             }
         }
-        self.leg = leg;
         Ok(())
     }
 

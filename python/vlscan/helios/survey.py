@@ -199,8 +199,8 @@ class Survey:
         """
         if callbacks is not None:
             raise NotImplementedError(
-                "points are not passed to callbacks at legs: run the legs one by one, or take the points while they are "
-                "measured with vlscan.Survey.run_batches()"
+                "points are not passed to callbacks: take them while they are measured, leg by leg with "
+                "vlscan.Survey.run_batches(per_leg=True), or every n seconds with run_batches(seconds=n)"
             )
         execution_values, output_values = split(values, ExecutionSettings, OutputSettings)
         execution = _with(execution_settings or ExecutionSettings(), execution_values)
