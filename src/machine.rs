@@ -64,6 +64,13 @@ pub fn with_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Re
     Ok(pool.map_err(|e| failed(io::Error::other(e)))?.install(work))
 }
 
+/// The number of cases of a comparison that takes long: an eighth of `all`, and all with `VLSCAN_ALL_CASES` in the environment, as
+/// in continuous integration.
+#[cfg(test)]
+pub fn cases(all: u32) -> u32 {
+    if std::env::var_os("VLSCAN_ALL_CASES").is_some() { all } else { all.div_ceil(8) }
+}
+
 #[cfg(test)]
 mod tests {
     #[test]

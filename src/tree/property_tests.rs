@@ -178,7 +178,7 @@ fn pulses(g: &Geometry, aims: &[(DVec3, usize, u8, f64)]) -> Vec<Pulse> {
 use glam::Vec3Swizzles;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(80))]
+    #![proptest_config(ProptestConfig::with_cases(crate::machine::cases(80)))]
 
     #[test]
     fn all_trees_agree_with_brute_force(

@@ -16,7 +16,10 @@ use proptest::prelude::*;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-const N: u64 = 1_000_000;
+/// Pulses of a comparison.
+fn number() -> u64 {
+    u64::from(crate::machine::cases(1_000_000))
+}
 
 /// Where a slab begins, m along +y, and its voxels' edge.
 const FRONT: f64 = 20.0;
@@ -53,7 +56,7 @@ fn aimed(n: u64, from: DVec3, spread: f64, tilt: f64) -> Pulse {
     Pulse { number: n, origin, ..pulse(attitude) }
 }
 
-/// Compares how many of N pulses reach the wall with the sum of their transmission probabilities.
+/// Compares how many of [`number`] pulses reach the wall with the sum of their transmission probabilities.
 fn assert_beer_lambert(
     scene: &Scene,
     options: PhysicsOptions,
@@ -69,7 +72,8 @@ fn assert_beer_lambert(
     });
     let physics = Physics::new(scene, &tree, &survey, options).unwrap();
     const CHUNK: u64 = 5000;
-    let (through, lost, expected, variance) = (0..N / CHUNK)
+    let number = number();
+    let (through, lost, expected, variance) = (0..number / CHUNK)
         .into_par_iter()
         .map(|chunk| {
             let world: Vec<Pulse> = (0..CHUNK).map(|i| aim(chunk * CHUNK + i)).collect();
@@ -89,7 +93,7 @@ fn assert_beer_lambert(
     let off = (through - expected) / variance.sqrt();
     assert!(off.abs() < 4.0, "{through} of {expected:.1} ± {:.1} get through", variance.sqrt());
     // The test can fail: there is something to count on either side.
-    assert!(expected > 0.01 * N as f64 && expected < 0.99 * N as f64, "{expected}");
+    assert!(expected > 0.01 * number as f64 && expected < 0.99 * number as f64, "{expected}");
 }
 
 /// The refined physics with G = 1, so that σ is the density.
