@@ -54,7 +54,7 @@ fn spinning() -> String {
         r#"<?xml version="1.0"?><document>
 <survey name="s" scene="{}#room" platform="data/platforms.xml#tripod" scanner="data/scanners_tls.xml#vlp16">
   <leg><platformSettings x="0.3" y="-0.2" z="0"/>
-  <scannerSettings active="true" pulseFreq_hz="4000" headRotatePerSec_deg="1800" headRotateStart_deg="0"
+  <scannerSettings active="true" pulseFreq_hz="18750" headRotatePerSec_deg="1800" headRotateStart_deg="0"
     headRotateStop_deg="3600"/></leg>
 </survey></document>"#,
         scene.display()
