@@ -13,7 +13,7 @@
 //!   schedule: warehouse ═════► workers: replay chunk → pulses → tree → pulse physics → encode
 //!                                            │ encoded batches, in chunk order
 //!                                            ▼
-//!                                       output: xyz, csv, las, laz, ply, arrow, parquet, trajectory, waveforms, pulses
+//!                                       output: points (las, ply, arrow …), trajectory, waveforms, pulses
 //! ```
 //!
 //! | module | what it does | imports |
@@ -21,7 +21,7 @@
 //! | `error`, `diag` | errors; diagnostics with file, line and caret | |
 //! | `geom`, `rng` | rotations, boxes, map projection; counter-based random numbers | |
 //! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT | geom |
-//! | `quantity`, `columns` | bounds of numbers, counts and sizes as text; headings and separators of columns | |
+//! | `quantity`, `columns`, `markup` | bounds of numbers, counts and sizes as text; headings and separators of columns; text in XML and HTML | |
 //! | `files`, `damage`, `machine`, `input` | files named when complete; panics of decoders caught; threads and memory of the machine; byte streams and Arrow tables read while they arrive | |
 //! | `store` | arrays in memory or in a mapped file, and that file | geom |
 //! | `points` | reads point clouds: LAS and LAZ, PLY, columns of text | geom |
@@ -72,6 +72,7 @@ mod generate;
 mod geom;
 mod input;
 mod machine;
+mod markup;
 mod options;
 mod output;
 mod parts;

@@ -416,7 +416,7 @@ def columns_of(table: Any, names: tuple[str, ...]) -> Any:
 
 # Options that only say how files are written.
 _OPTIONS_OF_FILES = {
-    "force", "format", "labels", "las10", "las_at_most", "las_extra", "las_output", "las_scale", "per_object", "split_by_channel",
+    "force", "format", "frame_s", "labels", "las10", "las_at_most", "las_extra", "las_output", "las_scale", "per_object", "split_by_channel",
     "tile", "wave_packets", "zip_output",
 }  # fmt: skip
 

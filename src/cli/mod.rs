@@ -19,7 +19,9 @@
 //! | `preview`, `compare`, `unzip`, `catalogue` | the subcommands of these names |
 //! | `completions`, `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
+//! | `aligned`, `svg` | text in columns, drawings |
 
+mod aligned;
 mod args;
 mod bench;
 mod campaign;
@@ -42,6 +44,7 @@ mod scene;
 mod sketch;
 mod stages;
 mod stand;
+mod svg;
 mod unzip;
 mod watch;
 

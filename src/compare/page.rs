@@ -3,6 +3,7 @@
 use super::measures::{Comparison, Histogram};
 use super::report::table;
 use crate::error::Result;
+use crate::markup::escaped;
 use crate::preview::{Points, PreviewOptions, draw};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use std::fmt::Write as _;
@@ -100,8 +101,4 @@ fn scale(histogram: &Histogram) -> (f64, bool) {
     heights.sort_by(|a, b| b.total_cmp(a));
     let [first, second] = [0, 1].map(|i| heights.get(i).copied().unwrap_or_default());
     if second > 0.0 && first > MAX_RATIO * second { (1.5 * second, true) } else { (first.max(1e-9), false) }
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

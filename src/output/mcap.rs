@@ -11,7 +11,7 @@ use crate::geom::DVec3;
 use crate::pulse::{Echo, EchoTruth};
 use container::{Container, Text};
 
-/// Duration of frames of instruments without a turning head, s.
+/// Duration of frames of instruments that do not spin, s.
 pub(super) const FRAME_S: f64 = 0.1;
 
 /// Points of a message at most; a frame with more becomes several messages.

@@ -231,6 +231,10 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }
+    let has_frames = request.sinks.iter().any(|(_, format)| *format == PointFormat::Mcap);
+    if request.frame_s.is_some() && !has_frames && request.part.is_none() {
+        problems.error(None, "frames have a duration in MCAP, and none is written").help("-o points.mcap");
+    }
     if request.split_by_channel && devices > 1 && request.sinks.iter().any(|(target, _)| streams(target)) {
         problems.error(None, "points on standard output cannot be split by channel");
     }

@@ -5,6 +5,7 @@ use super::font;
 use super::label::{grouped, round_below, round_number};
 use super::picture::{Frame, Picture, Rgb};
 use super::wave::Wave;
+use crate::markup::escaped;
 use crate::pulse::{RecordedEcho, recorded_echoes};
 use std::fmt::Write as _;
 
@@ -385,10 +386,6 @@ svg { display: block; width: 100%; height: 100%; font-variant-numeric: tabular-n
 .echo3 { fill: var(--e3); stroke: var(--e3); } .echo4 { fill: var(--e4); stroke: var(--e4); }
 .stroke { fill: none; stroke-linejoin: round; } text, circle { stroke: none !important; }
 ";
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
 
 /// Formats a number with four significant digits.
 fn significant(value: f64) -> String {

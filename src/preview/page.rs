@@ -9,6 +9,7 @@ use super::layout;
 use super::picture::Rgb;
 use super::points::Points;
 use super::{ColourBy, PreviewOptions};
+use crate::markup::escaped;
 use pack::{Packed, Scales, pack, sample};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -177,10 +178,6 @@ impl ColourBy {
             ColourBy::Time => has.time,
         }
     }
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

@@ -74,3 +74,12 @@ fn a_message_is_a_revolution_or_a_span_of_time() {
         assert_eq!(text(&read.stdout).trim(), expected);
     }
 }
+
+#[test]
+fn frames_without_mcap_are_refused() {
+    let dir = folder();
+    fs::write(dir.path().join("s.xml"), spinning()).unwrap();
+    let out = common::run(dir.path(), &["run", "s.xml", "-o", "a.las", "--frame-s", "0.1"]);
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("-o points.mcap"), "{}", text(&out.stderr));
+}

@@ -1,4 +1,6 @@
-//! Formatting of text in aligned columns.
+//! Tables of rows by columns.
+
+use crate::cli::aligned::{Side, aligned};
 
 /// The heading of a column and its text in every row.
 pub type Column<T> = (&'static str, fn(&T) -> String);
@@ -8,18 +10,7 @@ pub fn table<T>(rows: &[T], columns: &[Column<T>]) -> String {
     let head = columns.iter().map(|(head, _)| (*head).to_owned()).collect();
     let body = rows.iter().map(|row| columns.iter().map(|(_, text)| text(row)).collect());
     let lines: Vec<Vec<String>> = std::iter::once(head).chain(body).collect();
-    let width = |c: usize| lines.iter().map(|line| line[c].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..columns.len()).map(width).collect();
-    let mut text = String::new();
-    for line in &lines {
-        let cells = line.iter().zip(&widths).enumerate().map(|(c, (cell, &width))| match c {
-            0 => format!("{cell:<width$}"),
-            _ => format!("  {cell:>width$}"),
-        });
-        text.push_str(cells.collect::<String>().trim_end());
-        text.push('\n');
-    }
-    text
+    aligned(&lines, Side::Right)
 }
 
 #[cfg(test)]

@@ -2,11 +2,9 @@
 //! the paper's figures 10 and 13 to 16, and speedups of simulated machines.
 
 use super::report::Report;
+use crate::cli::svg::{COLOURS, begin};
+use crate::markup::escaped;
 use std::fmt::Write as _;
-
-/// Line colours that most people can distinguish.
-const COLOURS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#5d5d5d", "#8a2be2"];
 
 const WIDTH: f64 = 680.0;
 const HEIGHT: f64 = 380.0;
@@ -32,11 +30,10 @@ pub fn of(report: &Report) -> String {
         charts(report).into_iter().filter(|c| c.lines.iter().any(|l| !l.1.is_empty())).collect();
     let rows = charts.len().div_ceil(2).max(1);
     let (width, height) = (2.0 * WIDTH, 40.0 + rows as f64 * HEIGHT);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-         height=\"{height}\" font-family=\"sans-serif\" font-size=\"12\">\n\
-         <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n\
-         <text x=\"{}\" y=\"26\" font-size=\"17\" text-anchor=\"middle\">{}</text>\n",
+    let mut svg = begin(width, height);
+    let _ = writeln!(
+        svg,
+        "<text x=\"{}\" y=\"26\" font-size=\"17\" text-anchor=\"middle\">{}</text>",
         0.5 * width,
         escaped(&format!(
             "{}, {} primitives",
@@ -341,10 +338,6 @@ fn short(value: f64) -> String {
     } else {
         format!("{value:.4}").trim_end_matches('0').to_owned()
     }
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 #[cfg(test)]

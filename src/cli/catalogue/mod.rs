@@ -3,6 +3,7 @@
 mod pattern;
 
 use super::Console;
+use super::aligned::{Side, aligned};
 use super::args::{CatalogueArgs, CatalogueCommand, ShowArgs};
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched, write_stdout};
@@ -100,8 +101,7 @@ fn show(args: &ShowArgs, console: &Console) -> Result<()> {
 fn figures(row: &ScannerRow, scanner: &Scanner, pattern: &Pattern) -> String {
     let device = &scanner.devices[0];
     let rates: Vec<String> = row.pulse_rates_hz.iter().map(|&hz| (f64::from(hz) / 1e3).to_string()).collect();
-    let [_, name, optics, channels, divergence, _, range, _, wavelength, returns]: [String; 10] =
-        std::array::from_fn(|i| scanner_line(row).swap_remove(i));
+    let [_, name, optics, channels, divergence, _, range, _, wavelength, returns] = scanner_line(row);
     let lines = match device.scan_freq {
         (_, most) if most <= 0.0 => "any".to_owned(),
         (least, most) => format!("{least} to {most} per second"),
@@ -129,7 +129,7 @@ fn figures(row: &ScannerRow, scanner: &Scanner, pattern: &Pattern) -> String {
         ("beam divergence", format!("{divergence} mrad (full angle at 1/e²)")),
         ("pulse length", format!("{} ns", row.pulse_length_ns)),
     ];
-    aligned(&rows.map(|(name, value)| vec![name.to_owned(), value]))
+    aligned(&rows.map(|(name, value)| vec![name.to_owned(), value]), Side::Left)
 }
 
 fn json(rows: &impl Serialize) -> Result<String> {
@@ -190,8 +190,8 @@ fn table(rows: &Rows) -> String {
                 .map(str::to_owned)
                 .to_vec(),
         ];
-        lines.extend(rows.scanners.iter().map(scanner_line));
-        text += &aligned(&lines);
+        lines.extend(rows.scanners.iter().map(|row| scanner_line(row).to_vec()));
+        text += &aligned(&lines, Side::Left);
     }
     if !rows.platforms.is_empty() {
         let mut lines = vec![["platform", "kind", "mount m"].map(str::to_owned).to_vec()];
@@ -202,18 +202,19 @@ fn table(rows: &Rows) -> String {
         if !text.is_empty() {
             text.push('\n');
         }
-        text += &aligned(&lines);
+        text += &aligned(&lines, Side::Left);
     }
     text
 }
 
-fn scanner_line(s: &ScannerRow) -> Vec<String> {
+/// The cells of a scanner in the table.
+fn scanner_line(s: &ScannerRow) -> [String; 10] {
     let kilohertz = |f: Option<&u32>| f.map_or(0.0, |&f| f64::from(f) / 1e3);
     let (least, most) = (kilohertz(s.pulse_rates_hz.iter().min()), kilohertz(s.pulse_rates_hz.iter().max()));
     let rates = if least == most { format!("{least}") } else { format!("{least}-{most}") };
     let far = s.range_max_m.map_or("∞".to_owned(), |m| m.to_string());
     let returns = if s.max_returns == 0 { "∞".to_owned() } else { s.max_returns.to_string() };
-    vec![
+    [
         s.reference.clone(),
         s.name.clone(),
         s.optics.to_owned(),
@@ -227,32 +228,9 @@ fn scanner_line(s: &ScannerRow) -> Vec<String> {
     ]
 }
 
-/// Formats lines in aligned columns, two spaces apart.
-fn aligned(lines: &[Vec<String>]) -> String {
-    let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
-    let width =
-        |at: usize| lines.iter().filter_map(|l| l.get(at)).map(|c| c.chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..columns).map(width).collect();
-    let mut text = String::new();
-    for line in lines {
-        let cells: Vec<String> =
-            line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}")).collect();
-        text.push_str(cells.join("  ").trim_end());
-        text.push('\n');
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn columns_are_aligned() {
-        let lines =
-            [vec!["a".to_owned(), "∞".to_owned(), "c".to_owned()], vec!["long".to_owned(), "12".to_owned()]];
-        assert_eq!(aligned(&lines), "a     ∞   c\nlong  12\n");
-    }
 
     #[test]
     fn figures_of_a_scanner() {

@@ -1,7 +1,9 @@
 //! The scan pattern of an instrument at rest as a drawing (SVG): where its beams point, seen from the instrument.
 
+use crate::cli::svg::{COLOURS, begin};
 use crate::error::{Error, Result};
 use crate::geom::{DVec3, degrees};
+use crate::markup::escaped;
 use crate::scanner::{DevicePlan, DeviceState};
 use crate::survey::{Deflector, Kinematics, Scanner, ScannerSettings};
 use std::f64::consts::TAU;
@@ -24,9 +26,6 @@ const MAX_HEIGHT: f64 = 760.0;
 const MARGINS: [f64; 4] = [64.0, 24.0, 62.0, 52.0];
 /// Distance of the lines of the grid, at least, px.
 const TICK_PX: f64 = 36.0;
-/// Colours of the channels, in turn.
-const COLOURS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#5d5d5d", "#8a2be2"];
 
 /// Directions of beams by channel.
 pub struct Pattern {
@@ -39,8 +38,7 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Steps through a revolution of the head, or a tenth of a second, at the instrument's own pulse rate and at its fastest
-    /// settings.
+    /// Steps through a revolution of the head, or a tenth of a second, at the instrument's fastest settings.
     ///
     /// # Errors
     /// Formulas of mechanical errors without a value.
@@ -86,12 +84,11 @@ impl Pattern {
         let (w, h) = (scale * (x[1] - x[0]), scale * (y[1] - y[0]));
         let (width, height) = ((left + right + w).max(560.0), top + bottom + h);
         let at = |[u, v]: [f64; 2]| [left + scale * (u - x[0]), top + scale * (y[1] - v)];
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" \
-             height=\"{height:.0}\" font-family=\"sans-serif\" font-size=\"12\">\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
-             <text x=\"{left}\" y=\"26\" font-size=\"17\">{}</text>\n\
-             <text x=\"{left}\" y=\"46\" fill=\"#555555\">{}</text>\n",
+        let mut svg = begin(width.round(), height.round());
+        let _ = writeln!(
+            svg,
+            "<text x=\"{left}\" y=\"26\" font-size=\"17\">{}</text>\n\
+             <text x=\"{left}\" y=\"46\" fill=\"#555555\">{}</text>",
             escaped(&scanner.name),
             escaped(&self.caption(scanner)),
         );
@@ -198,10 +195,6 @@ fn ticks([lo, hi]: [f64; 2], scale: f64) -> impl Iterator<Item = f64> {
     let first = libm::ceil(lo / step) as i64;
     // Without the digits that steps of tenths add.
     (first..).map(move |i| (i as f64 * step * 10.0).round() / 10.0).take_while(move |tick| *tick <= hi)
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 #[cfg(test)]

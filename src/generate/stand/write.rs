@@ -7,6 +7,7 @@ use super::models::{Model, Models};
 use crate::columns::quoted;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, NewFolder, Patched};
+use crate::markup::escaped;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -200,9 +201,4 @@ fn scene(out: &mut String, id: &str, terrain: &[String], instances: Option<&str>
         );
     }
     out.push_str("  </scene>\n");
-}
-
-/// Text of an XML attribute.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
