@@ -29,6 +29,8 @@ pub const ANY: Bounds = Bounds::new(f64::MIN, f64::MAX, "a number");
 pub const NUMBER: Bounds = Bounds::new(-1e12, 1e12, "a finite number from -1e12 to 1e12");
 pub const POSITIVE: Bounds = Bounds::new(1e-15, 1e15, "a number above 0, from 1e-15 to 1e15");
 pub const NOT_NEGATIVE: Bounds = Bounds::new(0.0, 1e15, "a number of at least 0, at most 1e15");
+/// Time of a channel's pulse within its cycle, µs.
+pub const FIRING_OFFSET_US: Bounds = Bounds::new(0.0, 1e6, "a number from 0 to 1e6 µs");
 /// Full beam divergence, rad.
 pub const DIVERGENCE: Bounds = Bounds::new(1e-9, 1.5, "a number above 0, from 1e-9 to 1.5 rad");
 /// Full beam divergence of a pulse in a stream, rad.

@@ -1,14 +1,17 @@
 //! Origin and attitude of an emitted pulse (spec kinematics §3, §7.2).
 
+use super::clock::WEEK_NS;
 use super::leg::PlannedLeg;
 use super::plan::FlightPlan;
 use super::pulse::Pulse;
+use crate::error::Error;
 use crate::geom::{DVec3, Rotation};
 use crate::platform::PlatformState;
-use crate::scanner::DeviceState;
+use crate::scanner::{DevicePlan, DeviceState};
 
 impl FlightPlan {
-    /// The pulse that device `index` emits, `since_start` seconds after the start of the flight.
+    /// The pulse that device `index` emits in a step, at `time_ns` and `since_start` seconds after the start of the flight, or
+    /// later by its firing offset.
     pub(super) fn pulse(
         &self,
         platform: &PlatformState,
@@ -19,6 +22,11 @@ impl FlightPlan {
         since_start: f64,
     ) -> Pulse {
         let plan = &self.devices[index];
+        let part = leg.part_of_step(plan);
+        let later = (part > 0.0).then(|| state.within_step(plan, part));
+        let state = later.as_ref().unwrap_or(state);
+        let offset = if part > 0.0 { plan.firing_offset } else { 0.0 };
+        let since_start = since_start + offset;
         let mount = leg.mount.as_ref().unwrap_or(&self.mount);
         let (device, emitted) = (index as u32, state.pulses - 1);
         let platform_noise = self.kinematics.attitude_noise_of_platform;
@@ -49,7 +57,10 @@ impl FlightPlan {
                 position + offset + emitter
             }
         };
-        let (position, pointing) = (platform.position(), platform.mount_attitude(&self.platform));
+        let (position, pointing) = match part > 0.0 {
+            true => platform.pose_within_step(&self.platform, offset, part),
+            false => (platform.position(), platform.mount_attitude(&self.platform)),
+        };
         let origin = origin_at(position, pointing);
         let (attitude, exact_attitude) = beam(pointing);
         let (origin_error, reported_attitude, reported_pointing) = match &self.navigation {
@@ -64,13 +75,33 @@ impl FlightPlan {
             attitude,
             exact_attitude,
             reported_attitude,
-            scanner_attitude: reported_pointing.after(self.mount.rotation),
+            scanner_attitude: reported_pointing.after(mount.rotation),
             origin_error,
-            time_ns,
+            time_ns: if part > 0.0 { within_week(time_ns + offset * 1e9) } else { time_ns },
             number: state.pulses,
             device,
             scan_angle: state.deflector.scan_angle(&exact_deflection),
             range_error: plan.errors.range.as_ref().map_or(0.0, |e| e.eval(state.deflector.exact_angle())),
         }
     }
+
+    /// The error of a formula that has no value at a pulse of device `index`.
+    #[cold]
+    pub(super) fn formula_error(&self, leg: &PlannedLeg, index: usize, state: &DeviceState) -> Error {
+        let plan = &self.devices[index];
+        let part = leg.part_of_step(plan);
+        if part > 0.0 { state.within_step(plan, part).formula_error(plan) } else { state.formula_error(plan) }
+    }
+}
+
+impl PlannedLeg {
+    /// The part of a step, from 0 to 1, by which the pulse of `device` is later than the start of the step.
+    #[inline]
+    pub(super) fn part_of_step(&self, device: &DevicePlan) -> f64 {
+        if self.fires_at_once { 0.0 } else { device.firing_offset * self.frequency }
+    }
+}
+
+fn within_week(time_ns: f64) -> f64 {
+    if time_ns > WEEK_NS { time_ns - WEEK_NS } else { time_ns }
 }

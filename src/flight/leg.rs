@@ -15,6 +15,8 @@ pub(super) struct PlannedLeg {
     pub settings: ScannerSettings,
     /// Mount of the scanner, if it is not that of the platform.
     pub mount: Option<Mount>,
+    /// The pulse period is too short for the firing offsets of the channels.
+    pub fires_at_once: bool,
     /// Nothing moves, so that only the maximum duration ends the leg.
     pub still: bool,
     /// Maximum duration, s; 0 = none.
@@ -37,6 +39,7 @@ impl PlannedLeg {
             number: leg.number,
             place: leg.place.clone(),
             mount: leg.platform.mount,
+            fires_at_once: false,
             still: false,
             max_duration: settings.max_duration.filter(|d| *d > 0.0).unwrap_or(0.0),
             frequency: f64::from(settings.pulse_freq),

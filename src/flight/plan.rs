@@ -154,6 +154,7 @@ impl FlightPlan {
         let is_static = matches!(self.platform.motion, Motion::Static);
         for leg in &mut self.legs {
             leg.still = is_static && self.devices[0].head_rate(leg.settings.head_rate) == 0.0;
+            settings::check_firing(leg, &self.devices, problems);
         }
         for (i, leg) in self.legs.iter().enumerate() {
             settings::check_optics(leg, &self.devices, problems);

@@ -121,6 +121,23 @@ pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &
     }
 }
 
+/// Lets all channels fire at once, with a warning, where the last one would fire in the next pulse period.
+pub(super) fn check_firing(leg: &mut PlannedLeg, devices: &[DevicePlan], problems: &mut Diagnostics) {
+    let last = devices.iter().map(|device| device.firing_offset).fold(0.0, f64::max);
+    leg.fires_at_once = last * leg.frequency >= 1.0;
+    if leg.fires_at_once && leg.settings.active {
+        let message = format!(
+            "leg {}: all channels fire at once, because the last one fires {:.3} µs after the first, which is not within a \
+             period of {} Hz",
+            leg.number,
+            last * 1e6,
+            leg.frequency
+        );
+        let help = format!("the instrument fires with a pulse rate below {:.0} Hz", 1.0 / last);
+        problems.warn(leg.place.clone(), message).help(help);
+    }
+}
+
 /// Explains why leg `index` cannot end and how to fix it, as far as this is known before the flight; `None` for legs
 /// with a maximum duration.
 pub(super) fn why_endless(

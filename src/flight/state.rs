@@ -250,7 +250,7 @@ impl FlightState {
                 pulse
             });
             if !is_sound {
-                return Err(state.formula_error(device));
+                return Err(plan.formula_error(leg, index, state));
             }
         }
         Ok(())

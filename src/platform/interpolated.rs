@@ -54,6 +54,13 @@ impl InterpolatedState {
         self.advance(table, elapsed);
     }
 
+    /// The state `seconds` after the last step.
+    pub(super) fn after(&self, table: &TrajectoryTable, seconds: f64) -> InterpolatedState {
+        let mut later = self.clone();
+        later.advance(table, seconds);
+        later
+    }
+
     /// Duration of the leg after `clock`, s.
     pub(super) fn time_left(&self, clock: f64) -> f64 {
         self.leg_start + self.leg_duration - self.slack - clock

@@ -177,6 +177,22 @@ impl PlatformState {
         }
     }
 
+    /// Position, m, scene frame, and attitude that carries the mount, `seconds` after the last step, which are `part` of a
+    /// step. Vehicles and multicopters keep the attitude of the step.
+    pub fn pose_within_step(&self, plan: &PlatformPlan, seconds: f64, part: f64) -> (DVec3, Rotation) {
+        match (self, &plan.motion) {
+            (PlatformState::Interpolated(s), Motion::Interpolated(table)) => {
+                let later = s.after(table, seconds);
+                (later.position(), later.attitude(plan.rotation_spec))
+            }
+            (PlatformState::Stream(s), _) => s.pose_after(seconds),
+            _ => {
+                let way = self.course().map_or(DVec3::ZERO, |course| course.velocity * part);
+                (self.position() + way, self.mount_attitude(plan))
+            }
+        }
+    }
+
     /// The attitude that carries the mount (spec kinematics §2.1: `P` at the last refresh of the mount).
     pub fn mount_attitude(&self, plan: &PlatformPlan) -> Rotation {
         match self {

@@ -199,20 +199,30 @@ impl StreamState {
         time
     }
 
-    /// The poses before and after the current step, and the fraction of the time between them.
-    fn bracket(&self) -> Option<(&Knot, &Knot, f64)> {
+    /// The poses before and after the current step, and the fraction of the time between them that has passed `seconds` after
+    /// the step.
+    fn bracket(&self, seconds: f64) -> Option<(&Knot, &Knot, f64)> {
         let b = self.window.get(self.segment)?;
         let a = self.segment.checked_sub(1).map_or(b, |i| &self.window[i]);
         let span = b.elapsed - a.elapsed;
-        Some((a, b, if span > 0.0 { (self.elapsed - a.elapsed) / span } else { 0.0 }))
+        Some((a, b, if span > 0.0 { (self.elapsed - a.elapsed + seconds) / span } else { 0.0 }))
+    }
+
+    /// Position and attitude `seconds` after the current step. Beyond the next pose the motion before it goes on, because
+    /// the following pose may not have arrived.
+    pub(super) fn pose_after(&self, seconds: f64) -> (DVec3, Rotation) {
+        let pose = |(a, b, u): (&Knot, &Knot, f64)| {
+            (a.position + (b.position - a.position) * u, slerp(a.attitude, b.attitude, b.turn, u))
+        };
+        self.bracket(seconds).map_or((DVec3::ZERO, Rotation::IDENTITY), pose)
     }
 
     pub(super) fn position(&self) -> DVec3 {
-        self.bracket().map_or(DVec3::ZERO, |(a, b, u)| a.position + (b.position - a.position) * u)
+        self.bracket(0.0).map_or(DVec3::ZERO, |(a, b, u)| a.position + (b.position - a.position) * u)
     }
 
     pub(super) fn attitude(&self) -> Rotation {
-        self.bracket().map_or(Rotation::IDENTITY, |(a, b, u)| slerp(a.attitude, b.attitude, b.turn, u))
+        self.bracket(0.0).map_or(Rotation::IDENTITY, |(a, b, u)| slerp(a.attitude, b.attitude, b.turn, u))
     }
 }
 

@@ -293,6 +293,9 @@ corrections! {
     channels_restart: true,
     /// Kinematics: the warm-up of the optics does not turn the head, too.
     warmup_of_optics: true,
+    /// Kinematics: the channels of an instrument fire one after the other where it states when; in the reference all at
+    /// once.
+    firing_offsets: true,
 }
 
 impl Corrections {

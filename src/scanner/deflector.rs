@@ -133,6 +133,28 @@ impl DeflectorState {
         }
     }
 
+    /// The deflector `part` of a step later. The light stays in its fibre for a whole step.
+    pub fn within_step(&self, plan: &DevicePlan, part: f64) -> DeflectorState {
+        let mut later = self.clone();
+        match &mut later {
+            DeflectorState::Polygon(mirror) => {
+                mirror.slow_down(part);
+                mirror.step(plan);
+            }
+            DeflectorState::Oscillating(mirror) => {
+                let now = mirror.angle;
+                mirror.step();
+                mirror.angle = now + (mirror.angle - now) * part;
+            }
+            DeflectorState::Conic { step, .. } | DeflectorState::Risley { step, .. } => {
+                *step *= part;
+                later.step(plan);
+            }
+            DeflectorState::Fibres { .. } => {}
+        }
+        later
+    }
+
     /// Takes `steps` steps of a deflector without an error, and returns in how many of them it fires. The state is that
     /// after as many calls of [`step`](Self::step), bit for bit.
     pub fn advance(&mut self, plan: &DevicePlan, steps: u32) -> u32 {

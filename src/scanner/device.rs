@@ -54,6 +54,12 @@ impl DeviceState {
         pulses
     }
 
+    /// This state `part` of a step later, where another channel of the same cycle fires.
+    pub fn within_step(&self, plan: &DevicePlan, part: f64) -> DeviceState {
+        let (head, deflector) = (self.head.within_step(part), self.deflector.within_step(plan, part));
+        DeviceState { head, deflector, ..*self }
+    }
+
     /// Whether the formula of the deflection error had a value; [`DeviceState::formula_error`] names it otherwise.
     #[inline]
     pub fn has_deflection(&self) -> bool {

@@ -77,6 +77,11 @@ impl HeadState {
         }
     }
 
+    /// The head `part` of a step later, with the error that it has now.
+    pub fn within_step(&self, part: f64) -> HeadState {
+        HeadState { angle: self.angle + self.step * part, ..self.clone() }
+    }
+
     /// Turns by `steps` steps at once, which rounds otherwise than single steps.
     pub fn jump(&mut self, steps: f64) {
         if self.rate != 0.0 {

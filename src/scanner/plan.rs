@@ -16,6 +16,8 @@ pub struct DevicePlan {
     /// rad/s.
     pub head_max_rate: f64,
     pub beam_origin: Mount,
+    /// Time from the start of a firing cycle to the pulse, s; 0 without the correction `firing_offsets`.
+    pub firing_offset: f64,
     pub errors: MechanicalErrors,
     pub kinematics: Kinematics,
     pub(super) prisms: Option<PrismTrain>,
@@ -35,6 +37,7 @@ impl DevicePlan {
             head_axis: if axis.length() > 0.1 && axis.is_finite() { unit(axis) } else { DVec3::Z },
             head_max_rate: device.head.max_rate,
             beam_origin: device.beam_origin,
+            firing_offset: if kinematics.firing_offsets { device.firing_offset } else { 0.0 },
             errors: device.errors.clone(),
             kinematics,
             prisms,

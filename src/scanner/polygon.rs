@@ -95,6 +95,11 @@ impl Polygon {
         }
     }
 
+    /// Multiplies the angle per step by `factor`.
+    pub fn slow_down(&mut self, factor: f64) {
+        self.step *= factor;
+    }
+
     /// Takes `steps` steps of a mirror without an error, and returns in how many of them it fires.
     pub fn advance(&mut self, plan: &DevicePlan, mut steps: u32) -> u32 {
         let mut fired = 0;

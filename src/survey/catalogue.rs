@@ -46,11 +46,11 @@ mod tests {
     fn every_entry_loads_without_a_warning() {
         let (catalogue, warnings) = catalogue().unwrap_or_else(|e| panic!("{e}"));
         assert!(warnings.is_empty(), "{}", warnings.render(false));
-        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (44, 12));
+        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (45, 12));
         let mut names: Vec<_> = catalogue.scanners.iter().map(|s| &s.0).collect();
         names.sort();
         names.dedup();
-        assert_eq!(names.len(), 44);
+        assert_eq!(names.len(), 45);
     }
 
     #[test]
@@ -87,6 +87,7 @@ mod tests {
         let (catalogue, _) = catalogue().unwrap();
         for (name, points_per_s, channels, view, wavelength) in [
             ("#velodyne_hdl-32e", 695e3, 32, (-30.67, 10.67), 905.0),
+            ("#hesai_pandar128", 2.304e6, 128, (-25.016, 14.436), 905.0),
             ("#hesai_xt32", 640e3, 32, (-16.0, 15.0), 905.0),
             ("#ouster_os0-128", 2_621_440.0, 128, (-45.0, 45.0), 865.0),
             ("#ouster_os1-128", 2_621_440.0, 128, (-22.5, 22.5), 865.0),
@@ -128,6 +129,28 @@ mod tests {
         let z: Vec<f64> =
             xt32.devices.iter().map(|d| libm::asin(d.beam_origin.rotation.forward().z)).collect();
         assert!(z.windows(2).all(|pair| ((pair[0] - pair[1]).to_degrees() - 1.0).abs() < 1e-9));
+    }
+
+    /// Last channel's offset, µs, and offset of a channel in between. Sources: the comments of the catalogue's files.
+    #[test]
+    fn channels_fire_as_their_manuals_say() {
+        let (catalogue, _) = catalogue().unwrap();
+        for (name, between, last, cycle_us) in [
+            ("#vlp16", (5, 11.52), 34.56, 55.296),
+            ("#hovermap", (5, 11.52), 34.56, 55.296),
+            ("#velodyne_hdl-32e", (2, 2.304), 35.712, 46.08),
+            ("#hesai_xt32", (10, 15.12), 46.872, 50.0),
+            ("#velodyne_alpha_prime", (64, 23.985), 42.64, 53.3),
+            ("#ouster_os1-128", (1, 0.0), 0.0, 48.828125),
+        ] {
+            let scanner = &catalogue.scanners.iter().find(|s| s.0.ends_with(name)).unwrap().1;
+            let offsets: Vec<f64> = scanner.devices.iter().map(|d| d.firing_offset * 1e6).collect();
+            assert!(offsets.is_sorted() && offsets[0] == 0.0, "{name}: {offsets:?}");
+            assert!((offsets[between.0] - between.1).abs() < 1e-9, "{name}: {}", offsets[between.0]);
+            assert!((offsets.last().unwrap() - last).abs() < 1e-9, "{name}: {:?}", offsets.last());
+            let period_us = 1e6 / f64::from(scanner.pulse_freqs[0]);
+            assert!(last < period_us && (period_us / cycle_us - 1.0).abs() < 0.04, "{name}");
+        }
     }
 
     #[test]

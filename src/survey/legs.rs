@@ -2,11 +2,12 @@
 
 use super::context::Context;
 use super::fields::{Fields, read_mount};
+use super::platform_xml::{mount_of_other, read_platform};
 use super::settings::{PlatformLayer, ScannerLayer};
 use super::templates::Templates;
 use super::trajectories::Trajectories;
 use super::xml::Element;
-use super::{Deflector, Leg, Scanner};
+use super::{Deflector, Leg, Platform, Scanner};
 
 /// The state of the reader of legs.
 pub(super) struct LegReader<'c> {
@@ -40,7 +41,7 @@ impl<'c> LegReader<'c> {
         let mut fields = Fields::new(self.context, element);
         let strip = fields.text("stripId").filter(|s| *s != NO_STRIP).map(str::to_owned);
         let max_duration = fields.number("maxDuration_s", -1.0);
-        fields.ignore(&["id"]);
+        fields.ignore(&["id", "platform"]);
         fields.done(&["platformSettings", "scannerSettings", "scannerMount"]);
         let mut platform = self.read_platform(element);
         platform.mount = element.child("scannerMount").map(|mount| read_mount(self.context, &mount));
@@ -49,6 +50,17 @@ impl<'c> LegReader<'c> {
             scanner.max_duration = Some(max_duration);
         }
         Leg { number, strip, platform, scanner, place: Some(element.place()) }
+    }
+
+    /// Gives `leg` the mount of the platform that `element` names instead of that of the survey, unless it has a mount.
+    pub fn use_other_platform(context: &Context, leg: &mut Leg, element: &Element, platform: &Platform) {
+        if element.value("platform").is_none() {
+            return;
+        }
+        let other = context.asset("platform", element, "platform").and_then(|e| read_platform(context, &e));
+        let Some(other) = other else { return };
+        let mount = mount_of_other(context, &other, platform, element.value_place("platform"));
+        leg.platform.mount = leg.platform.mount.or(mount);
     }
 
     fn read_platform(&mut self, leg: &Element) -> super::PlatformSettings {

@@ -4,6 +4,7 @@ use super::context::Context;
 use super::fields::{Fields, read_mount};
 use super::xml::Element;
 use super::{Mount, Multicopter, Noise, NoiseKind, Platform, PlatformKind, PlatformNoise};
+use crate::diag::Place;
 
 /// Children of a platform that describe noise, in the order position x, y, z, attitude x, y, z.
 pub(super) const NOISE: [&str; 6] = [
@@ -28,6 +29,33 @@ pub(super) fn read_platform(context: &Context, element: &Element) -> Option<Plat
     let mut noise = PlatformNoise::default();
     replace_noise(context, element, &mut noise);
     Some(Platform { id, kind: kind?, mount, noise })
+}
+
+/// The mount of `other`, a platform that a leg names at `place` instead of `platform`, that of the survey.
+pub(super) fn mount_of_other(
+    context: &Context,
+    other: &Platform,
+    platform: &Platform,
+    place: Place,
+) -> Option<Mount> {
+    if !other.kind.can_fly_for(&platform.kind) {
+        let (id, theirs, kind) = (&other.id, other.kind.name(), platform.kind.name());
+        let message = match theirs == kind {
+            true => {
+                format!("the platform `{id}` does not move as that of the survey: their parameters differ")
+            }
+            false => format!("the platform `{id}` is of type {theirs}, that of the survey of type {kind}"),
+        };
+        let help =
+            "all legs of a survey move in one way; give the leg a mount of its own, or a survey of its own";
+        context.error_help(place, message, help);
+        return None;
+    }
+    if other.noise != platform.noise {
+        let message = format!("the noise of the platform `{}` has no effect in a single leg", other.id);
+        context.warn_help(place, message, "the noise of the survey's platform holds for all legs");
+    }
+    Some(other.mount)
 }
 
 fn read_kind(fields: &mut Fields, kind: Option<&str>, context: &Context) -> Option<PlatformKind> {

@@ -10,6 +10,7 @@ use super::{
 };
 use crate::geom::{DVec3, Rotation, radians};
 use crate::quantity;
+use std::ops::RangeInclusive;
 
 pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scanner> {
     let mut fields = Fields::new(context, element);
@@ -48,6 +49,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         scan_freq: deflector.scan_freq,
         head,
         beam_origin: element.child("beamOrigin").map_or(Mount::IDENTITY, |o| read_mount(context, &o)),
+        firing_offset: 0.0,
         beam,
         detector,
         receiver,
@@ -81,7 +83,7 @@ pub(super) const WAVEFORM: WaveformSettings =
 pub(super) const MAX_QUALITY: u32 = 1000;
 
 /// Wavelengths, nm.
-pub(super) const WAVELENGTHS: std::ops::RangeInclusive<u32> = 1..=1_000_000;
+pub(super) const WAVELENGTHS: RangeInclusive<u32> = 1..=1_000_000;
 
 pub(super) const DETECTOR: Detector = Detector {
     accuracy: 0.0,
@@ -240,10 +242,9 @@ fn read_channels(
     deflector: &DeflectorSettings,
 ) -> Vec<Device> {
     let mut fields = Fields::new(context, channels);
-    let table = fields.text("elevations_deg").map(str::to_owned);
-    let devices = table.map(|table| channels_of_table(&fields, &table, base));
+    let table = channels_of_table(&mut fields, base);
     fields.done(&["channel"]);
-    if let Some(devices) = devices {
+    if let Some(devices) = table {
         if let Some(extra) = channels.child("channel") {
             context.error(extra.place(), "<channels> has either `elevations_deg` or <channel> elements");
         }
@@ -258,12 +259,46 @@ fn read_channels(
     devices
 }
 
-/// Channels that differ by the elevation of their beams: `elevations_deg` lists them, separated by semicolons, from channel
-/// 0 on, or says `first;...;last;count` for evenly spaced ones.
-fn channels_of_table(fields: &Fields, table: &str, base: &Device) -> Vec<Device> {
-    let words: Vec<&str> = table.split(';').map(str::trim).collect();
-    let number = |word: &str| word.parse::<f64>().ok().filter(|angle| (-90.0..=90.0).contains(angle));
-    let elevations: Option<Vec<f64>> = match &words[..] {
+/// Channels that differ by the elevation of their beams, `elevations_deg`, from channel 0 on, and by when they fire within a
+/// cycle, `firingOffsets_us`. `None` without elevations.
+fn channels_of_table(fields: &mut Fields, base: &Device) -> Option<Vec<Device>> {
+    let elevations = fields.text("elevations_deg");
+    let offsets = fields.text("firingOffsets_us");
+    let Some(elevations) = elevations else {
+        if offsets.is_some() {
+            fields.refuse("firingOffsets_us", "beside `elevations_deg`; a <channel> has `firingOffset_us`");
+        }
+        return None;
+    };
+    let Some(elevations) = listed(elevations, -90.0..=90.0) else {
+        let expected =
+            format!("up to {MAX_CHANNELS} angles from -90 to 90 with semicolons, or first;...;last;count");
+        fields.refuse("elevations_deg", &expected);
+        return Some(Vec::new());
+    };
+    let range = 0.0..=quantity::FIRING_OFFSET_US.high;
+    let offsets = match offsets.map(|text| listed(text, range)) {
+        None => vec![0.0; elevations.len()],
+        Some(Some(list)) if list.len() == elevations.len() => list,
+        Some(_) => {
+            let expected = format!("{} times in µs from 0 to 1e6, one for each elevation", elevations.len());
+            fields.refuse("firingOffsets_us", &expected);
+            return Some(Vec::new());
+        }
+    };
+    let channel = |(index, (elevation, offset)): (usize, (f64, f64))| {
+        let rotation = base.beam_origin.rotation.after(Rotation::about_x(radians(elevation)));
+        let beam_origin = Mount { rotation, ..base.beam_origin };
+        Device { id: index.to_string(), beam_origin, firing_offset: offset * 1e-6, ..base.clone() }
+    };
+    Some(elevations.into_iter().zip(offsets).enumerate().map(channel).collect())
+}
+
+/// Numbers within `range` that are separated by semicolons, or evenly spaced as `first;...;last;count` says.
+fn listed(text: &str, range: RangeInclusive<f64>) -> Option<Vec<f64>> {
+    let words: Vec<&str> = text.split(';').map(str::trim).collect();
+    let number = |word: &str| word.parse::<f64>().ok().filter(|value| range.contains(value));
+    match &words[..] {
         [first, "...", last, count] => {
             let count = count.parse::<u32>().ok().filter(|count| (2..=MAX_CHANNELS).contains(count));
             count.zip(number(first)).zip(number(last)).map(|((count, first), last)| {
@@ -273,18 +308,7 @@ fn channels_of_table(fields: &Fields, table: &str, base: &Device) -> Vec<Device>
         }
         list if list.len() <= MAX_CHANNELS as usize => list.iter().map(|word| number(word)).collect(),
         _ => None,
-    };
-    let Some(elevations) = elevations else {
-        let expected =
-            format!("up to {MAX_CHANNELS} angles from -90 to 90 with semicolons, or first;...;last;count");
-        fields.refuse("elevations_deg", &expected);
-        return Vec::new();
-    };
-    let channel = |(index, elevation): (usize, f64)| {
-        let rotation = base.beam_origin.rotation.after(Rotation::about_x(radians(elevation)));
-        Device { id: index.to_string(), beam_origin: Mount { rotation, ..base.beam_origin }, ..base.clone() }
-    };
-    elevations.into_iter().enumerate().map(channel).collect()
+    }
 }
 
 /// Maximum number of channels in a table.
@@ -319,6 +343,7 @@ fn read_channel(
     let receiver = read_pulse_shape(context, &mut fields, &base.receiver);
     let receiver = read_receiver(context, &mut fields, receiver, &detector);
     let max_rate = read_head_rate(&mut fields, base.head.max_rate);
+    let firing_offset = fields.within("firingOffset_us", 0.0, &quantity::FIRING_OFFSET_US) * 1e-6;
     fields.ignore(&["name"]);
     warn_without_effect(context, &mut fields);
     fields.done(&["beamOrigin", "FWFSettings", "incidentBeam", "headRotateAxis", "snr", "maxRange"]);
@@ -335,6 +360,7 @@ fn read_channel(
         scan_freq: deflector.scan_freq,
         head: Head { axis: read_head_axis(context, element, base.head.axis), max_rate },
         beam_origin: element.child("beamOrigin").map_or(base.beam_origin, |o| read_mount(context, &o)),
+        firing_offset,
         beam,
         detector,
         receiver,

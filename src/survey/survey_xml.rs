@@ -86,12 +86,18 @@ fn read_survey_element(context: &Context, element: &Element) -> Option<Survey> {
     let interpolated = platform_reference == Some("interpolated");
     let trajectories = interpolated.then(|| Trajectories::new(read_rotation_spec(context, element)));
     let mut reader = LegReader::new(context, scanner.as_ref(), trajectories);
-    let legs: Vec<_> = element.named("leg").zip(0..).map(|(leg, number)| reader.read(&leg, number)).collect();
+    let mut legs: Vec<_> =
+        element.named("leg").zip(0..).map(|(leg, number)| reader.read(&leg, number)).collect();
     let trajectories = reader.trajectories.take();
     let platform = match trajectories {
         Some(trajectories) => Some(interpolated_platform(context, element, trajectories)),
         None => ordinary_platform(context, element),
     };
+    if let Some(platform) = &platform {
+        for (leg, element) in legs.iter_mut().zip(element.named("leg")) {
+            LegReader::use_other_platform(context, leg, &element, platform);
+        }
+    }
     let scene = match &context.scene {
         Some(other) => chosen_scene(context, other),
         None if element.value("scene").is_some_and(is_geometry) => {

@@ -13,6 +13,7 @@ pub fn device() -> Device {
         scan_freq: (0.0, 0.0),
         head: Head { axis: DVec3::Z, max_rate: 0.0 },
         beam_origin: Mount::IDENTITY,
+        firing_offset: 0.0,
         beam: DEVICE_BEAM,
         detector: DETECTOR,
         receiver: Receiver::default(),

@@ -61,6 +61,30 @@ fn threads_and_chunk_sizes_leave_no_trace() {
 }
 
 #[test]
+fn channels_that_fire_in_turn_leave_no_trace() {
+    let dir = folder();
+    let survey = dir.path().join("turn.toml");
+    let text = format!(
+        "scene = '{}#street'\n[platform]\ncatalogue = 'data/platforms.xml#vmq-1ha-car-0'\n\
+         [scanner]\ncatalogue = 'data/scanners_tls.xml#vlp16'\n\
+         [settings]\nhead_rate_deg_per_s = 7200\nhead_stop_deg = 720\n\
+         [[leg]]\nposition_m = [0, -3, 0]\nspeed_m_per_s = 20\n[[leg]]\nposition_m = [0, 2, 0]\nactive = false\n",
+        fixture("street/scene.xml").display()
+    );
+    std::fs::write(&survey, text).unwrap();
+    let reference = outputs(&survey, &["-j", "1"]);
+    for extra in [&["-j", "2", "--chunk-size", "5"][..], &["-j", "3", "--chunk-size", "4096"]] {
+        for (file, bytes) in outputs(&survey, extra) {
+            assert!(reference.get(&file) == Some(&bytes), "{} differs with {extra:?}", file.display());
+        }
+    }
+    let text = std::fs::read_to_string(&survey).unwrap();
+    std::fs::write(&survey, text.replace("[settings]", "firing_offset_us = 0\n[settings]")).unwrap();
+    let at_once = outputs(&survey, &[]);
+    assert!(at_once[Path::new("all.xyz")] != reference[Path::new("all.xyz")]);
+}
+
+#[test]
 fn schedules_leave_no_trace() {
     assert_schedules_leave_no_trace(&["moving/survey.xml"]);
 }

@@ -232,5 +232,6 @@ fn a_leg_can_have_a_mount_of_its_own() {
             (found.0 - DVec3::from(origin)).length() < 1e-12 && (found.1 - direction).length() < 1e-12,
             "{found:?}"
         );
+        assert!((flown[leg].pulses[0].scanner_attitude.forward() - direction).length() < 1e-12, "leg {leg}");
     }
 }

@@ -2,6 +2,7 @@
 
 mod advance;
 mod corrected;
+mod firing;
 mod golden;
 mod replay;
 mod reported;

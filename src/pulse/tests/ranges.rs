@@ -27,7 +27,7 @@ velodyne_hdl-64e | 20833 0.8 120, 20833 0.1 50 | Velodyne HDL-64E, data sheet: 1
 vlp16 | 18750 0.8 100 | Velodyne VLP-16, data sheet: up to 100 m, no reflectance stated; the entry's range gate alone
 leica_als50 leica_als50-ii optech_2033 | | flying heights alone are published, without reflectance; the entries are left as they are
 riegl_vq_780i riegl_vq-1560i riegl_vq-880g riegl_vq-880g-infrared | | no figures at hand that are certain; the entries are left as they are
-riegl_vq-1560ii riegl_vq-840-g velodyne_hdl-32e hesai_xt32 ouster_os0-128 ouster_os1-128 leica_rtc360 leica_blk360 riegl_vux-120 velodyne_alpha_prime hovermap | | no figures at hand that are certain; the entries have range gates alone
+riegl_vq-1560ii riegl_vq-840-g velodyne_hdl-32e hesai_xt32 hesai_pandar128 ouster_os0-128 ouster_os1-128 leica_rtc360 leica_blk360 riegl_vux-120 velodyne_alpha_prime hovermap | | no figures at hand that are certain; the entries have range gates alone
 tractorscanner panoscanner | | prototypes without a data sheet; the entries are left as they are";
 
 /// Distance of the farthest wall of that reflectance that the scanner's first device detects at a pulse rate, m.

@@ -45,4 +45,5 @@ kinematics! {
     centred_fibres,
     channels_restart,
     warmup_of_optics,
+    firing_offsets,
 }

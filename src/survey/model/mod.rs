@@ -93,6 +93,33 @@ pub enum PlatformKind {
     Stream(PoseStream),
 }
 
+impl PlatformKind {
+    /// The type of the platform in XML.
+    pub fn name(&self) -> &'static str {
+        match self {
+            PlatformKind::Static => "static",
+            PlatformKind::LinearPath => "linearpath",
+            PlatformKind::GroundVehicle { .. } => "groundvehicle",
+            PlatformKind::Multicopter(_) => "multicopter",
+            PlatformKind::Interpolated(_) => "interpolated",
+            PlatformKind::Stream(_) => "stream",
+        }
+    }
+
+    /// Whether a platform of this kind can carry the scanner in a leg of a survey whose platform is `other`: it moves in the
+    /// same way, or `other` follows poses, along which anything moves.
+    pub(super) fn can_fly_for(&self, other: &PlatformKind) -> bool {
+        match (self, other) {
+            (_, PlatformKind::Interpolated(_) | PlatformKind::Stream(_)) => true,
+            (PlatformKind::Static, PlatformKind::Static) => true,
+            (PlatformKind::LinearPath, PlatformKind::LinearPath) => true,
+            (PlatformKind::GroundVehicle { drag: a }, PlatformKind::GroundVehicle { drag: b }) => a == b,
+            (PlatformKind::Multicopter(a), PlatformKind::Multicopter(b)) => a == b,
+            _ => false,
+        }
+    }
+}
+
 /// Parameters of a multicopter (spec kinematics §2.5.1).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Multicopter {
@@ -291,6 +318,8 @@ pub struct Device {
     pub head: Head,
     /// The emitter's pose on the head.
     pub beam_origin: Mount,
+    /// Time from the start of a firing cycle, which is a pulse period, to the pulse of this channel, s.
+    pub firing_offset: f64,
     pub beam: Beam,
     pub detector: Detector,
     pub receiver: Receiver,

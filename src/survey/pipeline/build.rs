@@ -2,7 +2,7 @@
 
 use super::super::checks::check_legs;
 use super::super::context::{Context, ReadOptions};
-use super::super::platform_xml::read_platform;
+use super::super::platform_xml::{mount_of_other, read_platform};
 use super::super::read::{chosen_scene, find_scene};
 use super::super::survey_xml::read_survey_parts;
 use super::super::{
@@ -193,6 +193,12 @@ fn read_leg(values: &Values, survey: &Survey, table: &Spanned<LegKeys>, number: 
     platform.on_ground = keys.on_ground;
     values.number(&mut platform.speed, &keys.speed_m_per_s);
     platform.mount = keys.mount.as_ref().map(|mount| values.pose(mount));
+    if let Some(name) = &keys.platform {
+        let other = values.reference(name, "platform").and_then(|e| read_platform(values.context, &e));
+        let place = || values.source.place(name.span());
+        let mount = other.and_then(|other| mount_of_other(values.context, &other, &survey.platform, place()));
+        platform.mount = platform.mount.or(mount);
+    }
     let own = survey.scanner.own_settings();
     let scanner = ScannerSettings { active: keys.active.unwrap_or(true), ..own };
     Leg { number, strip: keys.strip.clone(), platform, scanner, place: Some(place) }

@@ -91,6 +91,7 @@ fn bare_device() -> Device {
         scan_freq: (0.0, 0.0),
         head: Head { axis: DVec3::Z, max_rate: 0.0 },
         beam_origin: Mount::IDENTITY,
+        firing_offset: 0.0,
         beam: DEVICE_BEAM,
         detector: DETECTOR,
         receiver: Receiver::default(),
@@ -114,6 +115,11 @@ fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     device.head.max_rate = device.head.max_rate.abs();
     if let Some(keys) = &keys.beam_origin {
         device.beam_origin = values.pose(keys);
+    }
+    let mut offset_us = device.firing_offset * 1e6;
+    if keys.firing_offset_us.is_some() {
+        values.set(&mut offset_us, &keys.firing_offset_us, &quantity::FIRING_OFFSET_US);
+        device.firing_offset = offset_us * 1e-6;
     }
     change_beam(values, device, keys);
     change_emission(values, device, keys);

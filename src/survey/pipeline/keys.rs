@@ -264,6 +264,9 @@ pub struct InstrumentKeys = "[scanner]" {
     pub head_rate_max_deg_per_s: Key<f64>,
     /// Pose of the emitter on the head. Default: none.
     pub beam_origin: Option<PoseKeys>,
+    /// Time from the start of a firing cycle, which is a pulse period, to the pulse of the channel, µs. Default: 0, all channels
+    /// fire at once.
+    pub firing_offset_us: Key<f64>,
     /// Beam divergence, rad, at 1/e²; of an elliptical beam the one along the emitter's x axis. Default: 0.0003.
     pub beam_divergence_rad: Key<f64>,
     /// Beam divergence along the emitter's z axis, rad; refined physics. Default: the beam is round.
@@ -435,7 +438,10 @@ pub struct LegKeys = "[[leg]]" {
     pub speed_m_per_s: Key<f64>,
     /// Whether the scanner fires. Default: true.
     pub active: Option<bool>,
-    /// Mount of the scanner in this leg. Default: that of `[platform]`.
+    /// `file.xml#id` of a platform that carries the scanner in this leg, with its mount; it has to be of the kind of
+    /// `[platform]`. Default: `[platform]`.
+    pub platform: Key<String>,
+    /// Mount of the scanner in this leg. Default: that of the leg's `platform`, or of `[platform]`.
     pub mount: Option<PoseKeys>,
     /// Legs with the same strip share their output. Default: none.
     pub strip: Option<String>,

@@ -102,6 +102,34 @@ fn legs_have_mounts_of_their_own() {
 }
 
 #[test]
+fn legs_can_name_other_platforms() {
+    let others = "<platform id='tilted' type='linearpath'><scannerMount z='3'><rot axis='x' angle_deg='-90'/></scannerMount></platform>
+        <platform id='light' type='multicopter' drag='0.1'/><platform id='heavy' type='multicopter' drag='0.2'/>
+        <platform id='shaking' type='linearpath'><positionXNoise type='NORMAL' mean='0' stdev='1'/></platform>";
+    let leg = |name: &str, child: &str| {
+        format!("<leg platform='{name}'>{child}<platformSettings/><scannerSettings active='0'/></leg>")
+    };
+    let mount = |name: &str, child: &str| clean(others, &leg(name, child)).legs[0].platform.mount;
+    let tilted = Mount { offset: DVec3::new(0.0, 0.0, 3.0), rotation: Rotation::about_x(radians(-90.0)) };
+    assert_eq!(mount("tilted", ""), Some(tilted));
+    // The leg's own mount goes before that of the platform.
+    let own = Mount { offset: DVec3::X, rotation: Rotation::IDENTITY };
+    assert_eq!(mount("tilted", "<scannerMount x='1'/>"), Some(own));
+    let on =
+        |platform: &str, name: &str| survey_of(others, &format!("platform='{platform}'"), &leg(name, ""));
+    for (platform, name, message) in [
+        ("plane", "tripod", "the platform `tripod` is of type static, that of the survey of type linearpath"),
+        ("tripod", "light", "the platform `light` is of type multicopter, that of the survey of type static"),
+        ("light", "heavy", "the platform `heavy` does not move as that of the survey"),
+        ("plane", "none", "none"),
+    ] {
+        contains(&refused(on(platform, name)), &[message, "survey.xml:"]);
+    }
+    let (_, warnings) = on("plane", "shaking").unwrap_or_else(|e| panic!("{}", report(&e)));
+    contains(&warnings.render(false), &["the noise of the platform `shaking` has no effect"]);
+}
+
+#[test]
 fn channels_are_listed_by_their_elevations() {
     let with = |table: &str| {
         scanner_of(&format!(
@@ -120,6 +148,31 @@ fn channels_are_listed_by_their_elevations() {
     for wrong in ["1;x", "91", "1;...;2;1", "1;...;2", "1;...;2;5000000000", "nan"] {
         contains(&refused(with(wrong)), &["`elevations_deg` must be up to 1024 angles"]);
     }
+}
+
+#[test]
+fn channels_have_firing_offsets() {
+    let with = |channels: &str| {
+        scanner_of(&format!(
+            "<scanner id='mine' optics='rotating' pulseFreqs_Hz='1000' scanAngleMax_deg='1' scanAngleEffectiveMax_deg='1'
+               headRotatePerSecMax_deg='3600'>{channels}</scanner>"
+        ))
+    };
+    let offsets = |channels: &str| -> Vec<f64> {
+        let (scanner, _) = with(channels).unwrap_or_else(|e| panic!("{}", report(&e)));
+        scanner.devices.iter().map(|d| (d.firing_offset * 1e12).round() * 1e-6).collect()
+    };
+    assert_eq!(offsets("<channels elevations_deg='1;2;3'/>"), [0.0; 3]);
+    assert_eq!(offsets("<channels elevations_deg='1;2;3' firingOffsets_us='0;...;5;3'/>"), [0.0, 2.5, 5.0]);
+    assert_eq!(offsets("<channels><channel/><channel firingOffset_us='2.304'/></channels>"), [0.0, 2.304]);
+    for wrong in ["0;1", "0;1;-1", "0;1;2e6", "0;1;nan", "0;...;5;4", ""] {
+        let channels = format!("<channels elevations_deg='1;2;3' firingOffsets_us='{wrong}'/>");
+        contains(&refused(with(&channels)), &["`firingOffsets_us` must be 3 times in µs from 0 to 1e6"]);
+    }
+    let alone = "<channels firingOffsets_us='0;1'><channel/><channel/></channels>";
+    contains(&refused(with(alone)), &["`firingOffsets_us` must be beside `elevations_deg`"]);
+    let negative = "<channels><channel firingOffset_us='-1'/></channels>";
+    contains(&refused(with(negative)), &["`firingOffset_us` must be a number from 0 to 1e6"]);
 }
 
 #[test]

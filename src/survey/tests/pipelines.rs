@@ -35,6 +35,7 @@ beam_origin = { rotate_deg = [{ z = 5 }], local = true }
 
 [[scanner.channel]]
 id = "second"
+firing_offset_us = 4
 optics = "risley"
 prisms = [{ rotor_freq_hz = 10, wedge_deg = 18, index = 1.5 }]
 
@@ -51,6 +52,7 @@ strip = "A"
 [[leg]]
 position_m = [100, 0, 100]
 active = false
+platform = "data/platforms.xml#simple_linearpath"
 settings = { scan_freq_hz = 60 }
 
 [waveform]
@@ -113,8 +115,10 @@ fn every_table() {
     );
     assert!(matches!(&second.deflector, Deflector::Risley { prisms, .. } if prisms[0].index == 1.5));
     assert_eq!((first.waveform.quality, second.waveform.window, second.detector.accuracy), (2, 2.5, 0.02));
+    assert_eq!((first.firing_offset, second.firing_offset), (0.0, 4e-6));
     let [one, two] = &survey.legs[..] else { panic!("two legs") };
     assert_eq!((one.scanner.pulse_freq, one.scanner.scan_freq, one.platform.speed), (2000, 50.0, 30.0));
+    assert_eq!((one.platform.mount, two.platform.mount), (None, Some(Mount::IDENTITY)));
     assert_eq!((two.scanner.active, two.scanner.scan_freq, two.platform.position.x), (false, 60.0, 100.0));
     assert_eq!((options.schedule.threads, options.tree.tree), (Some(3), Some(Builder::Sah)));
     assert_eq!(options.schedule.max_memory, Some(Bytes(2 << 30)));
@@ -241,6 +245,12 @@ fn what_is_missing_is_said() {
     contains(
         &refused(read("scene = 'b.obj'\nsurvey = 'survey.xml'\n")),
         &["cannot find the file `b.obj`", "p.toml:1:9"],
+    );
+    let other = "scene = 'a.obj'\n[platform]\nkind = 'linear_path'\n[scanner]\ncatalogue = 'data/scanners_tls.xml#vlp16'\n\
+        [[leg]]\nposition_m = [0, 0, 9]\n[[leg]]\nposition_m = [9, 0, 9]\nplatform = 'data/platforms.xml#tripod'\n";
+    contains(
+        &refused(read(other)),
+        &["the platform `tripod` is of type static, that of the survey of type linearpath", "p.toml:10:"],
     );
     let cone =
         "scene = 'a.obj'\n[scanner]\noptics = 'conic'\npulse_freqs_hz = [5]\nscan_angle_along_max_deg = 14\n";
