@@ -24,4 +24,4 @@ thread_local! {
     static BENCH: Bench = Bench::new();
 }
 
-fuzz_target!(|data: &[u8]| BENCH.with(|bench| TARGET.run(bench, data)));
+fuzz_target!(|data: &[u8]| BENCH.with(|bench| TARGET.run(bench, data, false)));

@@ -1,14 +1,21 @@
-//! Fuzz targets: every reader of the program, through the command that uses it.
+//! Fuzz targets: every reader of the program, alone and through the command that uses it.
 //!
-//! A target puts bytes where a file, a stream or a command line would be and runs the program in this process. Whatever the
-//! bytes are, the program must return one of its exit statuses: no panic, no endless loop, no memory beyond the limit.
-//! Where a run succeeds its points are finite.
+//! A target puts bytes where a file, a stream or a command line would be, and calls the reader; for one of
+//! [`INPUTS_PER_COMMAND`] inputs, or for all where wanted, it also runs the program in this process, which takes some hundred
+//! times as long. Whatever the bytes are, the program must return one of its exit statuses: no panic, no endless loop, no
+//! memory beyond the limit. Where a run succeeds its points are finite.
 
+use std::cell::OnceCell;
 use std::ffi::OsString;
 use std::fs;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use vlscan::internals::{Options, command_line, read_run};
-use vlscan::{Formula, ReadOptions, parse_seed, read_survey};
+use std::time::Duration;
+use vlscan::internals::{
+    LoadOptions, Options, PlatformKind, PollResult, PoseReader, PreviewOptions, SceneRecipe, command_line,
+    draw, load, read_packet, read_points, read_run, read_wave, unzip,
+};
+use vlscan::{Formula, PulseReader, ReadOptions, Stop, parse_seed, read_scene, read_survey};
 
 /// A folder with a small survey, into which a target writes its bytes.
 pub struct Bench {
@@ -16,7 +23,13 @@ pub struct Bench {
     /// Points of the packed scene that `packed` damages.
     packed: Vec<u8>,
     packed_points: Vec<u8>,
+    /// The scene or the survey that the target's reader is called with, read once.
+    scene: OnceCell<Option<SceneRecipe>>,
+    poses: OnceCell<Option<PlatformKind>>,
 }
+
+/// Of so many inputs one is given to the whole command.
+const INPUTS_PER_COMMAND: u64 = 64;
 
 /// A place for bytes, and what is done with them.
 pub struct Target {
@@ -25,14 +38,19 @@ pub struct Target {
 }
 
 enum Action {
-    /// Writes the bytes to the file and runs the command. `@` stands for the folder.
-    Command { file: &'static str, words: &'static [&'static str] },
+    /// Writes the bytes to the file, calls the reader, and runs the command. `@` stands for the folder.
+    Command { file: &'static str, read: fn(&Bench, &str), words: &'static [&'static str] },
     /// Calls a function.
     Call(fn(&Bench, &[u8])),
 }
 
-const fn command(name: &'static str, file: &'static str, words: &'static [&'static str]) -> Target {
-    Target { name, action: Action::Command { file, words } }
+const fn command(
+    name: &'static str,
+    file: &'static str,
+    read: fn(&Bench, &str),
+    words: &'static [&'static str],
+) -> Target {
+    Target { name, action: Action::Command { file, read, words } }
 }
 
 const fn call(name: &'static str, function: fn(&Bench, &[u8])) -> Target {
@@ -76,7 +94,12 @@ macro_rules! trace {
 
 /// All targets.
 pub const TARGETS: &[Target] = &[
-    command("survey", "survey.xml", &["scene", "info", "@/survey.xml", "-q"]),
+    command(
+        "survey",
+        "survey.xml",
+        |bench, file| drop(read_survey(&bench.path(file), &ReadOptions::default())),
+        &["scene", "info", "@/survey.xml", "-q"],
+    ),
     call("survey_read", |bench, data| {
         let _ = read_survey(&bench.write("survey.xml", data), &ReadOptions::default());
     }),
@@ -91,37 +114,111 @@ pub const TARGETS: &[Target] = &[
     call("pipeline", |bench, data| {
         let _ = read_run(&bench.write("pipeline.toml", data), Options::default());
     }),
-    command("scene_xml", "scene.xml", &["scene", "info", "@/scene.xml#s", "-q"]),
-    command("obj", "mesh.obj", fly!("--scene", "@/mesh.obj")),
-    command("mtl", "mesh.mtl", fly!("--scene", "@/mesh.obj")),
-    command("spectrum", "spectra/moss.txt", fly!("--scene", "@/mesh.obj", "--assets", "@")),
-    command("raster", "ground.tif", fly!("--scene", "@/ground.tif")),
-    command("voxels", "crown.vox", fly!("--scene", "@/crown.vox")),
-    command("instances", "trees.csv", fly!("--scene", "@/trees.csv")),
-    command("cloud_xyz", "cloud.xyz", fly!("--scene", "@/clouds.xml#xyz")),
-    command("cloud_las", "cloud.las", fly!("--scene", "@/clouds.xml#las")),
-    command("cloud_laz", "cloud.laz", fly!("--scene", "@/clouds.xml#laz")),
-    command("cloud_ply", "cloud.ply", fly!("--scene", "@/clouds.xml#ply")),
-    command("poses_text", "poses.csv", fly!("--trajectory", "@/poses.csv")),
-    command("poses_sbet", "poses.sbet", fly!("--trajectory", "@/poses.sbet", "--trajectory-format", "sbet")),
+    command(
+        "scene_xml",
+        "scene.xml",
+        |bench, file| drop(read_scene(&format!("{}#s", bench.name(file)), &ReadOptions::default())),
+        &["scene", "info", "@/scene.xml#s", "-q"],
+    ),
+    command("obj", "mesh.obj", |bench, _| bench.load("mesh.obj"), fly!("--scene", "@/mesh.obj")),
+    command("mtl", "mesh.mtl", |bench, _| bench.load("mesh.obj"), fly!("--scene", "@/mesh.obj")),
+    command(
+        "spectrum",
+        "spectra/moss.txt",
+        |bench, _| bench.load("mesh.obj"),
+        fly!("--scene", "@/mesh.obj", "--assets", "@"),
+    ),
+    command("raster", "ground.tif", Bench::load, fly!("--scene", "@/ground.tif")),
+    command("voxels", "crown.vox", Bench::load, fly!("--scene", "@/crown.vox")),
+    command("instances", "trees.csv", Bench::load, fly!("--scene", "@/trees.csv")),
+    command(
+        "cloud_xyz",
+        "cloud.xyz",
+        |bench, _| bench.load("clouds.xml#xyz"),
+        fly!("--scene", "@/clouds.xml#xyz"),
+    ),
+    command(
+        "cloud_las",
+        "cloud.las",
+        |bench, _| bench.load("clouds.xml#las"),
+        fly!("--scene", "@/clouds.xml#las"),
+    ),
+    command(
+        "cloud_laz",
+        "cloud.laz",
+        |bench, _| bench.load("clouds.xml#laz"),
+        fly!("--scene", "@/clouds.xml#laz"),
+    ),
+    command(
+        "cloud_ply",
+        "cloud.ply",
+        |bench, _| bench.load("clouds.xml#ply"),
+        fly!("--scene", "@/clouds.xml#ply"),
+    ),
+    command(
+        "poses_text",
+        "poses.csv",
+        |bench, file| bench.read_poses(file, ""),
+        fly!("--trajectory", "@/poses.csv"),
+    ),
+    command(
+        "poses_sbet",
+        "poses.sbet",
+        |bench, file| bench.read_poses(file, "format = \"sbet\""),
+        fly!("--trajectory", "@/poses.sbet", "--trajectory-format", "sbet"),
+    ),
     command(
         "poses_trj",
         "poses.trj",
+        |bench, file| bench.read_poses(file, "format = \"terrascan\""),
         fly!("--trajectory", "@/poses.trj", "--trajectory-format", "terrascan"),
     ),
-    command("poses_arrow", "poses.arrow", fly!("--trajectory", "@/poses.arrow")),
-    command("pulses_text", "pulses.csv", trace!("pulses.csv")),
-    command("pulses_arrow", "pulses.arrow", trace!("pulses.arrow")),
-    command("preview_xyz", "p.xyz", preview!("p.xyz")),
-    command("preview_csv", "p.csv", preview!("p.csv")),
-    command("preview_las", "p.las", preview!("p.las")),
-    command("preview_laz", "p.laz", preview!("p.laz")),
-    command("preview_ply", "p.ply", preview!("p.ply")),
-    command("preview_arrow", "p.arrow", preview!("p.arrow")),
-    command("preview_parquet", "p.parquet", preview!("p.parquet")),
-    command("preview_waveform", "w_fullwave.txt", preview!("w_fullwave.txt", "--pulse", "0")),
-    command("preview_packets", "p.las", preview!("p.las", "--pulse", "0")),
-    command("unzip", "p.bin", &["unzip", "@/p.bin", "@/p.txt", "--force", "-q"]),
+    command(
+        "poses_arrow",
+        "poses.arrow",
+        |bench, file| bench.read_poses(file, ""),
+        fly!("--trajectory", "@/poses.arrow"),
+    ),
+    command("pulses_text", "pulses.csv", Bench::read_pulses, trace!("pulses.csv")),
+    command("pulses_arrow", "pulses.arrow", Bench::read_pulses, trace!("pulses.arrow")),
+    command("preview_xyz", "p.xyz", Bench::read_preview, preview!("p.xyz")),
+    command("preview_csv", "p.csv", Bench::read_preview, preview!("p.csv")),
+    command("preview_las", "p.las", Bench::read_preview, preview!("p.las")),
+    command("preview_laz", "p.laz", Bench::read_preview, preview!("p.laz")),
+    command("preview_ply", "p.ply", Bench::read_preview, preview!("p.ply")),
+    command("preview_arrow", "p.arrow", Bench::read_preview, preview!("p.arrow")),
+    command("preview_parquet", "p.parquet", Bench::read_preview, preview!("p.parquet")),
+    command(
+        "preview_waveform",
+        "w_fullwave.txt",
+        |bench, file| {
+            if let Ok(source) = fs::File::open(bench.path(file)) {
+                let _ = read_wave(source, &bench.path(file), 0);
+            }
+        },
+        preview!("w_fullwave.txt", "--pulse", "0"),
+    ),
+    command(
+        "preview_packets",
+        "p.las",
+        |bench, file| drop(read_packet(&bench.path(file), 0)),
+        preview!("p.las", "--pulse", "0"),
+    ),
+    command(
+        "unzip",
+        "p.bin",
+        |bench, file| {
+            if let Ok(source) = fs::File::open(bench.path(file)) {
+                let _ = unzip(
+                    &bench.path(file),
+                    Box::new(BufReader::new(source)),
+                    Some(&bench.path("p.txt")),
+                    true,
+                );
+            }
+        },
+        &["unzip", "@/p.bin", "@/p.txt", "--force", "-q"],
+    ),
     call("packed", damage_packed_scene),
     call("formula", |_, data| {
         if let Ok(formula) = Formula::parse(&String::from_utf8_lossy(data)) {
@@ -137,26 +234,32 @@ pub const TARGETS: &[Target] = &[
 ];
 
 impl Target {
-    /// Runs the target on these bytes.
+    /// Runs the target on these bytes, and the command on every input if it is `whole`.
     ///
     /// # Panics
     /// If the program panics, returns an unknown status, or writes points that are not finite.
-    pub fn run(&self, bench: &Bench, data: &[u8]) {
+    pub fn run(&self, bench: &Bench, data: &[u8], whole: bool) {
         match self.action {
             Action::Call(function) => function(bench, data),
-            Action::Command { file, words } => {
+            Action::Command { file, read, words } => {
                 let original = fs::read(bench.path(file)).ok();
                 bench.write(file, data);
-                let status = bench.run(words);
+                read(bench, file);
+                if whole || sum(data) % INPUTS_PER_COMMAND == 0 {
+                    bench.check(words);
+                }
                 if let Some(original) = original {
                     bench.write(file, &original);
-                }
-                if status == 0 && words.iter().any(|word| word.ends_with(POINTS)) {
-                    bench.check_points(None);
                 }
             }
         }
     }
+}
+
+/// FNV-1a.
+fn sum(data: &[u8]) -> u64 {
+    data.iter()
+        .fold(0xcbf2_9ce4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 impl Default for Bench {
@@ -174,6 +277,8 @@ impl Bench {
             folder: folder.expect("a temporary folder"),
             packed: Vec::new(),
             packed_points: Vec::new(),
+            scene: OnceCell::new(),
+            poses: OnceCell::new(),
         };
         for (file, content) in FILES {
             bench.write(file, content.as_bytes());
@@ -184,6 +289,62 @@ impl Bench {
         bench.packed_points = fs::read(bench.path(POINTS)).expect("its points");
         assert!(bench.packed_points.len() > 1000);
         bench
+    }
+
+    /// Loads a scene whose description is read once.
+    fn load(&self, scene: &str) {
+        let recipe = self.scene.get_or_init(|| {
+            let options =
+                ReadOptions { assets: vec![self.folder.path().to_path_buf()], ..ReadOptions::default() };
+            read_scene(&self.name(scene), &options).ok().map(|(recipe, _)| recipe)
+        });
+        // The seeds are valid scenes, so that there is a description as soon as one of them has been read.
+        if let Some(recipe) = recipe {
+            let _ =
+                load(recipe, &LoadOptions { jobs: 1, max_memory: Some(256 << 20), ..LoadOptions::default() });
+        }
+    }
+
+    /// Reads all poses of a trajectory.
+    fn read_poses(&self, file: &str, more: &str) {
+        let kind = self.poses.get_or_init(|| {
+            let settings =
+                format!("survey = \"survey.xml\"\n[trajectory]\npath = {:?}\n{more}\n", self.name(file));
+            let run = read_run(&self.write("poses.toml", settings.as_bytes()), Options::default());
+            run.ok().map(|(survey, ..)| survey.platform.kind)
+        });
+        let Some(PlatformKind::Stream(settings)) = kind else { panic!("no trajectory") };
+        if let Ok(mut reader) = PoseReader::open(settings) {
+            while let Ok(PollResult::Poses(_) | PollResult::TimedOut) = reader.poll(Duration::from_secs(10)) {
+            }
+        }
+    }
+
+    fn read_pulses(&self, file: &str) {
+        let stop = Stop::new();
+        if let Ok(mut reader) = PulseReader::open(&self.path(file), 64) {
+            while let Ok(Some(block)) = reader.next_block(&stop) {
+                drop(block);
+            }
+        }
+    }
+
+    fn read_preview(&self, file: &str) {
+        if let Ok(points) = read_points(&self.path(file)) {
+            draw(&points, &PreviewOptions { width: 200, height: 150, ..PreviewOptions::default() });
+        }
+    }
+
+    /// Runs a command; if it succeeds, its points are finite.
+    fn check(&self, words: &[&str]) {
+        if self.run(words) == 0 && words.iter().any(|word| word.ends_with(POINTS)) {
+            self.check_points(None);
+        }
+    }
+
+    /// The name of a file, with what follows `#`.
+    fn name(&self, file: &str) -> String {
+        self.path(file).display().to_string()
     }
 
     fn must(&self, words: &[&str]) {

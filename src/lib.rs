@@ -117,17 +117,19 @@ pub mod internals {
     pub use crate::geom::{Aabb, DVec3, Rotation, UtmZone};
     pub use crate::input::arrow::encode_stream;
     pub use crate::options::{Options, read_survey as read_run};
-    pub use crate::output::{NoOffload, OutputContext, OutputPlan};
-    pub use crate::platform::Pose;
+    pub use crate::output::{NoOffload, OutputContext, OutputPlan, unzip};
+    pub use crate::platform::{PollResult, Pose, PoseReader};
     pub use crate::preview::{
-        ColourBy, PageOptions, PreviewOptions, draw, points_of_table, read_packet, read_points, write_page,
+        ColourBy, PageOptions, PreviewOptions, draw, points_of_table, read_packet, read_points, read_wave,
+        write_page,
     };
     pub use crate::pulse::{Batch, Phase, Physics, PulseSimulator};
     pub use crate::rng::{Purpose, Stream};
     pub use crate::scene::{LoadOptions, Scene, load, pack};
     pub use crate::survey::{
-        Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, PartRecipe, Replaced, Scanner,
-        SceneRecipe, Survey, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, catalogue,
+        Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, PartRecipe, PlatformKind,
+        Replaced, Scanner, SceneRecipe, Survey, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader,
+        catalogue,
     };
     pub use crate::tree::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
 }

@@ -56,12 +56,12 @@ fn one_target() {
     let seeds: Vec<Vec<u8>> = paths.iter().map(|path| std::fs::read(path).unwrap()).collect();
     for (path, seed) in paths.iter().zip(&seeds) {
         eprintln!("{}", path.display());
-        target.run(&bench, seed);
+        target.run(&bench, seed, true);
     }
     for number in 0..CHANGED {
         let changed = change(&seeds[number as usize % seeds.len()], number);
         eprintln!("changed input {number}");
-        target.run(&bench, &changed);
+        target.run(&bench, &changed, true);
     }
 }
 

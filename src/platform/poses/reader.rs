@@ -16,6 +16,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+/// What a reader of poses has when it is asked.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PollResult {
     /// Poses arrived.
@@ -132,6 +133,7 @@ impl PoseReader {
         PoseReader { observe: Box::new(observe), ..self }
     }
 
+    /// How long pulses may wait for further poses.
     pub fn max_latency(&self) -> Duration {
         self.max_latency
     }
