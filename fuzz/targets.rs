@@ -245,7 +245,7 @@ impl Target {
                 let original = fs::read(bench.path(file)).ok();
                 bench.write(file, data);
                 read(bench, file);
-                if whole || sum(data) % INPUTS_PER_COMMAND == 0 {
+                if whole || sum(data).is_multiple_of(INPUTS_PER_COMMAND) {
                     bench.check(words);
                 }
                 if let Some(original) = original {

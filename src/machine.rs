@@ -7,14 +7,15 @@ use std::io;
 use std::sync::OnceLock;
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 
-/// Starts a thread in a scope. `name` appears in the error.
+/// Starts a thread in a scope. `name` is what the system shows of it, and appears in the error.
 pub fn spawn_scoped<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     name: &str,
     work: impl FnOnce() -> T + Send + 'scope,
 ) -> Result<ScopedJoinHandle<'scope, T>> {
-    let started = fault::point().and_then(|()| Builder::new().spawn_scoped(scope, work));
-    started.map_err(|e| Error::io("start", name, e))
+    let started =
+        fault::point().and_then(|()| Builder::new().name(name.to_owned()).spawn_scoped(scope, work));
+    started.map_err(|e| Error::io("start the thread", name, e))
 }
 
 /// Memory that this process can have, bytes: the least of the machine's memory, the limit of its control group, and the

@@ -13,12 +13,14 @@
 //! |---|---|
 //! | `writer` | [`FileWriter`]: a file, stream or scratch file that is written |
 //! | `temporary` | temporary files and new folders; their removal |
+//! | `positioned` | a file that several threads write, each at its own offset |
 //! | `stream` | pipes, terminals and devices; how long a stopped run waits for their readers |
 //! | `paths` | links, devices, names of partial files |
 //! | `fault` | failures of chosen operations, for tests |
 
 pub mod fault;
 mod paths;
+mod positioned;
 mod stream;
 mod temporary;
 #[cfg(test)]
@@ -26,6 +28,7 @@ mod tests;
 mod writer;
 
 pub use paths::{free_name, identity, is_special, is_stdout, with_suffix};
+pub use positioned::PositionedFile;
 pub use stream::limit_waiting;
 pub use temporary::{NewFolder, publish, remove_litter, remove_temporary};
 pub(crate) use writer::scratch_failed;

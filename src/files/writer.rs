@@ -2,6 +2,7 @@
 
 use super::fault;
 use super::paths::{is_special, is_stdout, resolve, with_suffix};
+use super::positioned::PositionedFile;
 use super::stream::{Stream, stderr_file, stdout_file};
 use super::temporary::{TemporaryFile, synchronise, synchronise_folder};
 use crate::error::{Error, Result};
@@ -115,6 +116,12 @@ impl FileWriter {
         if matches!(self.kind, Kind::Named { .. }) {
             self.file = None;
         }
+    }
+
+    /// Another handle of a named file, for writes at given offsets.
+    pub fn positioned(&mut self) -> Result<PositionedFile> {
+        let file = self.handle().and_then(|file| file.try_clone());
+        file.map(PositionedFile::of).map_err(|e| self.failed("write", e))
     }
 
     /// Copies the bytes of a scratch file to another writer.

@@ -205,6 +205,7 @@ impl OutputFile {
         }
         let bytes = &piece.bytes;
         match &mut self.encoder {
+            Encoder::Plain if plan.keeps_files_open() => self.out.append_piece(piece.bytes, offload)?,
             Encoder::Plain => self.out.append(bytes)?,
             Encoder::Archive(archive) => archive.append(bytes, &mut self.out, offload)?,
             Encoder::Laz(laz) => laz.append(bytes, &mut self.out, offload)?,
@@ -215,7 +216,7 @@ impl OutputFile {
             Encoder::Parquet(parquet) => parquet.append(bytes, |bytes| self.out.append(bytes))?,
             Encoder::Part(table) => {
                 table.add(bytes);
-                self.out.append(bytes)?;
+                self.out.append_piece(piece.bytes, offload)?;
             }
         }
         self.head.check_count(plan, self.tally.records)

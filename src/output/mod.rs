@@ -25,7 +25,7 @@
 //! | `mcap` | MCAP: frames as messages of ROS 2 |
 //! | `join` | LAS and LAZ files of consecutive points as one |
 //! | `writer`, `open`, `file`, `stream` | writing of bytes to files and streams, in the writer thread |
-//! | `offload`, `summary` | jobs for idle workers, summary of the outputs |
+//! | `offload`, `writes`, `summary` | jobs for idle workers, among them writes of large pieces; summary of the outputs |
 //!
 //! Files are written through [`FileWriter`](crate::files::FileWriter). Formats with counts in their header are spooled to
 //! an unnamed file when the stream is not seekable.
@@ -71,6 +71,7 @@ mod testing;
 mod tests;
 mod text;
 mod writer;
+mod writes;
 
 pub use archive::{expand, unzip};
 pub use columns::Column;

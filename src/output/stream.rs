@@ -1,5 +1,7 @@
 //! Byte destinations: a [`FileWriter`] with a buffer.
 
+use super::offload::{NoOffload, Offload};
+use super::writes::ParallelWrites;
 use crate::error::Result;
 use crate::files::{FileWriter, Patched, free_name};
 use std::io::{Seek, SeekFrom, Write};
@@ -19,6 +21,8 @@ pub(super) struct OutputStream {
     buffer: Vec<u8>,
     /// Bytes appended so far, including buffered ones.
     len: u64,
+    /// Writes at offsets, after the first of which the position of the file is not its end.
+    writes: Option<ParallelWrites>,
 }
 
 /// Size of the write buffer.
@@ -40,7 +44,7 @@ impl OutputStream {
     }
 
     fn new(out: FileWriter) -> OutputStream {
-        OutputStream { out, buffer: Vec::new(), len: 0 }
+        OutputStream { out, buffer: Vec::new(), len: 0, writes: None }
     }
 
     /// Creates a file that is removed when it is dropped: beside this one, where its handle can be closed, or in the folder for
@@ -79,22 +83,55 @@ impl OutputStream {
     }
 
     pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
-        self.len += bytes.len() as u64;
         if self.out.is_stream() || self.buffer.len() + bytes.len() > BUFFER_BYTES {
             self.flush()?;
         }
         if self.out.is_stream() || bytes.len() >= DIRECT_BYTES {
             self.flush()?;
+            self.join_writes()?;
+            self.len += bytes.len() as u64;
             return self.out.append(bytes);
         }
+        self.len += bytes.len() as u64;
         self.buffer.extend_from_slice(bytes);
         Ok(())
     }
 
-    /// Passes all bytes to the operating system.
+    /// [`OutputStream::append`] of a piece that a worker may write, at its place in the file.
+    pub fn append_piece(&mut self, bytes: Vec<u8>, offload: &dyn Offload) -> Result<()> {
+        if bytes.len() < DIRECT_BYTES || !self.is_file() {
+            return self.append(&bytes);
+        }
+        self.flush()?;
+        if self.writes.is_none() {
+            self.writes = Some(ParallelWrites::new(self.out.positioned()?));
+        }
+        let offset = self.len;
+        self.len += bytes.len() as u64;
+        self.submit(offset, bytes, offload)
+    }
+
+    fn submit(&mut self, offset: u64, bytes: Vec<u8>, offload: &dyn Offload) -> Result<()> {
+        let Some(writes) = &mut self.writes else { return Ok(()) };
+        writes.submit(offset, bytes, offload).map_err(|e| self.out.failed("write", e))
+    }
+
+    /// Waits for the pieces that workers write, and goes to the end of the file.
+    fn join_writes(&mut self) -> Result<()> {
+        let Some(mut writes) = self.writes.take() else { return Ok(()) };
+        let end = SeekFrom::Start(self.len - self.buffer.len() as u64);
+        let ended = writes.finish().and_then(|()| self.out.seek(end));
+        ended.map(drop).map_err(|e| self.out.failed("write", e))
+    }
+
+    /// Passes all buffered bytes to the operating system.
     pub fn flush(&mut self) -> Result<()> {
         if self.buffer.is_empty() {
             return Ok(());
+        }
+        if self.writes.is_some() {
+            let bytes = std::mem::take(&mut self.buffer);
+            return self.submit(self.len - bytes.len() as u64, bytes, &NoOffload);
         }
         let written = self.out.append(&self.buffer);
         self.buffer.clear();
@@ -104,6 +141,7 @@ impl OutputStream {
     /// Replaces appended bytes from `offset` on.
     pub fn patch(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.flush()?;
+        self.join_writes()?;
         let OutputStream { out, len, .. } = self;
         let patched = out
             .seek(SeekFrom::Start(offset))
@@ -116,6 +154,7 @@ impl OutputStream {
     pub fn close_handle(&mut self) -> Result<()> {
         if self.is_file() {
             self.flush()?;
+            self.join_writes()?;
             self.buffer = Vec::new();
             self.out.close_handle();
         }
@@ -137,6 +176,7 @@ impl OutputStream {
     /// destination.
     pub fn finish(mut self, partial: Option<&Path>) -> Result<()> {
         self.flush()?;
+        self.join_writes()?;
         match partial {
             Some(path) => self.out.finish_as(path),
             None => self.out.finish().map(drop),

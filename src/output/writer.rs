@@ -41,6 +41,11 @@ pub struct Writer {
 const MAX_OPEN_FILES: usize = 256;
 
 impl OutputPlan {
+    /// Whether the handles of all files stay open, so that workers can write to them.
+    pub(super) fn keeps_files_open(&self) -> bool {
+        self.layout.files.len() <= MAX_OPEN_FILES
+    }
+
     /// Creates run directories and opens every output. Called before the first pulse is emitted.
     ///
     /// # Errors
@@ -115,7 +120,7 @@ impl Writer {
             let file =
                 file.ok_or_else(|| Error::Internal(format!("leg {} writes a closed file", encoded.leg)))?;
             let mut appended = file.append(&self.plan, piece, &*self.offload);
-            if self.plan.layout.files.len() > MAX_OPEN_FILES {
+            if !self.plan.keeps_files_open() {
                 appended = appended.and_then(|()| file.close_handle());
             }
             self.drop_closed_pipe(slot, appended)?;

@@ -4,7 +4,8 @@ use crate::error::{Error, Result};
 use crate::flight::{FlightPlan, FlightState, Step};
 use crate::platform::{PollResult, PoseReader};
 use crate::scene::{MotionPlan, MotionState};
-use crate::schedule::{Feed, Outcome, Stop, Tasks};
+use crate::schedule::{Feed, Outcome, Stop, Tasks, thread_cpu_s};
+use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 /// Maximum steps per chunk, however few of them emit pulses, because a requested stop is checked between chunks.
@@ -87,6 +88,34 @@ impl Chunk {
         self.pulses -= first.pulses;
         self.poses -= first.poses;
         Ok(first)
+    }
+}
+
+/// The least number of pulses from which [`chunk_making_s`] tells the time.
+const TIMED_PULSES: u64 = 1 << 22;
+
+/// Measures the processor time of making chunks of `size` pulses, s per pulse.
+///
+/// # Errors
+/// The errors of the flight.
+pub fn chunk_making_s(plan: &FlightPlan, size: u32) -> Result<f64> {
+    let (mut pulses, mut seconds) = (0, 0.0);
+    loop {
+        let mut state = FlightState::start(plan);
+        let (began, started) = (thread_cpu_s(), Instant::now());
+        let before = pulses;
+        while pulses < TIMED_PULSES
+            && let Some(chunk) = Chunk::take(plan, &mut state, None, size)?
+        {
+            pulses += u64::from(black_box(chunk).pulses);
+        }
+        seconds += match (began, thread_cpu_s()) {
+            (Some(from), Some(to)) => to - from,
+            _ => started.elapsed().as_secs_f64(),
+        };
+        if pulses >= TIMED_PULSES || pulses == before {
+            return Ok(seconds / (pulses as f64).max(1.0));
+        }
     }
 }
 

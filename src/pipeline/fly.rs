@@ -12,6 +12,10 @@ use crate::platform::PoseReader;
 use crate::schedule::{self, Feed, Job, JobQueue, Schedule, Tasks};
 use std::sync::Arc;
 
+/// Jobs of the collector that may wait for a worker: as many as can come at once when the system has let the collector wait.
+/// Their memory is limited by those who submit them.
+const MAX_WAITING_JOBS: usize = 256;
+
 /// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in chunk
 /// order. `state` is the state before the first step; `writer` holds the outputs of the previous epoch. The pass ends with
 /// the epoch, or after the step that emits pulse number `limit`, counted from 1. On failure what was
@@ -89,7 +93,7 @@ where
     C: Tasks + Send,
     W: FnMut(C) -> Result<Pieces>,
 {
-    let jobs = Arc::new(JobQueue::new(2 * schedule.threads));
+    let jobs = Arc::new(JobQueue::new(MAX_WAITING_JOBS));
     let writer = match writer {
         None => Box::new(output.open(jobs.clone())?),
         Some(mut writer) => {

@@ -54,6 +54,7 @@ mod settings;
 mod stream;
 mod worker;
 
+pub use chunk::chunk_making_s;
 pub use collector::Ended;
 pub use dry_run::{Forecast, LegForecast, Sketch};
 pub use emit::{Emission, Emitted, emit};

@@ -135,6 +135,8 @@ pub struct Log {
     pub leg_barrier: bool,
     /// Time from start to end, s.
     pub seconds: f64,
+    /// Of these, the time of completing the outputs after the last result: headers, and waiting for the disk.
+    pub completing_s: f64,
     pub tasks: u64,
     pub handed_over: u64,
     pub taken_back: u64,
@@ -173,6 +175,7 @@ impl Default for Log {
             threads: 0,
             leg_barrier: false,
             seconds: 0.0,
+            completing_s: 0.0,
             tasks: 0,
             handed_over: 0,
             taken_back: 0,
@@ -216,6 +219,11 @@ impl Recorder {
 
     fn with<T>(&self, change: impl FnOnce(&mut Log) -> T) -> T {
         change(&mut self.log.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Adds the time since `began`, in which the collector completed the outputs.
+    pub(super) fn add_completing(&self, began: Instant) {
+        self.with(|log| log.completing_s += began.elapsed().as_secs_f64());
     }
 
     fn seconds(&self) -> f64 {

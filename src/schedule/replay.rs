@@ -3,14 +3,15 @@
 //! The machine has as many cores as threads. Producer, workers and queues behave as in [`super::run()`]; the costs
 //! are those of the [`Workload`]. The collector is one thread more than there are cores: it sleeps until the next
 //! result in order is ready, and takes the results one after the other. Its work takes time from a core on which
-//! another thread computes, and so lengthens the computing of the chunk that it takes; its additional work when
+//! another thread computes, and so lengthens the computing of the chunk that it takes, as do the jobs that it has
+//! workers do; its additional work when
 //! several threads compute is charged to the thread that announces the result. A thread that is too far ahead of the
 //! collector waits, and the run ends when the collector has taken everything.
 
 use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
 use super::record::{MAX_HISTORY, Series, SizeChange};
 use super::sizing::ChunkSizer;
-use super::workload::{ChunkCosts, Workload};
+use super::workload::{ChunkCosts, PerSize, Workload};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
@@ -42,8 +43,10 @@ pub fn replay(load: &Workload, schedule: &Schedule) -> Replayed {
 /// A result that the collector has not taken.
 #[derive(Clone, Copy)]
 struct PendingResult {
-    /// Time to take it, s.
-    collect_s: f64,
+    /// Time that the collector takes for it, s.
+    take_s: f64,
+    /// Time that this takes from the core of another thread, s.
+    core_s: f64,
     /// When the chunk is done, if that is known, s.
     ready_at: Option<f64>,
 }
@@ -244,7 +247,7 @@ impl<'a> Simulation<'a> {
     /// Announces the result of the next chunk to the collector. Returns its number.
     fn announce(&mut self, tasks: u64) -> u64 {
         self.flush();
-        self.enqueue(self.load.collecting.of(tasks))
+        self.enqueue(self.load.taking.of(tasks), self.load.collecting.of(tasks))
     }
 
     /// Passes the results of buffered single tasks to the collector.
@@ -252,13 +255,14 @@ impl<'a> Simulation<'a> {
         let buffered = std::mem::take(&mut self.buffered);
         if buffered > 0 {
             let done = self.now;
-            let number = self.enqueue(buffered as f64 * self.load.collecting.of(1));
+            let of = |costs: &PerSize| buffered as f64 * costs.of(1);
+            let number = self.enqueue(of(&self.load.taking), of(&self.load.collecting));
             self.set_done(number, done);
         }
     }
 
     /// Enqueues a result for the collector, once there is a free slot in the queue. Returns its number.
-    fn enqueue(&mut self, collect_s: f64) -> u64 {
+    fn enqueue(&mut self, take_s: f64, core_s: f64) -> u64 {
         self.produce(self.costs.producer_s + self.costs.collector_s);
         while let Some(first) = self.pending.front() {
             let begin = first.ready_at.map(|ready| self.collects_from(ready));
@@ -272,7 +276,7 @@ impl<'a> Simulation<'a> {
                 None => break,
             }
         }
-        self.pending.push_back(PendingResult { collect_s, ready_at: None });
+        self.pending.push_back(PendingResult { take_s, core_s, ready_at: None });
         self.taken + self.pending.len() as u64 - 1
     }
 
@@ -283,8 +287,8 @@ impl<'a> Simulation<'a> {
 
     /// Lets the collector take the first result, which is ready or whose time is known.
     fn take_result(&mut self) {
-        if let Some(PendingResult { collect_s, ready_at: Some(ready) }) = self.pending.pop_front() {
-            self.collector = self.collects_from(ready) + collect_s;
+        if let Some(PendingResult { take_s, ready_at: Some(ready), .. }) = self.pending.pop_front() {
+            self.collector = self.collects_from(ready) + take_s;
             self.taken += 1;
         }
     }
@@ -292,7 +296,7 @@ impl<'a> Simulation<'a> {
     /// Records when a chunk is done. Its result is ready earlier by the time that the collector takes from the core.
     fn set_done(&mut self, number: u64, at: f64) {
         if let Some(result) = self.pending.get_mut((number - self.taken) as usize) {
-            result.ready_at = Some(at - result.collect_s);
+            result.ready_at = Some(at - result.core_s);
         }
     }
 

@@ -12,6 +12,7 @@ use crate::machine;
 use crossbeam_channel::{Receiver, Sender, bounded, select};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Consumer of results in chunk order.
 pub trait Collect<R>: Send {
@@ -80,7 +81,7 @@ where
         let mut workers = Vec::new();
         for _ in 0..schedule.workers() {
             let context = context.clone();
-            let worker = machine::spawn_scoped(scope, "a worker thread", move || context.run(make_worker()));
+            let worker = machine::spawn_scoped(scope, "worker", move || context.run(make_worker()));
             match worker {
                 Ok(worker) => workers.push(worker),
                 Err(e) => {
@@ -93,7 +94,7 @@ where
         let queue_end = context.queue_end.clone();
         // A producer that waits for an idle worker must notice when none is left.
         drop(context);
-        let collecting = machine::spawn_scoped(scope, "the collector thread", move || {
+        let collecting = machine::spawn_scoped(scope, "collector", move || {
             let outcome = collect(&results_end, stop, recorder, collector);
             if outcome.is_err() {
                 stop.fail();
@@ -272,7 +273,12 @@ fn collect<R, K: Collect<R>>(
         return collector.cut();
     }
     timer.finish_collector();
-    collector.finish()
+    let began = Instant::now();
+    let finished = collector.finish();
+    if let Some(recorder) = recorder {
+        recorder.add_completing(began);
+    }
+    finished
 }
 
 #[cfg(test)]

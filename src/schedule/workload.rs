@@ -2,7 +2,7 @@
 
 use super::feed::{Outcome, Tasks};
 use super::jobs::JobQueue;
-use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
+use super::policy::{Policy, Schedule};
 use super::record::{Log, Recorder, ThreadLog, thread_cpu_s};
 use super::run::{Collect, run};
 use super::stop::Stop;
@@ -79,9 +79,13 @@ pub struct Workload {
     pub(super) legs: Vec<u64>,
     /// Costs of making a chunk.
     pub(super) making: PerSize,
-    /// Costs of taking the result of a chunk.
+    /// Costs of the collector: taking the result of a chunk, falling asleep and being woken.
     pub(super) collecting: PerSize,
-    /// Start and end: threads, files, the last results, s.
+    /// Time that the collector takes for the result of a chunk when results come so quickly that it stays awake.
+    pub(super) taking: PerSize,
+    /// Costs of what the collector has workers do (compression, writing).
+    pub(super) jobs: PerSize,
+    /// Start and end: threads, the last results, s.
     pub(super) fixed_s: f64,
     pub(super) overheads: Overheads,
 }
@@ -132,13 +136,14 @@ impl Overheads {
 
 impl Workload {
     /// Derives the costs from logs of runs on one thread, of the same survey in chunks of several sizes (ascending),
-    /// several runs each.
+    /// several runs each. `making` is the time that it takes to make a task in chunks of each of these sizes, s: next to
+    /// that of computing it is too short to be told from such a log.
     ///
     /// The cumulative time over the tasks is the minimum of each chunk. The sums are processor times, which exclude
     /// other programs, of the run of median time: how often the collector slept and had to be woken differs from run
     /// to run, and the minima of different runs together would be less than any run took.
-    pub fn from_logs(logs: &[(u32, Vec<Log>)], overheads: Overheads) -> Workload {
-        let mut load = Workload { overheads, ..Workload::default() };
+    pub fn from_logs(logs: &[(u32, Vec<Log>)], making: Vec<(u32, f64)>, overheads: Overheads) -> Workload {
+        let mut load = Workload { overheads, making: PerSize(making), ..Workload::default() };
         for (size, logs) in logs.iter().filter(|(_, logs)| !logs.is_empty()) {
             let mut entries = min_times(logs);
             let sum = entries.last().map_or(0.0, |e| e.1);
@@ -148,10 +153,9 @@ impl Workload {
             }
             load.profiles.push(Profile::new(*size, &entries));
             let tasks = costs.tasks.max(1) as f64;
-            let tasks_per_result = if *size > 1 { *size as usize } else { MAX_BUFFERED_TASKS };
-            let announcing = overheads.alone.producer_s / tasks_per_result as f64;
-            load.making.0.push((*size, (costs.making_s / tasks - announcing).max(0.0)));
             load.collecting.0.push((*size, costs.collecting_s / tasks));
+            load.taking.0.push((*size, costs.taking_s / tasks));
+            load.jobs.0.push((*size, costs.jobs_s / tasks));
             load.fixed_s = costs.fixed_s;
         }
         let log = logs.iter().find_map(|(_, logs)| logs.first());
@@ -168,12 +172,12 @@ impl Workload {
         if all > 0.0 { (until(to) - until(from)) / all } else { to - from }
     }
 
-    /// Seconds for a chunk of the tasks `from..to`.
+    /// Seconds of a computing thread for a chunk of the tasks `from..to`.
     pub(super) fn cost(&self, from: u64, to: u64) -> f64 {
         let count = to.saturating_sub(from);
         let of = |p: &Profile| p.until(to) - p.until(from);
         let computing = interpolate(&self.profiles, |p| p.size, count, of);
-        computing.max(0.0) + self.collecting.of(count)
+        computing.max(0.0) + self.collecting.of(count) + self.jobs.of(count)
     }
 }
 
@@ -181,8 +185,9 @@ impl Workload {
 struct RunCosts {
     tasks: u64,
     computing_s: f64,
-    making_s: f64,
     collecting_s: f64,
+    taking_s: f64,
+    jobs_s: f64,
     fixed_s: f64,
 }
 
@@ -199,14 +204,16 @@ impl RunCosts {
         let awake = (p.wall_s - p.idle_s).max(f64::MIN_POSITIVE);
         let part = |seconds: f64| (p.cpu_s * (seconds / awake)).min(seconds);
         let (computing_s, jobs_s) = (part(p.busy_s).min(computing_s), part(p.jobs_s));
-        let fixed = |log: &Log| (log.seconds - log.producer.wall_s).max(0.0);
+        let fixed = |log: &Log| (log.seconds - log.producer.wall_s - log.completing_s).max(0.0);
+        let least = |of: &dyn Fn(&Log) -> f64| logs.iter().map(of).fold(f64::INFINITY, f64::min);
         RunCosts {
             tasks: p.tasks,
             computing_s,
-            making_s: (p.cpu_s.min(awake) - computing_s - jobs_s).max(0.0),
-            // The computing thread runs the collector's side jobs.
-            collecting_s: log.collector.cpu_s + jobs_s,
-            fixed_s: logs.iter().map(fixed).fold(f64::INFINITY, f64::min),
+            collecting_s: log.collector.cpu_s,
+            // Other programs lengthen it, and what it does beside it takes time, too: both clocks are upper bounds.
+            taking_s: least(&|log| log.collector.busy_s.min(log.collector.cpu_s)),
+            jobs_s,
+            fixed_s: least(&fixed),
         }
     }
 }
@@ -349,7 +356,7 @@ mod tests {
     }
 
     /// Log of a run on one thread that other programs make `slower`: a leg of 64 tasks of 1 s, one of 64 tasks of 2
-    /// s; making takes 0.25 s per task and 0.5 s per chunk, collecting 0.125 s and 1 s, start and end 3 s.
+    /// s; making takes 0.25 s per task and 0.5 s per chunk, collecting 0.125 s and 1 s, start and end 3 s, completing the outputs 2 s.
     fn log(size: u64, slower: f64) -> Log {
         let mut log = Log::default();
         let chunks = 128 / size;
@@ -369,7 +376,9 @@ mod tests {
             wall_s: slower * cpu_s + 7.0,
         };
         log.collector.cpu_s = 0.125 * 128.0 + chunks as f64;
-        log.seconds = log.producer.wall_s + 3.0;
+        log.collector.busy_s = chunks as f64;
+        log.completing_s = 2.0;
+        log.seconds = log.producer.wall_s + 3.0 + log.completing_s;
         log.tasks = 128;
         log.legs = [64, 128].map(|tasks| LegEnd { at_s: 0.0, tasks, waited_s: 0.0 }).to_vec();
         log
@@ -381,20 +390,14 @@ mod tests {
         for slower in [1.0, 2.0] {
             let logs =
                 [1, 4, 16].map(|size| (size, vec![log(u64::from(size), slower), log(u64::from(size), 3.0)]));
-            let load = Workload::from_logs(&logs, Overheads::default());
+            let making = vec![(1, 0.75), (4, 0.375), (16, 0.28125)];
+            let load = Workload::from_logs(&logs, making, Overheads::default());
             let costs = [1, 4, 16].map(|size| [load.making.of(size), load.collecting.of(size)]);
             for (found, known) in costs.iter().flatten().zip([0.75, 1.125, 1.5, 1.5, 4.5, 3.0]) {
                 assert!((found - known).abs() < 1e-9, "{costs:?}");
             }
+            assert_eq!([1, 4, 16].map(|size| load.taking.of(size)), [1.0; 3]);
             assert_eq!((load.making.min(), load.fixed_s), (4.5 / 16.0, 3.0));
-            // Every chunk was announced separately, single tasks together.
-            let alone = ChunkCosts { producer_s: 0.125, ..ChunkCosts::default() };
-            let announcing = Overheads { alone, ..Overheads::default() };
-            let announced = Workload::from_logs(&logs, announcing);
-            let found = [1, 4, 16].map(|size| announced.making.of(size));
-            for (found, known) in found.iter().zip([0.75 - 0.125 / MAX_BUFFERED_TASKS as f64, 1.375, 4.375]) {
-                assert!((found - known).abs() < 1e-9, "{found}");
-            }
             assert_eq!(load.legs, [64, 128]);
             assert!((load.cost(0, 16) - 16.0 - 1.0 - 2.0).abs() < 1e-9);
             assert!((load.cost(64, 68) - 8.0 - 1.0 - 0.5).abs() < 1e-9);
@@ -411,7 +414,7 @@ mod tests {
             let both = replay(&load, &Schedule { threads: 2, policy, leg_barrier: true });
             assert!((both.seconds - 147.0).abs() < 1e-9, "{}", both.seconds);
         }
-        assert_eq!(Workload::from_logs(&[], Overheads::default()), Workload::default());
+        assert_eq!(Workload::from_logs(&[], Vec::new(), Overheads::default()), Workload::default());
     }
 
     #[test]

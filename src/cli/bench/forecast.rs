@@ -10,7 +10,7 @@ pub struct Forecast {
     /// Tree, schedule and threads, with as many cores.
     #[serde(flatten)]
     pub of: Combination,
-    /// Time of the simulation, s.
+    /// Time of the simulation without completing the outputs, s.
     pub simulation_s: f64,
     /// Time on one thread with the same chunks, divided by this time.
     pub speedup: f64,
@@ -18,7 +18,7 @@ pub struct Forecast {
     pub utilisation: f64,
     /// Fraction of the time in which the producer makes and hands over chunks.
     pub producing: f64,
-    /// Measured time of the combination on this machine, s.
+    /// Measured time of the combination on this machine, without completing the outputs, s.
     pub measured_s: Option<f64>,
     /// Processor time of all threads together, s.
     pub cpu_s: f64,
@@ -53,7 +53,7 @@ pub fn simulate(
             speedup: alone / replayed.seconds.max(f64::MIN_POSITIVE),
             utilisation: replayed.utilisation,
             producing: replayed.producing,
-            measured_s: cell.map(|c| c.simulation_s),
+            measured_s: cell.map(|c| c.simulation_s - c.completing_s),
             cpu_s: replayed.cpu_s,
             measured_cpu_s: cell.map(|c| c.cpu_s),
             sizes: replayed.sizes.entries().to_vec(),

@@ -8,7 +8,9 @@ use crate::flight::{FlightPlan, FlightState, Step};
 use crate::machine;
 use crate::output::{OutputContext, OutputPlan, OutputRequest, PartOutput, PointFormat, Target};
 use crate::parts::{Fingerprint, PartHead, PartSet, Records, part_path};
-use crate::pipeline::{Control, Ended, Pass, Progress, Session, Settings, fly, merge, target};
+use crate::pipeline::{
+    Control, Ended, Pass, Progress, Session, Settings, chunk_making_s, fly, merge, target,
+};
 use crate::pulse::Physics;
 use crate::schedule::{
     ChunkCosts, Log, Overheads, Policy, Recorder, Schedule, SizeChange, Stop, Workload, thread_cpu_s,
@@ -40,6 +42,8 @@ pub struct Cell {
     pub build_s: f64,
     /// Time from the first pulse to the last point written, s.
     pub simulation_s: f64,
+    /// Of these, the time of completing the file after its last point, with waiting for the disk.
+    pub completing_s: f64,
     /// Build and simulation, s.
     pub total_s: f64,
     /// Simulation time of every repetition, s.
@@ -266,8 +270,12 @@ impl Bench {
         sizes.sort_unstable();
         sizes.dedup();
         let mut logs: Vec<(u32, Vec<Log>)> = sizes.iter().map(|&size| (size, Vec::new())).collect();
+        let mut making: Vec<(u32, f64)> = sizes.iter().map(|&size| (size, f64::INFINITY)).collect();
         self.under_load(&physics, options, || {
             for _ in 0..matrix.repetitions.max(2) {
+                for (size, least) in &mut making {
+                    *least = least.min(chunk_making_s(&self.flight, *size)?);
+                }
                 for (size, logs) in &mut logs {
                     let policy = Policy::Static { size: *size };
                     let settings = Schedule { threads: 1, policy, leg_barrier: false };
@@ -277,7 +285,7 @@ impl Bench {
             Ok(())
         })?;
         let alone = self.under_load(&physics, options, || ChunkCosts::measure(1))?;
-        Ok(Workload::from_logs(&logs, Overheads::measure(alone)?))
+        Ok(Workload::from_logs(&logs, making, Overheads::measure(alone)?))
     }
 
     /// Measures what a run in parts costs: stepping through the flight, computing the only part of a run and merging it,
@@ -354,7 +362,7 @@ impl Bench {
             for _ in 0..others {
                 // Until the end, or until an error, which the measured flight reports.
                 let fly = || self.fly_until(&end, "none", physics, options, settings);
-                machine::spawn_scoped(scope, "a thread", move || while let Ok(Some(_)) = fly() {})?;
+                machine::spawn_scoped(scope, "load", move || while let Ok(Some(_)) = fly() {})?;
             }
             measure()
         })
@@ -417,6 +425,7 @@ fn cell(
         of,
         build_s,
         simulation_s: flown.seconds,
+        completing_s: flown.log.completing_s,
         total_s: build_s + flown.seconds,
         simulations_s,
         cpu_s,

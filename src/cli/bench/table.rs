@@ -20,6 +20,12 @@ pub fn of(report: &Report) -> String {
     if !report.forecasts.is_empty() {
         text.push_str("\nSimulated from measured task times:\n");
         text.push_str(&simulated(report));
+        let completing = report.cells.iter().map(|cell| cell.completing_s).fold(f64::INFINITY, f64::min);
+        if completing > 5e-4 && completing.is_finite() {
+            text.push_str(&format!(
+                "Not simulated: completing the file, which waits for the disk, {completing:.3} s on this machine.\n"
+            ));
+        }
     }
     for cluster in &report.clusters {
         text.push_str(&simulated_nodes(cluster));

@@ -82,7 +82,8 @@ fn making_handing_over_and_waking_cost_time() {
 
 #[test]
 fn nothing_ends_before_everything_is_collected() {
-    let load = Workload { collecting: PerSize(vec![(1, 2.0)]), ..load(&[0.0; 10], &[10]) };
+    let costs = PerSize(vec![(1, 2.0)]);
+    let load = Workload { collecting: costs.clone(), taking: costs, ..load(&[0.0; 10], &[10]) };
     assert_eq!(seconds(&load, 64, Policy::Warehouse { size: 1, factor: 1 }, false), 20.0);
 }
 
@@ -158,4 +159,21 @@ fn more_threads_than_tasks_do_no_harm() {
             .seconds,
         0.0
     );
+}
+
+/// Four tasks of 1 s with a job of 1 s each: two threads need 4 s. A collector that needs as long for each result is done a second
+/// after the last of them.
+#[test]
+fn jobs_are_shared_and_collecting_is_not() {
+    let costs = PerSize(vec![(1, 1.0)]);
+    let work = load(&[1.0; 4], &[4]);
+    let policy = Policy::Static { size: 1 };
+    let jobs = Workload { jobs: costs.clone(), ..work.clone() };
+    assert_eq!(seconds(&jobs, 2, policy, false), 4.0);
+    assert_eq!(seconds(&jobs, 4, policy, false), 2.0);
+    let collecting = Workload { collecting: costs.clone(), taking: costs, ..work };
+    assert_eq!(seconds(&collecting, 4, policy, false), 5.0);
+    // Half of it is falling asleep and being woken, which takes time from the cores alone.
+    let taking = PerSize(vec![(1, 0.5)]);
+    assert_eq!(seconds(&Workload { taking, ..collecting }, 4, policy, false), 3.0);
 }
