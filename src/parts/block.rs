@@ -7,7 +7,7 @@
 //! 64   columns of echoes, truths, waveforms, samples, pulse records, poses
 //! ```
 
-use super::column::columns;
+use super::column::{Value, columns};
 use crate::flight::PoseSample;
 use crate::geom::{DVec3, Rotation};
 use crate::pulse::{Batch, Echo, EchoTruth, PulseRecord, WaveformRecord};
@@ -21,10 +21,11 @@ const MAGIC: [u8; 4] = *b"BLK\n";
 const NO_LEG_NUMBER: u32 = u32::MAX;
 
 columns!(put_echoes, get_echoes, Echo, [
-    { .position } { .origin } { .direction } { .range } { .true_range } { .intensity } { .echo_width }
+    { .origin.x } { .origin.y } { .origin.z } { .direction.x } { .direction.y } { .direction.z } { .range } { .true_range } { .intensity } { .echo_width }
     { .return_number } { .number_of_returns } { .pulse_number } { .device } { .part } { .primitive }
     { .classification } { .incidence_cosine } { .scan_angle } { .time_ns } { .truth_index }
 ]);
+columns!(put_stored_positions, get_stored_positions, Echo, [{ .position.x } { .position.y } { .position.z }]);
 columns!(put_truths, get_truths, EchoTruth, [
     { .beam[0] } { .beam[1] } { .surface } { .normal } { .fraction } { .subray } { .in_scanner }
 ]);
@@ -38,6 +39,36 @@ columns!(put_pulses, get_pulses, PulseRecord, [
 columns!(put_poses, get_poses, PoseSample, [
     { .time_ns } { .position } { .roll } { .pitch } { .yaw } { .attitude } { .flown.0 } { .flown.1 }
 ]);
+
+/// Positions follow from origins, directions and ranges.
+const DERIVED_POSITIONS: u8 = 0;
+/// Columns of positions follow: another origin or direction was reported than that of the pulse.
+const STORED_POSITIONS: u8 = 1;
+
+/// The position as the measurement computes it.
+fn derived_position(echo: &Echo) -> DVec3 {
+    echo.origin + echo.direction * echo.range
+}
+
+fn put_positions(out: &mut Vec<u8>, echoes: &[Echo]) {
+    if echoes.iter().all(|echo| echo.position.has_bits_of(derived_position(echo))) {
+        return out.push(DERIVED_POSITIONS);
+    }
+    out.push(STORED_POSITIONS);
+    put_stored_positions(out, echoes);
+}
+
+fn get_positions<'b>(bytes: &'b [u8], echoes: &mut [Echo]) -> Option<&'b [u8]> {
+    let (kind, bytes) = bytes.split_first()?;
+    match *kind {
+        DERIVED_POSITIONS => {
+            echoes.iter_mut().for_each(|echo| echo.position = derived_position(echo));
+            Some(bytes)
+        }
+        STORED_POSITIONS => get_stored_positions(bytes, echoes),
+        _ => None,
+    }
+}
 
 /// The sizes of a block's records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,6 +147,7 @@ pub fn encode(batch: &Batch, out: &mut Vec<u8>) {
     let start = out.len();
     out.extend_from_slice(&[0; HEAD_BYTES]);
     put_echoes(out, &batch.echoes);
+    put_positions(out, &batch.echoes);
     put_truths(out, &batch.truths);
     put_waveforms(out, &batch.waveforms);
     out.extend(batch.samples.iter().flat_map(|sample| sample.to_bits().to_le_bytes()));
@@ -159,6 +191,7 @@ pub(super) fn decode(head: &BlockHead, block: &[u8], batch: &mut Batch) -> Optio
     batch.pulses.resize(head.pulse_records as usize, BLANK_PULSE);
     batch.poses.resize(head.poses as usize, BLANK_POSE);
     let columns = get_echoes(columns, &mut batch.echoes)?;
+    let columns = get_positions(columns, &mut batch.echoes)?;
     let columns = get_truths(columns, &mut batch.truths)?;
     let columns = get_waveforms(columns, &mut batch.waveforms)?;
     let (samples, columns) = columns.split_at_checked(usize::try_from(head.samples.checked_mul(8)?).ok()?)?;
@@ -237,6 +270,10 @@ pub(super) mod tests {
                 range: f64::from_bits(0x7ff8_0000_0000_0001 + u64::from(i)),
                 pulse_number: u64::MAX - u64::from(i),
                 classification: -(i as i32),
+                // Distances of one, two and four bytes, and none that is shorter than the numbers.
+                part: 7 + i % 200,
+                primitive: i * 100,
+                return_number: i << 23,
                 ..BLANK_ECHO
             });
             batch.truths.push(EchoTruth {
@@ -271,6 +308,28 @@ pub(super) mod tests {
             let bits = |b: &Batch| b.echoes.iter().map(|e| e.range.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&read), bits(&batch));
         }
+    }
+
+    #[test]
+    fn positions_are_stored_where_they_do_not_follow() {
+        let mut batch = Batch { emitted: 3, ..Batch::default() };
+        for i in 0..3 {
+            let (origin, direction, range) =
+                (DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.6, -0.8, 0.0), 10.0 / f64::from(3 + i));
+            let position = origin + direction * range;
+            batch.echoes.push(Echo { origin, direction, range, position, ..BLANK_ECHO });
+        }
+        let bytes = |batch: &Batch| {
+            let mut bytes = Vec::new();
+            encode(batch, &mut bytes);
+            let mut read = Batch::default();
+            decode(&BlockHead::read(&bytes).unwrap(), &bytes, &mut read).unwrap();
+            assert_eq!(format!("{read:?}"), format!("{batch:?}"));
+            bytes.len()
+        };
+        let derived = bytes(&batch);
+        batch.echoes[1].position.y += 1e-9;
+        assert_eq!(bytes(&batch), derived + 2 * (1 + 24) + 1 + 8);
     }
 
     #[test]

@@ -1,5 +1,5 @@
 //! Columns: one value of every record, little-endian and bit for bit. A column whose values are all equal is stored as one
-//! value.
+//! value, one of whole numbers as their distances from the least, in as few bytes as these need.
 
 use crate::geom::{DVec3, Rotation};
 
@@ -7,6 +7,10 @@ use crate::geom::{DVec3, Rotation};
 const VALUES: u8 = 0;
 /// One value follows, that of every record.
 const CONSTANT: u8 = 1;
+/// The least value follows, and the distances of all values from it in 1, 2 or 4 bytes.
+const DISTANCES_OF_1: u8 = 2;
+const DISTANCES_OF_2: u8 = 3;
+const DISTANCES_OF_4: u8 = 4;
 
 /// A value of a fixed number of bytes.
 pub(super) trait Value: Copy {
@@ -15,6 +19,18 @@ pub(super) trait Value: Copy {
     /// Reads the value from exactly [`Value::BYTES`] bytes.
     fn get(bytes: &[u8]) -> Self;
     fn has_bits_of(self, other: Self) -> bool;
+    /// The least of some values and the distance to the greatest, if they are whole numbers.
+    fn span(_values: impl Iterator<Item = Self>) -> Option<(Self, u64)> {
+        None
+    }
+    /// The distance from a lesser whole number.
+    fn distance_from(self, _least: Self) -> u64 {
+        0
+    }
+    /// The whole number at a distance above.
+    fn plus(self, _distance: u64) -> Self {
+        self
+    }
 }
 
 macro_rules! integers {
@@ -34,6 +50,20 @@ macro_rules! integers {
 
             fn has_bits_of(self, other: $type) -> bool {
                 self == other
+            }
+
+            fn span(values: impl Iterator<Item = $type>) -> Option<($type, u64)> {
+                let (least, greatest) = values.fold((<$type>::MAX, <$type>::MIN), |(a, b), v| (a.min(v), b.max(v)));
+                Some((least, greatest.distance_from(least)))
+            }
+
+            fn distance_from(self, least: $type) -> u64 {
+                // The difference modulo 2⁶⁴, which is the distance also where that overflows an `i32`.
+                (self as u64).wrapping_sub(least as u64)
+            }
+
+            fn plus(self, distance: u64) -> $type {
+                self.wrapping_add(distance as $type)
             }
         }
     )*};
@@ -113,6 +143,25 @@ pub(super) fn put_column<R, V: Value>(out: &mut Vec<u8>, records: &[R], value: i
         out.push(CONSTANT);
         return first.put(out);
     }
+    if let Some((least, span)) = V::span(records.iter().map(&value)) {
+        let distances = records.iter().map(|record| value(record).distance_from(least));
+        let mut begin = |kind: u8| {
+            out.push(kind);
+            least.put(out);
+        };
+        if span <= u64::from(u8::MAX) {
+            begin(DISTANCES_OF_1);
+            return out.extend(distances.map(|distance| distance as u8));
+        }
+        if span <= u64::from(u16::MAX) && V::BYTES > 2 {
+            begin(DISTANCES_OF_2);
+            return out.extend(distances.flat_map(|distance| (distance as u16).to_le_bytes()));
+        }
+        if span <= u64::from(u32::MAX) && V::BYTES > 4 {
+            begin(DISTANCES_OF_4);
+            return out.extend(distances.flat_map(|distance| (distance as u32).to_le_bytes()));
+        }
+    }
     out.push(VALUES);
     out.reserve(records.len() * V::BYTES);
     records.iter().for_each(|record| value(record).put(out));
@@ -128,18 +177,45 @@ pub(super) fn get_column<'b, R, V: Value>(
         return Some(bytes);
     }
     let (&kind, bytes) = bytes.split_first()?;
-    let count = match kind {
-        VALUES => records.len(),
-        CONSTANT => 1,
+    let width = match kind {
+        VALUES => {
+            let (values, rest) = bytes.split_at_checked(records.len().checked_mul(V::BYTES)?)?;
+            let values = values.chunks_exact(V::BYTES);
+            records.iter_mut().zip(values).for_each(|(record, value)| set(record, V::get(value)));
+            return Some(rest);
+        }
+        CONSTANT => 0,
+        DISTANCES_OF_1 => 1,
+        DISTANCES_OF_2 => 2,
+        DISTANCES_OF_4 => 4,
         _ => return None,
     };
-    let (values, rest) = bytes.split_at_checked(count.checked_mul(V::BYTES)?)?;
-    if kind == CONSTANT {
-        let value = V::get(values);
-        records.iter_mut().for_each(|record| set(record, value));
-    } else {
-        let values = values.chunks_exact(V::BYTES);
-        records.iter_mut().zip(values).for_each(|(record, value)| set(record, V::get(value)));
+    let (least, bytes) = bytes.split_at_checked(V::BYTES)?;
+    let least = V::get(least);
+    let (distances, rest) = bytes.split_at_checked(records.len().checked_mul(width)?)?;
+    match width {
+        0 => records.iter_mut().for_each(|record| set(record, least)),
+        1 => {
+            let distances = distances.iter().map(|byte| u64::from(*byte));
+            records
+                .iter_mut()
+                .zip(distances)
+                .for_each(|(record, distance)| set(record, least.plus(distance)));
+        }
+        2 => {
+            let distances = distances.chunks_exact(2).map(|b| u64::from(u16::from_le_bytes([b[0], b[1]])));
+            records
+                .iter_mut()
+                .zip(distances)
+                .for_each(|(record, distance)| set(record, least.plus(distance)));
+        }
+        _ => {
+            let distances = distances.chunks_exact(4).map(|b| u64::from(u32::get(b)));
+            records
+                .iter_mut()
+                .zip(distances)
+                .for_each(|(record, distance)| set(record, least.plus(distance)));
+        }
     }
     Some(rest)
 }

@@ -19,7 +19,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 const MAGIC: &[u8; 8] = b"VLSPART\n";
 /// Version of the contents; incremented whenever the meaning of any content changes.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 const START_BYTES: usize = 24;
 const END_BYTES: usize = 40;
 
