@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::machine;
 use crate::options::{InputOptions, Options, holds_survey, read_survey};
 use crate::output::ObjectIds;
+use crate::pipeline::check_raster_memory;
 use crate::quantity::amount;
 use crate::scene::{self, Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
 use crate::survey::{self, ReadOptions, SceneRecipe};
@@ -33,11 +34,13 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     let (recipe, scanning, mut warnings) = name.recipe()?;
     let started = Instant::now();
     let options = options(&recipe, &scanning, args.verify)?;
+    let build = BuildOptions::default();
+    check_raster_memory(&recipe, build.builder, options.max_memory, &|_| ())?;
     let (scene, found) = scene::load(&recipe, &options)?;
     warnings.extend(found);
     let loaded = started.elapsed().as_secs_f64();
     let started = Instant::now();
-    let tree = scene.tree(&BuildOptions::default());
+    let tree = scene.tree(&build);
     let facts = Facts {
         scene: &scene,
         tree: &tree,

@@ -124,8 +124,8 @@ impl FlightState {
 
     /// Steps before the leg can be over because head and platform have arrived.
     fn steps_before_arrival(&self, plan: &FlightPlan) -> f64 {
-        let platform =
-            self.platform.steps_before_arrival(&plan.platform, self.leg, self.step_clock(plan).after(0));
+        let (clock, frequency) = (self.step_clock(plan).after(0), plan.legs[self.leg].frequency);
+        let platform = self.platform.steps_before_arrival(&plan.platform, self.leg, clock, frequency);
         match &self.platform {
             PlatformState::Static(_) if plan.legs[self.leg].still => f64::INFINITY,
             PlatformState::Static(_) => self.devices[0].head.steps_to_completion(),

@@ -7,9 +7,10 @@ use super::trajectory::TrajectoryOptions;
 use super::values::{Crs, NavigationError};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::input::is_stdin;
+use crate::input::{is_stdin, read_file};
 use crate::survey::{
-    self, Grid, NavigationErrors, PlatformKind, ReadOptions, SceneChoice, Source, Survey, Tables,
+    self, Grid, MAX_DOCUMENT_BYTES, NavigationErrors, PlatformKind, ReadOptions, SceneChoice, Source, Survey,
+    Tables,
 };
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -48,11 +49,13 @@ fn read_source(source: &Source, typed: Options) -> Result<(Survey, Options, Diag
     Ok((survey, options, warnings))
 }
 
-/// Whether the file is a pipeline, or an XML file with a survey in it.
+/// Whether the file is a pipeline, or an XML file with a survey in it; one that is too large to be read is neither.
 pub fn holds_survey(path: &Path) -> bool {
     let is_xml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
     is_pipeline(path)
-        || is_xml && std::fs::read(path).is_ok_and(|bytes| memchr::memmem::find(&bytes, b"<survey").is_some())
+        || is_xml
+            && read_file(path, MAX_DOCUMENT_BYTES)
+                .is_ok_and(|bytes| memchr::memmem::find(&bytes, b"<survey").is_some())
 }
 
 fn is_pipeline(path: &Path) -> bool {

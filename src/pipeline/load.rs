@@ -6,7 +6,8 @@ use crate::error::{Error, Result};
 use crate::quantity::amount;
 use crate::scene::{self, Scene, SceneFrame};
 use crate::store::check_loss;
-use crate::tree::{BuildOptions, Tree};
+use crate::survey::SceneRecipe;
+use crate::tree::{BuildOptions, Builder, Tree};
 use std::time::Instant;
 
 /// Minimum memory of rasters and their tree that is reported.
@@ -59,12 +60,20 @@ pub(super) fn build_tree(
     Ok(tree)
 }
 
-/// Reports the memory that large rasters and the trees over them will need, and refuses more than the limit, before
+/// Reports the memory that large rasters and the trees over them will need, and refuses more than `limit` bytes, before
 /// any of it is loaded.
-pub(super) fn check_raster_memory(settings: &Settings, notify: &dyn Fn(Notice)) -> Result<()> {
+///
+/// # Errors
+/// [`Error::Input`] for rasters that need more.
+pub fn check_raster_memory(
+    recipe: &SceneRecipe,
+    builder: Builder,
+    limit: Option<u64>,
+    notify: &dyn Fn(Notice),
+) -> Result<()> {
     let mut all = 0u64;
-    for need in scene::raster_needs(&settings.survey.scene) {
-        let tree = Tree::estimate_build_memory(need.triangles, settings.tree.builder);
+    for need in scene::raster_needs(recipe) {
+        let tree = Tree::estimate_build_memory(need.triangles, builder);
         all = all.saturating_add(need.bytes).saturating_add(tree);
         if need.bytes.saturating_add(tree) >= MIN_REPORTED_BYTES {
             notify(Notice::Note(format!(
@@ -78,7 +87,7 @@ pub(super) fn check_raster_memory(settings: &Settings, notify: &dyn Fn(Notice)) 
             )));
         }
     }
-    match settings.load.max_memory {
+    match limit {
         Some(limit) if all > limit => Err(Error::input(format!(
             "the rasters of the scene and the tree over them need about {}B; the limit is {}B",
             amount(all as f64),

@@ -61,6 +61,7 @@ pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
 pub use heights::{Fallback, SceneGround};
 pub use job::{Job, material_rules, policy, schedule_of};
+pub use load::check_raster_memory;
 pub use merge::{merge, output_context};
 pub use part::Part;
 pub use part_table::PartTable;

@@ -136,7 +136,8 @@ impl Session {
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Session> {
         catch_loss(|| {
-            check_raster_memory(&settings, &observer)?;
+            let Settings { survey, tree, load, .. } = &settings;
+            check_raster_memory(&survey.scene, tree.builder, load.max_memory, &observer)?;
             Session::open_scene(settings, observer)
         })
     }

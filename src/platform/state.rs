@@ -95,12 +95,13 @@ impl PlatformState {
     }
 
     /// Number of steps, at least, that [`advance`](Self::advance) can take before the end of the leg can be reached, or
-    /// before poses have to arrive; 0 for platforms that are stepped one by one. The step clock is at `clock` seconds.
-    pub fn steps_before_arrival(&self, plan: &PlatformPlan, leg: usize, clock: f64) -> f64 {
+    /// before poses have to arrive; 0 for platforms that are stepped one by one. The step clock is at `clock` seconds and
+    /// ticks `frequency` times per second, which in the reference is not the leg's own rate.
+    pub fn steps_before_arrival(&self, plan: &PlatformPlan, leg: usize, clock: f64, frequency: f64) -> f64 {
         match (self, &plan.motion) {
             (PlatformState::Linear(s), _) => s.steps_to_target(&plan.legs[leg]),
             (PlatformState::Interpolated(s), _) => {
-                (s.time_left(clock) * plan.legs[leg].frequency * (1.0 - 1e-6)).floor() - 4.0
+                (s.time_left(clock) * frequency * (1.0 - 1e-6)).floor() - 4.0
             }
             (PlatformState::Stream(s), Motion::Stream(plan)) => s.steps_to_pose(plan),
             _ => 0.0,

@@ -63,3 +63,4 @@ pub(crate) use pipeline::key_table;
 pub use pipeline::{KeyTable, SURVEY_TABLES, Source, Tables, field_names, read_pipeline_survey};
 pub use read::{find_scanner, read_scene, read_survey};
 pub use seed::parse_seed;
+pub use xml_limits::MAX_DOCUMENT_BYTES;

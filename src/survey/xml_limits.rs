@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 /// Maximum size of a document, bytes.
-pub(super) const MAX_DOCUMENT_BYTES: u64 = 1 << 27;
+pub const MAX_DOCUMENT_BYTES: u64 = 1 << 27;
 /// Maximum number of elements, texts and comments of a document.
 pub(super) const MAX_NODES: u32 = 1 << 22;
 /// Maximum number of elements around an element.

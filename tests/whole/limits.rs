@@ -79,6 +79,34 @@ fn poses(rows: &str) -> Case {
     case("way.csv", format!("time,x,y,z,roll,pitch,yaw\n{rows}"), FOLLOW)
 }
 
+/// A raster of size × size floats, all 0, with pixels of 1 m.
+fn raster_of_zeros(size: u32) -> Vec<u8> {
+    let pixels = 4 * size * size;
+    let tags: [(u16, u16, u32, u32); 11] = [
+        (256, 4, 1, size),
+        (257, 4, 1, size),
+        (258, 3, 1, 32),
+        (259, 3, 1, 1),
+        (262, 3, 1, 1),
+        (273, 4, 1, 8 + 2 + 11 * 12 + 4 + 24 + 48),
+        (278, 4, 1, size),
+        (279, 4, 1, pixels),
+        (339, 3, 1, 3),
+        (33550, 12, 3, 8 + 2 + 11 * 12 + 4),
+        (33922, 12, 6, 8 + 2 + 11 * 12 + 4 + 24),
+    ];
+    let mut raster = b"II\x2a\0\x08\0\0\0".to_vec();
+    raster.extend((tags.len() as u16).to_le_bytes());
+    for (tag, kind, count, value) in tags {
+        raster.extend([tag, kind].iter().flat_map(|v| v.to_le_bytes()));
+        raster.extend([count, value].iter().flat_map(|v| v.to_le_bytes()));
+    }
+    raster.extend(0u32.to_le_bytes());
+    raster.extend([1.0f64, 1.0, 0.0].iter().chain(&[0.0f64; 6]).flat_map(|v| v.to_le_bytes()));
+    raster.resize(raster.len() + pixels as usize, 0);
+    raster
+}
+
 /// A document of one element with this content.
 fn document(content: &str) -> Case {
     run_of(format!("<document>{content}</document>"))
@@ -118,6 +146,20 @@ fn cases() -> BTreeMap<&'static str, Case> {
         "accessors":[{"bufferView":0,"componentType":5126,"count":4194305,"type":"VEC3"}],
         "bufferViews":[{"buffer":0,"byteLength":3}],"buffers":[{"byteLength":3,"uri":"data:;base64,AAAA"}]}"#;
     BTreeMap::from([
+        ("document", {
+            let comment = format!("<document><!-- {} -->", "x".repeat(3_000_000));
+            Case { args: [RUN, &["--max-memory", "2M"]].concat(), ..changed("<document>", &comment) }
+        }),
+        ("scene", {
+            let mesh = MESH.repeat(40_000);
+            let mut case = case("mesh.obj", mesh, RUN);
+            case.args.extend(["--max-memory", "1M"]);
+            case
+        }),
+        ("rasters and the tree over them", {
+            let args = [RUN, &["--max-memory", "100M", "--scene", "r.tif"]].concat();
+            case("r.tif", raster_of_zeros(2000), &args)
+        }),
         ("size of an XML document", sparse("survey.xml", (1 << 27) + 1, RUN)),
         ("elements, texts and comments of a document", document(&"<a/>".repeat(1 << 22))),
         ("depth of elements", document(&"<a>".repeat(200))),
@@ -294,4 +336,24 @@ fn blank_lines_and_comments_before_pulses_are_skipped() {
     blank.extend(b"# pulses\n\ntime,x,y,z,dx,dy,dz\n\n0,0,0,5,0,0,-1\n0,0,0,5,0,0,none\n");
     let (status, messages) = outcome(&case("pulses.csv", blank, TRACE));
     assert!(status == Some(2) && messages.contains("pulses.csv:1048582:"), "status {status:?}, {messages}");
+}
+
+/// What is told of a scene needs the scene and its tree.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_contents_of_a_raster_that_does_not_fit_are_refused() {
+    let dir = folder();
+    std::fs::write(dir.path().join("r.tif"), raster_of_zeros(4000)).expect("a raster");
+    let limited = "ulimit -v 1500000; exec \"$0\" scene info r.tif";
+    let started = std::time::Instant::now();
+    let mut bash = std::process::Command::new("bash");
+    let output = bash.current_dir(dir.path()).args(["-c", limited, env!("CARGO_BIN_EXE_vlscan")]).output();
+    let output = output.expect("bash");
+    let messages = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{messages}");
+    assert!(
+        messages.contains("the rasters of the scene and the tree over them need about 3.6"),
+        "{messages}"
+    );
+    assert!(started.elapsed().as_secs() < 5, "{:?}", started.elapsed());
 }
