@@ -46,7 +46,7 @@ mod tests {
     fn every_entry_loads_without_a_warning() {
         let (catalogue, warnings) = catalogue().unwrap_or_else(|e| panic!("{e}"));
         assert!(warnings.is_empty(), "{}", warnings.render(false));
-        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (45, 12));
+        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (46, 12));
         let mut names: Vec<_> = catalogue.scanners.iter().map(|s| &s.0).collect();
         names.sort();
         names.dedup();
@@ -98,6 +98,7 @@ mod tests {
             ("#riegl_vq-840-g", 200e3, 1, (-20.0, 20.0), 532.0),
             ("#riegl_vux-120", 1.8e6, 1, (-50.0, 50.0), 1550.0),
             ("#velodyne_alpha_prime", 2.4e6, 128, (-25.0, 15.0), 903.0),
+            ("#livox_mid-360", 200e3, 1, (-29.5, 29.5), 905.0),
             ("#hovermap", 300e3, 16, (-180.0, 180.0), 903.0),
         ] {
             let scanner = &catalogue.scanners.iter().find(|s| s.0.ends_with(name)).unwrap().1;
