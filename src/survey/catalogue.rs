@@ -50,7 +50,7 @@ mod tests {
         let mut names: Vec<_> = catalogue.scanners.iter().map(|s| &s.0).collect();
         names.sort();
         names.dedup();
-        assert_eq!(names.len(), 45);
+        assert_eq!(names.len(), 46);
     }
 
     #[test]
