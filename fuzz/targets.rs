@@ -24,7 +24,7 @@ pub struct Bench {
     packed: Vec<u8>,
     packed_points: Vec<u8>,
     /// The scene or the survey that the target's reader is called with, read once.
-    scene: OnceCell<Option<SceneRecipe>>,
+    scene: OnceCell<SceneRecipe>,
     poses: OnceCell<Option<PlatformKind>>,
 }
 
@@ -128,9 +128,14 @@ pub const TARGETS: &[Target] = &[
         |bench, _| bench.load("mesh.obj"),
         fly!("--scene", "@/mesh.obj", "--assets", "@"),
     ),
-    command("raster", "ground.tif", Bench::load, fly!("--scene", "@/ground.tif")),
-    command("voxels", "crown.vox", Bench::load, fly!("--scene", "@/crown.vox")),
-    command("instances", "trees.csv", Bench::load, fly!("--scene", "@/trees.csv")),
+    command("raster", "ground.tif", |bench, file| bench.load(file), fly!("--scene", "@/ground.tif")),
+    command("voxels", "crown.vox", |bench, file| bench.load(file), fly!("--scene", "@/crown.vox")),
+    command(
+        "instances",
+        "trees.csv",
+        |bench, file| bench.read_and_load(file),
+        fly!("--scene", "@/trees.csv"),
+    ),
     command(
         "cloud_xyz",
         "cloud.xyz",
@@ -291,18 +296,34 @@ impl Bench {
         bench
     }
 
-    /// Loads a scene whose description is read once.
+    /// Loads a scene whose description does not depend on the input, so that it is read once.
     fn load(&self, scene: &str) {
-        let recipe = self.scene.get_or_init(|| {
-            let options =
-                ReadOptions { assets: vec![self.folder.path().to_path_buf()], ..ReadOptions::default() };
-            read_scene(&self.name(scene), &options).ok().map(|(recipe, _)| recipe)
-        });
-        // The seeds are valid scenes, so that there is a description as soon as one of them has been read.
-        if let Some(recipe) = recipe {
-            let _ =
-                load(recipe, &LoadOptions { jobs: 1, max_memory: Some(256 << 20), ..LoadOptions::default() });
+        // The kind of a file may be known by its first bytes only, so that a broken input has no description.
+        match self.scene.get() {
+            Some(recipe) => self.load_recipe(recipe),
+            None => {
+                if let Some(recipe) = self.read_scene(scene) {
+                    self.load_recipe(self.scene.get_or_init(|| recipe));
+                }
+            }
         }
+    }
+
+    /// Reads the description of a scene from the input, and loads it.
+    fn read_and_load(&self, scene: &str) {
+        if let Some(recipe) = self.read_scene(scene) {
+            self.load_recipe(&recipe);
+        }
+    }
+
+    fn read_scene(&self, scene: &str) -> Option<SceneRecipe> {
+        let assets = vec![self.folder.path().to_path_buf()];
+        let options = ReadOptions { assets, ..ReadOptions::default() };
+        read_scene(&self.name(scene), &options).ok().map(|(recipe, _)| recipe)
+    }
+
+    fn load_recipe(&self, recipe: &SceneRecipe) {
+        let _ = load(recipe, &LoadOptions { jobs: 1, max_memory: Some(256 << 20), ..LoadOptions::default() });
     }
 
     /// Reads all poses of a trajectory.

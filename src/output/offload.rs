@@ -2,14 +2,14 @@
 
 pub type Job = Box<dyn FnOnce() + Send>;
 
-/// Executor of the writer's compression jobs: normally the worker pool.
+/// Executor of the writer's jobs, compressing and writing: normally the worker pool.
 pub trait Offload: Send + Sync {
     /// Queues the job for another thread, or returns it when the queue is full; the writer then runs it. Never
-    /// blocks. A queued job may be dropped: the writer compresses every block that no worker has begun.
+    /// blocks. A queued job may be dropped: the writer does itself what no worker has begun.
     fn try_run(&self, job: Job) -> Result<(), Job>;
 }
 
-/// Accepts no jobs: the writer compresses everything itself.
+/// Accepts no jobs: the writer does everything itself.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoOffload;
 

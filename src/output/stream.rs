@@ -103,16 +103,16 @@ impl OutputStream {
             return self.append(&bytes);
         }
         self.flush()?;
-        if self.writes.is_none() {
-            self.writes = Some(ParallelWrites::new(self.out.positioned()?));
-        }
         let offset = self.len;
         self.len += bytes.len() as u64;
         self.submit(offset, bytes, offload)
     }
 
     fn submit(&mut self, offset: u64, bytes: Vec<u8>, offload: &dyn Offload) -> Result<()> {
-        let Some(writes) = &mut self.writes else { return Ok(()) };
+        let writes = match &mut self.writes {
+            Some(writes) => writes,
+            None => self.writes.insert(ParallelWrites::new(self.out.positioned()?)),
+        };
         writes.submit(offset, bytes, offload).map_err(|e| self.out.failed("write", e))
     }
 

@@ -195,29 +195,26 @@ pub(super) fn get_column<'b, R, V: Value>(
     let (distances, rest) = bytes.split_at_checked(records.len().checked_mul(width)?)?;
     match width {
         0 => records.iter_mut().for_each(|record| set(record, least)),
-        1 => {
-            let distances = distances.iter().map(|byte| u64::from(*byte));
-            records
-                .iter_mut()
-                .zip(distances)
-                .for_each(|(record, distance)| set(record, least.plus(distance)));
-        }
-        2 => {
-            let distances = distances.chunks_exact(2).map(|b| u64::from(u16::from_le_bytes([b[0], b[1]])));
-            records
-                .iter_mut()
-                .zip(distances)
-                .for_each(|(record, distance)| set(record, least.plus(distance)));
-        }
-        _ => {
-            let distances = distances.chunks_exact(4).map(|b| u64::from(u32::get(b)));
-            records
-                .iter_mut()
-                .zip(distances)
-                .for_each(|(record, distance)| set(record, least.plus(distance)));
-        }
+        1 => fill(records, least, distances.iter().map(|byte| u64::from(*byte)), set),
+        2 => fill(
+            records,
+            least,
+            distances.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]]).into()),
+            set,
+        ),
+        _ => fill(records, least, distances.chunks_exact(4).map(|b| u32::get(b).into()), set),
     }
     Some(rest)
+}
+
+/// Sets the values at these distances from the least.
+fn fill<R, V: Value>(
+    records: &mut [R],
+    least: V,
+    distances: impl Iterator<Item = u64>,
+    set: impl Fn(&mut R, V),
+) {
+    records.iter_mut().zip(distances).for_each(|(record, distance)| set(record, least.plus(distance)));
 }
 
 /// Defines the columns of a type of records: a function that appends them and one that reads them.

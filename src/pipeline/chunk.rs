@@ -91,8 +91,9 @@ impl Chunk {
     }
 }
 
-/// The least number of pulses from which [`chunk_making_s`] tells the time.
+/// Pulses after which [`chunk_making_s`] ends a flight, and processor time up to which it repeats it, s.
 const TIMED_PULSES: u64 = 1 << 22;
+const MIN_TIMED_S: f64 = 0.02;
 
 /// Measures the processor time of making chunks of `size` pulses, s per pulse.
 ///
@@ -100,11 +101,11 @@ const TIMED_PULSES: u64 = 1 << 22;
 /// The errors of the flight.
 pub fn chunk_making_s(plan: &FlightPlan, size: u32) -> Result<f64> {
     let (mut pulses, mut seconds) = (0, 0.0);
-    loop {
+    while seconds < MIN_TIMED_S {
         let mut state = FlightState::start(plan);
         let (began, started) = (thread_cpu_s(), Instant::now());
-        let before = pulses;
-        while pulses < TIMED_PULSES
+        let end = pulses + TIMED_PULSES;
+        while pulses < end
             && let Some(chunk) = Chunk::take(plan, &mut state, None, size)?
         {
             pulses += u64::from(black_box(chunk).pulses);
@@ -113,10 +114,11 @@ pub fn chunk_making_s(plan: &FlightPlan, size: u32) -> Result<f64> {
             (Some(from), Some(to)) => to - from,
             _ => started.elapsed().as_secs_f64(),
         };
-        if pulses >= TIMED_PULSES || pulses == before {
-            return Ok(seconds / (pulses as f64).max(1.0));
+        if pulses == 0 {
+            return Ok(0.0);
         }
     }
+    Ok(seconds / pulses as f64)
 }
 
 /// Steps from `state`, the beginning of a flight, to its end and passes every chunk that is not empty to `feed`. A

@@ -1,4 +1,4 @@
-//! Side jobs of the collector (compression) that workers execute.
+//! Side jobs of the collector (compressing, writing) that workers execute.
 
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::sync::{Mutex, PoisonError};

@@ -68,7 +68,7 @@ pub struct ThreadLog {
     pub busy_s: f64,
     /// Time without work, s.
     pub idle_s: f64,
-    /// Time of side jobs (compression) for the collector, s.
+    /// Time of side jobs (compressing, writing) for the collector, s.
     pub jobs_s: f64,
     /// Processor time of the thread, s, which other programs do not lengthen; on systems without such a clock, the
     /// wall time less the idle time.

@@ -316,7 +316,7 @@ fn spectrum() -> Vec<u8> {
 }
 
 /// A little-endian raster of size × size floats; its directory is behind the pixels, so that every cut is detected.
-fn raster(size: u32) -> Vec<u8> {
+pub fn raster(size: u32) -> Vec<u8> {
     let directory = 8 + 4 * size * size;
     let doubles = directory + 2 + 12 * 12 + 4;
     let entries: [(u16, u16, u32, u32); 12] = [

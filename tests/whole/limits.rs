@@ -1,6 +1,7 @@
 //! Every limit that docs/limits.md states is exceeded, and ends the run with the stated message.
 
 use crate::common::{folder, run, text};
+use crate::hostile::raster;
 use std::collections::BTreeMap;
 
 const MESH: &str = "v -9 -9 0\nv 9 -9 0\nv 0 9 0\nf 1 2 3\n";
@@ -79,34 +80,6 @@ fn poses(rows: &str) -> Case {
     case("way.csv", format!("time,x,y,z,roll,pitch,yaw\n{rows}"), FOLLOW)
 }
 
-/// A raster of size × size floats, all 0, with pixels of 1 m.
-fn raster_of_zeros(size: u32) -> Vec<u8> {
-    let pixels = 4 * size * size;
-    let tags: [(u16, u16, u32, u32); 11] = [
-        (256, 4, 1, size),
-        (257, 4, 1, size),
-        (258, 3, 1, 32),
-        (259, 3, 1, 1),
-        (262, 3, 1, 1),
-        (273, 4, 1, 8 + 2 + 11 * 12 + 4 + 24 + 48),
-        (278, 4, 1, size),
-        (279, 4, 1, pixels),
-        (339, 3, 1, 3),
-        (33550, 12, 3, 8 + 2 + 11 * 12 + 4),
-        (33922, 12, 6, 8 + 2 + 11 * 12 + 4 + 24),
-    ];
-    let mut raster = b"II\x2a\0\x08\0\0\0".to_vec();
-    raster.extend((tags.len() as u16).to_le_bytes());
-    for (tag, kind, count, value) in tags {
-        raster.extend([tag, kind].iter().flat_map(|v| v.to_le_bytes()));
-        raster.extend([count, value].iter().flat_map(|v| v.to_le_bytes()));
-    }
-    raster.extend(0u32.to_le_bytes());
-    raster.extend([1.0f64, 1.0, 0.0].iter().chain(&[0.0f64; 6]).flat_map(|v| v.to_le_bytes()));
-    raster.resize(raster.len() + pixels as usize, 0);
-    raster
-}
-
 /// A document of one element with this content.
 fn document(content: &str) -> Case {
     run_of(format!("<document>{content}</document>"))
@@ -158,7 +131,7 @@ fn cases() -> BTreeMap<&'static str, Case> {
         }),
         ("rasters and the tree over them", {
             let args = [RUN, &["--max-memory", "100M", "--scene", "r.tif"]].concat();
-            case("r.tif", raster_of_zeros(2000), &args)
+            case("r.tif", raster(2000), &args)
         }),
         ("size of an XML document", sparse("survey.xml", (1 << 27) + 1, RUN)),
         ("elements, texts and comments of a document", document(&"<a/>".repeat(1 << 22))),
@@ -343,7 +316,7 @@ fn blank_lines_and_comments_before_pulses_are_skipped() {
 #[test]
 fn the_contents_of_a_raster_that_does_not_fit_are_refused() {
     let dir = folder();
-    std::fs::write(dir.path().join("r.tif"), raster_of_zeros(4000)).expect("a raster");
+    std::fs::write(dir.path().join("r.tif"), raster(4000)).expect("a raster");
     let limited = "ulimit -v 1500000; exec \"$0\" scene info r.tif";
     let started = std::time::Instant::now();
     let mut bash = std::process::Command::new("bash");
