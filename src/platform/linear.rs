@@ -87,10 +87,39 @@ impl LinearPath {
             } else {
                 // Increments that alternate do so for long.
                 single = (2 * single).min(steps);
-                (0..single).for_each(|_| self.step(leg));
+                self.advance_by_prediction(leg, single);
                 steps -= single;
             }
         }
+    }
+
+    /// As many calls of [`step`](Self::step), of which [`LANES`] are computed side by side.
+    ///
+    /// A step waits for the square root and the division of the step before. The velocity, though, hardly changes, and
+    /// where it does its last bits alternate. So the next positions are predicted from the last two velocities, the
+    /// velocities at all predicted positions computed at once, and the positions compared with what these velocities
+    /// give: up to the first difference the prediction was right, bit for bit.
+    fn advance_by_prediction(&mut self, leg: &LegCourse, mut steps: u32) {
+        let c = &mut self.course;
+        let (target, mut before) = (c.target, c.velocity);
+        while steps >= LANES as u32 {
+            let mut position = [[0.0; LANES]; 3];
+            for (axis, lanes) in position.iter_mut().enumerate() {
+                // The first is no prediction.
+                let mut at = c.position[axis] + c.velocity[axis];
+                for (lane, place) in lanes.iter_mut().enumerate() {
+                    *place = at;
+                    at += if lane % 2 == 0 { before[axis] } else { c.velocity[axis] };
+                }
+            }
+            let velocity = velocities(&position, target, leg.step_length);
+            let right = correct_lanes(&position, &velocity);
+            let at = |[x, y, z]: &[[f64; LANES]; 3], lane: usize| DVec3::new(x[lane], y[lane], z[lane]);
+            before = if right >= 2 { at(&velocity, right - 2) } else { c.velocity };
+            (c.position, c.velocity) = (at(&position, right - 1), at(&velocity, right - 1));
+            steps -= right as u32;
+        }
+        (0..steps).for_each(|_| self.step(leg));
     }
 
     /// Number of steps, up to `wanted`, that certainly change the position by the same increment each.
@@ -137,6 +166,44 @@ impl LinearPath {
     }
 }
 
+/// `unit(target - position) * step` for every lane, in the same order of operations.
+#[inline]
+fn velocities(position: &[[f64; LANES]; 3], target: DVec3, step: f64) -> [[f64; LANES]; 3] {
+    let mut way = [[0.0; LANES]; 3];
+    for axis in 0..3 {
+        for lane in 0..LANES {
+            way[axis][lane] = target[axis] - position[axis][lane];
+        }
+    }
+    let mut scale = [0.0; LANES];
+    for lane in 0..LANES {
+        let (x, y, z) = (way[0][lane], way[1][lane], way[2][lane]);
+        scale[lane] = 1.0 / (x * x + y * y + z * z).sqrt();
+    }
+    for lanes in &mut way {
+        for lane in 0..LANES {
+            lanes[lane] = lanes[lane] * scale[lane] * step;
+        }
+    }
+    way
+}
+
+/// Number of lanes, from the first on, whose position is what the lane before leads to, bit for bit.
+#[inline]
+fn correct_lanes(position: &[[f64; LANES]; 3], velocity: &[[f64; LANES]; 3]) -> usize {
+    let mut differs = [0; LANES];
+    for (at, step) in position.iter().zip(velocity) {
+        for lane in 1..LANES {
+            differs[lane] |= (at[lane - 1] + step[lane - 1]).to_bits() ^ at[lane].to_bits();
+        }
+    }
+    // One branch where all are correct.
+    let any = differs.iter().fold(0, |any, bits| any | bits);
+    if any == 0 { LANES } else { differs.iter().position(|bits| *bits != 0).unwrap_or(LANES) }
+}
+
+/// Number of steps that are predicted at once.
+const LANES: usize = 8;
 /// Fewer equal steps are taken one by one.
 const MIN_EQUAL_STEPS: u32 = 8;
 /// Half of the steps that are taken one by one before equal steps are looked for again; doubled each time in vain.
