@@ -6,7 +6,7 @@ use super::watch::watched;
 use super::{Console, interrupt};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::options::{Options, PartNumber};
+use crate::options::{Options, PartNumber, PartPoints};
 use crate::parts::{PartSet, part_path};
 use crate::pipeline::{
     Control, Part, Progress, Session, join_segments, merge as merge_parts, merge_segment, output_context,
@@ -42,6 +42,9 @@ pub fn run_part(args: &RunArgs, PartNumber { number, of }: PartNumber, console: 
     let mut session = Session::open_without_tree(settings, console.observer())?;
     let legs = session.survey().legs.len();
     let mut parts = session.parts(&folder, output.creation, force, &interrupt::STOP)?;
+    if args.parts.part_points == PartPoints::Las {
+        parts.hold_las(&output)?;
+    }
     let part = Part { number, of };
     if resumes && !force && parts.existing(part)?.is_some() {
         console.say(format!("{} exists and is complete", path.display()));

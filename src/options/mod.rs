@@ -34,5 +34,5 @@ pub use groups::{
 pub use keys::pipeline_keys;
 pub use over::Over;
 pub use trajectory::TrajectoryOptions;
-pub use values::{ChunkSize, Count, Divergence, NotNegative, PartNumber, Positive, Seed, Vector};
+pub use values::{ChunkSize, Count, Divergence, NotNegative, PartNumber, PartPoints, Positive, Seed, Vector};
 pub use words::OptionName;

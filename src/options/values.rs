@@ -9,6 +9,7 @@ use crate::input::read_file;
 use crate::output::Column;
 use crate::quantity;
 use crate::survey::{NavigationErrors, parse_seed};
+use clap::ValueEnum;
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -124,6 +125,16 @@ pub struct PartNumber {
     pub number: u32,
     /// N.
     pub of: u32,
+}
+
+/// What a part of a run holds of the points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum PartPoints {
+    /// Everything that any output needs.
+    #[default]
+    Echoes,
+    /// Records for LAS, LAZ and COPC.
+    Las,
 }
 
 /// Maximum number of parts.

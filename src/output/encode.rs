@@ -13,6 +13,7 @@ use super::plan::OutputPlan;
 use super::ply::{PlyCodec, PlyGroups};
 use super::ray_cloud::RayCloudCodec;
 use super::request::{PointFormat, TrajectoryFormat};
+use super::stored::StoredPoints;
 use super::{table, text};
 use crate::geom::{DVec3, is_inside};
 use crate::parts;
@@ -79,18 +80,28 @@ impl PointCodec for XyzCodec<'_> {
     }
 }
 
-/// A batch over the ground of its epoch.
+/// A batch over the ground of its epoch, or with its points as records of LAS.
 #[derive(Clone, Copy)]
 struct Source<'a> {
     batch: &'a Batch,
     ground: Option<&'a Arc<dyn Ground>>,
+    stored: Option<&'a StoredPoints<'a>>,
 }
 
 impl OutputPlan {
     /// Encodes a batch for every file. Called by the worker threads. Heights of its points count from `ground`, that of the
     /// batch's epoch.
     pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn Ground>>) -> Encoded {
-        let source = Source { batch, ground };
+        self.encode_source(Source { batch, ground, stored: None })
+    }
+
+    /// [`encode`](Self::encode) of a batch whose points are records of LAS.
+    pub fn encode_stored(&self, batch: &Batch, stored: &StoredPoints) -> Encoded {
+        self.encode_source(Source { batch, ground: None, stored: Some(stored) })
+    }
+
+    fn encode_source(&self, source: Source) -> Encoded {
+        let batch = source.batch;
         let mut echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
         if let Some(ring) = &self.clip {
             let keeps = |p: DVec3| is_inside(ring, [p.x + self.shift.x, p.y + self.shift.y]);
@@ -112,7 +123,7 @@ impl OutputPlan {
                 Route::Trajectory(format, slot) => pieces.push(self.trajectory(*format, *slot, batch)),
                 Route::Waveforms(slot) => pieces.push(self.waveforms(*slot, batch)),
                 Route::Pulses(slot) => pieces.push(self.pulses(*slot, batch)),
-                Route::Part(slot) => pieces.push(part(*slot, batch)),
+                Route::Part(slot) => pieces.push(self.part(*slot, batch, &echoes)),
                 Route::Table(TableContent::Points, slots) => {
                     self.points(PointFormat::Arrow, slots, source, &echoes, &mut pieces);
                 }
@@ -144,9 +155,9 @@ impl OutputPlan {
         echoes: &[Echo],
         pieces: &mut Vec<Piece>,
     ) {
-        let Source { batch, ground } = source;
-        let own = batch.leg_number.map(LegFacts::new);
-        let Some(leg) = own.as_ref().or(self.legs.get(batch.leg as usize)) else { return };
+        let Source { batch, ground, stored } = source;
+        let Some(leg) = self.leg_of(batch) else { return };
+        let leg = &leg;
         let (shift, objects, groups) = (self.shift, &self.objects, self.ply_groups());
         match format {
             PointFormat::Xyz if self.columns_chosen => {
@@ -165,6 +176,9 @@ impl OutputPlan {
             PointFormat::Xyz | PointFormat::Bin => {
                 let codec = XyzCodec { shift, part_names: &self.part_names };
                 encode_points(&codec, leg, slots, echoes, pieces);
+            }
+            PointFormat::Las | PointFormat::Laz | PointFormat::Copc if let Some(stored) = stored => {
+                pieces.extend(slots.as_slice().iter().map(|&slot| stored.piece(slot)));
             }
             PointFormat::Las | PointFormat::Laz | PointFormat::Copc => {
                 let codec = LasCodec { format: &self.las, objects, truths: &batch.truths, ground };
@@ -204,6 +218,25 @@ impl OutputPlan {
                 );
             }
         }
+    }
+
+    /// The facts of a batch's leg.
+    fn leg_of(&self, batch: &Batch) -> Option<LegFacts> {
+        let own = batch.leg_number.map(LegFacts::new);
+        own.or_else(|| self.legs.get(batch.leg as usize).copied())
+    }
+
+    /// Returns the batch as a block of a part.
+    fn part(&self, slot: u32, batch: &Batch, echoes: &[Echo]) -> Piece {
+        if self.part_as_las
+            && let Some(leg) = self.leg_of(batch)
+        {
+            return self.part_of_records(slot, &leg, batch, echoes);
+        }
+        let mut piece = Piece::new(slot, batch.echoes.len() * 168 + 1024);
+        parts::encode(batch, None, &mut piece.bytes);
+        piece.tally.records = batch.echoes.len() as u64;
+        piece
     }
 
     /// Encodes points as one block of columns per file, which `write` converts to the bytes of the file.
@@ -291,14 +324,6 @@ fn with_misses(batch: &Batch) -> Cow<'_, [Echo]> {
         }
     }
     Cow::Owned(all)
-}
-
-/// Returns the batch as a block of a part.
-fn part(slot: u32, batch: &Batch) -> Piece {
-    let mut piece = Piece::new(slot, batch.echoes.len() * 168 + 1024);
-    parts::encode(batch, &mut piece.bytes);
-    piece.tally.records = batch.echoes.len() as u64;
-    piece
 }
 
 /// Returns a piece of records without coordinates.

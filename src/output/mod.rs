@@ -62,6 +62,7 @@ mod ply;
 mod ray_cloud;
 mod request;
 mod rows;
+mod stored;
 mod stream;
 mod summary;
 mod table;
@@ -88,5 +89,6 @@ pub use request::{
     ExtraDimensions, LasSettings, LasVersion, OutputRequest, PacketPlace, PartOutput, PointFormat, Target,
     TrajectoryFormat,
 };
+pub use stored::StoredPoints;
 pub use summary::{FileKind, FileSummary, Summary};
 pub use writer::Writer;

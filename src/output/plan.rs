@@ -66,6 +66,8 @@ pub struct OutputPlan {
     pub(super) run_stamp: Option<String>,
     /// The bytes before the first block of a part.
     pub(super) part_head: Vec<u8>,
+    /// Whether a part holds records of LAS.
+    pub(super) part_as_las: bool,
     pub(super) tables: Vec<TableRequest>,
     pub(super) epochs: u32,
     /// Partial files that a failed run left.
@@ -96,7 +98,8 @@ impl OutputPlan {
             problems.warn(None, message).help("leave out --crs: nothing is projected");
         }
         let las = LasFormat::new(&request, context, wkt, &objects, &mut las_problems);
-        if request.sinks.iter().any(|(_, format)| format.is_las()) {
+        let part_as_las = request.part.as_ref().is_some_and(|part| part.as_las);
+        if part_as_las || request.sinks.iter().any(|(_, format)| format.is_las()) {
             problems.extend(las_problems);
             if las.packet_place() == Some(PacketPlace::Beside) {
                 check_packets(&layout, request.force, &inputs, &mut problems);
@@ -139,6 +142,7 @@ impl OutputPlan {
             warnings,
             force: request.force,
             run_stamp: request.run_stamp,
+            part_as_las,
             part_head: request.part.map(|part| part.head).unwrap_or_default(),
             tables: request.tables,
             epochs: request.epochs.max(1),
@@ -154,6 +158,12 @@ impl OutputPlan {
     /// Duration of a frame of MCAP, ns.
     pub(super) fn frame_ns(&self, leg: u32) -> f64 {
         self.frames_ns.get(leg as usize).copied().unwrap_or(mcap::FRAME_S * 1e9)
+    }
+
+    /// What records of LAS depend on, besides survey, scene and what was measured. Parts with these records serve outputs with
+    /// the same text.
+    pub fn las_facts(&self) -> String {
+        self.las.record_facts()
     }
 
     /// Warnings about the request.

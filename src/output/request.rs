@@ -161,6 +161,8 @@ pub struct PartOutput {
     pub path: PathBuf,
     /// The bytes before its first block.
     pub head: Vec<u8>,
+    /// Whether it holds the points as records of LAS, as the request describes these, instead of echoes.
+    pub as_las: bool,
 }
 
 /// Specification of all outputs of a run.

@@ -6,11 +6,14 @@
 //! 56   checksum of the bytes before it and of the columns
 //! 64   columns of echoes, truths, waveforms, samples, pulse records, poses
 //! ```
+//!
+//! Where the part holds the records of a format instead of echoes and truths, these come first, after their length u64.
 
 use super::column::{Value, columns};
 use crate::flight::PoseSample;
 use crate::geom::{DVec3, Rotation};
 use crate::pulse::{Batch, Echo, EchoTruth, PulseRecord, WaveformRecord};
+use std::ops::Range;
 use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a block's head.
@@ -142,13 +145,21 @@ impl BlockHead {
     }
 }
 
-/// Appends a batch as a block.
-pub fn encode(batch: &Batch, out: &mut Vec<u8>) {
+/// Appends a batch as a block, with its points as `records` of a format instead of echoes and truths if there are any.
+pub fn encode(batch: &Batch, records: Option<&[u8]>, out: &mut Vec<u8>) {
     let start = out.len();
     out.extend_from_slice(&[0; HEAD_BYTES]);
-    put_echoes(out, &batch.echoes);
-    put_positions(out, &batch.echoes);
-    put_truths(out, &batch.truths);
+    match records {
+        None => {
+            put_echoes(out, &batch.echoes);
+            put_positions(out, &batch.echoes);
+            put_truths(out, &batch.truths);
+        }
+        Some(records) => {
+            out.extend_from_slice(&(records.len() as u64).to_le_bytes());
+            out.extend_from_slice(records);
+        }
+    }
     put_waveforms(out, &batch.waveforms);
     out.extend(batch.samples.iter().flat_map(|sample| sample.to_bits().to_le_bytes()));
     put_pulses(out, &batch.pulses);
@@ -160,7 +171,7 @@ pub fn encode(batch: &Batch, out: &mut Vec<u8>) {
         leg_number: batch.leg_number.unwrap_or(NO_LEG_NUMBER),
         pulses: batch.emitted,
         echoes: batch.echoes.len() as u32,
-        truths: batch.truths.len() as u32,
+        truths: if records.is_none() { batch.truths.len() as u32 } else { 0 },
         waveforms: batch.waveforms.len() as u32,
         pulse_records: batch.pulses.len() as u32,
         poses: batch.poses.len() as u32,
@@ -172,8 +183,14 @@ pub fn encode(batch: &Batch, out: &mut Vec<u8>) {
     out[start..columns].copy_from_slice(&head.bytes());
 }
 
-/// Reads a block, whose head must be `head`, into a batch; `None` if the block is damaged.
-pub(super) fn decode(head: &BlockHead, block: &[u8], batch: &mut Batch) -> Option<()> {
+/// Reads a block, whose head must be `head`, into a batch; `None` if the block is damaged. Returns where its records are if
+/// it `has_records` instead of echoes and truths.
+pub(super) fn decode(
+    head: &BlockHead,
+    block: &[u8],
+    has_records: bool,
+    batch: &mut Batch,
+) -> Option<Range<usize>> {
     let columns = block.get(HEAD_BYTES..)?;
     let is_sound = BlockHead::read(block)? == *head
         && columns.len() as u64 == head.length
@@ -185,14 +202,24 @@ pub(super) fn decode(head: &BlockHead, block: &[u8], batch: &mut Batch) -> Optio
     batch.epoch = head.epoch;
     batch.emitted = head.pulses;
     batch.leg_number = (head.leg_number != NO_LEG_NUMBER).then_some(head.leg_number);
-    batch.echoes.resize(head.echoes as usize, BLANK_ECHO);
-    batch.truths.resize(head.truths as usize, EchoTruth::default());
     batch.waveforms.resize(head.waveforms as usize, BLANK_WAVEFORM);
     batch.pulses.resize(head.pulse_records as usize, BLANK_PULSE);
     batch.poses.resize(head.poses as usize, BLANK_POSE);
-    let columns = get_echoes(columns, &mut batch.echoes)?;
-    let columns = get_positions(columns, &mut batch.echoes)?;
-    let columns = get_truths(columns, &mut batch.truths)?;
+    let mut records = 0..0;
+    let columns = if has_records {
+        let (length, columns) = columns.split_at_checked(8)?;
+        let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;
+        let (_, columns) = columns.split_at_checked(length)?;
+        let end = block.len() - columns.len();
+        records = end - length..end;
+        columns
+    } else {
+        batch.echoes.resize(head.echoes as usize, BLANK_ECHO);
+        batch.truths.resize(head.truths as usize, EchoTruth::default());
+        let columns = get_echoes(columns, &mut batch.echoes)?;
+        let columns = get_positions(columns, &mut batch.echoes)?;
+        get_truths(columns, &mut batch.truths)?
+    };
     let columns = get_waveforms(columns, &mut batch.waveforms)?;
     let (samples, columns) = columns.split_at_checked(usize::try_from(head.samples.checked_mul(8)?).ok()?)?;
     let sample =
@@ -200,7 +227,7 @@ pub(super) fn decode(head: &BlockHead, block: &[u8], batch: &mut Batch) -> Optio
     batch.samples.extend(samples.chunks_exact(8).map(sample));
     let columns = get_pulses(columns, &mut batch.pulses)?;
     let columns = get_poses(columns, &mut batch.poses)?;
-    columns.is_empty().then_some(())
+    columns.is_empty().then_some(records)
 }
 
 const BLANK_PULSE: PulseRecord = PulseRecord {
@@ -299,10 +326,10 @@ pub(super) mod tests {
     fn batches_come_back_bit_for_bit() {
         for batch in [batch(0, 0, 0), batch(1, 3, 1), batch(2, 1, 500)] {
             let mut bytes = vec![1, 2, 3];
-            encode(&batch, &mut bytes);
+            encode(&batch, None, &mut bytes);
             let head = BlockHead::read(&bytes[3..]).unwrap();
             let mut read = self::batch(9, 9, 3);
-            decode(&head, &bytes[3..], &mut read).unwrap();
+            decode(&head, &bytes[3..], false, &mut read).unwrap();
             // The debug representation of -0 and of infinity differs from that of other numbers; NaNs are compared below.
             assert_eq!(format!("{read:?}"), format!("{batch:?}"));
             let bits = |b: &Batch| b.echoes.iter().map(|e| e.range.to_bits()).collect::<Vec<_>>();
@@ -321,9 +348,9 @@ pub(super) mod tests {
         }
         let bytes = |batch: &Batch| {
             let mut bytes = Vec::new();
-            encode(batch, &mut bytes);
+            encode(batch, None, &mut bytes);
             let mut read = Batch::default();
-            decode(&BlockHead::read(&bytes).unwrap(), &bytes, &mut read).unwrap();
+            decode(&BlockHead::read(&bytes).unwrap(), &bytes, false, &mut read).unwrap();
             assert_eq!(format!("{read:?}"), format!("{batch:?}"));
             bytes.len()
         };
@@ -334,16 +361,31 @@ pub(super) mod tests {
 
     #[test]
     fn any_changed_byte_is_found() {
-        let mut bytes = Vec::new();
-        encode(&batch(1, 2, 20), &mut bytes);
-        let head = BlockHead::read(&bytes).unwrap();
-        let mut read = Batch::default();
-        for at in 0..bytes.len() {
-            bytes[at] ^= 8;
-            assert!(decode(&head, &bytes, &mut read).is_none(), "byte {at}");
-            bytes[at] ^= 8;
+        for records in [None, Some(&[7; 100][..])] {
+            let mut bytes = Vec::new();
+            encode(&batch(1, 2, 20), records, &mut bytes);
+            let head = BlockHead::read(&bytes).unwrap();
+            let mut read = Batch::default();
+            let mut decode = |bytes: &[u8]| decode(&head, bytes, records.is_some(), &mut read);
+            for at in 0..bytes.len() {
+                bytes[at] ^= 8;
+                assert!(decode(&bytes).is_none(), "byte {at}");
+                bytes[at] ^= 8;
+            }
+            assert!(decode(&bytes[..bytes.len() - 1]).is_none());
+            assert!(decode(&bytes).is_some());
         }
-        assert!(decode(&head, &bytes[..bytes.len() - 1], &mut read).is_none());
-        assert!(decode(&head, &bytes, &mut read).is_some());
+    }
+
+    #[test]
+    fn records_come_back_with_everything_but_echoes() {
+        let batch = batch(1, 2, 20);
+        let mut bytes = Vec::new();
+        encode(&batch, Some(&[1, 2, 3]), &mut bytes);
+        let (head, mut read) = (BlockHead::read(&bytes).unwrap(), Batch::default());
+        let records = decode(&head, &bytes, true, &mut read).unwrap();
+        assert_eq!(bytes[records], [1, 2, 3]);
+        let expected = Batch { echoes: Vec::new(), truths: Vec::new(), ..batch };
+        assert_eq!((format!("{read:?}"), head.echoes), (format!("{expected:?}"), 20));
     }
 }

@@ -14,12 +14,13 @@ use crate::pulse::Batch;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 const MAGIC: &[u8; 8] = b"VLSPART\n";
 /// Version of the contents; incremented whenever the meaning of any content changes.
-pub(super) const VERSION: u32 = 2;
+pub(super) const VERSION: u32 = 3;
 const START_BYTES: usize = 24;
 const END_BYTES: usize = 40;
 
@@ -40,6 +41,8 @@ pub struct PartHead {
     pub creation: (u16, u16),
     /// What is recorded beside echoes and poses.
     pub records: Records,
+    /// What the records of LAS depend on, if the part holds these instead of echoes.
+    pub las: Option<String>,
     /// The encoded facts that outputs depend on.
     pub context: Vec<u8>,
 }
@@ -197,13 +200,21 @@ impl PartFile {
         self.blocks.get(number).map(|(_, head)| *head)
     }
 
-    /// Reads a block into a batch; `buffer` is scratch memory. The error is the reason why it cannot be used.
-    pub fn read(&self, block: usize, batch: &mut Batch, buffer: &mut Vec<u8>) -> Result<(), String> {
+    /// Reads a block into `buffer`, and into a batch. Returns where in the buffer the records of LAS are, if the part holds
+    /// these instead of echoes. The error is the reason why it cannot be used.
+    pub fn read(
+        &self,
+        block: usize,
+        batch: &mut Batch,
+        buffer: &mut Vec<u8>,
+    ) -> Result<Option<Range<usize>>, String> {
         let (at, head) = self.blocks.get(block).ok_or_else(|| format!("has no block {block}"))?;
         buffer.resize(HEAD_BYTES + head.length as usize, 0);
         read_at(&self.file, buffer, *at).map_err(|e| format!("cannot be read: {e}"))?;
-        block::decode(head, buffer, batch)
-            .ok_or_else(|| format!("is damaged: the checksum of block {block} differs"))
+        let has_records = self.head.las.is_some();
+        let records = block::decode(head, buffer, has_records, batch)
+            .ok_or_else(|| format!("is damaged: the checksum of block {block} differs"))?;
+        Ok(has_records.then_some(records))
     }
 }
 
@@ -251,6 +262,7 @@ pub(super) mod tests {
             epochs: 2,
             creation: (2024, 1),
             records: Records::default(),
+            las: None,
             context: vec![1, 2, 3],
         }
     }
@@ -261,7 +273,7 @@ pub(super) mod tests {
         let mut table = PartTable::new(bytes.len() as u64);
         for batch in [batch(0, 0, 500), batch(1, 1, 20)] {
             let mut block = Vec::new();
-            block::encode(&batch, &mut block);
+            block::encode(&batch, None, &mut block);
             table.add(&block);
             bytes.extend(block);
         }
@@ -291,8 +303,9 @@ pub(super) mod tests {
             let mut bytes = whole.clone();
             bytes[at] ^= 4;
             std::fs::write(&path, &bytes).unwrap();
-            let found = PartFile::open(&path)
-                .and_then(|file| (0..file.blocks()).try_for_each(|i| file.read(i, &mut read, &mut buffer)));
+            let found = PartFile::open(&path).and_then(|file| {
+                (0..file.blocks()).try_for_each(|i| file.read(i, &mut read, &mut buffer).map(drop))
+            });
             assert!(found.is_err(), "a change of byte {at} is not found");
         }
         for length in [0, 10, 63, 100, whole.len() / 2, whole.len() - 1] {

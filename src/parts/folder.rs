@@ -152,7 +152,7 @@ impl PartSet {
         for number in (0..self.head.of).take_while(|_| !stop.is_requested()) {
             let path = part_path(&self.folder, number, self.head.of);
             let read = PartFile::open(&path).and_then(|part| {
-                (0..part.blocks()).try_for_each(|block| part.read(block, &mut batch, &mut buffer))
+                (0..part.blocks()).try_for_each(|block| part.read(block, &mut batch, &mut buffer).map(drop))
             });
             if let Err(reason) = read {
                 damaged.insert(number, reason);

@@ -9,7 +9,7 @@ use super::session::Report;
 use super::worker::{Measured, Pieces};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary};
+use crate::output::{OutputContext, OutputPlan, OutputRequest, StoredPoints, Summary, Target};
 use crate::parts::{PartFile, PartSet};
 use crate::pulse::Batch;
 use crate::schedule::{Feed, Outcome, Schedule, Stop, Tasks};
@@ -150,6 +150,7 @@ pub(super) fn merge_echoes(
     let epochs = parts.head.epochs.max(1);
     let request = OutputRequest { epochs, creation: parts.head.creation, ..outputs };
     let output = Arc::new(OutputPlan::new(request, &context)?);
+    check_las(parts, &output)?;
     let is_damaged = AtomicBool::new(false);
     let started = Instant::now();
     let blocks = Blocks { parts, current: None, next_part: 0, wanted, echoes: 0, pulses: 0 };
@@ -205,16 +206,27 @@ fn encode(
     buffer: &mut Vec<u8>,
     is_damaged: &AtomicBool,
 ) -> Result<Pieces> {
-    task.part.read(task.block, batch, buffer).map_err(|reason| {
+    let damaged = |reason: String| {
         is_damaged.store(true, Relaxed);
         Error::input(format!("{} {reason}", task.part.path().display()))
-    })?;
-    batch.echoes.truncate(task.echoes.end as usize);
-    batch.echoes.drain(..task.echoes.start as usize);
+    };
+    let records = task.part.read(task.block, batch, buffer).map_err(damaged)?;
+    let (encoded, echoes) = match records {
+        Some(records) => {
+            let stored = StoredPoints::read(&buffer[records]);
+            let stored = stored.ok_or_else(|| damaged(format!("holds no points in block {}", task.block)))?;
+            (output.encode_stored(batch, &stored), stored.count())
+        }
+        None => {
+            batch.echoes.truncate(task.echoes.end as usize);
+            batch.echoes.drain(..task.echoes.start as usize);
+            (output.encode(batch, None), batch.echoes.len() as u64)
+        }
+    };
     Ok(vec![Ok(Measured {
-        encoded: output.encode(batch, None),
+        encoded,
         pulses: u64::from(task.pulses),
-        echoes: batch.echoes.len() as u64,
+        echoes,
         leg: task.leg,
         done: task.done,
         aim: Aim::NONE,
@@ -233,10 +245,56 @@ pub(super) fn check_records(parts: &PartSet, outputs: &OutputRequest) -> Result<
         (outputs.misses && !records.pulses, "pulses without echoes", "--misses"),
         (truth.is_some() && !records.truth, "true causes of echoes", "--columns"),
     ];
+    if parts.head.las.is_some() {
+        check_outputs_of_records(outputs, &mut problems);
+    }
     for (_, what, option) in needs.into_iter().filter(|(is_missing, ..)| *is_missing) {
         problems
             .error(None, format!("the parts hold no {what}"))
             .help(format!("compute the parts with {option}"));
     }
+    problems.finish(false).map(drop)
+}
+
+/// Refuses outputs for which records of LAS do not hold enough.
+fn check_outputs_of_records(outputs: &OutputRequest, problems: &mut Diagnostics) {
+    let help = "compute the parts without --part-points, which then hold what any output needs";
+    for (target, format) in outputs.sinks.iter().filter(|(_, format)| !format.is_las()) {
+        let what = match target {
+            Target::File(path) | Target::Directory(path) | Target::Helios(path) => path.display().to_string(),
+            Target::Stdout => format!("{} on standard output", format.extension()),
+        };
+        problems
+            .error(None, format!("the parts hold records of LAS, from which {what} cannot be made"))
+            .help(help);
+    }
+    let others = [
+        (outputs.split_by_channel, "files per channel"),
+        (outputs.division.is_some(), "files per tile or object"),
+        (outputs.clip.is_some(), "points inside of a polygon"),
+        (!outputs.tables.is_empty(), "tables"),
+    ];
+    for (_, what) in others.iter().filter(|(is_wanted, _)| *is_wanted) {
+        problems
+            .error(None, format!("the parts hold records of LAS, from which no {what} are made"))
+            .help(help);
+    }
+}
+
+/// Refuses records of LAS that were made with other options than the outputs.
+fn check_las(parts: &PartSet, output: &OutputPlan) -> Result<()> {
+    let Some(facts) = parts.head.las.as_ref().filter(|facts| **facts != output.las_facts()) else {
+        return Ok(());
+    };
+    let mut problems = Diagnostics::default();
+    problems
+        .error(
+            None,
+            format!(
+                "the parts hold records of LAS with {facts}, the output would have {}",
+                output.las_facts()
+            ),
+        )
+        .help("give vlscan merge the options of LAS that the parts were computed with");
     problems.finish(false).map(drop)
 }

@@ -41,6 +41,8 @@ pub struct PartRunner<'s> {
     context: OutputContext,
     /// Head of every part, but for its number.
     head: PartHead,
+    /// The points of LAS whose records parts hold, if not echoes.
+    las: Option<OutputRequest>,
     folder: PathBuf,
     is_checked: bool,
 }
@@ -97,10 +99,11 @@ impl Session {
                 truth: physics.record_truth,
                 subrays: physics.record_subrays,
             },
+            las: None,
             context: encoded.map_err(|e| Error::Internal(format!("facts for the outputs: {e}")))?,
         };
         let folder = folder.to_path_buf();
-        Ok(PartRunner { session: self, flight, borders, context, head, folder, is_checked: false })
+        Ok(PartRunner { session: self, flight, borders, context, head, las: None, folder, is_checked: false })
     }
 
     /// Steps once through the flight and writes the borders to `folder`.
@@ -146,6 +149,37 @@ impl PartRunner<'_> {
     /// Pulses of the whole run.
     pub fn pulses(&self) -> u64 {
         self.borders.total
+    }
+
+    /// Has parts hold the points of `output` as records of LAS instead of echoes.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for points of LAS that need more than a part of the run.
+    pub fn hold_las(&mut self, output: &OutputRequest) -> Result<()> {
+        let mut problems = Diagnostics::default();
+        let others = [
+            (output.las.packets.is_some(), "waveform packets", "--wave-packets"),
+            (output.heights, "heights above the ground", "--height-above-ground"),
+            (output.clip.is_some(), "points inside of a polygon", "--clip"),
+            (output.division.is_some(), "files per tile or object", "--tile or --per-object"),
+            (output.split_by_channel, "files per channel", "--split-by-channel"),
+        ];
+        for (_, what, option) in others.iter().filter(|(is_wanted, ..)| *is_wanted) {
+            problems
+                .error(None, format!("parts with records of LAS hold no {what}"))
+                .help(format!("leave out {option}, or --part-points"));
+        }
+        problems.finish(false)?;
+        let request = OutputRequest {
+            las: output.las.clone(),
+            labels: output.labels,
+            misses: output.misses,
+            true_positions: output.true_positions,
+            ..OutputRequest::default()
+        };
+        self.head.las = Some(OutputPlan::new(request.clone(), &self.context)?.las_facts());
+        self.las = Some(request);
+        Ok(())
     }
 
     /// The file of a part.
@@ -199,9 +233,9 @@ impl PartRunner<'_> {
     fn compute(&mut self, part: Part, path: PathBuf, control: Control<'_>) -> Result<Report> {
         let head = self.head_of(part).bytes().map_err(|e| Error::Internal(format!("head of a part: {e}")))?;
         let request = OutputRequest {
-            part: Some(PartOutput { path, head }),
+            part: Some(PartOutput { path, head, as_las: self.las.is_some() }),
             epochs: self.session.epochs(),
-            ..OutputRequest::default()
+            ..self.las.clone().unwrap_or_default()
         };
         let output = Arc::new(OutputPlan::new(request, &self.context)?);
         let range = self.borders.range(part.number, part.of);

@@ -178,7 +178,7 @@ mod linux {
     use std::path::{Path, PathBuf};
     use std::ptr;
     use std::sync::atomic::{AtomicBool, AtomicI32, AtomicPtr, AtomicUsize, Ordering};
-    use std::sync::{Arc, OnceLock};
+    use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
     use xxhash_rust::xxh3::Xxh3Default;
 
     /// Maximum number of units of a file: a process can have 65 530 memory areas, and neighbouring units with and
@@ -191,13 +191,12 @@ mod linux {
     /// A mapped file.
     #[derive(Debug)]
     pub struct Mapping {
-        region: &'static Region,
+        region: Arc<Region>,
         /// Keeps the descriptor in the region open.
         _file: File,
     }
 
-    /// The memory of a mapping, as the signal handlers see it. A region is never freed, because a handler of another
-    /// thread can be looking at it at any time; it takes some hundred bytes.
+    /// The memory of a mapping, as the signal handlers see it. It is freed when no handler can be looking at it any more.
     #[derive(Debug)]
     struct Region {
         start: usize,
@@ -217,10 +216,16 @@ mod linux {
         next: AtomicPtr<Region>,
     }
 
-    /// All regions, as a linked list.
+    /// The regions of all mappings, as a linked list.
     static REGIONS: AtomicPtr<Region> = AtomicPtr::new(ptr::null_mut());
 
-    /// The region with the first loss that has not been taken.
+    /// Held while the list changes and while a loss is taken, and never by a handler.
+    static CHANGES: Mutex<()> = Mutex::new(());
+
+    /// Number of handlers that are looking at the list.
+    static READERS: AtomicUsize = AtomicUsize::new(0);
+
+    /// The region with the first loss that has not been taken. Such a region is not freed.
     static LOST: AtomicPtr<Region> = AtomicPtr::new(ptr::null_mut());
 
     /// The handlers of `SIGSEGV` and `SIGBUS` that were installed before ours.
@@ -236,8 +241,10 @@ mod linux {
 
     /// Returns and clears the first loss.
     pub fn take_loss() -> Option<Loss> {
+        let _changes = lock_changes();
         let lost = LOST.swap(ptr::null_mut(), Ordering::SeqCst);
-        // SAFETY: the pointer is null or that of a region, none of which is ever freed.
+        // SAFETY: the pointer is null or that of a region, which is not freed as long as `LOST` names it, nor while the lock
+        // is held.
         let region = unsafe { lost.as_ref() }?;
         damage::silence_panics(false);
         let cause = match region.lost_cause.load(Ordering::SeqCst) {
@@ -253,6 +260,12 @@ mod linux {
     }
 
     impl Mapping {
+        /// The region, to see whether it is freed.
+        #[cfg(test)]
+        pub fn region(&self) -> std::sync::Weak<impl Sized + use<>> {
+            Arc::downgrade(&self.region)
+        }
+
         /// Maps `len` bytes of a file, more than 0.
         pub fn new(file: File, path: &Path, len: u64) -> Result<Mapping> {
             install_handlers()?;
@@ -264,7 +277,7 @@ mod linux {
                 return Err(Error::last_os_error());
             }
             let unit = CHECKED_BYTES * len.div_ceil(CHECKED_BYTES).div_ceil(MAX_UNITS);
-            let region: &'static Region = Box::leak(Box::new(Region {
+            let region = Arc::new(Region {
                 start: start as usize,
                 len,
                 unit,
@@ -276,16 +289,11 @@ mod linux {
                 lost_unit: AtomicUsize::new(0),
                 lost_cause: AtomicI32::new(0),
                 next: AtomicPtr::new(ptr::null_mut()),
-            }));
-            let own = ptr::from_ref(region).cast_mut();
-            let mut first = REGIONS.load(Ordering::SeqCst);
-            loop {
-                region.next.store(first, Ordering::SeqCst);
-                match REGIONS.compare_exchange(first, own, Ordering::SeqCst, Ordering::SeqCst) {
-                    Ok(_) => return Ok(Mapping { region, _file: file }),
-                    Err(other) => first = other,
-                }
-            }
+            });
+            let _changes = lock_changes();
+            region.next.store(REGIONS.load(Ordering::SeqCst), Ordering::SeqCst);
+            REGIONS.store(Arc::as_ptr(&region).cast_mut(), Ordering::SeqCst);
+            Ok(Mapping { region, _file: file })
         }
 
         /// See [`super::FileBytes::release`]. After a loss nothing is released, since the memory of a lost part has no
@@ -303,7 +311,7 @@ mod linux {
 
         /// Removes the access to all units; the handler permits it again, unit by unit.
         pub fn protect(&self, sums: Arc<Checksums>) -> Result<()> {
-            let region = self.region;
+            let region = &self.region;
             if region.sums.set(sums).is_ok() {
                 region.is_open.iter().for_each(|open| open.store(false, Ordering::SeqCst));
                 region.set_access(0..region.len, libc::PROT_NONE)?;
@@ -336,6 +344,35 @@ mod linux {
             self.region.is_live.store(false, Ordering::SeqCst);
             // SAFETY: the mapping belongs to `self`, and slices of it borrow from `self`.
             unsafe { libc::munmap(self.region.start as *mut c_void, self.region.len) };
+            remove(&self.region);
+        }
+    }
+
+    fn lock_changes() -> MutexGuard<'static, ()> {
+        CHANGES.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Removes a region from the list and waits until no handler can have a pointer to it.
+    fn remove(region: &Arc<Region>) {
+        let _changes = lock_changes();
+        let own = Arc::as_ptr(region).cast_mut();
+        let mut place = &REGIONS;
+        loop {
+            let next = place.load(Ordering::SeqCst);
+            if next == own {
+                break;
+            }
+            // SAFETY: a region in the list is freed only after it has been removed, and the lock is held.
+            let Some(other) = (unsafe { next.as_ref() }) else { return };
+            place = &other.next;
+        }
+        place.store(region.next.load(Ordering::SeqCst), Ordering::SeqCst);
+        // Handlers that begin from now on do not find it.
+        while READERS.load(Ordering::SeqCst) != 0 {
+            std::thread::yield_now();
+        }
+        if LOST.load(Ordering::SeqCst) == own {
+            std::mem::forget(region.clone());
         }
     }
 
@@ -495,18 +532,21 @@ mod linux {
         let before = errno();
         // SAFETY: the system passes valid information.
         let address = unsafe { (*info).si_addr() } as usize;
+        READERS.fetch_add(1, Ordering::SeqCst);
         let mut next = REGIONS.load(Ordering::SeqCst);
-        // SAFETY: the list ends with null, and regions are never freed.
+        // SAFETY: the list ends with null, and no region is freed that was in it while `READERS` counts this handler.
         while let Some(region) = unsafe { next.as_ref() } {
             let is_within =
                 (region.start..region.start + region.len.next_multiple_of(4096)).contains(&address);
             if is_within && region.is_live.load(Ordering::SeqCst) && region.resolve(signal, address) {
+                READERS.fetch_sub(1, Ordering::SeqCst);
                 // SAFETY: the address of the thread's error number is always valid.
                 unsafe { *libc::__errno_location() = before };
                 return;
             }
             next = region.next.load(Ordering::SeqCst);
         }
+        READERS.fetch_sub(1, Ordering::SeqCst);
         // SAFETY: the arguments are passed on as they came.
         unsafe { pass_on(signal, info, context) };
     }
@@ -572,5 +612,44 @@ impl<T> Deref for MappedArray<T> {
 impl<T> Clone for MappedArray<T> {
     fn clone(&self) -> MappedArray<T> {
         MappedArray { file: self.file.clone(), ..*self }
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::Checksums;
+    use super::linux::Mapping;
+    use std::fs::{self, File};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use xxhash_rust::xxh3::xxh3_64;
+
+    #[test]
+    fn mappings_leave_nothing_behind_while_handlers_look_at_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        fs::write(&path, [7; 10_000]).unwrap();
+        let mapping = || Mapping::new(File::open(&path).unwrap(), &path, 10_000).unwrap();
+        let sums = Arc::new(Checksums { bytes: 0..10_000, sums: vec![xxh3_64(&[7; 10_000])] });
+        let is_over = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !is_over.load(Ordering::SeqCst) {
+                    let protected = mapping();
+                    protected.protect(sums.clone()).unwrap();
+                    // The handler permits the access.
+                    assert_eq!(protected[9000], 7);
+                }
+            });
+            let regions = (0..2000).map(|_| {
+                let mapping = mapping();
+                assert_eq!(mapping[9000], 7);
+                mapping.region()
+            });
+            let freed = regions.filter(|region| region.upgrade().is_none()).count();
+            is_over.store(true, Ordering::SeqCst);
+            assert_eq!(freed, 2000);
+        });
+        assert_eq!(Arc::strong_count(&sums), 1);
     }
 }

@@ -141,6 +141,59 @@ fn sixty_four_parts_give_the_bytes_of_one_run() {
 }
 
 #[test]
+fn parts_with_records_of_las_are_copied_to_the_bytes_of_one_run() {
+    let outputs = ["-o", "all.las", "-o", "all.laz", "-o", "all.copc.laz", "--trajectory-out", "way.csv"];
+    let legs = ["-o", "legs", "--format", "laz"];
+    let misses = ["--misses", "--labels", "--las-scale", "0.001"];
+    let none: &[&str] = &[];
+    for (name, of, measured, las) in [
+        ("forest/survey.xml", 7, &["--seed", "4"][..], none),
+        ("moving/survey.xml", 3, &["--seed", "5", "--physics", "refined"], &misses[..]),
+    ] {
+        let survey = survey(name);
+        let dir = folder();
+        let as_las = arguments(&[measured, las, &["--part-points", "las"]]);
+        compute(dir.path(), &survey, &as_las, 0..of, of);
+        for written in [&outputs[..], &legs[..]] {
+            let expected = of_run(&survey, measured, &arguments(&[written, las]));
+            let found = merged(dir.path(), &arguments(&[written, las]));
+            assert!(!found.is_empty());
+            assert_same(&found, &expected, &format!("{name} {written:?}"));
+        }
+    }
+}
+
+#[test]
+fn parts_with_records_of_las_serve_las_with_the_same_options_alone() {
+    let survey = survey("room/survey.xml");
+    let dir = folder();
+    let part = |more: &[&str]| {
+        let plain = ["run", &survey, "-q", "-o", "parts", "--part", "0/1", "--part-points", "las"];
+        run(dir.path(), &arguments(&[&plain, more]))
+    };
+    for (option, message) in [
+        (&["--height-above-ground"][..], "hold no heights above the ground"),
+        (&["--wave-packets", "inside", "--waveforms"], "hold no waveform packets"),
+        (&["--split-by-channel"], "hold no files per channel"),
+    ] {
+        let refused = part(option);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
+    }
+    assert!(part(&["--labels"]).status.success());
+    for (outputs, message) in [
+        (&["-o", "a.xyz", "--labels"][..], "the parts hold records of LAS, from which a.xyz cannot be made"),
+        (&["-o", "a.las"], "give vlscan merge the options of LAS that the parts were computed with"),
+        (&["-o", "a.las", "--labels", "--part", "0/2"], "from parts that hold echoes"),
+    ] {
+        let refused = run(dir.path(), &arguments(&[&["merge", "parts", "-q"], outputs]));
+        assert_eq!(refused.status.code(), Some(2), "{outputs:?}");
+        assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
+    }
+    succeed(dir.path(), &["merge", "parts", "-q", "-o", "a.las", "--labels"]);
+}
+
+#[test]
 #[ignore = "a thousand processes"]
 fn a_thousand_parts_give_the_bytes_of_one_run() {
     for name in ["forest/survey.xml", "moving/survey.xml"] {

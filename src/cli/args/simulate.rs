@@ -2,8 +2,8 @@
 
 use crate::options::{
     Count, Divergence, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, Options,
-    OriginOptions, OutputOptions, PartNumber, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions,
-    TreeOptions,
+    OriginOptions, OutputOptions, PartNumber, PartPoints, Positive, ProfileOptions, ScheduleOptions,
+    TrajectoryOptions, TreeOptions,
 };
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -85,6 +85,10 @@ pub struct PartArgs {
     /// echoes and poses. With --resume a part that exists is left as it is.
     #[arg(long, value_name = "K/N")]
     pub part: Option<PartNumber>,
+    /// What a part holds of the points: echoes, from which any output is made, or records of LAS, which are smaller and which
+    /// vlscan merge only copies, with the options of LAS that are given here, but from which nothing else is made.
+    #[arg(long, value_name = "KIND", default_value = "echoes", requires = "part")]
+    pub part_points: PartPoints,
     /// Go on where the same command was ended, even by kill -9 or a power cut: parts of so many pulses are kept in OUT.parts
     /// until the outputs are complete. [default: 1M pulses]
     #[arg(long, value_name = "PULSES", num_args = 0..=1, require_equals = true, default_missing_value = "1M")]

@@ -311,10 +311,11 @@ impl Bench {
             epochs: 1,
             creation: self.output.creation,
             records: Records::default(),
+            las: None,
             context: postcard::to_stdvec(&context).map_err(internal)?,
         };
         let path = part_path(&folder, 0, 1);
-        let part = PartOutput { path: path.clone(), head: head.bytes().map_err(internal)? };
+        let part = PartOutput { path: path.clone(), head: head.bytes().map_err(internal)?, as_las: false };
         let request = OutputRequest { part: Some(part), ..OutputRequest::default() };
         let flown = self.fly_to(&interrupt::STOP, request, &physics, options, settings)?;
         let part = flown.ok_or(Error::Interrupted)?;

@@ -107,6 +107,12 @@ impl LasFormat {
         }
     }
 
+    /// What the records depend on, besides the points and the facts about survey and scene.
+    pub fn record_facts(&self) -> String {
+        let LasFormat { version, scale, offset, shift, intensity, extra, groups, packets, .. } = self;
+        format!("{:?}", (version, scale, offset, shift, intensity, extra, groups, packets.is_some()))
+    }
+
     pub fn point_format(&self) -> u8 {
         match (self.version, &self.packets) {
             (LasVersion::V14, None) => 6,
