@@ -18,6 +18,7 @@
 //! | `columns`, `column_codec`, `table` | columns: definition and values, as text |
 //! | `rows`, `arrow`, `parquet` | columns in groups of rows, as Arrow and as Parquet |
 //! | `memory` | tables in memory for the caller |
+//! | `stored` | points as records of LAS in parts, for merges that copy |
 //! | `encode` | encoding of batches as bytes for every file, in the worker threads |
 //! | `laz`, `archive`, `blocks` | compression of LAS and of text in blocks; expansion of text |
 //! | `copc` | compressed LAS as an octree |
