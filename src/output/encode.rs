@@ -228,9 +228,8 @@ impl OutputPlan {
 
     /// Returns the batch as a block of a part.
     fn part(&self, slot: u32, batch: &Batch, echoes: &[Echo]) -> Piece {
-        if self.part_as_las
-            && let Some(leg) = self.leg_of(batch)
-        {
+        if self.part_as_las {
+            let leg = self.leg_of(batch).unwrap_or_else(|| LegFacts::new(batch.leg));
             return self.part_of_records(slot, &leg, batch, echoes);
         }
         let mut piece = Piece::new(slot, batch.echoes.len() * 168 + 1024);

@@ -20,6 +20,7 @@ use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::files::{NewFolder, identity, is_special, remove_litter};
 use crate::geom::{Aabb, DVec3};
+use crate::parts::Fingerprint;
 use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
@@ -161,8 +162,8 @@ impl OutputPlan {
     }
 
     /// What records of LAS depend on, besides survey, scene and what was measured. Parts with these records serve outputs with
-    /// the same text.
-    pub fn las_facts(&self) -> String {
+    /// the same facts.
+    pub fn las_facts(&self) -> Fingerprint {
         self.las.record_facts()
     }
 

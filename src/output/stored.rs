@@ -6,9 +6,8 @@
 //! 184  records
 //! ```
 
-use super::codec::{LegFacts, Piece, encode_points};
+use super::codec::{LegFacts, Piece};
 use super::las::LasCodec;
-use super::layout::Slots;
 use super::plan::OutputPlan;
 use super::summary::Tally;
 use crate::geom::{Aabb, DVec3};
@@ -48,11 +47,6 @@ impl StoredPoints<'_> {
         Some(StoredPoints { tally, records })
     }
 
-    /// Number of points.
-    pub fn count(&self) -> u64 {
-        self.tally.records
-    }
-
     pub(super) fn piece(&self, slot: u32) -> Piece {
         Piece { bytes: self.records.to_vec(), tally: self.tally.clone(), ..Piece::new(slot, 0) }
     }
@@ -63,14 +57,11 @@ impl OutputPlan {
     pub(super) fn part_of_records(&self, slot: u32, leg: &LegFacts, batch: &Batch, echoes: &[Echo]) -> Piece {
         let codec =
             LasCodec { format: &self.las, objects: &self.objects, truths: &batch.truths, ground: None };
-        let mut encoded = Vec::with_capacity(1);
-        encode_points(&codec, leg, &Slots::One(slot), echoes, &mut encoded);
-        let mut records = Vec::new();
-        for piece in &encoded {
-            records.reserve(HEAD_BYTES + piece.bytes.len());
-            put_tally(&piece.tally, &mut records);
-            records.extend_from_slice(&piece.bytes);
-        }
+        let mut points = Piece::new(slot, echoes.len() * usize::from(self.las.record_length()));
+        echoes.iter().for_each(|echo| points.push_point(&codec, leg, echo));
+        let mut records = Vec::with_capacity(HEAD_BYTES + points.bytes.len());
+        put_tally(&points.tally, &mut records);
+        records.extend_from_slice(&points.bytes);
         let mut block = Piece::new(slot, records.len() + 1024);
         parts::encode(batch, Some(&records), &mut block.bytes);
         block.tally.records = batch.echoes.len() as u64;

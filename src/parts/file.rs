@@ -42,7 +42,7 @@ pub struct PartHead {
     /// What is recorded beside echoes and poses.
     pub records: Records,
     /// What the records of LAS depend on, if the part holds these instead of echoes.
-    pub las: Option<String>,
+    pub las: Option<Fingerprint>,
     /// The encoded facts that outputs depend on.
     pub context: Vec<u8>,
 }
@@ -61,6 +61,17 @@ pub struct Records {
 }
 
 impl PartHead {
+    /// Says in what the run of another part differs.
+    pub fn difference(&self, other: &PartHead) -> String {
+        let points = || match (&self.las, &other.las) {
+            (Some(mine), Some(theirs)) => mine.difference(theirs),
+            (None, None) => None,
+            _ => Some("what they hold of the points (--part-points)".to_owned()),
+        };
+        let found = self.fingerprint.difference(&other.fingerprint).or_else(points);
+        found.unwrap_or_else(|| "what they are parts of".to_owned())
+    }
+
     /// The bytes at the beginning of the file.
     pub fn bytes(&self) -> Result<Vec<u8>, postcard::Error> {
         let head = postcard::to_stdvec(self)?;

@@ -206,8 +206,7 @@ impl Runs {
         self.0.sort_by_key(|(_, numbers)| std::cmp::Reverse(numbers.len()));
         let Some(((most, _), others)) = self.0.split_first() else { return };
         for (head, numbers) in others {
-            let what = most.fingerprint.difference(&head.fingerprint);
-            let what = what.unwrap_or_else(|| "what they are parts of".to_owned());
+            let what = most.difference(head);
             problems
                 .error(
                     None,

@@ -211,22 +211,22 @@ fn encode(
         Error::input(format!("{} {reason}", task.part.path().display()))
     };
     let records = task.part.read(task.block, batch, buffer).map_err(damaged)?;
-    let (encoded, echoes) = match records {
+    let encoded = match records {
         Some(records) => {
             let stored = StoredPoints::read(&buffer[records]);
             let stored = stored.ok_or_else(|| damaged(format!("holds no points in block {}", task.block)))?;
-            (output.encode_stored(batch, &stored), stored.count())
+            output.encode_stored(batch, &stored)
         }
         None => {
             batch.echoes.truncate(task.echoes.end as usize);
             batch.echoes.drain(..task.echoes.start as usize);
-            (output.encode(batch, None), batch.echoes.len() as u64)
+            output.encode(batch, None)
         }
     };
     Ok(vec![Ok(Measured {
         encoded,
         pulses: u64::from(task.pulses),
-        echoes,
+        echoes: task.echoes.len() as u64,
         leg: task.leg,
         done: task.done,
         aim: Aim::NONE,
@@ -283,18 +283,11 @@ fn check_outputs_of_records(outputs: &OutputRequest, problems: &mut Diagnostics)
 
 /// Refuses records of LAS that were made with other options than the outputs.
 fn check_las(parts: &PartSet, output: &OutputPlan) -> Result<()> {
-    let Some(facts) = parts.head.las.as_ref().filter(|facts| **facts != output.las_facts()) else {
-        return Ok(());
-    };
+    let facts = parts.head.las.as_ref();
+    let Some(what) = facts.and_then(|facts| facts.difference(&output.las_facts())) else { return Ok(()) };
     let mut problems = Diagnostics::default();
     problems
-        .error(
-            None,
-            format!(
-                "the parts hold records of LAS with {facts}, the output would have {}",
-                output.las_facts()
-            ),
-        )
+        .error(None, format!("the parts hold records of LAS, and those of the output differ in {what}"))
         .help("give vlscan merge the options of LAS that the parts were computed with");
     problems.finish(false).map(drop)
 }

@@ -160,9 +160,6 @@ impl PartRunner<'_> {
         let others = [
             (output.las.packets.is_some(), "waveform packets", "--wave-packets"),
             (output.heights, "heights above the ground", "--height-above-ground"),
-            (output.clip.is_some(), "points inside of a polygon", "--clip"),
-            (output.division.is_some(), "files per tile or object", "--tile or --per-object"),
-            (output.split_by_channel, "files per channel", "--split-by-channel"),
         ];
         for (_, what, option) in others.iter().filter(|(is_wanted, ..)| *is_wanted) {
             problems
@@ -201,8 +198,7 @@ impl PartRunner<'_> {
         if file.head == expected {
             return Ok(Some(file));
         }
-        let what = expected.fingerprint.difference(&file.head.fingerprint);
-        let what = what.unwrap_or_else(|| "what it is a part of".to_owned());
+        let what = expected.difference(&file.head);
         let mut problems = Diagnostics::default();
         problems
             .error(None, format!("{} is of another run; they differ in {what}", path.display()))

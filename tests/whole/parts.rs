@@ -174,7 +174,6 @@ fn parts_with_records_of_las_serve_las_with_the_same_options_alone() {
     for (option, message) in [
         (&["--height-above-ground"][..], "hold no heights above the ground"),
         (&["--wave-packets", "inside", "--waveforms"], "hold no waveform packets"),
-        (&["--split-by-channel"], "hold no files per channel"),
     ] {
         let refused = part(option);
         assert_eq!(refused.status.code(), Some(2));
@@ -183,13 +182,17 @@ fn parts_with_records_of_las_serve_las_with_the_same_options_alone() {
     assert!(part(&["--labels"]).status.success());
     for (outputs, message) in [
         (&["-o", "a.xyz", "--labels"][..], "the parts hold records of LAS, from which a.xyz cannot be made"),
-        (&["-o", "a.las"], "give vlscan merge the options of LAS that the parts were computed with"),
+        (&["-o", "a.las"], "those of the output differ in --labels (true, false)"),
+        (&["-o", "a.las", "--labels", "--split-by-channel"], "no files per channel are made"),
         (&["-o", "a.las", "--labels", "--part", "0/2"], "from parts that hold echoes"),
     ] {
         let refused = run(dir.path(), &arguments(&[&["merge", "parts", "-q"], outputs]));
         assert_eq!(refused.status.code(), Some(2), "{outputs:?}");
         assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
     }
+    let again = run(dir.path(), &["run", &survey, "-q", "-o", "parts", "--part", "0/1", "--resume"]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(text(&again.stderr).contains("what they hold of the points (--part-points)"));
     succeed(dir.path(), &["merge", "parts", "-q", "-o", "a.las", "--labels"]);
 }
 

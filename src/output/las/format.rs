@@ -9,6 +9,7 @@ use crate::output::objects::ObjectIds;
 use crate::output::request::{
     ExtraDimensions, IntensityMapping, LasVersion, OutputRequest, PacketPlace, PointFormat,
 };
+use crate::parts::Fingerprint;
 
 #[derive(Debug)]
 pub(in crate::output) struct LasFormat {
@@ -107,10 +108,20 @@ impl LasFormat {
         }
     }
 
-    /// What the records depend on, besides the points and the facts about survey and scene.
-    pub fn record_facts(&self) -> String {
-        let LasFormat { version, scale, offset, shift, intensity, extra, groups, packets, .. } = self;
-        format!("{:?}", (version, scale, offset, shift, intensity, extra, groups, packets.is_some()))
+    /// What the records depend on, besides the points and the facts about survey and scene; options by their names.
+    pub fn record_facts(&self) -> Fingerprint {
+        let Groups { labels, directions, true_positions, heights } = self.groups;
+        let mut facts = Fingerprint::default();
+        facts.measurement("--las10", self.version == LasVersion::V10);
+        facts.measurement("--las-scale", self.scale);
+        facts.measurement("--las-extra", format!("{:?}", self.extra));
+        facts.measurement("intensity", format!("{:?}", self.intensity));
+        facts.measurement("--labels", labels);
+        facts.measurement("--misses", directions);
+        facts.measurement("--true-positions", true_positions);
+        facts.measurement("--height-above-ground", heights);
+        facts.measurement("--wave-packets", self.packets.is_some());
+        facts
     }
 
     pub fn point_format(&self) -> u8 {
