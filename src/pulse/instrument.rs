@@ -8,7 +8,7 @@ use super::noise::{ReceiverNoise, signal_to_noise};
 use super::options::{Corrections, PhysicsOptions};
 use super::receiver::{ReceiverModel, receiver_noise};
 use super::sampled;
-use super::shape::{PulseShape, sample_count};
+use super::shape::{self, PulseShape, sample_count};
 use super::single_bin::SingleBinDetector;
 use super::subray::Subrays;
 use crate::geom::LIGHT_SPEED;
@@ -220,7 +220,7 @@ impl InstrumentTable {
     /// of pulse samples).
     pub fn new(survey: &Survey, options: &PhysicsOptions) -> Result<InstrumentTable> {
         let devices = &survey.scanner.devices;
-        devices.iter().try_for_each(check)?;
+        devices.iter().try_for_each(|d| check(d, &options.corrections))?;
         let context = Context {
             options,
             multi_channel: survey.scanner.multi_channel,
@@ -295,14 +295,17 @@ fn divergence(
     Divergence { start: first, leg: leg.beam_divergence }
 }
 
-fn check(device: &Device) -> Result<()> {
-    let (w, shape) = (&device.waveform, &device.receiver.pulse_shape);
-    let length = device.beam.pulse_length.max(shape.as_ref().map_or(0.0, |s| sampled::duration(s)));
+fn check(device: &Device, corrections: &Corrections) -> Result<()> {
+    let w = &device.waveform;
+    let length = match &device.receiver.pulse_shape {
+        Some(pulse) if corrections.receiver => sampled::duration(pulse),
+        _ => shape::duration(device.beam.pulse_length, corrections.whole_pulse),
+    };
     let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
         format!("binSize_ns is {}, expected a positive number", w.bin)
     } else if !(length.is_finite() && length / w.bin <= MAX_PULSE_BINS) {
         format!(
-            "a pulse of {length} ns has more than a million bins of {} ns; choose a larger binSize_ns",
+            "a pulse of {length} ns does not fit into a million bins of {} ns; choose a larger binSize_ns",
             w.bin
         )
     } else if w.quality > MAX_RINGS {
@@ -333,6 +336,12 @@ mod tests {
             let error = InstrumentTable::new(&survey(vec![device]), &PhysicsOptions::helios()).unwrap_err();
             assert!(error.to_string().contains(word), "{error} does not name {word}");
         }
+        let mut device = tls_device(f64::MAX);
+        device.waveform.bin = f64::MAX;
+        let survey = survey(vec![device]);
+        assert!(InstrumentTable::new(&survey, &PhysicsOptions::helios()).is_ok(), "one bin");
+        let error = InstrumentTable::new(&survey, &PhysicsOptions::refined()).unwrap_err();
+        assert!(error.to_string().contains("million bins"), "the whole pulse is twice as long: {error}");
     }
 
     #[test]

@@ -40,7 +40,7 @@ impl PulseShape {
     /// The shape of a pulse of `length` ns, cut there or, if `whole`, where 3e-4 of its peak are left.
     pub fn new(length: f64, whole: bool, waveform: &WaveformSettings) -> PulseShape {
         let bin = waveform.bin;
-        let duration = if whole { 2.0 * length } else { length };
+        let duration = duration(length, whole);
         let tau = length / 7.0;
         let decay = bin / tau;
         let count = sample_count(duration, bin);
@@ -191,6 +191,11 @@ fn exact_inverse(x: f64) -> Option<f64> {
 }
 
 /// Number of samples of a pulse of `length` ns: the whole bins that fit.
+/// Where a gamma-like pulse of `length` ns ends, ns: there or, if `whole`, where 3e-4 of its peak are left.
+pub(super) fn duration(length: f64, whole: bool) -> f64 {
+    if whole { 2.0 * length } else { length }
+}
+
 pub(super) fn sample_count(length: f64, bin: f64) -> usize {
     (length / bin) as usize
 }
