@@ -1,6 +1,8 @@
 //! Runs of the whole program, and checks of the project's files. One program, since each would be linked with the whole
 //! library.
 
+use std::alloc::System;
+
 mod common;
 
 mod bench;
@@ -45,3 +47,7 @@ mod stages;
 mod stand;
 mod structure;
 mod trajectories;
+
+/// Counts what is allocated, for runs that must leave nothing behind.
+#[global_allocator]
+static ALLOCATOR: cap::Cap<System> = cap::Cap::new(System, usize::MAX);
