@@ -297,21 +297,21 @@ fn divergence(
 
 fn check(device: &Device, corrections: &Corrections) -> Result<()> {
     let w = &device.waveform;
-    let length = match &device.receiver.pulse_shape {
+    let duration = match &device.receiver.pulse_shape {
         Some(pulse) if corrections.receiver => sampled::duration(pulse),
         _ => shape::duration(device.beam.pulse_length, corrections.whole_pulse),
     };
     let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
         format!("binSize_ns is {}, expected a positive number", w.bin)
-    } else if !(length.is_finite() && length / w.bin <= MAX_PULSE_BINS) {
+    } else if !(duration.is_finite() && duration / w.bin <= MAX_PULSE_BINS) {
         format!(
-            "a pulse of {length} ns does not fit into a million bins of {} ns; choose a larger binSize_ns",
+            "a pulse of {duration} ns does not fit into a million bins of {} ns; choose a larger binSize_ns",
             w.bin
         )
     } else if w.quality > MAX_RINGS {
         format!("beamSampleQuality is {}, expected at most {MAX_RINGS}", w.quality)
     } else {
-        debug_assert!(sample_count(length, w.bin) <= MAX_PULSE_BINS as usize);
+        debug_assert!(sample_count(duration, w.bin) <= MAX_PULSE_BINS as usize);
         return Ok(());
     };
     Err(Error::input(format!("device {}: {problem}", device.id)))

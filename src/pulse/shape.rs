@@ -190,14 +190,14 @@ fn exact_inverse(x: f64) -> Option<f64> {
     (is_power_of_two && (1.0 / x).is_normal()).then_some(1.0 / x)
 }
 
-/// Number of samples of a pulse of `length` ns: the whole bins that fit.
 /// Where a gamma-like pulse of `length` ns ends, ns: there or, if `whole`, where 3e-4 of its peak are left.
 pub(super) fn duration(length: f64, whole: bool) -> f64 {
     if whole { 2.0 * length } else { length }
 }
 
-pub(super) fn sample_count(length: f64, bin: f64) -> usize {
-    (length / bin) as usize
+/// Number of samples of a pulse that lasts `duration` ns: the whole bins that fit.
+pub(super) fn sample_count(duration: f64, bin: f64) -> usize {
+    (duration / bin) as usize
 }
 
 #[cfg(test)]
