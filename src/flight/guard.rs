@@ -22,6 +22,9 @@ const MAX_DETOUR: f64 = 1000.0;
 /// Bounds of the time allowed for a detour, s.
 const DETOUR_TIME: (f64, f64) = (60.0, 36_000.0);
 
+/// Steps of a straight flight beyond those that its length takes.
+const MARGIN_STEPS: f64 = 1000.0;
+
 impl ProgressGuard {
     pub fn disabled() -> ProgressGuard {
         let (nearest, last_nearest) = (f64::INFINITY, f64::INFINITY);
@@ -33,9 +36,12 @@ impl ProgressGuard {
         let course = &plan.legs[leg];
         let ticks = if plan.is_physical() {
             detour_seconds(plan, leg) * course.frequency
+        } else if course.speed <= 0.0 {
+            // It stands, or flies on past its waypoint with the velocity of the leg before.
+            MARGIN_STEPS
         } else {
             // Steps of straight flight, with margins for rounding and for turns.
-            distance / course.step_length * 1.001 + 1000.0
+            distance / course.step_length * 1.001 + MARGIN_STEPS
         };
         let interval = ticks as u64;
         let next_check = now.saturating_add(interval);
@@ -85,8 +91,8 @@ fn detour_seconds(plan: &PlatformPlan, leg: usize) -> f64 {
 mod tests {
     use crate::error::Error;
     use crate::flight::testing::*;
-    use crate::flight::{FlightPlan, FlightState, Step};
-    use crate::survey::{Leg, Mount, PlatformKind, Survey};
+    use crate::flight::{FlightOptions, FlightPlan, FlightState, Step};
+    use crate::survey::{Kinematics, Leg, Mount, PlatformKind, Survey};
 
     fn drive(points: &[[f64; 3]], change: impl Fn(&mut Leg)) -> Survey {
         let legs = points.iter().map(|p| leg(*p, 3.0, &change)).collect();
@@ -141,6 +147,44 @@ mod tests {
         let s = survey(PlatformKind::Multicopter(MULTICOPTER), Mount::IDENTITY, straight(), legs);
         let report = outcome(&plan_of(&s).unwrap().0).unwrap_err();
         assert!(report.contains("leg 1 never ends"), "{report}");
+    }
+
+    #[test]
+    fn a_linear_path_that_passes_its_last_waypoint_is_stopped() {
+        // spec kinematics §2.3: without a speed the velocity stays that of the leg before
+        let mut s = drive(&[[0.0, 0.0, 0.0], [20.0, 3.0, 0.0]], |_| {});
+        s.platform.kind = PlatformKind::LinearPath;
+        turn_head(&mut s.legs[1], 360.0, 36.0);
+        s.legs[1].platform.speed = 0.0;
+        let report = outcome(&plan_of(&s).unwrap().0).unwrap_err();
+        assert!(report.contains("leg 1 never ends") && report.contains("movePerSec_m"), "{report}");
+        s.legs[1].platform.speed = 3.0;
+        assert!(outcome(&plan_of(&s).unwrap().0).is_ok());
+        s.legs[1].platform.speed = 0.0;
+        s.legs[1].scanner.max_duration = Some(60.0);
+        assert!(outcome(&plan_of(&s).unwrap().0).is_ok());
+    }
+
+    #[test]
+    fn without_a_speed_a_linear_path_stands_where_its_leg_begins() {
+        let mut s = drive(&[[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [20.0, 0.0, 0.0]], |_| {});
+        s.platform.kind = PlatformKind::LinearPath;
+        s.legs[1..].iter_mut().for_each(|l| l.platform.speed = 0.0);
+        turn_head(&mut s.legs[1], 360.0, 36.0);
+        turn_head(&mut s.legs[2], 360.0, 72.0);
+        let corrected = FlightOptions { kinematics: Kinematics::CORRECTED, ..options() };
+        let legs = fly_plan(&plan_with(&s, corrected.clone()));
+        for (leg, steps) in legs[1..].iter().zip([10, 20]) {
+            assert!(leg.steps.abs_diff(steps) <= 1, "{} steps", leg.steps);
+            assert!(leg.pulses.iter().all(|p| p.origin.x == 20.0), "{:?}", leg.pulses.last());
+        }
+        // A greatest duration ends the first leg after 9 m.
+        s.legs[0].scanner.max_duration = Some(3.0);
+        s.legs[1..].iter_mut().for_each(|l| l.scanner.max_duration = Some(1.0));
+        let legs = fly_plan(&plan_with(&s, corrected));
+        let stands = legs[1].pulses[0].origin;
+        assert!((stands.x - 9.0).abs() < 0.1, "{stands:?}");
+        assert!(legs[1].steps >= 99 && legs[1].pulses.iter().all(|p| p.origin == stands));
     }
 
     #[test]

@@ -355,9 +355,12 @@ impl FlightState {
             at.z,
             self.guard.nearest(),
         );
-        problems.error(leg.place.clone(), message).help(
-            "give the leg a maxDuration_s, move the waypoint, or use a platform of type linearpath, which always arrives",
-        );
+        let help = if plan.platform.is_physical() {
+            "give the leg a maxDuration_s, move the waypoint, or use a platform of type linearpath, which always arrives"
+        } else {
+            "give the leg a maxDuration_s, or a movePerSec_m above 0"
+        };
+        problems.error(leg.place.clone(), message).help(help);
         Err(Error::Input(Box::new(problems)))
     }
 

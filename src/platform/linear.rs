@@ -30,7 +30,13 @@ impl LinearPath {
         let left = self.course.time_left_at_target().filter(|_| entry == LegEntry::Continuing);
         let assigned = self.course.start_leg(legs, leg, entry);
         let mut way = self.course.to_target();
-        if kinematics.sharp_corners
+        if kinematics.sharp_corners && legs[leg].speed <= 0.0 {
+            // The reference flies on with the velocity of the leg before.
+            if left.is_some() {
+                self.course.position = corner;
+            }
+            self.course.velocity = DVec3::ZERO;
+        } else if kinematics.sharp_corners
             && assigned
             && let (Some(left), Some(before)) = (left, leg.checked_sub(1))
         {

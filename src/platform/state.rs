@@ -157,7 +157,11 @@ impl PlatformState {
     pub fn check_arrival(&mut self, plan: &PlatformPlan, leg: usize, clock: f64) -> bool {
         match self {
             PlatformState::Static(_) => true,
-            PlatformState::Linear(s) => s.course.is_reached(),
+            PlatformState::Linear(s) => {
+                // Of a platform that stands there the reference divides 0 by 0, and goes on for ever.
+                s.course.is_reached()
+                    || (plan.kinematics.sharp_corners && s.course.to_target() == DVec3::ZERO)
+            }
             PlatformState::GroundVehicle(s) => s.course.is_reached(),
             PlatformState::Multicopter(s) => s.check_arrival(&plan.legs[leg]),
             PlatformState::Interpolated(s) => s.is_over(clock),

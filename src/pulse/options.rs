@@ -251,7 +251,7 @@ corrections! {
     /// multicopter's beam lags behind its yaw.
     heading_along_leg: true,
     /// Kinematics: straight flights turn at the waypoint and fly the rest of that step along the new leg; in the reference
-    /// they overshoot by up to a step.
+    /// they overshoot by up to a step. Where the next leg has no speed they stand; in the reference they fly on.
     sharp_corners: true,
     /// Kinematics: pitch and roll of a multicopter turn about its own axes and reach the beam; in the reference they turn
     /// about the axes of the world and only trajectories show them.
