@@ -7,6 +7,11 @@ pub trait Offload: Send + Sync {
     /// Queues the job for another thread, or returns it when the queue is full; the writer then runs it. Never
     /// blocks. A queued job may be dropped: the writer does itself what no worker has begun.
     fn try_run(&self, job: Job) -> Result<(), Job>;
+
+    /// Threads that run jobs.
+    fn threads(&self) -> usize {
+        1
+    }
 }
 
 /// Accepts no jobs: the writer does everything itself.

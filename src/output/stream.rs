@@ -111,7 +111,7 @@ impl OutputStream {
     fn submit(&mut self, offset: u64, bytes: Vec<u8>, offload: &dyn Offload) -> Result<()> {
         let writes = match &mut self.writes {
             Some(writes) => writes,
-            None => self.writes.insert(ParallelWrites::new(self.out.positioned()?)),
+            None => self.writes.insert(ParallelWrites::new(self.out.positioned()?, offload.threads())),
         };
         writes.submit(offset, bytes, offload).map_err(|e| self.out.failed("write", e))
     }

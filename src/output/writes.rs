@@ -4,23 +4,48 @@ use super::offload::Offload;
 use crate::files::PositionedFile;
 use std::collections::VecDeque;
 use std::io;
-use std::mem;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Most bytes that wait to be written.
 const MAX_WAITING_BYTES: usize = 16 << 20;
+/// Threads for each thread that writes to a file. Most file systems (ext4, XFS, tmpfs) let one write at a time change a file, and
+/// the others would only wait, spinning; those that allow several are fast enough for few threads.
+const THREADS_PER_WRITER: usize = 8;
 
 /// The writes to one file that may not have ended.
-pub(super) struct ParallelWrites {
-    file: Arc<PositionedFile>,
-    /// Writes in order of submission, with the lengths of their pieces.
-    pending: VecDeque<(Arc<PendingWrite>, usize)>,
-    waiting_bytes: usize,
+pub(super) struct ParallelWrites(Arc<Writes>);
+
+struct Writes {
+    file: PositionedFile,
+    /// Threads that write at the same time.
+    max_writers: usize,
+    state: Mutex<State>,
+    /// A write has ended.
+    ended: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    /// Pieces with their offsets.
+    waiting: VecDeque<(u64, Vec<u8>)>,
+    /// Bytes of pieces that wait or are being written.
+    bytes: usize,
+    /// Threads that are writing.
+    writers: usize,
+    /// Jobs that have not begun.
+    jobs: usize,
+    /// The first failure, after which nothing is written.
+    failure: Option<io::Error>,
 }
 
 impl ParallelWrites {
-    pub fn new(file: PositionedFile) -> ParallelWrites {
-        ParallelWrites { file: Arc::new(file), pending: VecDeque::new(), waiting_bytes: 0 }
+    pub fn new(file: PositionedFile, threads: usize) -> ParallelWrites {
+        ParallelWrites(Arc::new(Writes {
+            file,
+            max_writers: threads.div_ceil(THREADS_PER_WRITER).max(1),
+            state: Mutex::default(),
+            ended: Condvar::new(),
+        }))
     }
 
     /// Queues a write.
@@ -28,71 +53,89 @@ impl ParallelWrites {
     /// # Errors
     /// Those of earlier writes.
     pub fn submit(&mut self, offset: u64, bytes: Vec<u8>, offload: &dyn Offload) -> io::Result<()> {
-        while let Some((first, _)) = self.pending.front()
-            && (self.waiting_bytes > MAX_WAITING_BYTES || first.is_over())
-        {
-            self.finish_oldest()?;
+        let writes = &self.0;
+        let mut state = writes.lock();
+        state.bytes += bytes.len();
+        state.waiting.push_back((offset, bytes));
+        let wants_writer = state.writers + state.jobs < writes.max_writers;
+        state.jobs += usize::from(wants_writer);
+        drop(state);
+        if wants_writer {
+            let job = WriteJob(writes.clone());
+            if let Err(job) = offload.try_run(Box::new(move || job.run())) {
+                job();
+            }
         }
-        let length = bytes.len();
-        let file = self.file.clone();
-        let write = Arc::new(PendingWrite(Mutex::new(State::Waiting(offset, bytes))));
-        self.pending.push_back((write.clone(), length));
-        self.waiting_bytes += length;
-        if let Err(job) = offload.try_run(Box::new(move || write.run(&file))) {
-            job();
-        }
-        Ok(())
+        writes.wait_until(|state| state.bytes <= MAX_WAITING_BYTES)
     }
 
     /// Waits for all writes, and carries out those that no worker has begun.
     pub fn finish(&mut self) -> io::Result<()> {
-        while !self.pending.is_empty() {
-            self.finish_oldest()?;
-        }
-        Ok(())
-    }
-
-    fn finish_oldest(&mut self) -> io::Result<()> {
-        let Some((write, length)) = self.pending.pop_front() else { return Ok(()) };
-        self.waiting_bytes -= length;
-        write.run(&self.file);
-        write.outcome()
+        self.0.wait_until(|state| state.bytes == 0)
     }
 }
 
-/// A write, carried out by the first thread that locks it. The writer therefore waits only for a worker that is writing.
-struct PendingWrite(Mutex<State>);
-
-enum State {
-    Waiting(u64, Vec<u8>),
-    Over(io::Result<()>),
-}
-
-impl PendingWrite {
+impl Writes {
     fn lock(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn is_over(&self) -> bool {
-        match self.0.try_lock() {
-            Ok(state) => matches!(*state, State::Over(_)),
-            Err(TryLockError::WouldBlock) => false,
-            Err(TryLockError::Poisoned(_)) => true,
-        }
-    }
-
-    fn run(&self, file: &PositionedFile) {
+    /// Writes pieces, or waits for the threads that do, until the state is as it should be or a write has failed. A job that
+    /// has not begun is not waited for.
+    fn wait_until(&self, is_reached: impl Fn(&State) -> bool) -> io::Result<()> {
         let mut state = self.lock();
-        if let State::Waiting(offset, bytes) = &*state {
-            *state = State::Over(file.write_all_at(bytes, *offset));
+        loop {
+            if let Some(failure) = state.failure.take() {
+                return Err(failure);
+            }
+            if is_reached(&state) {
+                return Ok(());
+            }
+            state = match self.write_next(state) {
+                (state, true) => state,
+                (state, false) => self.ended.wait(state).unwrap_or_else(PoisonError::into_inner),
+            }
         }
     }
 
-    fn outcome(&self) -> io::Result<()> {
-        match mem::replace(&mut *self.lock(), State::Over(Ok(()))) {
-            State::Over(outcome) => outcome,
-            State::Waiting(..) => Err(io::Error::other("a write was not carried out")),
+    /// Writes the next piece, if one waits and another thread may write. Tells whether it did.
+    fn write_next<'a>(&'a self, mut state: MutexGuard<'a, State>) -> (MutexGuard<'a, State>, bool) {
+        if state.writers >= self.max_writers {
+            return (state, false);
         }
+        let Some((offset, bytes)) = state.waiting.pop_front() else { return (state, false) };
+        state.writers += 1;
+        drop(state);
+        let outcome = self.file.write_all_at(&bytes, offset);
+        let mut state = self.lock();
+        state.writers -= 1;
+        state.bytes -= bytes.len();
+        if let Err(failure) = outcome {
+            state.failure.get_or_insert(failure);
+            state.bytes -= state.waiting.drain(..).map(|(_, bytes)| bytes.len()).sum::<usize>();
+        }
+        self.ended.notify_all();
+        (state, true)
+    }
+}
+
+/// A job that writes while pieces wait. The worker pool may drop it without running it.
+struct WriteJob(Arc<Writes>);
+
+impl WriteJob {
+    fn run(self) {
+        let writes = self.0.clone();
+        drop(self);
+        let mut state = writes.lock();
+        while let (next, true) = writes.write_next(state) {
+            state = next;
+        }
+    }
+}
+
+impl Drop for WriteJob {
+    fn drop(&mut self) {
+        self.0.lock().jobs -= 1;
     }
 }
 
@@ -102,40 +145,57 @@ mod tests {
     use super::*;
     use crate::files::{FileWriter, Patched};
 
-    /// Keeps all jobs, and runs them in the opposite order when it is told to.
+    /// Keeps jobs, or runs each on a thread of its own, or drops them.
     #[derive(Default)]
-    struct Keep(Mutex<Vec<Job>>);
+    enum Pool {
+        #[default]
+        Keeps,
+        Runs,
+        Drops,
+    }
 
-    impl Offload for Keep {
+    impl Offload for Pool {
         fn try_run(&self, job: Job) -> Result<(), Job> {
-            self.0.lock().unwrap().push(job);
+            match self {
+                Pool::Keeps => std::mem::forget(job),
+                Pool::Runs => drop(std::thread::spawn(job)),
+                Pool::Drops => drop(job),
+            }
             Ok(())
         }
     }
 
-    fn written(offload: &dyn Offload, before_the_end: impl FnOnce()) -> Vec<u8> {
+    #[test]
+    fn every_piece_is_at_its_place_whoever_writes_it() {
+        let expected: Vec<u8> = (0..200u8).flat_map(|number| [number; 1000]).collect();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
-        let mut out = FileWriter::create(&path, false, Patched::Never).unwrap();
-        let mut writes = ParallelWrites::new(out.positioned().unwrap());
-        for number in 0..100u8 {
-            writes.submit(u64::from(number) * 1000, vec![number; 1000], offload).unwrap();
+        let pools: [&dyn Offload; 4] = [&NoOffload, &Pool::Keeps, &Pool::Runs, &Pool::Drops];
+        for (threads, pool) in [1, 64].into_iter().flat_map(|threads| pools.map(|pool| (threads, pool))) {
+            let mut out = FileWriter::create(&path, true, Patched::Never).unwrap();
+            let mut writes = ParallelWrites::new(out.positioned().unwrap(), threads);
+            // In the opposite order.
+            for number in (0..200u8).rev() {
+                writes.submit(u64::from(number) * 1000, vec![number; 1000], pool).unwrap();
+            }
+            writes.finish().unwrap();
+            out.finish().unwrap();
+            assert_eq!(std::fs::read(&path).unwrap(), expected);
         }
-        before_the_end();
-        writes.finish().unwrap();
-        out.finish().unwrap();
-        std::fs::read(path).unwrap()
     }
 
     #[test]
-    fn every_piece_is_at_its_place_whoever_writes_it() {
-        let expected: Vec<u8> = (0..100u8).flat_map(|number| [number; 1000]).collect();
-        assert_eq!(written(&NoOffload, || ()), expected);
-        // No worker begins a write, or all of them the last ones first.
-        assert_eq!(written(&Keep::default(), || ()), expected);
-        let keep = Keep::default();
-        let reverse = || keep.0.lock().unwrap().drain(..).rev().for_each(|job| job());
-        assert_eq!(written(&keep, reverse), expected);
+    fn little_waits_to_be_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut out = FileWriter::create(&folder.path().join("a"), true, Patched::Never).unwrap();
+        let mut writes = ParallelWrites::new(out.positioned().unwrap(), 2);
+        for number in 0..10 {
+            let bytes = vec![1; MAX_WAITING_BYTES / 3];
+            writes.submit(number * bytes.len() as u64, bytes, &Pool::Keeps).unwrap();
+            assert!(writes.0.lock().bytes <= MAX_WAITING_BYTES);
+        }
+        writes.finish().unwrap();
+        assert_eq!(out.finish().unwrap().metadata().unwrap().len(), 10 * (MAX_WAITING_BYTES as u64 / 3));
     }
 
     #[cfg(target_os = "linux")]
@@ -144,10 +204,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         std::fs::write(&path, "").unwrap();
-        let read_only = PositionedFile::of(std::fs::File::open(&path).unwrap());
-        let mut writes = ParallelWrites::new(read_only);
-        writes.submit(0, vec![0; 10], &NoOffload).unwrap();
-        assert!(writes.submit(10, vec![0; 10], &NoOffload).is_err());
-        assert!(writes.finish().is_ok());
+        let pools: [&dyn Offload; 4] = [&NoOffload, &Pool::Keeps, &Pool::Runs, &Pool::Drops];
+        for pool in pools {
+            let read_only = PositionedFile::of(std::fs::File::open(&path).unwrap());
+            let mut writes = ParallelWrites::new(read_only, 16);
+            let submitted = (0..3).try_for_each(|i| writes.submit(10 * i, vec![0; 10], pool));
+            assert!(submitted.and_then(|()| writes.finish()).is_err());
+            assert_eq!(std::fs::metadata(&path).unwrap().len(), 0);
+        }
     }
 }

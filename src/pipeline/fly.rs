@@ -94,10 +94,11 @@ where
     W: FnMut(C) -> Result<Pieces>,
 {
     let jobs = Arc::new(JobQueue::new(MAX_WAITING_JOBS));
+    let workers = Arc::new(Workers { jobs: jobs.clone(), threads: schedule.threads });
     let writer = match writer {
-        None => Box::new(output.open(jobs.clone())?),
+        None => Box::new(output.open(workers)?),
         Some(mut writer) => {
-            writer.offload_to(jobs.clone());
+            writer.offload_to(workers);
             writer
         }
     };
@@ -107,9 +108,18 @@ where
     schedule::run(schedule, &jobs, stop, recorder, make_worker, produce, collector)
 }
 
-/// Compression runs on the workers.
-impl Offload for JobQueue {
+/// The threads of a pass as those that compress and write.
+struct Workers {
+    jobs: Arc<JobQueue>,
+    threads: usize,
+}
+
+impl Offload for Workers {
     fn try_run(&self, job: Job) -> std::result::Result<(), Job> {
-        JobQueue::try_run(self, job)
+        self.jobs.try_run(job)
+    }
+
+    fn threads(&self) -> usize {
+        self.threads
     }
 }
