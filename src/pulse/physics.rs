@@ -6,7 +6,7 @@ use super::view::SceneView;
 use crate::Result;
 use crate::geom::{Aabb, DVec3};
 use crate::rng::{Purpose, Stream};
-use crate::scene::Scene;
+use crate::scene::{Scene, Sizes};
 use crate::survey::Survey;
 use crate::tree::Tree;
 
@@ -30,14 +30,15 @@ impl<'a> Physics<'a> {
     /// # Errors
     /// As [`InstrumentTable::new`].
     pub fn new(scene: &'a Scene, tree: &'a Tree, survey: &Survey, o: PhysicsOptions) -> Result<Physics<'a>> {
+        let sizes = scene.sizes();
         Ok(Physics {
             view: SceneView {
                 scene,
                 tree,
                 moving: &[],
-                visible_bounds: visible_bounds(scene, &o),
+                visible_bounds: visible_bounds(scene, sizes, &o),
                 fixed_incidence: o.fixed_incidence,
-                max_cube_size: scene.geometry.cubes.iter().fold(0.0, |max, c| f64::max(max, c.half * 2.0)),
+                max_cube_size: sizes.max_cube,
             },
             // spec pulse-physics §2.1
             bounds_cull: (!o.corrections.no_axis_gate && !o.corrections.unbounded_scene)
@@ -70,10 +71,7 @@ impl<'a> Physics<'a> {
 
 /// The scene's box, outside of which primitives are invisible; `None` unless some may lie there because they move once
 /// the scene is loaded.
-fn visible_bounds(scene: &Scene, o: &PhysicsOptions) -> Option<Aabb> {
-    let (b, g) = (scene.bounds, &scene.geometry);
-    let within = |p: DVec3, half: f64| (p - half).cmpge(b.min).all() && (p + half).cmple(b.max).all();
-    let all = g.vertices.iter().all(|v| within(*v, 0.0)) && g.cubes.iter().all(|c| within(c.centre, c.half));
-    let may_leave = !all || !scene.moving_parts.is_empty();
-    (!o.corrections.unbounded_scene && may_leave).then_some(b)
+fn visible_bounds(scene: &Scene, sizes: Sizes, o: &PhysicsOptions) -> Option<Aabb> {
+    let may_leave = !sizes.are_within_bounds || !scene.moving_parts.is_empty();
+    (!o.corrections.unbounded_scene && may_leave).then_some(scene.bounds)
 }

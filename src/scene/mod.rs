@@ -81,7 +81,7 @@ pub use inventory::Inventory;
 pub use lad::LadTable;
 pub use load::{load, load_epoch};
 pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
-pub use model::{MovingPart, PackedTree, Part, Scene};
+pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};
 pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate};
 pub use pack::{Pack, pack};
 pub use part_facts::PartFacts;

@@ -51,6 +51,18 @@ pub struct Scene {
     pub sources: Vec<PathBuf>,
     /// The tree of a packed scene.
     pub packed_tree: Option<Arc<PackedTree>>,
+    /// The sizes of a packed scene.
+    pub packed_sizes: Option<Sizes>,
+}
+
+/// What [`Scene::sizes`] finds by reading all vertices and cubes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sizes {
+    /// Whether all primitives that are stored in the scene, those of moving parts in their initial pose, lie within its bounds:
+    /// parts that were moved to the ground need not.
+    pub are_within_bounds: bool,
+    /// Edge of the largest cube, m; 0 without cubes.
+    pub max_cube: f64,
 }
 
 /// A tree that was stored in a pack.
@@ -122,6 +134,19 @@ impl Scene {
     /// Number of primitives, including the triangles of instances.
     pub fn primitives(&self) -> usize {
         self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
+    }
+
+    /// The sizes of its primitives. A packed scene contains them, so that runs read only what their pulses meet.
+    pub fn sizes(&self) -> Sizes {
+        self.packed_sizes.unwrap_or_else(|| {
+            let (b, g) = (self.bounds, &self.geometry);
+            let within = |p: DVec3, half: f64| (p - half).cmpge(b.min).all() && (p + half).cmple(b.max).all();
+            Sizes {
+                are_within_bounds: g.vertices.iter().all(|v| within(*v, 0.0))
+                    && g.cubes.iter().all(|c| within(c.centre, c.half)),
+                max_cube: g.cubes.iter().fold(0.0, |max, c| f64::max(max, c.half * 2.0)),
+            }
+        })
     }
 
     /// Part and material of primitive `i`. Panics if the index is out of range.

@@ -3,7 +3,8 @@
 use crate::error::Result;
 use crate::geom::{Aabb, DVec3};
 use crate::scene::{
-    InstanceSet, LadTable, Material, MovingPart, PackedTree, Part, Reflection, Scene, Surface, SurfaceIds,
+    InstanceSet, LadTable, Material, MovingPart, PackedTree, Part, Reflection, Scene, Sizes, Surface,
+    SurfaceIds,
 };
 use crate::store::{ArrayFile, ArrayFileWriter, ByteReader, ByteWriter, UnexpectedEnd};
 use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming};
@@ -70,6 +71,9 @@ pub(super) fn write(
     w.option(scene.dyn_time_step, ByteWriter::f64);
     w.option(scene.crs.as_deref(), ByteWriter::text);
     w.list(&scene.moving_parts, write_moving_part);
+    let sizes = scene.sizes();
+    w.flag(sizes.are_within_bounds);
+    w.f64(sizes.max_cube);
     scene.geometry.pack(&name("own"), out)?;
     out.array(name("voxels"), &scene.voxels)?;
     scene.surface_ids.pack(name("surfaces"), out)?;
@@ -105,6 +109,7 @@ fn read_scene(
             dyn_time_step: r.option(ByteReader::f64)?,
             crs: r.option(ByteReader::text)?,
             moving_parts: r.list(read_moving_part)?,
+            packed_sizes: Some(Sizes { are_within_bounds: r.flag()?, max_cube: r.f64()? }),
             ..Scene::default()
         })
     };

@@ -67,6 +67,7 @@ fn a_packed_scene_is_the_scene() {
     let pack = Pack::open(&packed(&f, &f.recipe())).unwrap();
     let again = pack.scene(&f.options, 0).unwrap();
     assert_eq!(seen(&again), seen(&scene));
+    assert_eq!((again.packed_sizes, scene.packed_sizes), (Some(scene.sizes()), None));
     assert_eq!(again.geometry.vertices.memory(), 0, "it is mapped");
     assert!(scene.materials.iter().any(|m| (m.reflectance - 21.28).abs() < 0.01), "{:?}", scene.materials);
     pack.verify().unwrap();
