@@ -13,7 +13,7 @@ use super::plan::OutputPlan;
 use super::ply::{PlyCodec, PlyGroups};
 use super::ray_cloud::RayCloudCodec;
 use super::request::{PointFormat, TrajectoryFormat};
-use super::stored::StoredPoints;
+use super::summary::Tally;
 use super::{table, text};
 use crate::geom::{DVec3, is_inside};
 use crate::parts;
@@ -80,12 +80,13 @@ impl PointCodec for XyzCodec<'_> {
     }
 }
 
-/// A batch over the ground of its epoch, or with its points as records of LAS.
+/// A batch over the ground of its epoch, or whose points are records of LAS already.
 #[derive(Clone, Copy)]
-struct Source<'a> {
-    batch: &'a Batch,
-    ground: Option<&'a Arc<dyn Ground>>,
-    stored: Option<&'a StoredPoints<'a>>,
+pub(super) struct Source<'a> {
+    pub batch: &'a Batch,
+    pub ground: Option<&'a Arc<dyn Ground>>,
+    /// Counts and bounds of the records; the pieces of the points are left empty for them.
+    pub stored: Option<&'a Tally>,
 }
 
 impl OutputPlan {
@@ -95,12 +96,7 @@ impl OutputPlan {
         self.encode_source(Source { batch, ground, stored: None })
     }
 
-    /// [`encode`](Self::encode) of a batch whose points are records of LAS.
-    pub fn encode_stored(&self, batch: &Batch, stored: &StoredPoints) -> Encoded {
-        self.encode_source(Source { batch, ground: None, stored: Some(stored) })
-    }
-
-    fn encode_source(&self, source: Source) -> Encoded {
+    pub(super) fn encode_source(&self, source: Source) -> Encoded {
         let batch = source.batch;
         let mut echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
         if let Some(ring) = &self.clip {
@@ -178,7 +174,8 @@ impl OutputPlan {
                 encode_points(&codec, leg, slots, echoes, pieces);
             }
             PointFormat::Las | PointFormat::Laz | PointFormat::Copc if let Some(stored) = stored => {
-                pieces.extend(slots.as_slice().iter().map(|&slot| stored.piece(slot)));
+                let piece = |&slot| Piece { tally: stored.clone(), ..Piece::new(slot, 0) };
+                pieces.extend(slots.as_slice().iter().map(piece));
             }
             PointFormat::Las | PointFormat::Laz | PointFormat::Copc => {
                 let codec = LasCodec { format: &self.las, objects, truths: &batch.truths, ground };
@@ -233,7 +230,7 @@ impl OutputPlan {
             return self.part_of_records(slot, &leg, batch, echoes);
         }
         let mut piece = Piece::new(slot, batch.echoes.len() * 168 + 1024);
-        parts::encode(batch, None, &mut piece.bytes);
+        parts::encode(batch, &mut piece.bytes);
         piece.tally.records = batch.echoes.len() as u64;
         piece
     }

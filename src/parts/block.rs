@@ -13,11 +13,12 @@ use super::column::{Value, columns};
 use crate::flight::PoseSample;
 use crate::geom::{DVec3, Rotation};
 use crate::pulse::{Batch, Echo, EchoTruth, PulseRecord, WaveformRecord};
-use std::ops::Range;
 use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a block's head.
 pub(super) const HEAD_BYTES: usize = 64;
+/// Where records begin in a block that holds them.
+pub(super) const RECORDS_AT: usize = HEAD_BYTES + 8;
 
 const MAGIC: [u8; 4] = *b"BLK\n";
 /// Number of the leg of batches whose records have that of the survey's leg.
@@ -137,29 +138,36 @@ impl BlockHead {
         })
     }
 
-    fn sum(&self, columns: &[u8]) -> u64 {
+    fn sum(&self, columns: &[&[u8]]) -> u64 {
         let mut sum = Xxh3::new();
         sum.update(&self.bytes()[..HEAD_BYTES - 8]);
-        sum.update(columns);
+        columns.iter().for_each(|columns| sum.update(columns));
         sum.digest()
     }
 }
 
-/// Appends a batch as a block, with its points as `records` of a format instead of echoes and truths if there are any.
-pub fn encode(batch: &Batch, records: Option<&[u8]>, out: &mut Vec<u8>) {
+/// Appends a batch as a block.
+pub fn encode(batch: &Batch, out: &mut Vec<u8>) {
     let start = out.len();
     out.extend_from_slice(&[0; HEAD_BYTES]);
-    match records {
-        None => {
-            put_echoes(out, &batch.echoes);
-            put_positions(out, &batch.echoes);
-            put_truths(out, &batch.truths);
-        }
-        Some(records) => {
-            out.extend_from_slice(&(records.len() as u64).to_le_bytes());
-            out.extend_from_slice(records);
-        }
-    }
+    put_echoes(out, &batch.echoes);
+    put_positions(out, &batch.echoes);
+    put_truths(out, &batch.truths);
+    end_block(batch, batch.truths.len() as u32, start, out);
+}
+
+/// Appends a batch as a block, with the records of a format, which `put_records` appends, instead of echoes and truths.
+pub fn encode_records(batch: &Batch, put_records: impl FnOnce(&mut Vec<u8>), out: &mut Vec<u8>) {
+    let start = out.len();
+    out.extend_from_slice(&[0; RECORDS_AT]);
+    put_records(out);
+    let length = (out.len() - start - RECORDS_AT) as u64;
+    out[start + HEAD_BYTES..start + RECORDS_AT].copy_from_slice(&length.to_le_bytes());
+    end_block(batch, 0, start, out);
+}
+
+/// Appends the records that every block holds, and completes the head of the block that begins at `start`.
+fn end_block(batch: &Batch, truths: u32, start: usize, out: &mut Vec<u8>) {
     put_waveforms(out, &batch.waveforms);
     out.extend(batch.samples.iter().flat_map(|sample| sample.to_bits().to_le_bytes()));
     put_pulses(out, &batch.pulses);
@@ -171,7 +179,7 @@ pub fn encode(batch: &Batch, records: Option<&[u8]>, out: &mut Vec<u8>) {
         leg_number: batch.leg_number.unwrap_or(NO_LEG_NUMBER),
         pulses: batch.emitted,
         echoes: batch.echoes.len() as u32,
-        truths: if records.is_none() { batch.truths.len() as u32 } else { 0 },
+        truths,
         waveforms: batch.waveforms.len() as u32,
         pulse_records: batch.pulses.len() as u32,
         poses: batch.poses.len() as u32,
@@ -179,22 +187,25 @@ pub fn encode(batch: &Batch, records: Option<&[u8]>, out: &mut Vec<u8>) {
         length: (out.len() - columns) as u64,
         sum: 0,
     };
-    head.sum = head.sum(&out[columns..]);
+    head.sum = head.sum(&[&out[columns..]]);
     out[start..columns].copy_from_slice(&head.bytes());
 }
 
-/// Reads a block, whose head must be `head`, into a batch; `None` if the block is damaged. Returns where its records are if
-/// it `has_records` instead of echoes and truths.
-pub(super) fn decode(
-    head: &BlockHead,
-    block: &[u8],
-    has_records: bool,
-    batch: &mut Batch,
-) -> Option<Range<usize>> {
-    let columns = block.get(HEAD_BYTES..)?;
-    let is_sound = BlockHead::read(block)? == *head
-        && columns.len() as u64 == head.length
-        && head.sum(columns) == head.sum;
+/// A block as it is in a file.
+pub(super) struct RawBlock<'a> {
+    pub head: &'a [u8],
+    /// The records that it holds instead of echoes and truths, after their length.
+    pub records: Option<[&'a [u8]; 2]>,
+    pub columns: &'a [u8],
+}
+
+/// Reads a block, whose head must be `head`, into a batch; `None` if it is damaged.
+pub(super) fn decode(head: &BlockHead, block: &RawBlock, batch: &mut Batch) -> Option<()> {
+    let [length, records] = block.records.unwrap_or_default();
+    let bytes = length.len() + records.len() + block.columns.len();
+    let is_sound = BlockHead::read(block.head)? == *head
+        && bytes as u64 == head.length
+        && head.sum(&[length, records, block.columns]) == head.sum;
     if !is_sound {
         return None;
     }
@@ -205,21 +216,14 @@ pub(super) fn decode(
     batch.waveforms.resize(head.waveforms as usize, BLANK_WAVEFORM);
     batch.pulses.resize(head.pulse_records as usize, BLANK_PULSE);
     batch.poses.resize(head.poses as usize, BLANK_POSE);
-    let mut records = 0..0;
-    let columns = if has_records {
-        let (length, columns) = columns.split_at_checked(8)?;
-        let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;
-        let (_, columns) = columns.split_at_checked(length)?;
-        let end = block.len() - columns.len();
-        records = end - length..end;
-        columns
-    } else {
+    let mut columns = block.columns;
+    if block.records.is_none() {
         batch.echoes.resize(head.echoes as usize, BLANK_ECHO);
         batch.truths.resize(head.truths as usize, EchoTruth::default());
-        let columns = get_echoes(columns, &mut batch.echoes)?;
-        let columns = get_positions(columns, &mut batch.echoes)?;
-        get_truths(columns, &mut batch.truths)?
-    };
+        columns = get_echoes(columns, &mut batch.echoes)?;
+        columns = get_positions(columns, &mut batch.echoes)?;
+        columns = get_truths(columns, &mut batch.truths)?;
+    }
     let columns = get_waveforms(columns, &mut batch.waveforms)?;
     let (samples, columns) = columns.split_at_checked(usize::try_from(head.samples.checked_mul(8)?).ok()?)?;
     let sample =
@@ -227,7 +231,7 @@ pub(super) fn decode(
     batch.samples.extend(samples.chunks_exact(8).map(sample));
     let columns = get_pulses(columns, &mut batch.pulses)?;
     let columns = get_poses(columns, &mut batch.poses)?;
-    columns.is_empty().then_some(records)
+    columns.is_empty().then_some(())
 }
 
 const BLANK_PULSE: PulseRecord = PulseRecord {
@@ -322,14 +326,25 @@ pub(super) mod tests {
         batch
     }
 
+    /// A block of `bytes`.
+    fn raw(bytes: &[u8], has_records: bool) -> RawBlock<'_> {
+        let (head, columns) = bytes.split_at(HEAD_BYTES);
+        if !has_records {
+            return RawBlock { head, records: None, columns };
+        }
+        let (length, columns) = columns.split_at(8);
+        let (records, columns) = columns.split_at(u64::from_le_bytes(length.try_into().unwrap()) as usize);
+        RawBlock { head, records: Some([length, records]), columns }
+    }
+
     #[test]
     fn batches_come_back_bit_for_bit() {
         for batch in [batch(0, 0, 0), batch(1, 3, 1), batch(2, 1, 500)] {
             let mut bytes = vec![1, 2, 3];
-            encode(&batch, None, &mut bytes);
+            encode(&batch, &mut bytes);
             let head = BlockHead::read(&bytes[3..]).unwrap();
             let mut read = self::batch(9, 9, 3);
-            decode(&head, &bytes[3..], false, &mut read).unwrap();
+            decode(&head, &raw(&bytes[3..], false), &mut read).unwrap();
             // The debug representation of -0 and of infinity differs from that of other numbers; NaNs are compared below.
             assert_eq!(format!("{read:?}"), format!("{batch:?}"));
             let bits = |b: &Batch| b.echoes.iter().map(|e| e.range.to_bits()).collect::<Vec<_>>();
@@ -348,9 +363,9 @@ pub(super) mod tests {
         }
         let bytes = |batch: &Batch| {
             let mut bytes = Vec::new();
-            encode(batch, None, &mut bytes);
+            encode(batch, &mut bytes);
             let mut read = Batch::default();
-            decode(&BlockHead::read(&bytes).unwrap(), &bytes, false, &mut read).unwrap();
+            decode(&BlockHead::read(&bytes).unwrap(), &raw(&bytes, false), &mut read).unwrap();
             assert_eq!(format!("{read:?}"), format!("{batch:?}"));
             bytes.len()
         };
@@ -361,16 +376,22 @@ pub(super) mod tests {
 
     #[test]
     fn any_changed_byte_is_found() {
-        for records in [None, Some(&[7; 100][..])] {
-            let mut bytes = Vec::new();
-            encode(&batch(1, 2, 20), records, &mut bytes);
+        for has_records in [false, true] {
+            let (batch, mut bytes) = (batch(1, 2, 20), Vec::new());
+            match has_records {
+                false => encode(&batch, &mut bytes),
+                true => encode_records(&batch, |out| out.extend([7; 100]), &mut bytes),
+            }
             let head = BlockHead::read(&bytes).unwrap();
             let mut read = Batch::default();
-            let mut decode = |bytes: &[u8]| decode(&head, bytes, records.is_some(), &mut read);
+            let mut decode = |bytes: &[u8]| decode(&head, &raw(bytes, has_records), &mut read);
             for at in 0..bytes.len() {
-                bytes[at] ^= 8;
-                assert!(decode(&bytes).is_none(), "byte {at}");
-                bytes[at] ^= 8;
+                // The length of the records tells where they end.
+                if !has_records || !(HEAD_BYTES..RECORDS_AT).contains(&at) {
+                    bytes[at] ^= 8;
+                    assert!(decode(&bytes).is_none(), "byte {at}");
+                    bytes[at] ^= 8;
+                }
             }
             assert!(decode(&bytes[..bytes.len() - 1]).is_none());
             assert!(decode(&bytes).is_some());
@@ -381,10 +402,11 @@ pub(super) mod tests {
     fn records_come_back_with_everything_but_echoes() {
         let batch = batch(1, 2, 20);
         let mut bytes = Vec::new();
-        encode(&batch, Some(&[1, 2, 3]), &mut bytes);
+        encode_records(&batch, |out| out.extend([1, 2, 3]), &mut bytes);
         let (head, mut read) = (BlockHead::read(&bytes).unwrap(), Batch::default());
-        let records = decode(&head, &bytes, true, &mut read).unwrap();
-        assert_eq!(bytes[records], [1, 2, 3]);
+        let block = raw(&bytes, true);
+        decode(&head, &block, &mut read).unwrap();
+        assert_eq!(block.records.unwrap()[1], [1, 2, 3]);
         let expected = Batch { echoes: Vec::new(), truths: Vec::new(), ..batch };
         assert_eq!((format!("{read:?}"), head.echoes), (format!("{expected:?}"), 20));
     }

@@ -8,19 +8,18 @@
 //!      offset of the table u64 │ pulses u64 │ echoes u64 │ checksum of the table and of these numbers u64 │ magic
 //! ```
 
-use super::block::{self, BlockHead, HEAD_BYTES};
+use super::block::{self, BlockHead, HEAD_BYTES, RECORDS_AT, RawBlock};
 use super::fingerprint::Fingerprint;
 use crate::pulse::Batch;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 const MAGIC: &[u8; 8] = b"VLSPART\n";
 /// Version of the contents; incremented whenever the meaning of any content changes.
-pub(super) const VERSION: u32 = 3;
+pub(super) const VERSION: u32 = 4;
 const START_BYTES: usize = 24;
 const END_BYTES: usize = 40;
 
@@ -211,21 +210,38 @@ impl PartFile {
         self.blocks.get(number).map(|(_, head)| *head)
     }
 
-    /// Reads a block into `buffer`, and into a batch. Returns where in the buffer the records of LAS are, if the part holds
-    /// these instead of echoes. The error is the reason why it cannot be used.
+    /// Reads a block into a batch, by way of `buffer`. Returns the records of LAS, if the part holds these instead of echoes.
+    /// The error is the reason why it cannot be used.
     pub fn read(
         &self,
         block: usize,
         batch: &mut Batch,
         buffer: &mut Vec<u8>,
-    ) -> Result<Option<Range<usize>>, String> {
+    ) -> Result<Option<Vec<u8>>, String> {
         let (at, head) = self.blocks.get(block).ok_or_else(|| format!("has no block {block}"))?;
-        buffer.resize(HEAD_BYTES + head.length as usize, 0);
-        read_at(&self.file, buffer, *at).map_err(|e| format!("cannot be read: {e}"))?;
-        let has_records = self.head.las.is_some();
-        let records = block::decode(head, buffer, has_records, batch)
-            .ok_or_else(|| format!("is damaged: the checksum of block {block} differs"))?;
-        Ok(has_records.then_some(records))
+        let failed = |e| format!("cannot be read: {e}");
+        let damaged = || format!("is damaged: the checksum of block {block} differs");
+        if self.head.las.is_none() {
+            buffer.resize(HEAD_BYTES + head.length as usize, 0);
+            read_at(&self.file, buffer, *at).map_err(failed)?;
+            let (start, columns) = buffer.split_at(HEAD_BYTES);
+            let block = RawBlock { head: start, records: None, columns };
+            return block::decode(head, &block, batch).map(|()| None).ok_or_else(damaged);
+        }
+        // Records are read to the memory from which they are written.
+        let mut start = [0; RECORDS_AT];
+        read_at(&self.file, &mut start, *at).map_err(failed)?;
+        let (start, length) = start.split_at(HEAD_BYTES);
+        let room = head.length.saturating_sub(8);
+        let count = long(length, 0);
+        if count > room {
+            return Err(damaged());
+        }
+        let records = take(&self.file, at + RECORDS_AT as u64, count as usize).map_err(failed)?;
+        buffer.resize((room - count) as usize, 0);
+        read_at(&self.file, buffer, at + RECORDS_AT as u64 + count).map_err(failed)?;
+        let block = RawBlock { head: start, records: Some([length, &records]), columns: buffer };
+        block::decode(head, &block, batch).map(|()| Some(records)).ok_or_else(damaged)
     }
 }
 
@@ -233,6 +249,25 @@ fn long(bytes: &[u8], at: usize) -> u64 {
     u64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|i| bytes[at + i]))
 }
 
+/// Reads `count` bytes at an offset to new memory.
+#[cfg(unix)]
+fn take(file: &File, at: u64, count: usize) -> io::Result<Vec<u8>> {
+    // `read_at` needs memory that was zeroed, which takes a twentieth of a merge.
+    let mut bytes = Vec::with_capacity(count);
+    while bytes.len() < count {
+        let end = at + bytes.len() as u64;
+        match rustix::io::pread(file, rustix::buffer::spare_capacity(&mut bytes), end) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(_) | Err(rustix::io::Errno::INTR) => {}
+            Err(e) => return Err(e.into()),
+        }
+    }
+    bytes.truncate(count);
+    Ok(bytes)
+}
+
+/// Reads `count` bytes at an offset to new memory.
+#[cfg(windows)]
 fn take(file: &File, at: u64, count: usize) -> io::Result<Vec<u8>> {
     let mut bytes = vec![0; count];
     read_at(file, &mut bytes, at).map(|()| bytes)
@@ -284,7 +319,7 @@ pub(super) mod tests {
         let mut table = PartTable::new(bytes.len() as u64);
         for batch in [batch(0, 0, 500), batch(1, 1, 20)] {
             let mut block = Vec::new();
-            block::encode(&batch, None, &mut block);
+            block::encode(&batch, &mut block);
             table.add(&block);
             bytes.extend(block);
         }

@@ -25,7 +25,7 @@ mod fingerprint;
 mod folder;
 mod private;
 
-pub use block::encode;
+pub use block::{BlockHead, encode, encode_records};
 pub use borders::{Border, Borders, BordersBuilder};
 pub use file::{PartFile, PartHead, PartTable, Records};
 pub use fingerprint::Fingerprint;

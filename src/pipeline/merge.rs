@@ -10,7 +10,7 @@ use super::worker::{Measured, Pieces};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, StoredPoints, Summary, Target};
-use crate::parts::{PartFile, PartSet};
+use crate::parts::{BlockHead, PartFile, PartSet};
 use crate::pulse::Batch;
 use crate::schedule::{Feed, Outcome, Schedule, Stop, Tasks};
 use std::ops::Range;
@@ -19,20 +19,30 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 /// A block of an open part.
-struct BlockTask {
-    part: Arc<PartFile>,
-    block: usize,
+struct Block {
+    number: usize,
     pulses: u32,
     leg: u32,
     /// The echoes that are wanted, all or those from and to the end of the wanted ones.
     echoes: Range<u32>,
+    all_echoes: u32,
     /// Fraction of the blocks of all parts that are done after this one, 0–1.
     done: f64,
 }
 
+/// Consecutive blocks of an open part.
+struct BlockTask {
+    part: Arc<PartFile>,
+    blocks: Vec<Block>,
+}
+
+/// Bytes of blocks of which a task consists at least, if its part has as many. Handing over a task takes the time of reading
+/// some ten thousand bytes.
+const TASK_BYTES: u64 = 256 << 10;
+
 impl Tasks for BlockTask {
     fn tasks(&self) -> u32 {
-        self.pulses
+        self.blocks.iter().fold(0, |sum, block| sum.saturating_add(block.pulses))
     }
 }
 
@@ -50,39 +60,62 @@ struct Blocks<'a> {
 }
 
 impl Blocks<'_> {
-    /// The next block with wanted echoes if it is of `epoch`.
+    /// The next blocks with wanted echoes if they are of `epoch`.
     fn take(&mut self, epoch: u32) -> Result<Option<BlockTask>> {
         loop {
-            if let Some((part, block)) = &mut self.current
-                && let Some(head) = part.block(*block)
+            let Some(part) = self.part()? else { return Ok(None) };
+            let (mut blocks, mut bytes) = (Vec::new(), 0);
+            while bytes < TASK_BYTES
+                && let Some((block, length)) = self.take_block(&part, epoch)
             {
-                if head.epoch != epoch || self.echoes >= self.wanted.end {
-                    return Ok(None);
-                }
-                let within = |at: u64| at.saturating_sub(self.echoes).min(u64::from(head.echoes)) as u32;
-                let echoes = within(self.wanted.start)..within(self.wanted.end);
-                let number = *block;
-                *block += 1;
-                self.echoes += u64::from(head.echoes);
-                self.pulses += u64::from(head.pulses);
-                // Blocks without echoes hold poses and pulses.
-                if self.echoes <= self.wanted.start && self.wanted.start > 0 {
-                    continue;
-                }
-                return Ok(Some(BlockTask {
-                    part: part.clone(),
-                    block: number,
-                    pulses: head.pulses,
-                    leg: head.leg,
-                    echoes,
-                    done: self.done(),
-                }));
+                blocks.push(block);
+                bytes += length;
+            }
+            if !blocks.is_empty() {
+                return Ok(Some(BlockTask { part, blocks }));
+            }
+            if self.current.as_ref().is_some_and(|(part, at)| *at < part.blocks()) {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// The part that is being read, or the next one with blocks when all of its own are taken.
+    fn part(&mut self) -> Result<Option<Arc<PartFile>>> {
+        loop {
+            if let Some((part, at)) = &self.current
+                && *at < part.blocks()
+            {
+                return Ok(Some(part.clone()));
             }
             if self.next_part >= self.parts.head.of {
                 return Ok(None);
             }
             self.current = Some((Arc::new(self.parts.part(self.next_part)?), 0));
             self.next_part += 1;
+        }
+    }
+
+    /// The next block of the current part with wanted echoes if it is of `epoch`, and its length.
+    fn take_block(&mut self, part: &PartFile, epoch: u32) -> Option<(Block, u64)> {
+        let (_, at) = self.current.as_mut()?;
+        loop {
+            let head = part.block(*at)?;
+            if head.epoch != epoch || self.echoes >= self.wanted.end {
+                return None;
+            }
+            let within = |at: u64| at.saturating_sub(self.echoes).min(u64::from(head.echoes)) as u32;
+            let echoes = within(self.wanted.start)..within(self.wanted.end);
+            let number = *at;
+            *at += 1;
+            self.echoes += u64::from(head.echoes);
+            self.pulses += u64::from(head.pulses);
+            // Blocks without echoes hold poses and pulses.
+            if self.echoes > self.wanted.start || self.wanted.start == 0 {
+                let done = self.done();
+                let BlockHead { pulses, leg, echoes: all_echoes, length, .. } = head;
+                return Some((Block { number, pulses, leg, echoes, all_echoes, done }, length));
+            }
         }
     }
 
@@ -210,27 +243,38 @@ fn encode(
         is_damaged.store(true, Relaxed);
         Error::input(format!("{} {reason}", task.part.path().display()))
     };
-    let records = task.part.read(task.block, batch, buffer).map_err(damaged)?;
-    let encoded = match records {
-        Some(records) => {
-            let stored = StoredPoints::read(&buffer[records]);
-            let stored = stored.ok_or_else(|| damaged(format!("holds no points in block {}", task.block)))?;
-            output.encode_stored(batch, &stored)
-        }
-        None => {
-            batch.echoes.truncate(task.echoes.end as usize);
-            batch.echoes.drain(..task.echoes.start as usize);
-            output.encode(batch, None)
-        }
-    };
-    Ok(vec![Ok(Measured {
-        encoded,
-        pulses: u64::from(task.pulses),
-        echoes: task.echoes.len() as u64,
-        leg: task.leg,
-        done: task.done,
-        aim: Aim::NONE,
-    })])
+    let mut pieces = Vec::with_capacity(task.blocks.len());
+    for block in &task.blocks {
+        let number = block.number;
+        let records = task.part.read(number, batch, buffer).map_err(damaged)?;
+        let encoded = match records {
+            Some(records) => {
+                let stored = StoredPoints::read(records);
+                let mut stored =
+                    stored.ok_or_else(|| damaged(format!("holds no points in block {number}")))?;
+                if !stored.keep(block.echoes.clone(), block.all_echoes) {
+                    return Err(Error::input(
+                        "points are left out because they do not fit the format; merge without --part",
+                    ));
+                }
+                output.encode_stored(batch, stored)
+            }
+            None => {
+                batch.echoes.truncate(block.echoes.end as usize);
+                batch.echoes.drain(..block.echoes.start as usize);
+                output.encode(batch, None)
+            }
+        };
+        pieces.push(Ok(Measured {
+            encoded,
+            pulses: u64::from(block.pulses),
+            echoes: block.echoes.len() as u64,
+            leg: block.leg,
+            done: block.done,
+            aim: Aim::NONE,
+        }));
+    }
+    Ok(pieces)
 }
 
 /// Refuses outputs that need records which the parts do not hold.

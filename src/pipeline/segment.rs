@@ -43,7 +43,6 @@ impl<'a> Segments<'a> {
         };
         let las = &request.las;
         let others = [
-            (parts.head.las.is_some(), "from parts that hold echoes, not records of LAS"),
             (request.waveforms, "not waveforms"),
             (request.pulses, "not pulses"),
             (request.trajectory.is_some(), "not poses"),

@@ -184,7 +184,6 @@ fn parts_with_records_of_las_serve_las_with_the_same_options_alone() {
         (&["-o", "a.xyz", "--labels"][..], "the parts hold records of LAS, from which a.xyz cannot be made"),
         (&["-o", "a.las"], "those of the output differ in --labels (true, false)"),
         (&["-o", "a.las", "--labels", "--split-by-channel"], "no files per channel are made"),
-        (&["-o", "a.las", "--labels", "--part", "0/2"], "from parts that hold echoes"),
     ] {
         let refused = run(dir.path(), &arguments(&[&["merge", "parts", "-q"], outputs]));
         assert_eq!(refused.status.code(), Some(2), "{outputs:?}");
@@ -602,13 +601,18 @@ fn merges_in_parts_are_joined_to_the_same_bytes() {
     let dir = folder();
     succeed(dir.path(), &["scene", "make", "forest", "-n", "3k", "--pulses", "200k", "-o", "f", "-q"]);
     let survey = dir.path().join("f/survey.xml").to_str().unwrap().to_owned();
-    (0..3).for_each(|number| {
-        let part = format!("{number}/3");
-        succeed(dir.path(), &["run", &survey, "-q", "-o", "parts", "--part", &part]);
-    });
-    for out in ["a.las", "a.laz"] {
+    for (parts, holding) in [("parts", &[][..]), ("las-parts", &["--part-points", "las", "--labels"])] {
+        (0..3).for_each(|number| {
+            let part = format!("{number}/3");
+            let run = ["run", &survey, "-q", "-o", parts, "--part", &part];
+            succeed(dir.path(), &arguments(&[&run, holding]));
+        });
+    }
+    for (parts, out) in
+        [("parts", "a.las"), ("parts", "a.laz"), ("las-parts", "a.las"), ("las-parts", "a.laz")]
+    {
         let expected = &of_run(&survey, &[], &["-o", out, "--labels"])[Path::new(out)];
-        let merge = ["merge", "parts", "-q", "-o", out, "--labels"];
+        let merge = ["merge", parts, "-q", "-o", out, "--labels"];
         let refused = |options: &[&str], word: &str| {
             let done = run(dir.path(), &arguments(&[&merge, options]));
             assert!(
@@ -624,7 +628,7 @@ fn merges_in_parts_are_joined_to_the_same_bytes() {
             refused(&["--join"], "--array=0");
             succeed(dir.path(), &arguments(&[&merge, &["--part", &format!("0/{of}")]]));
             // Segments of other options are not its segments.
-            let other = run(dir.path(), &["merge", "parts", "-q", "-o", out, "--join"]);
+            let other = run(dir.path(), &["merge", parts, "-q", "-o", out, "--join"]);
             assert!(text(&other.stderr).contains("no segments of these parts"), "{}", text(&other.stderr));
             succeed(dir.path(), &arguments(&[&merge, &["--join"]]));
             assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out} in {of} parts");
@@ -637,7 +641,8 @@ fn merges_in_parts_are_joined_to_the_same_bytes() {
             refused(&["--join"], "segment");
             fs::remove_dir_all(dir.path().join(format!("{out}.segments"))).unwrap();
         }
-        refused(&["--part", "0/2", "-o", "b.xyz"], "alone");
+        let message = if parts == "parts" { "alone" } else { "b.xyz cannot be made" };
+        refused(&["--part", "0/2", "-o", "b.xyz"], message);
         refused(&["--part", "0/2", "--waveforms"], "waveforms");
     }
 }
