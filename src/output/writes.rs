@@ -145,10 +145,8 @@ mod tests {
     use super::*;
     use crate::files::{FileWriter, Patched};
 
-    /// Keeps jobs, or runs each on a thread of its own, or drops them.
-    #[derive(Default)]
+    /// Never runs a job, runs each on a thread of its own, or drops them.
     enum Pool {
-        #[default]
         Keeps,
         Runs,
         Drops,
@@ -166,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn every_piece_is_at_its_place_whoever_writes_it() {
+    fn every_piece_is_at_its_place_for_all_pools() {
         let expected: Vec<u8> = (0..200u8).flat_map(|number| [number; 1000]).collect();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");

@@ -25,6 +25,7 @@ struct Block {
     leg: u32,
     /// The echoes that are wanted, all or those from and to the end of the wanted ones.
     echoes: Range<u32>,
+    /// Number of its echoes.
     all_echoes: u32,
     /// Fraction of the blocks of all parts that are done after this one, 0–1.
     done: f64,
@@ -36,8 +37,7 @@ struct BlockTask {
     blocks: Vec<Block>,
 }
 
-/// Bytes of blocks of which a task consists at least, if its part has as many. Handing over a task takes the time of reading
-/// some ten thousand bytes.
+/// Minimum size of a task, unless its part ends: handing over a task takes as long as reading some ten thousand bytes.
 const TASK_BYTES: u64 = 256 << 10;
 
 impl Tasks for BlockTask {
