@@ -65,7 +65,7 @@ impl PartHead {
         let points = || match (&self.las, &other.las) {
             (Some(mine), Some(theirs)) => mine.difference(theirs),
             (None, None) => None,
-            _ => Some("what they hold of the points (--part-points)".to_owned()),
+            _ => Some("what they hold of the points, echoes or records of LAS (--part-points)".to_owned()),
         };
         let found = self.fingerprint.difference(&other.fingerprint).or_else(points);
         found.unwrap_or_else(|| "what they are parts of".to_owned())

@@ -300,6 +300,13 @@ pub(super) fn check_records(parts: &PartSet, outputs: &OutputRequest) -> Result<
     problems.finish(false).map(drop)
 }
 
+/// Whether all outputs can be made of parts that hold records of LAS.
+pub(super) fn records_of_las_suffice(outputs: &OutputRequest) -> bool {
+    let mut problems = Diagnostics::default();
+    check_outputs_of_records(outputs, &mut problems);
+    problems.finish(false).is_ok() && outputs.las.packets.is_none() && !outputs.heights
+}
+
 /// Refuses outputs for which records of LAS do not hold enough.
 fn check_outputs_of_records(outputs: &OutputRequest, problems: &mut Diagnostics) {
     let help = "compute the parts without --part-points, which then hold what any output needs";
@@ -317,6 +324,7 @@ fn check_outputs_of_records(outputs: &OutputRequest, problems: &mut Diagnostics)
         (outputs.division.is_some(), "files per tile or object"),
         (outputs.clip.is_some(), "points inside of a polygon"),
         (!outputs.tables.is_empty(), "tables"),
+        (outputs.counts_parts, "numbers of points by part of the scene"),
     ];
     for (_, what) in others.iter().filter(|(is_wanted, _)| *is_wanted) {
         problems

@@ -1,6 +1,6 @@
 //! Runs that go on where they were ended: a run is divided into parts, of which those that exist are not computed again.
 
-use super::merge::merge;
+use super::merge::{merge, records_of_las_suffice};
 use super::part::Part;
 use super::pass::Control;
 use super::progress::Progress;
@@ -9,8 +9,9 @@ use crate::diag::Notice;
 use crate::error::{Error, Result};
 use crate::files::{NewFolder, fault, publish};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary, Target};
-use crate::parts::PartSet;
+use crate::parts::{PartFile, PartSet, part_path};
 use crate::store::catch_loss;
+use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -133,6 +134,14 @@ impl Session {
         let mut runner = self.parts(&how.folder, outputs.creation, false, control.stop)?;
         let wanted = runner.pulses().div_ceil(how.pulses_per_part.max(1)).clamp(1, MAX_PARTS) as u32;
         let of = known.keys().next().copied().unwrap_or(wanted);
+        // Parts that exist may hold echoes, for an output that was wanted then.
+        let first =
+            known.get(&of).and_then(BTreeSet::first).map(|&number| part_path(&how.folder, number, of));
+        let holds_echoes =
+            first.is_some_and(|path| PartFile::open(&path).is_ok_and(|part| part.head.las.is_none()));
+        if !holds_echoes && records_of_las_suffice(outputs) {
+            runner.hold_las(outputs)?;
+        }
         let mut seconds = 0.0;
         for number in 0..of {
             let part = Part { number, of };

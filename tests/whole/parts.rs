@@ -191,7 +191,10 @@ fn parts_with_records_of_las_serve_las_with_the_same_options_alone() {
     }
     let again = run(dir.path(), &["run", &survey, "-q", "-o", "parts", "--part", "0/1", "--resume"]);
     assert_eq!(again.status.code(), Some(2));
-    assert!(text(&again.stderr).contains("what they hold of the points (--part-points)"));
+    assert!(
+        text(&again.stderr)
+            .contains("what they hold of the points, echoes or records of LAS (--part-points)")
+    );
     succeed(dir.path(), &["merge", "parts", "-q", "-o", "a.las", "--labels"]);
 }
 
@@ -464,15 +467,23 @@ fn a_hundred_killed_runs_go_on_where_they_were() {
     }
 }
 
+/// Begins a run that can be resumed, and waits until `parts` holds some.
+fn begin(folder: &Path, command: &[&str], parts: &str) -> std::process::Child {
+    let mut child = vlscan(folder).args(command).spawn().unwrap();
+    // The lock, the borders, and at least one part beside the one that is being written.
+    while fs::read_dir(folder.join(parts)).map_or(0, Iterator::count) < 4 {
+        assert!(child.try_wait().unwrap().is_none(), "the run has ended");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child
+}
+
 #[test]
 fn a_resumed_run_of_other_options_is_refused_unless_it_may_replace() {
     let dir = folder();
     let survey = survey("forest/survey.xml");
-    let command = |seed: &'static str| ["run", &survey, "-q", "-o", "a.laz", "--resume=4000", "--seed", seed];
-    let mut child = vlscan(dir.path()).args(command("2")).spawn().unwrap();
-    while fs::read_dir(dir.path().join("a.laz.parts")).map_or(0, Iterator::count) < 4 {
-        std::thread::sleep(Duration::from_millis(2));
-    }
+    let command = |seed: &'static str| ["run", &survey, "-q", "-o", "a.laz", "--resume=1000", "--seed", seed];
+    let mut child = begin(dir.path(), &command("2"), "a.laz.parts");
     let refused = run(dir.path(), &command("2"));
     assert_eq!(refused.status.code(), Some(2), "another run is at work: {}", text(&refused.stderr));
     child.kill().unwrap();
@@ -483,6 +494,30 @@ fn a_resumed_run_of_other_options_is_refused_unless_it_may_replace() {
     succeed(dir.path(), &arguments(&[&command("3"), &["--force"]]));
     let expected = of_run(&survey, &["--seed", "3"], &["-o", "a.laz"]);
     assert_same(&contents(dir.path()), &expected, "another seed");
+}
+
+#[test]
+fn resumed_runs_to_las_have_parts_for_las_alone() {
+    let dir = folder();
+    let survey = survey("forest/survey.xml");
+    let expected = of_run(&survey, &[], &["-o", "a.laz", "-o", "a.csv"]);
+    let las = ["run", &survey, "-q", "-o", "a.laz", "--resume=1000"];
+    let both = arguments(&[&las, &["-o", "a.csv"]]);
+    let kill = |command: &[&str]| {
+        let mut child = begin(dir.path(), command, "a.laz.parts");
+        child.kill().unwrap();
+        child.wait().unwrap();
+    };
+    kill(&las);
+    let refused = run(dir.path(), &both);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("echoes or records of LAS"), "{}", text(&refused.stderr));
+    fs::remove_dir_all(dir.path().join("a.laz.parts")).unwrap();
+    // Parts that hold echoes are enough for LAS.
+    kill(&both);
+    succeed(dir.path(), &las);
+    assert!(fs::read(dir.path().join("a.laz")).unwrap() == expected[Path::new("a.laz")]);
+    assert_eq!(files(dir.path()), [Path::new("a.laz")]);
 }
 
 /// Runs a script of `pipelines/cluster/` in `folder`, with the program and `programs` on the search path.
