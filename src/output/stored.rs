@@ -8,7 +8,7 @@
 
 use super::codec::{LegFacts, Piece};
 use super::encode::{Encoded, Source};
-use super::las::{LEAST_RECORD_BYTES, LasCodec, counted};
+use super::las::{LasCodec, MIN_RECORD_BYTES, read_stored};
 use super::layout::Content;
 use super::plan::OutputPlan;
 use super::summary::Tally;
@@ -60,14 +60,14 @@ impl StoredPoints {
             return true;
         }
         let length = self.records.len() / (all as usize).max(1);
-        if self.tally.records != u64::from(all) || length < LEAST_RECORD_BYTES {
+        if self.tally.records != u64::from(all) || length < MIN_RECORD_BYTES {
             return false;
         }
         self.records.truncate(wanted.end as usize * length);
         self.records.drain(..wanted.start as usize * length);
         self.tally = Tally::EMPTY;
         for record in self.records.chunks_exact(length) {
-            let (stored, return_number) = counted(record);
+            let (stored, return_number) = read_stored(record);
             self.tally.count_point(stored, return_number);
         }
         true
